@@ -1,0 +1,2 @@
+//! The `genmanip` command.
+fn main() {}
