@@ -34,9 +34,9 @@ pub(super) fn add(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings)
     }
     for &(a, b) in &robot.never_colliding {
         if let (Some(a), Some(b)) = (robot.links.get(a), robot.links.get(b)) {
-            parts.contacts.push(
-                Element::new("exclude").text("body1", &robot_body(&a.name)).text("body2", &robot_body(&b.name)),
-            );
+            parts
+                .contacts
+                .push(Element::new("exclude").text("body1", &robot_body(&a.name)).text("body2", &robot_body(&b.name)));
         }
     }
     add_arm_drives(parts, robot, settings);
