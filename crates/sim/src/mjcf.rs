@@ -58,8 +58,8 @@ pub(crate) fn assemble(robot: Option<&RobotModel>, objects: &[SceneObject], sett
 
     let mut world = Element::new("worldbody")
         .child(Element::new("light").numbers("pos", &[0.5, 0.0, 2.5]).numbers("dir", &[0.0, 0.0, -1.0]))
-        .child(slab(settings))
-        .child(floor(settings));
+        .child(slab())
+        .child(floor());
     world.extend(parts.bodies);
 
     let mut root = Element::new("mujoco").text("model", "genmanip");
@@ -139,13 +139,13 @@ fn defaults(settings: &SimSettings) -> Element {
     defaults
 }
 
-fn slab(_: &SimSettings) -> Element {
+fn slab() -> Element {
     Element::named("body", TABLE).numbers("pos", &TABLE_CENTER_M).child(
         Element::named("geom", TABLE).text("class", "fixed").text("type", "box").numbers("size", &TABLE_HALF_EXTENTS_M),
     )
 }
 
-fn floor(_: &SimSettings) -> Element {
+fn floor() -> Element {
     Element::named("body", FLOOR).numbers("pos", &[0.0, 0.0, FLOOR_Z_M]).child(
         Element::named("geom", FLOOR).text("class", "fixed").text("type", "plane").numbers("size", &[3.0, 3.0, 0.1]),
     )
@@ -164,8 +164,8 @@ fn inertial(mass: &MassProperties) -> Element {
 }
 
 /// The geometry of a piece; a hull refers to the mesh of the given name.
-fn geom(class: &'static str, piece: &Piece, mesh: &str) -> Element {
-    let geom = with_pose(Element::new("geom").text("class", class), &piece.link_from_piece);
+fn geom(name: &str, class: &'static str, piece: &Piece, mesh: &str) -> Element {
+    let geom = with_pose(Element::named("geom", name).text("class", class), &piece.link_from_piece);
     match &piece.shape {
         Shape::Box { half_extents } => geom.text("type", "box").numbers("size", &half_extents.to_array()),
         Shape::Sphere { radius } => geom.text("type", "sphere").number("size", *radius),

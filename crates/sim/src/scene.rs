@@ -8,7 +8,7 @@ use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
 use mujoco_rs::wrappers::MjModel;
 
 use crate::contact::BodyId;
-use crate::{SimError, SimSettings, mjcf};
+use crate::{ENGINE, SimError, SimSettings, engine_version, mjcf};
 
 /// An object and where it starts.
 #[derive(Clone, Debug)]
@@ -85,6 +85,10 @@ impl Scene {
         objects: &[SceneObject],
         settings: &SimSettings,
     ) -> Result<Self, SimError> {
+        let engine = engine_version();
+        if engine != ENGINE {
+            return Err(SimError::EngineVersion { expected: ENGINE.into(), got: engine });
+        }
         settings.check()?;
         check_objects(objects)?;
         if let Some(robot) = robot {

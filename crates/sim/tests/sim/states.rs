@@ -7,7 +7,7 @@ use genmanip_core::Pose;
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_sim::{BodyId, Scene, SettleSettings, Sim, SimError, SimSettings};
 
-use crate::models::{can, cuboid, rigid};
+use crate::models::{ball, can, cuboid, rigid};
 use crate::panda::panda;
 use crate::{placed, scene, six_objects};
 
@@ -169,6 +169,39 @@ fn things_settle_where_they_belong() {
     let overlapping = [box_at("a", 0.5), box_at("b", 0.58)];
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&overlapping, &settings).unwrap()));
     assert!((sim.penetration() - 0.02).abs() < 1e-3, "{}", sim.penetration());
+}
+
+/// Symptom: without rolling friction a ball that is put down with any speed rolls off the table.
+#[test]
+fn a_rolling_ball_comes_to_rest() {
+    let ball = placed("ball", rigid("ball", 0.06, 0.5, vec![ball(0.0325)]), 0.5, 0.0, 0.0);
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&[ball], &SimSettings::default()).unwrap()));
+    // Time, seven numbers of position, then the speed of the origin, which is the point that touches and so rests.
+    let mut state = sim.state();
+    state[8 + 4] = 0.1 / 0.0325;
+    sim.set_state(&state).unwrap();
+    let report = sim.settle(&SettleSettings { max_seconds: 3.0, ..SettleSettings::default() }).unwrap();
+    let rolled = sim.object_states()[0].pose.transform_point(DVec3::Z * 0.0325).x - 0.5;
+    assert!(report.settled && (0.02..0.06).contains(&rolled), "rolled {rolled} m, {report:?}");
+}
+
+#[test]
+fn a_stack_stands() {
+    let slab = |name: &str, z: f64, yaw: f64| {
+        let mut slab = placed(name, rigid("slab", 0.4, 0.5, vec![cuboid(0.2, 0.14, 0.03)]), 0.5, 0.0, yaw);
+        slab.pose.position.z = z;
+        slab
+    };
+    let mut mug = placed("mug", rigid("mug", 0.3, 0.5, crate::models::mug(0.04, 0.09, 0.004, 16)), 0.5, 0.0, 0.0);
+    mug.pose.position.z = 0.09;
+    let stack = [slab("a", 0.0, 0.0), slab("b", 0.03, 0.5), slab("c", 0.06, 1.0), mug];
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&stack, &SimSettings::default()).unwrap()));
+    sim.advance(480 * 3).unwrap();
+    let report = sim.settle(&SettleSettings::default()).unwrap();
+    assert!(report.settled && report.final_penetration < 3e-4, "{report:?}");
+    for (state, object) in sim.object_states().iter().zip(&stack) {
+        assert!(state.pose.position.distance(object.pose.position) < 1e-3, "{}: {:?}", object.name, state.pose);
+    }
 }
 
 #[test]
