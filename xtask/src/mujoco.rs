@@ -212,9 +212,19 @@ fn unpack(
         .arg(file)
         .arg(aside)
         .arg(wheel.library);
-    process::output(&mut python).map_err(|problem| Problem {
-        what: one_line(&problem.what),
-        ..problem
+    process::output(&mut python).map_err(|problem| {
+        let last = problem
+            .what
+            .lines()
+            .last()
+            .unwrap_or_default()
+            .trim()
+            .to_owned();
+        Problem {
+            what: format!("the wheel cannot be unpacked ({last}): {}", file.display()),
+            expected: "a whole zip archive".into(),
+            hint: "delete that file and run `cargo xtask setup` again".into(),
+        }
     })?;
     let library = aside.join(wheel.library);
     let digest =
@@ -253,11 +263,6 @@ fn link(folder: &Path, wheel: &Wheel) -> Result {
     #[cfg(not(unix))]
     fs::copy(folder.join(wheel.library), &aside).on("copy the library to", &aside)?;
     process::rename(&aside, &folder.join(wheel.link))
-}
-
-/// Without the unpacking script, which nobody wants to read in an error.
-fn one_line(what: &str) -> String {
-    what.replace(UNPACK, "(unpack)")
 }
 
 #[cfg(test)]

@@ -25,10 +25,7 @@ pub fn install(workspace: &Workspace) -> Result<PathBuf> {
         "-c",
         "import sys; print(sys.version_info[0], sys.version_info[1])",
     ]))?)?;
-    eprintln!(
-        "python:    making .python/ with {} (80 MB, once)",
-        names(&wanted).join(", ")
-    );
+    eprintln!("python:    making .python/ with the packages of {REQUIREMENTS} (80 MB, once)");
     if folder.exists() {
         fs::remove_dir_all(&folder).on("remove the unfinished environment", &folder)?;
     }
