@@ -1,0 +1,101 @@
+//! Versioned JSON files: `{"schema": "genmanip.task/1", …}`.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+
+/// A type that is exchanged as a versioned JSON file.
+///
+/// ```
+/// use genmanip_core::{Document, DocumentError, Task};
+/// let error = Task::from_json(r#"{"schema": "genmanip.task/9"}"#).unwrap_err();
+/// assert!(matches!(error, DocumentError::WrongSchema { .. }));
+/// ```
+pub trait Document: Serialize + DeserializeOwned {
+    /// Name and version, e.g. `genmanip.task/1`.
+    const SCHEMA: &'static str;
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// Says what was expected and where: position of a syntax error, schema, or JSON path of a wrong value.
+    fn from_json(text: &str) -> Result<Self, DocumentError> {
+        let value: Value = serde_json::from_str(text).map_err(|error| DocumentError::NotJson {
+            line: error.line(),
+            column: error.column(),
+            message: error.to_string(),
+        })?;
+        Self::from_value(value)
+    }
+
+    /// Reads a parsed value, see [`Document::from_json`].
+    ///
+    /// # Errors
+    /// As [`Document::from_json`].
+    fn from_value(value: Value) -> Result<Self, DocumentError> {
+        let Value::Object(mut map) = value else {
+            return Err(DocumentError::Invalid { path: "$".into(), message: "expected an object".into() });
+        };
+        match map.shift_remove("schema") {
+            Some(Value::String(schema)) if schema == Self::SCHEMA => {}
+            other => {
+                return Err(DocumentError::WrongSchema {
+                    expected: Self::SCHEMA.into(),
+                    got: other.map_or("none".into(), |schema| schema.to_string()),
+                });
+            }
+        }
+        serde_path_to_error::deserialize(Value::Object(map)).map_err(|error| DocumentError::Invalid {
+            path: format!("$.{}", error.path()),
+            message: error.inner().to_string(),
+        })
+    }
+
+    /// The text of the file, indented, the schema first, with a final newline.
+    fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(&self.to_value()).unwrap_or_default();
+        text.push('\n');
+        text
+    }
+
+    /// The value of the file, the schema first.
+    fn to_value(&self) -> Value {
+        let mut document = Map::new();
+        document.insert("schema".into(), Self::SCHEMA.into());
+        if let Ok(Value::Object(body)) = serde_json::to_value(self) {
+            document.extend(body);
+        }
+        Value::Object(document)
+    }
+}
+
+/// Why a text is not the document it should be.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DocumentError {
+    /// Not JSON at all.
+    #[error("not JSON at line {line}, column {column}: {message}")]
+    NotJson {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What the parser says.
+        message: String,
+    },
+    /// Another kind or version of document.
+    #[error("expected schema \"{expected}\", got {got}")]
+    WrongSchema {
+        /// The schema that can be read.
+        expected: String,
+        /// What the file says.
+        got: String,
+    },
+    /// A value that does not fit.
+    #[error("at {path}: {message}")]
+    Invalid {
+        /// JSON path, e.g. `$.objects[2].pose`.
+        path: String,
+        /// What was expected.
+        message: String,
+    },
+}

@@ -1,0 +1,174 @@
+//! What happened: frames, episodes, results.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Document, GoalVerdict, Pose, Scenario, Seed};
+
+/// The world at one control step and the command in force during the following interval.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Time since the start of the episode.
+    pub time_s: f64,
+    /// Arm joint targets and gripper width, as applied.
+    pub command: Vec<f32>,
+    /// Arm joint positions.
+    pub joint_position: Vec<f64>,
+    /// Arm joint velocities.
+    pub joint_velocity: Vec<f64>,
+    /// Largest magnitude of each arm joint's torque during the interval, N·m.
+    pub joint_torque: Vec<f64>,
+    /// Opening between the pads.
+    pub gripper_width: f64,
+    /// Largest force the gripper's drive exerted during the interval (sum over both fingers), N.
+    pub grip_force: f64,
+    /// `world_from_tcp`.
+    pub tcp: Pose,
+    /// Objects in the order of the scenario.
+    pub objects: Vec<ObjectState>,
+    /// Index of the object that both fingers touch.
+    pub grasped: Option<usize>,
+    /// Largest contact force during the interval between the robot and anything but the grasped object, N.
+    pub stray_contact_n: f64,
+}
+
+/// Where an object is and how it moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ObjectState {
+    /// `world_from_object`.
+    pub pose: Pose,
+    /// Joint positions of an articulated object.
+    pub joint_positions: Vec<f64>,
+    /// Linear speed, m/s.
+    pub speed: f64,
+    /// Angular speed, rad/s.
+    pub angular_speed: f64,
+}
+
+/// A recorded episode: enough to replay it bit for bit and to draw it from anywhere.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    /// What it started from.
+    pub scenario: Scenario,
+    /// How it went.
+    pub result: EpisodeResult,
+    /// Complete state of the simulation before the first command.
+    pub initial_state: Vec<f64>,
+    /// Complete state of the simulation after the last frame.
+    pub final_state: Vec<f64>,
+    /// One per control step.
+    pub frames: Vec<Frame>,
+}
+
+/// The judged outcome of an episode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EpisodeResult {
+    /// Name of the episode, usable as a file name.
+    pub id: String,
+    /// Id of the scenario.
+    pub scenario_id: String,
+    /// Id of the task.
+    pub task_id: String,
+    /// Name of the policy.
+    pub policy: String,
+    /// Whether the policy read simulator truth.
+    pub oracle: bool,
+    /// Stream of the episode.
+    pub seed: Seed,
+    /// The headline: the goal held at the end, after settling, nothing held or moving.
+    pub success: bool,
+    /// The goal held at some control step (nothing held, all at rest).
+    pub success_once: bool,
+    /// The verdict at the end.
+    pub verdict: GoalVerdict,
+    /// Why it did not succeed.
+    pub failure: Option<Failure>,
+    /// Simulated length.
+    pub duration_s: f64,
+    /// Longest allowed length.
+    pub horizon_s: f64,
+    /// Control rate.
+    pub control_rate_hz: f64,
+    /// Number of control steps.
+    pub frames: usize,
+    /// Distance the tcp travelled.
+    pub tcp_path_m: f64,
+    /// Largest stray contact of the robot, N.
+    pub max_stray_contact_n: f64,
+    /// Physics engine and version, e.g. `mujoco 3.17.0`.
+    pub engine: String,
+    /// Version of this program.
+    pub genmanip_version: String,
+}
+
+impl Document for EpisodeResult {
+    const SCHEMA: &'static str = "genmanip.result/1";
+}
+
+/// One attempt to collect a demonstration, as counted in the yield.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AttemptOutcome {
+    /// The goal held after settling.
+    Verified,
+    /// It did not, and why.
+    Failed(Failure),
+}
+
+/// A cause with its evidence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Failure {
+    /// The cause.
+    pub cause: FailureCause,
+    /// What was seen, with numbers, e.g. `Red Mug slipped at 3.2 s`.
+    pub evidence: String,
+}
+
+/// Why an attempt fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FailureCause {
+    /// The layout could not be made.
+    Layout,
+    /// No grasp candidate is free of collisions.
+    NoGrasp,
+    /// No arm configuration reaches.
+    NoIk,
+    /// No place satisfies the goal.
+    NoGoalPose,
+    /// No collision-free path was found.
+    Planning,
+    /// The object left the gripper while carried, or was never held.
+    Slipped,
+    /// Something else was knocked over or displaced.
+    Disturbed,
+    /// Everything ran, the goal does not hold.
+    GoalMissed,
+    /// The horizon ended first.
+    Timeout,
+    /// The policy refused or broke.
+    Policy,
+}
+
+impl FailureCause {
+    /// The name in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Layout => "layout",
+            Self::NoGrasp => "no_grasp",
+            Self::NoIk => "no_ik",
+            Self::NoGoalPose => "no_goal_pose",
+            Self::Planning => "planning",
+            Self::Slipped => "slipped",
+            Self::Disturbed => "disturbed",
+            Self::GoalMissed => "goal_missed",
+            Self::Timeout => "timeout",
+            Self::Policy => "policy",
+        }
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}", self.cause.name(), self.evidence)
+    }
+}

@@ -1,0 +1,171 @@
+//! Exact convex geometry: what things are made of when they touch.
+
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::Pose;
+
+/// A convex body centred in its own frame; every shape is one that the physics engine knows exactly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Shape {
+    /// Axis-aligned box.
+    Box {
+        /// Half of the extent along each axis.
+        #[schemars(with = "[f64; 3]")]
+        half_extents: DVec3,
+    },
+    /// Ball.
+    Sphere {
+        /// Radius.
+        radius: f64,
+    },
+    /// Axis-aligned ellipsoid.
+    Ellipsoid {
+        /// Semi-axes.
+        #[schemars(with = "[f64; 3]")]
+        radii: DVec3,
+    },
+    /// Flat-ended cylinder along z.
+    Cylinder {
+        /// Radius.
+        radius: f64,
+        /// Half of the height.
+        half_height: f64,
+    },
+    /// Round-ended cylinder along z.
+    Capsule {
+        /// Radius of the tube and of the caps.
+        radius: f64,
+        /// Half of the distance between the centres of the caps.
+        half_length: f64,
+    },
+    /// Convex hull of points.
+    Hull {
+        /// The corners, in no particular order, not all in one plane.
+        #[schemars(with = "Vec<[f64; 3]>")]
+        points: Vec<DVec3>,
+    },
+}
+
+/// One convex body of a link, at its place in the link's frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Piece {
+    /// The body.
+    pub shape: Shape,
+    /// Where it sits.
+    pub link_from_piece: Pose,
+}
+
+impl Piece {
+    /// A shape placed without rotation.
+    pub fn at(position: DVec3, shape: Shape) -> Self {
+        Self { shape, link_from_piece: Pose::from_position(position) }
+    }
+
+    /// The farthest point along `direction`, both in the link's frame.
+    pub fn support(&self, direction: DVec3) -> DVec3 {
+        let local = self.link_from_piece.rotation.inverse() * direction;
+        self.link_from_piece.transform_point(self.shape.support(local))
+    }
+}
+
+impl Shape {
+    /// The farthest point of the shape along `direction` (need not be of unit length).
+    pub fn support(&self, direction: DVec3) -> DVec3 {
+        let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
+        match self {
+            Self::Box { half_extents } => {
+                *half_extents * DVec3::new(sign(direction.x), sign(direction.y), sign(direction.z))
+            }
+            Self::Sphere { radius } => direction.normalize_or_zero() * *radius,
+            Self::Ellipsoid { radii } => {
+                let scaled = *radii * direction;
+                *radii * scaled.normalize_or_zero()
+            }
+            Self::Cylinder { radius, half_height } => {
+                let flat = DVec3::new(direction.x, direction.y, 0.0).normalize_or_zero() * *radius;
+                flat + DVec3::Z * (sign(direction.z) * *half_height)
+            }
+            Self::Capsule { radius, half_length } => {
+                direction.normalize_or_zero() * *radius + DVec3::Z * (sign(direction.z) * *half_length)
+            }
+            Self::Hull { points } => points
+                .iter()
+                .copied()
+                .max_by(|a, b| a.dot(direction).total_cmp(&b.dot(direction)))
+                .unwrap_or(DVec3::ZERO),
+        }
+    }
+
+    /// Radius of a ball about the origin of the shape's frame that holds the shape.
+    pub fn bounding_radius(&self) -> f64 {
+        match self {
+            Self::Box { half_extents } => half_extents.length(),
+            Self::Sphere { radius } => *radius,
+            Self::Ellipsoid { radii } => radii.max_element(),
+            Self::Cylinder { radius, half_height } => radius.hypot(*half_height),
+            Self::Capsule { radius, half_length } => radius + half_length,
+            Self::Hull { points } => points.iter().map(|point| point.length()).fold(0.0, f64::max),
+        }
+    }
+}
+
+/// Axis-aligned bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Aabb {
+    /// Smallest corner.
+    #[schemars(with = "[f64; 3]")]
+    pub min: DVec3,
+    /// Largest corner.
+    #[schemars(with = "[f64; 3]")]
+    pub max: DVec3,
+}
+
+impl Aabb {
+    /// Bounds of nothing: grows with the first point.
+    pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
+
+    /// Bounds of points.
+    pub fn from_points(points: impl IntoIterator<Item = DVec3>) -> Self {
+        points.into_iter().fold(Self::EMPTY, |bounds, point| bounds.including(point))
+    }
+
+    /// Exact bounds of pieces under a transform, e.g. `world_from_link`.
+    pub fn from_pieces<'a>(outer_from_link: &Pose, pieces: impl IntoIterator<Item = &'a Piece>) -> Self {
+        let to_link = outer_from_link.rotation.inverse();
+        pieces.into_iter().fold(Self::EMPTY, |bounds, piece| {
+            [DVec3::X, DVec3::Y, DVec3::Z].iter().fold(bounds, |bounds, &axis| {
+                let high = outer_from_link.transform_point(piece.support(to_link * axis));
+                let low = outer_from_link.transform_point(piece.support(to_link * -axis));
+                Self {
+                    min: DVec3::select(axis.cmpgt(DVec3::ZERO), bounds.min.min(low), bounds.min),
+                    max: DVec3::select(axis.cmpgt(DVec3::ZERO), bounds.max.max(high), bounds.max),
+                }
+            })
+        })
+    }
+
+    /// The smallest bounds that hold this and a point.
+    #[must_use]
+    pub fn including(&self, point: DVec3) -> Self {
+        Self { min: self.min.min(point), max: self.max.max(point) }
+    }
+
+    /// The smallest bounds that hold both.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// Extent along each axis.
+    pub fn size(&self) -> DVec3 {
+        self.max - self.min
+    }
+
+    /// Middle point.
+    pub fn center(&self) -> DVec3 {
+        (self.max + self.min) * 0.5
+    }
+}

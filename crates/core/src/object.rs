@@ -1,0 +1,242 @@
+//! Objects: how people name them, what they are made of, and how they move.
+
+use glam::{DMat3, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::{Aabb, Piece, Pose, Seed, VisualPart};
+
+/// What a person or a language model is told about an object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectCard {
+    /// Identifier in the catalogue; the only thing that decides which object is meant.
+    pub uid: String,
+    /// Short name, e.g. `Red Mug`.
+    pub name: String,
+    /// One sentence.
+    pub description: String,
+    /// Kind of thing, e.g. `mug`.
+    pub category: String,
+    /// Group of kinds, e.g. `tableware`.
+    pub general_category: String,
+    /// Colour words, most visible first.
+    pub colors: Vec<String>,
+    /// Material words.
+    pub materials: Vec<String>,
+    /// Shape in words.
+    pub shape: String,
+    /// Axis-aligned size in the canonical pose.
+    #[schemars(with = "[f64; 3]")]
+    pub size_m: DVec3,
+    /// Mass.
+    pub mass_kg: f64,
+    /// Whether it has a hollow or a rim that holds other things.
+    pub is_container: bool,
+    /// Whether it has joints; such objects are never carried.
+    pub is_articulated: bool,
+    /// Names of the states, empty for a rigid object.
+    pub states: Vec<String>,
+    /// Whether the whole object can be picked up by an 8 cm hand.
+    pub can_grasp: bool,
+}
+
+/// An object as the simulator, the renderer and the planner need it.
+///
+/// The object's frame has its origin at the centre of the base in the canonical pose, +z up,
+/// the front of an articulated object towards -x.
+#[derive(Clone, Debug)]
+pub struct ObjectModel {
+    /// Annotations.
+    pub card: ObjectCard,
+    /// Family of the generator that made it, e.g. `mug`.
+    pub family: String,
+    /// Seed of the generator.
+    pub seed: Seed,
+    /// Version of the generator; grows when its physics change.
+    pub generator_version: u32,
+    /// Bodies, parents first; a rigid object has exactly one.
+    pub links: Vec<ObjectLink>,
+    /// Convex regions in the frame of link 0 in which something counts as *in* the object; empty when it has no hollow.
+    pub cavity: Vec<Piece>,
+    /// Sliding friction coefficient against a like surface.
+    pub friction: f64,
+    /// What each state in the card means for the joints.
+    pub joint_states: Vec<JointState>,
+}
+
+/// One rigid body of an object.
+#[derive(Clone, Debug)]
+pub struct ObjectLink {
+    /// Name, unique in the object.
+    pub name: String,
+    /// Index of the parent and the joint that connects to it; `None` for the root.
+    pub joint: Option<Joint>,
+    /// Surfaces to draw.
+    pub visual: Vec<VisualPart>,
+    /// Exact convex collision bodies.
+    pub pieces: Vec<Piece>,
+    /// Mass, centre and inertia.
+    pub mass: MassProperties,
+}
+
+/// How one link moves against its parent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Name, unique in the object.
+    pub name: String,
+    /// Index of the parent link.
+    pub parent: usize,
+    /// Turning or sliding.
+    pub kind: JointKind,
+    /// Joint frame in the parent's frame; the child's frame coincides with it at position 0.
+    pub parent_from_joint: Pose,
+    /// Unit axis in the joint frame.
+    pub axis: DVec3,
+    /// Smallest and largest position, radians or metres.
+    pub range: [f64; 2],
+    /// Viscous damping, N·s/m or N·m·s/rad.
+    pub damping: f64,
+    /// Dry friction, N or N·m.
+    pub friction_loss: f64,
+    /// Spring towards `spring_reference`, N/m or N·m/rad; 0 without spring.
+    pub stiffness: f64,
+    /// Rest position of the spring.
+    pub spring_reference: f64,
+}
+
+/// Turning or sliding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum JointKind {
+    /// Turns about its axis.
+    Revolute,
+    /// Slides along its axis.
+    Prismatic,
+}
+
+/// A named state: every listed joint lies in its interval.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointState {
+    /// One of the card's states.
+    pub name: String,
+    /// Joint name and the closed interval of its position.
+    pub intervals: Vec<(String, [f64; 2])>,
+    /// A position per listed joint to put the object into that state.
+    pub nominal: Vec<f64>,
+}
+
+/// Mass, its centre and the inertia about that centre, in the link's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MassProperties {
+    /// Mass.
+    pub mass_kg: f64,
+    /// Centre of mass.
+    pub center: DVec3,
+    /// Inertia about the centre, axes of the link, kg·m².
+    pub inertia: DMat3,
+}
+
+impl ObjectModel {
+    /// Number of movable joints.
+    pub fn joint_count(&self) -> usize {
+        self.links.iter().filter(|link| link.joint.is_some()).count()
+    }
+
+    /// `object_from_link` for each link, given a position for each joint in the order of the links.
+    pub fn link_poses(&self, joint_positions: &[f64]) -> Vec<Pose> {
+        let mut poses: Vec<Pose> = Vec::with_capacity(self.links.len());
+        let mut positions = joint_positions.iter().copied();
+        for link in &self.links {
+            let pose = match &link.joint {
+                None => Pose::IDENTITY,
+                Some(joint) => {
+                    let parent = poses.get(joint.parent).copied().unwrap_or_default();
+                    parent * joint.parent_from_joint * joint.motion(positions.next().unwrap_or(0.0))
+                }
+            };
+            poses.push(pose);
+        }
+        poses
+    }
+
+    /// Exact bounds in the world.
+    pub fn world_bounds(&self, world_from_object: &Pose, joint_positions: &[f64]) -> Aabb {
+        self.links.iter().zip(self.link_poses(joint_positions)).fold(Aabb::EMPTY, |bounds, (link, object_from_link)| {
+            bounds.union(&Aabb::from_pieces(&(*world_from_object * object_from_link), &link.pieces))
+        })
+    }
+
+    /// Hash of everything physics depends on: collision pieces, mass, joints, friction. Looks do not count.
+    ///
+    /// Twelve hexadecimal digits; numbers enter rounded to a nanometre (nanokilogram, …),
+    /// so that the last bits of a platform's arithmetic do not matter.
+    pub fn physics_hash(&self) -> String {
+        let mut hasher = Sha256::new();
+        let mut text = format!("{} {}", self.card.uid, rounded(&[self.friction]));
+        for link in &self.links {
+            let m = &link.mass;
+            text += &format!(
+                "|{} {} {} {}",
+                link.name,
+                rounded(&[m.mass_kg]),
+                rounded(&m.center.to_array()),
+                rounded(&m.inertia.to_cols_array())
+            );
+            if let Some(joint) = &link.joint {
+                text += &format!(
+                    "~{} {:?} {} {} {}",
+                    joint.parent,
+                    joint.kind,
+                    rounded(&joint.parent_from_joint.position.to_array()),
+                    rounded(&joint.axis.to_array()),
+                    rounded(&[
+                        joint.range[0],
+                        joint.range[1],
+                        joint.damping,
+                        joint.friction_loss,
+                        joint.stiffness,
+                        joint.spring_reference
+                    ])
+                );
+            }
+            for piece in &link.pieces {
+                let pose = &piece.link_from_piece;
+                text += &format!(";{} {}", rounded(&pose.position.to_array()), rounded(&pose.to_wxyz_array()));
+                text += &match &piece.shape {
+                    crate::Shape::Box { half_extents } => format!("box{}", rounded(&half_extents.to_array())),
+                    crate::Shape::Sphere { radius } => format!("sphere{}", rounded(&[*radius])),
+                    crate::Shape::Ellipsoid { radii } => format!("ellipsoid{}", rounded(&radii.to_array())),
+                    crate::Shape::Cylinder { radius, half_height } => {
+                        format!("cylinder{}", rounded(&[*radius, *half_height]))
+                    }
+                    crate::Shape::Capsule { radius, half_length } => {
+                        format!("capsule{}", rounded(&[*radius, *half_length]))
+                    }
+                    crate::Shape::Hull { points } => {
+                        points.iter().fold(String::from("hull"), |text, point| text + &rounded(&point.to_array()))
+                    }
+                };
+            }
+        }
+        hasher.update(text.as_bytes());
+        hasher.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl Joint {
+    /// `joint_from_child` at a position.
+    pub fn motion(&self, position: f64) -> Pose {
+        match self.kind {
+            JointKind::Revolute => {
+                Pose { position: DVec3::ZERO, rotation: glam::DQuat::from_axis_angle(self.axis, position) }
+            }
+            JointKind::Prismatic => Pose::from_position(self.axis * position),
+        }
+    }
+}
+
+fn rounded(values: &[f64]) -> String {
+    values.iter().fold(String::new(), |text, value| text + &format!("{},", (value * 1e9).round() as i64))
+}

@@ -1,0 +1,156 @@
+//! Policies: whatever turns observations into actions.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Camera, ObjectState, Pose, Scenario, Seed};
+
+/// Anything that controls the robot. Synchronous; one instance per episode in flight.
+pub trait Policy: Send {
+    /// What the policy needs and what it returns. The rollout refuses a spec it cannot serve.
+    fn spec(&self) -> PolicySpec;
+
+    /// Called once before the first observation of an episode.
+    ///
+    /// # Errors
+    /// When the policy cannot work on this episode.
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError>;
+
+    /// The next actions.
+    ///
+    /// # Errors
+    /// When the policy gives up; the episode then ends and the reason is recorded.
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError>;
+}
+
+/// A policy's contract.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PolicySpec {
+    /// Name in results, e.g. `expert`.
+    pub name: String,
+    /// Cameras that must be rendered for each observation.
+    pub cameras: Vec<String>,
+    /// Entries of `Observation::state` that must be present.
+    pub state_keys: Vec<String>,
+    /// What the numbers in an action mean.
+    pub action: ActionSpec,
+    /// How often the policy may act, hertz; the 60 Hz control rate is a whole multiple.
+    pub rate_hz: f64,
+    /// How many actions of a chunk are executed before the next observation; 0 for all of them.
+    pub execute_steps: usize,
+    /// Whether the policy reads simulator truth; every result made with it then says `oracle`.
+    pub privileged: bool,
+}
+
+/// What the numbers in an action mean.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ActionSpec {
+    /// Space of the motion part.
+    pub space: ActionSpace,
+    /// Frame of end-effector actions, e.g. `world`.
+    pub frame: String,
+    /// Encoding of rotations in end-effector actions, e.g. `fixed_xyz_euler`; empty for joint actions.
+    pub rotation: String,
+    /// Encoding of the gripper; native is the opening width in metres.
+    pub gripper: String,
+    /// Rate the actions are meant for, hertz.
+    pub rate_hz: f64,
+}
+
+/// Space of the motion part of an action.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ActionSpace {
+    /// Absolute joint targets.
+    JointPosition,
+    /// Changes of the joint targets.
+    JointDelta,
+    /// Absolute end-effector pose.
+    EePose,
+    /// Change of the end-effector pose.
+    EeDelta,
+}
+
+impl ActionSpec {
+    /// The native action: absolute joint targets and the gripper's opening width in metres.
+    pub fn native(rate_hz: f64) -> Self {
+        Self {
+            space: ActionSpace::JointPosition,
+            frame: "world".into(),
+            rotation: String::new(),
+            gripper: "width_m".into(),
+            rate_hz,
+        }
+    }
+}
+
+/// What a policy is told before an episode.
+#[derive(Clone, Debug)]
+pub struct EpisodeStart {
+    /// The sentence.
+    pub instruction: String,
+    /// Stream for the policy's own chance.
+    pub seed: Seed,
+    /// The cameras the policy asked for.
+    pub cameras: Vec<Camera>,
+    /// The whole scenario, for privileged policies only.
+    pub scenario: Option<Arc<Scenario>>,
+}
+
+/// What a policy sees.
+#[derive(Clone, Debug, Default)]
+pub struct Observation {
+    /// Time since the start of the episode.
+    pub time_s: f64,
+    /// Named state vectors; `observation.state` = arm joint positions and gripper width.
+    pub state: BTreeMap<String, Vec<f64>>,
+    /// Pictures by camera name.
+    pub images: BTreeMap<String, CameraImage>,
+    /// Simulator truth, for privileged policies only.
+    pub privileged: Option<PrivilegedState>,
+}
+
+/// One camera's picture with what is needed to place it in space.
+#[derive(Clone, Debug)]
+pub struct CameraImage {
+    /// The camera.
+    pub camera: Camera,
+    /// Where it was.
+    pub world_from_camera: Pose,
+    /// 8-bit sRGB, row by row.
+    pub rgb: Vec<u8>,
+    /// Depth along the optical axis, metres; 0 where nothing was hit.
+    pub depth_m: Vec<f32>,
+}
+
+/// Simulator truth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PrivilegedState {
+    /// Objects in the order of the scenario.
+    pub objects: Vec<ObjectState>,
+    /// Index of the object that both fingers touch.
+    pub grasped: Option<usize>,
+}
+
+/// Actions to execute, one per period of the policy's rate.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ActionChunk {
+    /// Each of the dimension the spec implies.
+    pub actions: Vec<Vec<f32>>,
+    /// The policy considers the task done once these are executed.
+    pub finished: bool,
+}
+
+/// Why a policy cannot go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PolicyError {
+    /// It tried and found no way; the cause is data, not a defect.
+    #[error("{}", .0)]
+    GaveUp(crate::Failure),
+    /// It cannot work on this episode at all.
+    #[error("policy cannot serve this episode: {0}")]
+    Unsuited(String),
+}

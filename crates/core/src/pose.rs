@@ -1,0 +1,152 @@
+//! Rigid transforms.
+
+use std::ops::Mul;
+
+use glam::{DMat3, DQuat, DVec3, EulerRot};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A rigid transform, named after the frames it connects: `world_from_object * object_from_grasp`.
+///
+/// In files: `{"position_m": [x, y, z], "orientation_wxyz": [w, x, y, z]}`.
+/// Reading refuses numbers that are not finite and quaternions that are not of unit length.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "PoseFile", into = "PoseFile")]
+pub struct Pose {
+    /// Origin of the inner frame in the outer frame, metres.
+    pub position: DVec3,
+    /// Rotation that takes vectors of the inner frame to the outer frame, unit length.
+    pub rotation: DQuat,
+}
+
+impl Pose {
+    /// The transform that changes nothing.
+    pub const IDENTITY: Self = Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
+
+    /// From an origin and a rotation; the rotation is normalised.
+    pub fn new(position: DVec3, rotation: DQuat) -> Self {
+        Self { position, rotation: rotation.normalize() }
+    }
+
+    /// A pure translation.
+    pub fn from_position(position: DVec3) -> Self {
+        Self { position, rotation: DQuat::IDENTITY }
+    }
+
+    /// Upright at `position`, turned by `yaw` radians about +z.
+    pub fn from_position_yaw(position: DVec3, yaw: f64) -> Self {
+        Self { position, rotation: DQuat::from_rotation_z(yaw) }
+    }
+
+    /// From an origin and the three axes of the inner frame seen from the outer one.
+    pub fn from_axes(position: DVec3, x: DVec3, y: DVec3, z: DVec3) -> Self {
+        Self::new(position, DQuat::from_mat3(&DMat3::from_cols(x, y, z)))
+    }
+
+    /// From the `[w, x, y, z]` order that MuJoCo and this project's files use.
+    pub fn from_wxyz_array(position: [f64; 3], [w, x, y, z]: [f64; 4]) -> Self {
+        Self::new(DVec3::from_array(position), DQuat::from_xyzw(x, y, z, w))
+    }
+
+    /// The rotation in `[w, x, y, z]` order.
+    pub fn to_wxyz_array(&self) -> [f64; 4] {
+        let [x, y, z, w] = self.rotation.to_array();
+        [w, x, y, z]
+    }
+
+    /// The transform the other way round.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.inverse();
+        Self { position: rotation * -self.position, rotation }
+    }
+
+    /// A point of the inner frame, seen from the outer frame.
+    pub fn transform_point(&self, point: DVec3) -> DVec3 {
+        self.rotation * point + self.position
+    }
+
+    /// A direction of the inner frame, seen from the outer frame.
+    pub fn transform_vector(&self, vector: DVec3) -> DVec3 {
+        self.rotation * vector
+    }
+
+    /// Rotation about +z in radians, of the projected inner x axis.
+    pub fn yaw(&self) -> f64 {
+        let x = self.rotation * DVec3::X;
+        x.y.atan2(x.x)
+    }
+
+    /// Angles about the fixed x, y and z axes, applied in this order: R = Rz · Ry · Rx.
+    pub fn to_fixed_xyz_euler(&self) -> [f64; 3] {
+        let (z, y, x) = self.rotation.to_euler(EulerRot::ZYX);
+        [x, y, z]
+    }
+
+    /// Angle in radians of the rotation that leads from this orientation to the other.
+    pub fn angle_to(&self, other: &Self) -> f64 {
+        2.0 * self.rotation.dot(other.rotation).abs().min(1.0).acos()
+    }
+
+    /// Straight-line interpolation of the position, spherical of the rotation; `t` in 0..=1.
+    #[must_use]
+    pub fn interpolate(&self, other: &Self, t: f64) -> Self {
+        Self::new(self.position.lerp(other.position, t), self.rotation.slerp(other.rotation, t))
+    }
+}
+
+impl Default for Pose {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl Mul for Pose {
+    type Output = Self;
+
+    fn mul(self, inner: Self) -> Self {
+        Self::new(self.transform_point(inner.position), self.rotation * inner.rotation)
+    }
+}
+
+#[derive(Clone, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Pose")]
+struct PoseFile {
+    position_m: [f64; 3],
+    orientation_wxyz: [f64; 4],
+}
+
+impl TryFrom<PoseFile> for Pose {
+    type Error = String;
+
+    fn try_from(file: PoseFile) -> Result<Self, String> {
+        if !file.position_m.iter().chain(&file.orientation_wxyz).all(|value| value.is_finite()) {
+            return Err("a pose holds a number that is not finite".into());
+        }
+        let [w, x, y, z] = file.orientation_wxyz;
+        let rotation = DQuat::from_xyzw(x, y, z, w);
+        if (rotation.length() - 1.0).abs() > 1e-6 {
+            return Err(format!(
+                "orientation_wxyz has length {:.6}, expected 1 (order: w, x, y, z)",
+                rotation.length()
+            ));
+        }
+        Ok(Self { position: DVec3::from_array(file.position_m), rotation })
+    }
+}
+
+impl From<Pose> for PoseFile {
+    fn from(pose: Pose) -> Self {
+        Self { position_m: pose.position.to_array(), orientation_wxyz: pose.to_wxyz_array() }
+    }
+}
+
+impl JsonSchema for Pose {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        PoseFile::schema_name()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        PoseFile::json_schema(generator)
+    }
+}

@@ -1,0 +1,235 @@
+//! Tasks as task-oriented scene graphs (ToSG): an instruction, a goal and an initial scene.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Document, ObjectCard};
+
+/// What is to be done, in a scene described by relations. Valid by construction: the validator in the
+/// `scene` crate is the only place that makes one from a language model's answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Task {
+    /// Name, unique in its collection and usable as a file name.
+    pub id: String,
+    /// One of the six kinds.
+    pub kind: TaskKind,
+    /// The sentence given to the robot, at most 30 words.
+    pub instruction: String,
+    /// When the task is done.
+    pub goal: Goal,
+    /// The scene before the robot moves.
+    pub scene_graph: SceneGraph,
+    /// Cards of the objects in the scene, in the order of the graph's nodes.
+    pub objects: Vec<ObjectCard>,
+    /// Where the task comes from, e.g. `recorded answer 001_long_horizon.json` or `rules`.
+    pub source: String,
+}
+
+impl Document for Task {
+    const SCHEMA: &'static str = "genmanip.task/1";
+}
+
+/// The kinds of task.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TaskKind {
+    /// Everyday pick and place with named objects.
+    PickAndPlace,
+    /// Places are given through other objects.
+    Spatial,
+    /// Objects are given by their looks.
+    Appearance,
+    /// Objects follow from an everyday need.
+    CommonSense,
+    /// Two to four steps.
+    LongHorizon,
+    /// The state of an articulated object changes.
+    Articulated,
+}
+
+impl TaskKind {
+    /// All kinds.
+    pub const ALL: [Self; 6] =
+        [Self::PickAndPlace, Self::Spatial, Self::Appearance, Self::CommonSense, Self::LongHorizon, Self::Articulated];
+
+    /// The name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PickAndPlace => "pick_and_place",
+            Self::Spatial => "spatial",
+            Self::Appearance => "appearance",
+            Self::CommonSense => "common_sense",
+            Self::LongHorizon => "long_horizon",
+            Self::Articulated => "articulated",
+        }
+    }
+}
+
+/// A disjunction of conjunctions: done when every atom of one alternative holds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct Goal {
+    /// The alternatives.
+    pub alternatives: Vec<Vec<Atom>>,
+}
+
+/// One condition.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "test", rename_all = "snake_case")]
+pub enum Atom {
+    /// `subject` stands in `relation` to `reference`.
+    Relation {
+        /// Uid of the object that is placed.
+        subject: String,
+        /// The relation.
+        relation: Relation,
+        /// Uid of the object it is placed against.
+        reference: String,
+        /// Second reference of `between`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        second_reference: Option<String>,
+    },
+    /// The object is in a named state.
+    State {
+        /// Uid of the articulated object.
+        object: String,
+        /// Name of the state.
+        state: String,
+    },
+}
+
+/// Spatial relations in the robot's frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Relation {
+    /// Farther from the robot (+x).
+    Front,
+    /// Nearer to the robot (-x).
+    Back,
+    /// To the robot's left (+y).
+    Left,
+    /// To the robot's right (-y).
+    Right,
+    /// Close in the plane, neither in/out nor on/beneath.
+    Near,
+    /// Resting on or lying in.
+    Top,
+    /// Resting on.
+    On,
+    /// Lying in.
+    In,
+    /// Between two references.
+    Between,
+}
+
+/// The initial scene: what exists, in which state, and how it stands to each other.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SceneGraph {
+    /// The scene in words.
+    pub description: String,
+    /// Objects with their states.
+    pub nodes: Vec<GraphNode>,
+    /// Relations that hold initially; objects without support stand on the table.
+    pub edges: Vec<GraphEdge>,
+}
+
+/// One object of the scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct GraphNode {
+    /// Uid.
+    pub uid: String,
+    /// State of an articulated object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub state: Option<String>,
+}
+
+/// One relation of the scene.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+pub struct GraphEdge {
+    /// Uid of the object.
+    pub subject: String,
+    /// The relation.
+    pub relation: Relation,
+    /// Uid of the object it is related to.
+    pub reference: String,
+    /// Second reference of `between`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_reference: Option<String>,
+}
+
+impl GraphEdge {
+    /// The edge as a condition.
+    pub fn atom(&self) -> Atom {
+        Atom::Relation {
+            subject: self.subject.clone(),
+            relation: self.relation,
+            reference: self.reference.clone(),
+            second_reference: self.second_reference.clone(),
+        }
+    }
+}
+
+impl Task {
+    /// The card of an object in the scene.
+    pub fn card(&self, uid: &str) -> Option<&ObjectCard> {
+        self.objects.iter().find(|card| card.uid == uid)
+    }
+}
+
+impl Atom {
+    /// Uid of the object whose place or state is tested.
+    pub fn subject(&self) -> &str {
+        match self {
+            Self::Relation { subject, .. } => subject,
+            Self::State { object, .. } => object,
+        }
+    }
+}
+
+impl Relation {
+    /// The name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Back => "back",
+            Self::Left => "left",
+            Self::Right => "right",
+            Self::Near => "near",
+            Self::Top => "top",
+            Self::On => "on",
+            Self::In => "in",
+            Self::Between => "between",
+        }
+    }
+
+    /// The relation seen from the other object, where there is one.
+    pub fn inverse(self) -> Option<Self> {
+        match self {
+            Self::Front => Some(Self::Back),
+            Self::Back => Some(Self::Front),
+            Self::Left => Some(Self::Right),
+            Self::Right => Some(Self::Left),
+            Self::Near => Some(Self::Near),
+            Self::Top | Self::On | Self::In | Self::Between => None,
+        }
+    }
+
+    /// Whether the subject is carried or contained by the reference.
+    pub fn is_support(self) -> bool {
+        matches!(self, Self::Top | Self::On | Self::In)
+    }
+}
+
+impl std::fmt::Display for Atom {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Relation { subject, relation, reference, second_reference: None } => {
+                write!(f, "{subject} {} {reference}", relation.name())
+            }
+            Self::Relation { subject, relation, reference, second_reference: Some(second) } => {
+                write!(f, "{subject} {} {reference} and {second}", relation.name())
+            }
+            Self::State { object, state } => write!(f, "{object} is {state}"),
+        }
+    }
+}
