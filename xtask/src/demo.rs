@@ -15,10 +15,7 @@ pub fn run(workspace: &Workspace, args: &[String]) -> Result {
 
 fn demo_arguments(args: &[String]) -> Vec<String> {
     let mut all = vec!["demo".to_owned()];
-    if !args
-        .iter()
-        .any(|arg| arg == "--out" || arg.starts_with("--out=") || arg == "--help")
-    {
+    if !args.iter().any(|arg| arg == "--out" || arg.starts_with("--out=") || arg == "--help") {
         all.extend(["--out".to_owned(), "out/demo".to_owned()]);
     }
     all.extend(args.iter().cloned());
@@ -31,9 +28,7 @@ mod tests {
 
     #[test]
     fn a_given_folder_replaces_the_default_one() {
-        let given = |args: &[&str]| {
-            demo_arguments(&args.iter().map(ToString::to_string).collect::<Vec<_>>()).join(" ")
-        };
+        let given = |args: &[&str]| demo_arguments(&args.iter().map(ToString::to_string).collect::<Vec<_>>()).join(" ");
         assert_eq!(given(&[]), "demo --out out/demo");
         assert_eq!(given(&["--fps", "60"]), "demo --out out/demo --fps 60");
         assert_eq!(given(&["--out=x"]), "demo --out=x");

@@ -6,11 +6,7 @@
 //! | `demo` | set-up, build, then `genmanip demo` |
 //! | `test` | everything CI runs, with the time of each phase |
 //! | `tidy` | the rules of ARCHITECTURE.md that a compiler does not check |
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "this is a command-line program"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is a command-line program")]
 
 mod demo;
 mod mujoco;
@@ -60,9 +56,7 @@ fn run(args: &[String]) -> Result {
             Ok(())
         }
         other => Err(Problem {
-            what: other.map_or("no verb given".into(), |verb| {
-                format!("there is no verb `{verb}`")
-            }),
+            what: other.map_or("no verb given".into(), |verb| format!("there is no verb `{verb}`")),
             expected: "setup, demo, test or tidy".into(),
             hint: "`cargo xtask help` says what each does".into(),
         }),

@@ -65,15 +65,10 @@ with zipfile.ZipFile(wheel) as z:
 pub fn install(workspace: &Workspace) -> Result {
     let wheel = wheel_for(std::env::consts::OS, std::env::consts::ARCH)?;
     let folder = workspace.root.join("third_party/mujoco/lib");
-    if let Some(own) = std::env::var_os(FOLDER_VARIABLE)
-        .map(PathBuf::from)
-        .filter(|own| !same(own, &folder))
-    {
+    if let Some(own) = std::env::var_os(FOLDER_VARIABLE).map(PathBuf::from).filter(|own| !same(own, &folder)) {
         return accept_own(&own, wheel);
     }
-    if fs::read(folder.join(wheel.library))
-        .is_ok_and(|bytes| sha256::hex(&bytes) == wheel.library_sha256)
-    {
+    if fs::read(folder.join(wheel.library)).is_ok_and(|bytes| sha256::hex(&bytes) == wheel.library_sha256) {
         if !folder.join(wheel.link).exists() {
             link(&folder, wheel)?;
         }
@@ -83,8 +78,7 @@ pub fn install(workspace: &Workspace) -> Result {
     let aside = workspace.root.join("third_party/mujoco/download.tmp");
     let _ = fs::remove_dir_all(&aside);
     fs::create_dir_all(&aside).on("make the folder", &aside)?;
-    let done = fetch(workspace, wheel, &aside)
-        .and_then(|file| unpack(workspace, wheel, &file, &aside, &folder));
+    let done = fetch(workspace, wheel, &aside).and_then(|file| unpack(workspace, wheel, &file, &aside, &folder));
     let _ = fs::remove_dir_all(&aside);
     done?;
     eprintln!("simulator: MuJoCo {VERSION} installed, checksum verified");
@@ -108,24 +102,13 @@ fn accept_own(own: &Path, wheel: &Wheel) -> Result {
     for name in [wheel.link, wheel.library] {
         if own.is_relative() || !own.join(name).exists() {
             return Err(Problem {
-                what: format!(
-                    "{FOLDER_VARIABLE} is set, but this library is not there: {}",
-                    own.join(name).display()
-                ),
-                expected: format!(
-                    "an absolute folder with {} and {}",
-                    wheel.link, wheel.library
-                ),
-                hint: format!(
-                    "unset {FOLDER_VARIABLE} to use the verified download, or point it to MuJoCo {VERSION}"
-                ),
+                what: format!("{FOLDER_VARIABLE} is set, but this library is not there: {}", own.join(name).display()),
+                expected: format!("an absolute folder with {} and {}", wheel.link, wheel.library),
+                hint: format!("unset {FOLDER_VARIABLE} to use the verified download, or point it to MuJoCo {VERSION}"),
             });
         }
     }
-    eprintln!(
-        "simulator: using yours, unverified, because {FOLDER_VARIABLE} is set: {}",
-        own.display()
-    );
+    eprintln!("simulator: using yours, unverified, because {FOLDER_VARIABLE} is set: {}", own.display());
     Ok(())
 }
 
@@ -137,25 +120,8 @@ fn fetch(workspace: &Workspace, wheel: &Wheel, aside: &Path) -> Result<PathBuf> 
     eprintln!("simulator: downloading MuJoCo {VERSION} (26 MB)");
     let requirement = format!("mujoco=={VERSION}");
     let mut pip = workspace.command("python3");
-    pip.args([
-        "-m",
-        "pip",
-        "download",
-        "--quiet",
-        "--no-deps",
-        "--only-binary=:all:",
-        "--implementation",
-        "cp",
-    ]);
-    pip.args([
-        "--python-version",
-        "311",
-        "--abi",
-        "cp311",
-        "--platform",
-        wheel.platform,
-        "--dest",
-    ]);
+    pip.args(["-m", "pip", "download", "--quiet", "--no-deps", "--only-binary=:all:", "--implementation", "cp"]);
+    pip.args(["--python-version", "311", "--abi", "cp311", "--platform", wheel.platform, "--dest"]);
     pip.arg(aside).arg(requirement);
     let downloaded = process::output(&mut pip);
     downloaded.as_ref().ok().and_then(|_| find_wheel(aside, wheel)).ok_or_else(|| {
@@ -180,46 +146,22 @@ fn fetch(workspace: &Workspace, wheel: &Wheel, aside: &Path) -> Result<PathBuf> 
 }
 
 fn find_wheel(folder: &Path, wheel: &Wheel) -> Option<PathBuf> {
-    let mut found: Vec<PathBuf> = fs::read_dir(folder)
-        .ok()?
-        .flatten()
-        .map(|entry| entry.path())
-        .collect();
-    found.retain(|path| {
-        path.file_name()
-            .is_some_and(|name| is_wheel_name(&name.to_string_lossy(), wheel))
-    });
+    let mut found: Vec<PathBuf> = fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path()).collect();
+    found.retain(|path| path.file_name().is_some_and(|name| is_wheel_name(&name.to_string_lossy(), wheel)));
     found.sort();
     found.into_iter().next()
 }
 
 fn is_wheel_name(name: &str, wheel: &Wheel) -> bool {
-    name.starts_with(&format!("mujoco-{VERSION}-"))
-        && name.ends_with(&format!("{}.whl", wheel.platform))
+    name.starts_with(&format!("mujoco-{VERSION}-")) && name.ends_with(&format!("{}.whl", wheel.platform))
 }
 
 /// Library and licences out of the wheel into `folder`; nothing is put in place before the checksum is right.
-fn unpack(
-    workspace: &Workspace,
-    wheel: &Wheel,
-    file: &Path,
-    aside: &Path,
-    folder: &Path,
-) -> Result {
+fn unpack(workspace: &Workspace, wheel: &Wheel, file: &Path, aside: &Path, folder: &Path) -> Result {
     let mut python = workspace.command("python3");
-    python
-        .args(["-c", UNPACK])
-        .arg(file)
-        .arg(aside)
-        .arg(wheel.library);
+    python.args(["-c", UNPACK]).arg(file).arg(aside).arg(wheel.library);
     process::output(&mut python).map_err(|problem| {
-        let last = problem
-            .what
-            .lines()
-            .last()
-            .unwrap_or_default()
-            .trim()
-            .to_owned();
+        let last = problem.what.lines().last().unwrap_or_default().trim().to_owned();
         Problem {
             what: format!("the wheel cannot be unpacked ({last}): {}", file.display()),
             expected: "a whole zip archive".into(),
@@ -227,14 +169,10 @@ fn unpack(
         }
     })?;
     let library = aside.join(wheel.library);
-    let digest =
-        sha256::hex(&fs::read(&library).on("read the library taken out of the wheel", &library)?);
+    let digest = sha256::hex(&fs::read(&library).on("read the library taken out of the wheel", &library)?);
     if digest != wheel.library_sha256 {
         return Err(Problem {
-            what: format!(
-                "the downloaded {} has the wrong checksum {digest}; nothing was installed",
-                wheel.library
-            ),
+            what: format!("the downloaded {} has the wrong checksum {digest}; nothing was installed", wheel.library),
             expected: format!("sha256 {}", wheel.library_sha256),
             hint: format!(
                 "do not use that file; empty {}/ and pip's cache (`python3 -m pip cache purge`) and try again, \
@@ -275,14 +213,8 @@ mod tests {
             assert_eq!(wheel.library_sha256.len(), 64, "{}", wheel.platform);
             assert!(wheel.library.contains(VERSION), "{}", wheel.library);
         }
-        let problem = wheel_for("plan9", "riscv64")
-            .err()
-            .map(|problem| problem.to_string())
-            .unwrap_or_default();
-        assert!(
-            problem.contains("plan9") && problem.contains(FOLDER_VARIABLE),
-            "{problem}"
-        );
+        let problem = wheel_for("plan9", "riscv64").err().map(|problem| problem.to_string()).unwrap_or_default();
+        assert!(problem.contains("plan9") && problem.contains(FOLDER_VARIABLE), "{problem}");
     }
 
     #[test]

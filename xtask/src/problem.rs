@@ -32,8 +32,7 @@ impl<T> OnPath<T> for std::io::Result<T> {
         self.map_err(|error| Problem {
             what: format!("cannot {doing}: {error}: {}", path.display()),
             expected: format!("to be able to {doing} this path"),
-            hint: "check that it exists, that its folder is writable and that the disk is not full"
-                .into(),
+            hint: "check that it exists, that its folder is writable and that the disk is not full".into(),
         })
     }
 }

@@ -13,11 +13,8 @@ pub struct Workspace {
 impl Workspace {
     /// The folder above this package: as cargo says at run time, else as it was when this program was built.
     pub fn find() -> Self {
-        let here = std::env::var_os("CARGO_MANIFEST_DIR")
-            .unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
-        let root = Path::new(&here)
-            .parent()
-            .map_or_else(|| PathBuf::from("."), Path::to_path_buf);
+        let here = std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
+        let root = Path::new(&here).parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf);
         Self { root }
     }
 
@@ -27,16 +24,10 @@ impl Workspace {
     /// the library path that cargo sets would hide a program that cannot find the simulator by itself.
     pub fn command(&self, program: impl AsRef<OsStr>) -> Command {
         let mut command = Command::new(program);
-        command
-            .current_dir(&self.root)
-            .env_remove("LD_LIBRARY_PATH")
-            .env_remove("DYLD_FALLBACK_LIBRARY_PATH");
+        command.current_dir(&self.root).env_remove("LD_LIBRARY_PATH").env_remove("DYLD_FALLBACK_LIBRARY_PATH");
         for (name, _) in std::env::vars_os() {
             let text = name.to_string_lossy();
-            if text.starts_with("CARGO_PKG_")
-                || text.starts_with("CARGO_MANIFEST_")
-                || text.starts_with("CARGO_BIN_")
-            {
+            if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") || text.starts_with("CARGO_BIN_") {
                 command.env_remove(&name);
             }
         }
@@ -53,21 +44,16 @@ impl Workspace {
     /// Where cargo puts what it builds; asked of cargo, because variables and settings files may move it.
     pub fn target_dir(&self) -> Result<PathBuf> {
         let metadata = output(&mut self.cargo(["metadata", "--no-deps", "--format-version", "1"]))?;
-        json_string(&metadata, "target_directory")
-            .map(PathBuf::from)
-            .ok_or_else(|| Problem {
-                what: "`cargo metadata` does not say where cargo builds".into(),
-                expected: "a field `target_directory`".into(),
-                hint: "is this a released cargo? `cargo --version` says".into(),
-            })
+        json_string(&metadata, "target_directory").map(PathBuf::from).ok_or_else(|| Problem {
+            what: "`cargo metadata` does not say where cargo builds".into(),
+            expected: "a field `target_directory`".into(),
+            hint: "is this a released cargo? `cargo --version` says".into(),
+        })
     }
 
     /// The built `genmanip` program.
     pub fn genmanip(&self) -> Result<PathBuf> {
-        Ok(self
-            .target_dir()?
-            .join("release")
-            .join(format!("genmanip{}", std::env::consts::EXE_SUFFIX)))
+        Ok(self.target_dir()?.join("release").join(format!("genmanip{}", std::env::consts::EXE_SUFFIX)))
     }
 }
 
@@ -89,32 +75,19 @@ fn json_string(json: &str, key: &str) -> Option<String> {
 pub fn visible(command: &mut Command) -> Result {
     let line = shown(command);
     eprintln!("$ {line}");
-    let status = command
-        .status()
-        .map_err(|error| cannot_start(&line, &error))?;
-    if status.success() {
-        Ok(())
-    } else {
-        Err(failed(&line, &status.to_string(), ""))
-    }
+    let status = command.status().map_err(|error| cannot_start(&line, &error))?;
+    if status.success() { Ok(()) } else { Err(failed(&line, &status.to_string(), "")) }
 }
 
 /// Runs a command quietly and gives what it printed; what it complained about becomes part of the error.
 pub fn output(command: &mut Command) -> Result<String> {
     let line = shown(command);
-    let output = command
-        .stdin(Stdio::null())
-        .output()
-        .map_err(|error| cannot_start(&line, &error))?;
+    let output = command.stdin(Stdio::null()).output().map_err(|error| cannot_start(&line, &error))?;
     if output.status.success() {
         return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
     }
     let complaint = String::from_utf8_lossy(&output.stderr);
-    let complaint = if complaint.trim().is_empty() {
-        String::from_utf8_lossy(&output.stdout)
-    } else {
-        complaint
-    };
+    let complaint = if complaint.trim().is_empty() { String::from_utf8_lossy(&output.stdout) } else { complaint };
     Err(failed(&line, &output.status.to_string(), &complaint))
 }
 
@@ -129,15 +102,9 @@ pub fn cannot_start(line: &str, error: &std::io::Error) -> Problem {
 
 pub fn failed(line: &str, status: &str, complaint: &str) -> Problem {
     const LAST_LINES: usize = 6;
-    let lines: Vec<&str> = complaint
-        .lines()
-        .filter(|line| !line.trim().is_empty())
-        .collect();
+    let lines: Vec<&str> = complaint.lines().filter(|line| !line.trim().is_empty()).collect();
     let tail = &lines[lines.len().saturating_sub(LAST_LINES)..];
-    let said = tail
-        .iter()
-        .map(|line| format!("\n    {}", line.trim()))
-        .collect::<String>();
+    let said = tail.iter().map(|line| format!("\n    {}", line.trim())).collect::<String>();
     Problem {
         what: format!("`{line}` failed ({status}){said}"),
         expected: "the command to succeed".into(),
@@ -148,14 +115,8 @@ pub fn failed(line: &str, status: &str, complaint: &str) -> Problem {
 /// The command as a person would type it.
 pub fn shown(command: &Command) -> String {
     let program = Path::new(command.get_program());
-    let name = program
-        .file_name()
-        .unwrap_or(command.get_program())
-        .to_string_lossy()
-        .into_owned();
-    command.get_args().fold(name, |line, arg| {
-        format!("{line} {}", arg.to_string_lossy())
-    })
+    let name = program.file_name().unwrap_or(command.get_program()).to_string_lossy().into_owned();
+    command.get_args().fold(name, |line, arg| format!("{line} {}", arg.to_string_lossy()))
 }
 
 /// Puts a finished file or link in place; who looks meanwhile sees the old one or the new one, never half of it.
@@ -170,10 +131,7 @@ mod tests {
     #[test]
     fn target_directory_is_read_from_cargo_output() {
         let json = r#"{"packages":[],"target_directory":"/a \"b\"\\c","version":1}"#;
-        assert_eq!(
-            json_string(json, "target_directory").as_deref(),
-            Some(r#"/a "b"\c"#)
-        );
+        assert_eq!(json_string(json, "target_directory").as_deref(), Some(r#"/a "b"\c"#));
         assert_eq!(json_string(json, "build_directory"), None);
     }
 
@@ -181,9 +139,6 @@ mod tests {
     fn a_failed_command_shows_the_end_of_its_complaint() {
         let complaint = (1..=20).map(|i| format!("line {i}\n")).collect::<String>();
         let problem = failed("pip download x", "exit status: 1", &complaint).to_string();
-        assert!(
-            problem.contains("line 20") && !problem.contains("line 14\n"),
-            "{problem}"
-        );
+        assert!(problem.contains("line 20") && !problem.contains("line 14\n"), "{problem}");
     }
 }

@@ -21,31 +21,20 @@ pub fn install(workspace: &Workspace) -> Result<PathBuf> {
         eprintln!("python:    the environment of the dataset reader is in place");
         return Ok(interpreter);
     }
-    refuse_old(&process::output(workspace.command("python3").args([
-        "-c",
-        "import sys; print(sys.version_info[0], sys.version_info[1])",
-    ]))?)?;
+    refuse_old(&process::output(
+        workspace.command("python3").args(["-c", "import sys; print(sys.version_info[0], sys.version_info[1])"]),
+    )?)?;
     eprintln!("python:    making .python/ with the packages of {REQUIREMENTS} (80 MB, once)");
     if folder.exists() {
         fs::remove_dir_all(&folder).on("remove the unfinished environment", &folder)?;
     }
-    process::output(workspace.command("python3").args(["-m", "venv", ".python"])).map_err(
-        |problem| Problem {
-            expected: "python3 with its module venv".into(),
-            hint: "on Debian and Ubuntu: apt install python3-venv python3-pip".into(),
-            ..problem
-        },
-    )?;
+    process::output(workspace.command("python3").args(["-m", "venv", ".python"])).map_err(|problem| Problem {
+        expected: "python3 with its module venv".into(),
+        hint: "on Debian and Ubuntu: apt install python3-venv python3-pip".into(),
+        ..problem
+    })?;
     let mut pip = workspace.command(&interpreter);
-    pip.args([
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--only-binary=:all:",
-        "--requirement",
-        REQUIREMENTS,
-    ]);
+    pip.args(["-m", "pip", "install", "--quiet", "--only-binary=:all:", "--requirement", REQUIREMENTS]);
     if workspace.root.join(setup::HAND_PLACED).is_dir() {
         pip.args(["--find-links", setup::HAND_PLACED]);
     }
@@ -61,11 +50,7 @@ pub fn install(workspace: &Workspace) -> Result<PathBuf> {
             ),
         )
     })?;
-    process::output(
-        workspace
-            .command(&interpreter)
-            .args(["-c", "import av, numpy, pyarrow.parquet"]),
-    )?;
+    process::output(workspace.command(&interpreter).args(["-c", "import av, numpy, pyarrow.parquet"]))?;
     let aside = folder.join("marker.tmp");
     fs::write(&aside, &wanted).on("write", &aside)?;
     process::rename(&aside, &folder.join(MARKER))?;
@@ -79,9 +64,7 @@ fn is_whole(workspace: &Workspace, folder: &Path, interpreter: &Path, wanted: &s
 }
 
 fn refuse_old(version: &str) -> Result {
-    let mut parts = version
-        .split_whitespace()
-        .map(|part| part.parse::<u32>().unwrap_or(0));
+    let mut parts = version.split_whitespace().map(|part| part.parse::<u32>().unwrap_or(0));
     let got = (parts.next().unwrap_or(0), parts.next().unwrap_or(0));
     if got >= OLDEST {
         return Ok(());
@@ -95,13 +78,8 @@ fn refuse_old(version: &str) -> Result {
 
 /// `name==version` of each requirement, as it stands in the list.
 fn names(requirements: &str) -> Vec<&str> {
-    let lines = requirements
-        .lines()
-        .map(str::trim)
-        .filter(|line| !line.is_empty() && !line.starts_with('#'));
-    lines
-        .map(|line| line.split(';').next().unwrap_or(line).trim())
-        .collect()
+    let lines = requirements.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    lines.map(|line| line.split(';').next().unwrap_or(line).trim()).collect()
 }
 
 #[cfg(test)]
@@ -112,22 +90,13 @@ mod tests {
     fn every_requirement_is_pinned() {
         let list = names(include_str!("../python-requirements.txt"));
         assert!(list.iter().all(|name| name.contains("==")), "{list:?}");
-        assert_eq!(
-            names("# why\n\na==1; python_version < \"3.11\"\nb==2\n"),
-            ["a==1", "b==2"]
-        );
+        assert_eq!(names("# why\n\na==1; python_version < \"3.11\"\nb==2\n"), ["a==1", "b==2"]);
     }
 
     #[test]
     fn an_old_python_is_named() {
         assert!(refuse_old("3 10\n").is_ok() && refuse_old("4 0").is_ok());
-        let problem = refuse_old("3 9")
-            .err()
-            .map(|problem| problem.to_string())
-            .unwrap_or_default();
-        assert!(
-            problem.contains("3.9") && problem.contains("3.10 or newer"),
-            "{problem}"
-        );
+        let problem = refuse_old("3 9").err().map(|problem| problem.to_string()).unwrap_or_default();
+        assert!(problem.contains("3.9") && problem.contains("3.10 or newer"), "{problem}");
     }
 }

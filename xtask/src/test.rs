@@ -19,31 +19,17 @@ type Phase = fn(&Workspace) -> Result<Outcome>;
 /// In this order: what fails in seconds comes before what takes minutes, and the tests' own lines come last.
 const PHASES: [(&str, Phase); 10] = [
     ("setup", set_up),
-    ("fmt", |w| cargo(w, &["fmt", "--all", "--check"])),
+    ("fmt", |w| {
+        let hint = "run `cargo fmt --all`".to_owned();
+        cargo(w, &["fmt", "--all", "--check"]).map_err(|problem| Problem { hint, ..problem })
+    }),
     ("tidy", |w| tidy::run(&w.root).map(|()| passed())),
-    ("deny", |w| {
-        if_installed(w, "cargo-deny", &["check", "licenses", "bans", "sources"])
-    }),
+    ("deny", |w| if_installed(w, "cargo-deny", &["check", "licenses", "bans", "sources"])),
     ("typos", |w| if_installed(w, "typos", &[])),
-    ("clippy", |w| {
-        cargo(
-            w,
-            &[
-                "clippy",
-                "--release",
-                "--workspace",
-                "--all-targets",
-                "--",
-                "-D",
-                "warnings",
-            ],
-        )
-    }),
+    ("clippy", |w| cargo(w, &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"])),
     ("doc", documentation),
     // The tests' own build, so that nothing is built twice with another choice of features.
-    ("build", |w| {
-        cargo(w, &["test", "--release", "--workspace", "--no-run"])
-    }),
+    ("build", |w| cargo(w, &["test", "--release", "--workspace", "--no-run"])),
     ("link check", link_check),
     ("test", tests),
 ];
@@ -60,10 +46,7 @@ pub fn run(workspace: &Workspace, chosen: &[String]) -> Result {
     }
     let mut table = Vec::new();
     let mut result = Ok(());
-    for (name, phase) in PHASES
-        .iter()
-        .filter(|(name, _)| chosen.is_empty() || chosen.iter().any(|c| c == name))
-    {
+    for (name, phase) in PHASES.iter().filter(|(name, _)| chosen.is_empty() || chosen.iter().any(|c| c == name)) {
         eprintln!("\n== {name}");
         let start = Instant::now();
         let outcome = phase(workspace);
@@ -74,10 +57,7 @@ pub fn run(workspace: &Workspace, chosen: &[String]) -> Result {
         };
         table.push((*name, start.elapsed(), said));
         if let Err(problem) = outcome {
-            result = Err(Problem {
-                what: format!("phase `{name}`: {}", problem.what),
-                ..problem
-            });
+            result = Err(Problem { what: format!("phase `{name}`: {}", problem.what), ..problem });
             break;
         }
     }
@@ -102,19 +82,13 @@ fn set_up(workspace: &Workspace) -> Result<Outcome> {
         Err(problem) if in_ci() => Err(problem),
         Err(problem) => {
             eprintln!("{problem}");
-            Ok(Outcome::Skipped(
-                "no Python environment, so tests of exported datasets skip; a failure in CI".into(),
-            ))
+            Ok(Outcome::Skipped("no Python environment, so tests of exported datasets skip; a failure in CI".into()))
         }
     }
 }
 
 fn cargo(workspace: &Workspace, args: &[&str]) -> Result<Outcome> {
-    process::visible(&mut with_python(
-        workspace,
-        workspace.cargo(args.iter().copied()),
-    ))
-    .map(|()| passed())
+    process::visible(&mut with_python(workspace, workspace.cargo(args.iter().copied()))).map(|()| passed())
 }
 
 /// Tests find the independent reader through this variable, which is unset when there is none.
@@ -141,51 +115,29 @@ fn documentation(workspace: &Workspace) -> Result<Outcome> {
 /// The program finds the simulator by itself: `command` has removed the library path that cargo would give it.
 /// Tests and doctests show the same under cargo, which adds no folder outside of the target folder.
 fn link_check(workspace: &Workspace) -> Result<Outcome> {
-    process::visible(&mut workspace.cargo(["build", "--release", "--package", "genmanip-cli"]))?;
-    process::visible(
-        with_python(workspace, workspace.command(workspace.genmanip()?)).arg("doctor"),
-    )?;
+    process::visible(&mut workspace.cargo(["build", "--release"]))?;
+    process::visible(with_python(workspace, workspace.command(workspace.genmanip()?)).arg("doctor"))?;
     Ok(passed())
 }
 
 /// Unit, integration and documentation tests; adds up what they report, since cargo itself never does.
 fn tests(workspace: &Workspace) -> Result<Outcome> {
-    let mut command = with_python(
-        workspace,
-        workspace.cargo(["test", "--release", "--workspace"]),
-    );
+    let mut command = with_python(workspace, workspace.cargo(["test", "--release", "--workspace"]));
     let line = process::shown(&command);
     eprintln!("$ {line}");
-    let mut child = command
-        .stdout(Stdio::piped())
-        .spawn()
-        .map_err(|error| process::cannot_start(&line, &error))?;
+    let mut child = command.stdout(Stdio::piped()).spawn().map_err(|error| process::cannot_start(&line, &error))?;
     let mut tally = Tally::default();
-    for text in child
-        .stdout
-        .take()
-        .into_iter()
-        .flat_map(|out| BufReader::new(out).split(b'\n'))
-        .map_while(|l| l.ok())
-    {
+    for text in child.stdout.take().into_iter().flat_map(|out| BufReader::new(out).split(b'\n')).map_while(|l| l.ok()) {
         let text = String::from_utf8_lossy(&text);
         println!("{text}");
         tally.add(&text);
     }
-    let status = child
-        .wait()
-        .map_err(|error| process::cannot_start(&line, &error))?;
-    println!(
-        "\n{} passed, {} failed, {} skipped",
-        tally.passed, tally.failed, tally.skipped
-    );
+    let status = child.wait().map_err(|error| process::cannot_start(&line, &error))?;
+    println!("\n{} passed, {} failed, {} skipped", tally.passed, tally.failed, tally.skipped);
     if !status.success() {
         return Err(process::failed(&line, &status.to_string(), ""));
     }
-    Ok(Outcome::Passed(format!(
-        "{} passed, {} ignored",
-        tally.passed, tally.skipped
-    )))
+    Ok(Outcome::Passed(format!("{} passed, {} ignored", tally.passed, tally.skipped)))
 }
 
 /// Sums of cargo's `test result:` lines.
@@ -198,18 +150,12 @@ struct Tally {
 
 impl Tally {
     fn add(&mut self, line: &str) {
-        let Some(counts) = line
-            .strip_prefix("test result: ")
-            .and_then(|rest| rest.split_once(". "))
-        else {
+        let Some(counts) = line.strip_prefix("test result: ").and_then(|rest| rest.split_once(". ")) else {
             return;
         };
         for count in counts.1.split("; ") {
             let mut words = count.split_whitespace();
-            let number = words
-                .next()
-                .and_then(|word| word.parse::<u64>().ok())
-                .unwrap_or(0);
+            let number = words.next().and_then(|word| word.parse::<u64>().ok()).unwrap_or(0);
             match words.next() {
                 Some("passed") => self.passed += number,
                 Some("failed") => self.failed += number,
@@ -243,22 +189,12 @@ mod tests {
         ] {
             tally.add(line);
         }
-        assert_eq!(
-            tally,
-            Tally {
-                passed: 14,
-                failed: 1,
-                skipped: 1
-            }
-        );
+        assert_eq!(tally, Tally { passed: 14, failed: 1, skipped: 1 });
     }
 
     #[test]
     fn the_table_names_phase_time_and_result() {
         let table = [("fmt", Duration::from_millis(1250), "ok".to_owned())];
-        assert_eq!(
-            render(&table),
-            "phase         seconds  result\nfmt               1.2  ok\ntotal             1.2"
-        );
+        assert_eq!(render(&table), "phase         seconds  result\nfmt               1.2  ok\ntotal             1.2");
     }
 }

@@ -20,10 +20,7 @@ pub struct Manifest {
 impl Manifest {
     /// The project's own crates among the dependencies, by folder name.
     pub fn own(&self) -> impl Iterator<Item = (&str, usize)> {
-        let own = self
-            .dependencies
-            .iter()
-            .filter_map(|(name, line)| Some((name.strip_prefix("genmanip-")?, *line)));
+        let own = self.dependencies.iter().filter_map(|(name, line)| Some((name.strip_prefix("genmanip-")?, *line)));
         own.filter(|(name, _)| *name != self.name)
     }
 }
@@ -31,10 +28,7 @@ impl Manifest {
 /// All packages under `crates/`.
 pub fn crates(files: &[Entry]) -> Vec<Manifest> {
     let manifests = files.iter().filter_map(|file| {
-        let name = file
-            .path
-            .strip_prefix("crates/")?
-            .strip_suffix("/Cargo.toml")?;
+        let name = file.path.strip_prefix("crates/")?.strip_suffix("/Cargo.toml")?;
         (!name.contains('/')).then(|| parse(name, file.text.as_deref().unwrap_or_default()))
     });
     manifests.collect()
@@ -47,18 +41,12 @@ pub fn shared(root_manifest: &str) -> BTreeSet<String> {
 
 /// Reads line by line; of TOML's many ways to write a table, those that are used for dependencies.
 pub fn parse(name: &str, text: &str) -> Manifest {
-    let mut manifest = Manifest {
-        name: name.to_owned(),
-        ..Manifest::default()
-    };
+    let mut manifest = Manifest { name: name.to_owned(), ..Manifest::default() };
     let mut section = String::new();
     let mut whole_section = None; // the dependency in `[dependencies.NAME]`
     for (number, line) in text.lines().enumerate() {
         let line = without_comment(line).trim();
-        if let Some(header) = line
-            .strip_prefix('[')
-            .and_then(|rest| rest.strip_suffix(']'))
-        {
+        if let Some(header) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
             section = header.trim().to_owned();
             whole_section = one_dependency(&section).map(str::to_owned);
             if let Some(dependency) = &whole_section {
@@ -69,15 +57,11 @@ pub fn parse(name: &str, text: &str) -> Manifest {
             if let Some(alias) = &whole_section {
                 if key == "package" {
                     manifest.dependencies.remove(alias);
-                    manifest
-                        .dependencies
-                        .insert(unquoted(value).to_owned(), number + 1);
+                    manifest.dependencies.insert(unquoted(value).to_owned(), number + 1);
                 }
             } else if is_dependencies(&section) {
                 let alias = key.split('.').next().unwrap_or(key).trim_matches('"');
-                let real = renamed(value)
-                    .filter(|_| value.starts_with('{'))
-                    .unwrap_or(alias);
+                let real = renamed(value).filter(|_| value.starts_with('{')).unwrap_or(alias);
                 manifest.dependencies.insert(real.to_owned(), number + 1);
             } else if section == "package" && key == "name" {
                 manifest.package = unquoted(value).to_owned();
@@ -101,13 +85,7 @@ fn one_dependency(section: &str) -> Option<&str> {
 
 /// `real` of `{ package = "real", … }`.
 fn renamed(value: &str) -> Option<&str> {
-    let rest = value
-        .split_once("package")?
-        .1
-        .trim_start()
-        .strip_prefix('=')?
-        .trim_start()
-        .strip_prefix('"')?;
+    let rest = value.split_once("package")?.1.trim_start().strip_prefix('=')?.trim_start().strip_prefix('"')?;
     rest.split('"').next()
 }
 
@@ -129,21 +107,13 @@ fn without_comment(line: &str) -> &str {
 
 /// Every package that links the simulator, directly or not, tells its binaries where the library is.
 pub fn check_run_path(crates: &[Manifest]) -> Vec<Violation> {
-    let by_name: BTreeMap<&str, &Manifest> = crates
-        .iter()
-        .map(|manifest| (manifest.name.as_str(), manifest))
-        .collect();
+    let by_name: BTreeMap<&str, &Manifest> = crates.iter().map(|manifest| (manifest.name.as_str(), manifest)).collect();
     let mut found = Vec::new();
     for manifest in crates {
         let (mut seen, mut open) = (BTreeSet::new(), vec![manifest.name.as_str()]);
         while let Some(name) = open.pop() {
             if seen.insert(name) {
-                open.extend(
-                    by_name
-                        .get(name)
-                        .into_iter()
-                        .flat_map(|next| next.own().map(|(own, _)| own)),
-                );
+                open.extend(by_name.get(name).into_iter().flat_map(|next| next.own().map(|(own, _)| own)));
             }
         }
         if seen.contains("sim") && manifest.build.as_deref() != Some(BUILD_SCRIPT) {
@@ -188,37 +158,19 @@ default = []
     fn all_ways_to_name_a_dependency() {
         let manifest = parse("layout", TEXT);
         let names: Vec<&str> = manifest.dependencies.keys().map(String::as_str).collect();
-        assert_eq!(
-            names,
-            [
-                "genmanip-core",
-                "genmanip-sim",
-                "glam",
-                "insta",
-                "parry3d",
-                "tempfile"
-            ]
-        );
+        assert_eq!(names, ["genmanip-core", "genmanip-sim", "glam", "insta", "parry3d", "tempfile"]);
         assert_eq!(manifest.package, "genmanip-layout");
         assert_eq!(manifest.build.as_deref(), Some(BUILD_SCRIPT));
-        assert_eq!(
-            manifest.own().map(|(name, _)| name).collect::<Vec<_>>(),
-            ["core", "sim"]
-        );
+        assert_eq!(manifest.own().map(|(name, _)| name).collect::<Vec<_>>(), ["core", "sim"]);
     }
 
     #[test]
     fn a_crate_that_reaches_the_simulator_indirectly_needs_the_run_path() {
         let sim = parse("sim", "[package]\nbuild = \"../../build/rpath.rs\"");
-        let layout = parse(
-            "layout",
-            "[package]\nbuild = \"../../build/rpath.rs\"\n[dependencies]\ngenmanip-sim = \"1\"",
-        );
+        let layout =
+            parse("layout", "[package]\nbuild = \"../../build/rpath.rs\"\n[dependencies]\ngenmanip-sim = \"1\"");
         let bench = parse("bench", "[dependencies]\ngenmanip-layout = \"1\"");
         let found = check_run_path(&[sim, layout, bench, parse("core", "")]);
-        assert_eq!(
-            found.iter().map(|v| v.place.as_str()).collect::<Vec<_>>(),
-            ["crates/bench/Cargo.toml"]
-        );
+        assert_eq!(found.iter().map(|v| v.place.as_str()).collect::<Vec<_>>(), ["crates/bench/Cargo.toml"]);
     }
 }

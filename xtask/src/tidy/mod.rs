@@ -35,15 +35,9 @@ pub fn run(root: &Path) -> Result {
         eprintln!("tidy: all rules hold");
         return Ok(());
     }
-    let list = violations
-        .iter()
-        .map(|v| format!("\n  {}: {}\n      {}", v.place, v.what, v.hint));
+    let list = violations.iter().map(|v| format!("\n  {}: {}\n      {}", v.place, v.what, v.hint));
     Err(Problem {
-        what: format!(
-            "{} rules are broken{}",
-            violations.len(),
-            list.collect::<String>()
-        ),
+        what: format!("{} rules are broken{}", violations.len(), list.collect::<String>()),
         expected: "the rules of ARCHITECTURE.md and CONTRIBUTING.md".into(),
         hint: "mend the code; if the rule is wrong, mend the rule there with its reason".into(),
     })
@@ -55,11 +49,7 @@ pub fn check(root: &Path) -> Result<Vec<Violation>> {
     let exceptions = structure::Exceptions::parse(text_of(&files, structure::EXCEPTIONS)?)?;
     let crates = manifest::crates(&files);
     let table = table::parse(text_of(&files, "ARCHITECTURE.md")?)?;
-    let mut found = table::check(
-        &table,
-        &crates,
-        &manifest::shared(text_of(&files, "Cargo.toml")?),
-    );
+    let mut found = table::check(&table, &crates, &manifest::shared(text_of(&files, "Cargo.toml")?));
     found.extend(manifest::check_run_path(&crates));
     found.extend(structure::check(&files, &exceptions));
     found.extend(text::check(&files));
@@ -68,10 +58,7 @@ pub fn check(root: &Path) -> Result<Vec<Violation>> {
 }
 
 fn text_of<'a>(files: &'a [Entry], path: &str) -> Result<&'a str> {
-    let found = files
-        .iter()
-        .find(|file| file.path == path)
-        .and_then(|file| file.text.as_deref());
+    let found = files.iter().find(|file| file.path == path).and_then(|file| file.text.as_deref());
     found.ok_or_else(|| Problem {
         what: format!("the file is missing or not text: {path}"),
         expected: "a text file that the tidy check reads".into(),
@@ -84,11 +71,7 @@ fn text_of<'a>(files: &'a [Entry], path: &str) -> Result<&'a str> {
 fn files(root: &Path) -> Result<Vec<Entry>> {
     let path = root.join(".gitignore");
     let ignored = fs::read_to_string(&path).on("read", &path)?;
-    let ignored: Vec<&str> = ignored
-        .lines()
-        .map(str::trim)
-        .filter(|line| !line.starts_with('#'))
-        .collect();
+    let ignored: Vec<&str> = ignored.lines().map(str::trim).filter(|line| !line.starts_with('#')).collect();
     let mut files = Vec::new();
     walk(root, "", &ignored, &mut files)?;
     files.sort_by(|a, b| a.path.cmp(&b.path));
@@ -107,11 +90,7 @@ fn walk(folder: &Path, prefix: &str, ignored: &[&str], files: &mut Vec<Entry>) -
             walk(&entry.path(), &format!("{path}/"), ignored, files)?;
         } else if kind.is_file() {
             let bytes = fs::read(entry.path()).on("read", &entry.path())?;
-            let text = if bytes.contains(&0) {
-                None
-            } else {
-                String::from_utf8(bytes).ok()
-            };
+            let text = if bytes.contains(&0) { None } else { String::from_utf8(bytes).ok() };
             files.push(Entry { path, text });
         }
     }
@@ -122,9 +101,7 @@ fn walk(folder: &Path, prefix: &str, ignored: &[&str], files: &mut Vec<Entry>) -
 fn is_ignored(path: &str, pattern: &str) -> bool {
     let pattern = pattern.trim_end_matches('/');
     if let Some(rooted) = pattern.strip_prefix('/') {
-        return rooted
-            .strip_suffix('*')
-            .map_or(path == rooted, |start| path.starts_with(start));
+        return rooted.strip_suffix('*').map_or(path == rooted, |start| path.starts_with(start));
     }
     let name = path.rsplit('/').next().unwrap_or(path);
     match pattern.strip_prefix('*') {
@@ -141,21 +118,13 @@ mod tests {
     #[test]
     fn this_repository_is_tidy() {
         let problem = run(&crate::process::Workspace::find().root).err();
-        assert!(
-            problem.is_none(),
-            "{}",
-            problem.map(|p| p.to_string()).unwrap_or_default()
-        );
+        assert!(problem.is_none(), "{}", problem.map(|p| p.to_string()).unwrap_or_default());
     }
 
     #[test]
     fn ignore_patterns() {
         let check = |path: &str, pattern: &str, ignored: bool| {
-            assert_eq!(
-                is_ignored(path, pattern),
-                ignored,
-                "{path} against {pattern}"
-            );
+            assert_eq!(is_ignored(path, pattern), ignored, "{path} against {pattern}");
         };
         check("target", "/target", true);
         check("crates/target", "/target", false);

@@ -4,30 +4,14 @@ use super::{Entry, Violation};
 
 /// Cut in two, so that this file obeys its own rule.
 const FORBIDDEN: [(&str, &str, &str); 8] = [
-    (
-        "crates",
-        ".io",
-        "say \"the default registry\": which host serves it is the user's setting",
-    ),
+    ("crates", ".io", "say \"the default registry\": which host serves it is the user's setting"),
     ("pypi", ".org", "say \"the Python package index\""),
     ("pythonhosted", ".org", "say \"the Python package index\""),
     ("registry.npmjs", ".org", "say \"the npm registry\""),
     ("deb.debian", ".org", "say \"Debian's packages\""),
-    (
-        "../",
-        "shared",
-        "nothing may depend on a folder outside of the repository: copy what is needed",
-    ),
-    (
-        "/wo",
-        "rk/",
-        "no absolute path of one machine: make the path an argument, or relative to the repository",
-    ),
-    (
-        "/ro",
-        "ot/",
-        "no absolute path of one machine: make the path an argument, or relative to the repository",
-    ),
+    ("../", "shared", "nothing may depend on a folder outside of the repository: copy what is needed"),
+    ("/wo", "rk/", "no absolute path of one machine: make the path an argument, or relative to the repository"),
+    ("/ro", "ot/", "no absolute path of one machine: make the path an argument, or relative to the repository"),
 ];
 
 pub fn check(files: &[Entry]) -> Vec<Violation> {
@@ -54,8 +38,7 @@ pub fn check(files: &[Entry]) -> Vec<Violation> {
 fn contains(line: &str, word: &str) -> bool {
     line.match_indices(word).any(|(at, _)| {
         let before = line[..at].chars().next_back();
-        !word.starts_with('/')
-            || before.is_none_or(|letter| !letter.is_alphanumeric() && !"_-.}".contains(letter))
+        !word.starts_with('/') || before.is_none_or(|letter| !letter.is_alphanumeric() && !"_-.}".contains(letter))
     })
 }
 
@@ -67,22 +50,10 @@ mod tests {
     fn forbidden_words_are_found_with_their_line() {
         let path = ["cd /wo", "rk/main"].concat();
         let relative = ["open(\"../", "shared/x\")"].concat();
-        let file = |text: String| Entry {
-            path: "a.md".into(),
-            text: Some(text),
-        };
+        let file = |text: String| Entry { path: "a.md".into(), text: Some(text) };
         let found = check(&[file(format!("fine\n{path}\n{relative}\n"))]);
-        assert_eq!(
-            found.iter().map(|v| v.place.as_str()).collect::<Vec<_>>(),
-            ["a.md:2", "a.md:3"]
-        );
+        assert_eq!(found.iter().map(|v| v.place.as_str()).collect::<Vec<_>>(), ["a.md:2", "a.md:3"]);
         assert!(check(&[file(["net/wo", "rk/x frame/wo", "rk/"].concat())]).is_empty());
-        assert!(
-            check(&[Entry {
-                path: "Cargo.lock".into(),
-                text: Some(path)
-            }])
-            .is_empty()
-        );
+        assert!(check(&[Entry { path: "Cargo.lock".into(), text: Some(path) }]).is_empty());
     }
 }
