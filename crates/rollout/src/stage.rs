@@ -61,7 +61,7 @@ pub enum RolloutError {
     },
     /// The episode store failed.
     #[error(transparent)]
-    Store(#[from] genmanip_data::store::StoreError),
+    Store(#[from] genmanip_data::DataError),
 }
 
 impl Stage {
@@ -95,7 +95,7 @@ impl Stage {
                 joint_positions: placed.joint_positions.clone(),
             })
             .collect();
-        let scene = Arc::new(Scene::compile(Some(robot), &objects, sim)?);
+        let scene = Arc::new(Scene::compile(robot, &objects, sim)?);
         Ok(Self { scenario, models, robot: Arc::clone(robot), scene, relations: RelationSettings::default() })
     }
 
