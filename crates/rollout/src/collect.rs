@@ -13,7 +13,7 @@ use genmanip_core::{
 };
 use genmanip_data::EpisodeStore;
 use genmanip_layout::{LayoutSettings, lay_out};
-use genmanip_sim::{CONTROL_RATE_HZ, SimSettings};
+use genmanip_sim::SimSettings;
 use serde::{Deserialize, Serialize};
 
 use crate::expert::{Expert, ExpertSettings};
@@ -136,7 +136,7 @@ fn make(
     let scenario = match attempt.scenario(resources, &settings.layout) {
         Ok(scenario) => scenario,
         Err(error) => {
-            let result = not_laid_out(attempt, &error, &settings.rollout);
+            let result = not_laid_out(attempt, &error, settings);
             store.write_result_only(&result, None)?;
             return Ok(result);
         }
@@ -148,7 +148,7 @@ fn make(
     Ok(episode.result)
 }
 
-fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, settings: &RolloutSettings) -> EpisodeResult {
+fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, settings: &CollectSettings) -> EpisodeResult {
     EpisodeResult {
         id: attempt.id(),
         scenario_id: String::new(),
@@ -161,8 +161,8 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         verdict: GoalVerdict { score: 0.0, success: false, alternatives: Vec::new() },
         failure: Some(Failure { cause: FailureCause::Layout, evidence: error.to_string() }),
         duration_s: 0.0,
-        horizon_s: settings.horizon_s,
-        control_rate_hz: CONTROL_RATE_HZ,
+        horizon_s: settings.rollout.horizon_s,
+        control_rate_hz: f64::from(settings.sim.control_rate_hz),
         frames: 0,
         tcp_path_m: 0.0,
         max_stray_contact_n: 0.0,

@@ -123,6 +123,11 @@ impl Stage {
         }
     }
 
+    /// Control steps per second.
+    pub fn control_rate_hz(&self) -> f64 {
+        f64::from(self.scene.settings().control_rate_hz)
+    }
+
     /// Name of an object for people.
     pub fn name(&self, object: usize) -> &str {
         self.models.get(object).map_or("?", |model| &model.card.name)
