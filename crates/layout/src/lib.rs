@@ -14,7 +14,7 @@ mod reach;
 mod settings;
 mod visibility;
 
-pub use audit::{LayoutAudit, audit};
+pub use audit::{AuditError, LayoutAudit, audit};
 pub use error::{LayoutError, Rejections};
 pub use settings::LayoutSettings;
 

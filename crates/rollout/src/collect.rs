@@ -6,6 +6,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{
@@ -88,7 +89,8 @@ impl<'a> Attempt<'a> {
     }
 }
 
-/// Makes every attempt that the store does not hold yet; `finished` hears of each as it ends.
+/// Makes every attempt that the store does not hold yet; `finished` hears of each as it ends,
+/// with the wall-clock seconds it took (0 for one that was there already).
 ///
 /// Returns the results of all attempts in their order. When `stop` becomes true, attempts under way are finished
 /// and the rest is left for the next run; those are missing from the results.
@@ -102,12 +104,13 @@ pub fn collect(
     settings: &CollectSettings,
     workers: usize,
     stop: &AtomicBool,
-    finished: &(dyn Fn(&EpisodeResult) + Sync),
+    finished: &(dyn Fn(&EpisodeResult, f64) + Sync),
 ) -> Result<Vec<EpisodeResult>, RolloutError> {
     store.sweep_partial()?;
     in_parallel(attempts, workers, stop, &|attempt| {
-        let id = attempt.id();
-        let result = if store.contains(&id) {
+        let (id, started) = (attempt.id(), Instant::now());
+        let known = store.contains(&id);
+        let result = if known {
             store.read_result(&id)?
         } else {
             make(attempt, resources, store, settings)?
@@ -121,7 +124,7 @@ pub fn collect(
                 Stage::open(Arc::new(episode.scenario.clone()), resources.catalogue, resources.robot, &settings.sim)?;
             store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
         }
-        finished(&result);
+        finished(&result, if known { 0.0 } else { started.elapsed().as_secs_f64() });
         Ok(result)
     })
 }
