@@ -3,20 +3,20 @@
 use std::sync::Arc;
 
 use genmanip_core::Scenario;
-use genmanip_scene::relations::PosedObject;
+use genmanip_scene::relations::{PosedObject, PosedScene};
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError, SimSettings};
 
 use crate::LayoutSettings;
 
-/// The objects after they have come to rest without a robot; the reason when they do not, or fall over.
-pub(crate) fn settle(placed: &[PosedObject], settings: &LayoutSettings) -> Result<Vec<PosedObject>, String> {
-    let objects: Vec<SceneObject> = placed.iter().map(scene_object).collect();
+/// Lets the objects come to rest without a robot; the reason when they do not, or fall over.
+pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Result<(), String> {
+    let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
     let broken = |error: SimError| format!("physics refuses the layout: {error}");
-    let scene = Scene::compile_without_robot(&objects, &SimSettings::default()).map_err(broken)?;
-    let mut sim = Sim::new(Arc::new(scene));
+    let compiled = Scene::compile_without_robot(&objects, &SimSettings::default()).map_err(broken)?;
+    let mut sim = Sim::new(Arc::new(compiled));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
     let report = sim.settle(&rest).map_err(broken)?;
-    let name = |index: usize| &placed[index].model.card.name;
+    let name = |index: usize| objects[index].model.card.name.as_str();
     if !report.settled {
         return Err("objects do not come to rest".into());
     }
@@ -29,17 +29,15 @@ pub(crate) fn settle(placed: &[PosedObject], settings: &LayoutSettings) -> Resul
     if report.final_penetration > settings.max_penetration_m {
         return Err("objects penetrate each other".into());
     }
-    let states = sim.object_states();
-    Ok(placed
-        .iter()
-        .zip(states)
-        .map(|(object, state)| PosedObject::new(Arc::clone(&object.model), state.pose, state.joint_positions))
-        .collect())
+    for (index, state) in sim.object_states().into_iter().enumerate() {
+        scene.set_pose(index, state.pose, &state.joint_positions);
+    }
+    Ok(())
 }
 
 fn scene_object(object: &PosedObject) -> SceneObject {
     SceneObject {
-        name: object.uid().to_owned(),
+        name: object.uid.clone(),
         model: Arc::clone(&object.model),
         pose: object.pose,
         joint_positions: object.joint_positions.clone(),

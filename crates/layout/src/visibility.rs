@@ -16,7 +16,7 @@ const PROMPT_CAMERAS: [&str; 3] = ["overview", "left", "right"];
 
 /// The reason when some object is too small or too hidden in every prompt camera.
 pub(crate) fn hidden(scene: &PosedScene, robot: &Arc<RobotModel>, settings: &LayoutSettings) -> Option<String> {
-    let models: Vec<_> = scene.objects().iter().map(|object| Arc::clone(&object.model)).collect();
+    let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
     let assets = RenderAssets::new(Arc::clone(robot), &models, &Environment::default()).ok()?;
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let cameras: Vec<Camera> =
@@ -24,7 +24,7 @@ pub(crate) fn hidden(scene: &PosedScene, robot: &Arc<RobotModel>, settings: &Lay
     let away = Pose::from_position(DVec3::new(0.0, 0.0, -50.0));
     // Everything, or one object alone on the table with the robot out of the way.
     let mut ids = |alone: Option<usize>| -> Option<Vec<FrameBuffers>> {
-        let poses = scene.objects().iter().enumerate().map(|(index, object)| {
+        let poses = scene.objects().enumerate().map(|(index, object)| {
             let shown = alone.is_none_or(|alone| alone == index);
             (if shown { object.pose } else { away }, object.joint_positions.as_slice())
         });
@@ -43,7 +43,7 @@ pub(crate) fn hidden(scene: &PosedScene, robot: &Arc<RobotModel>, settings: &Lay
         picture.instance.iter().filter(|&&id| id == wanted).count()
     };
     let together = ids(None)?;
-    for (index, object) in scene.objects().iter().enumerate() {
+    for (index, object) in scene.objects().enumerate() {
         let alone = ids(Some(index))?;
         let seen = together.iter().zip(&alone).any(|(together, alone)| {
             let (visible, whole) = (count(together, index), count(alone, index));

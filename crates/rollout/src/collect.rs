@@ -145,7 +145,7 @@ fn make(
         }
     };
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.robot, &settings.sim)?;
-    let mut expert = Expert::new(&stage, settings.expert.clone());
+    let mut expert = Expert::new(&stage, settings.expert.clone())?;
     let episode = run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?;
     store.write(&episode, &[])?;
     Ok(episode.result)

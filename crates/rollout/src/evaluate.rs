@@ -65,7 +65,7 @@ pub fn evaluate(
         let stage =
             Stage::open(Arc::new(recorded.scenario.clone()), resources.catalogue, resources.robot, &settings.sim)?;
         let mut policy: Box<dyn Policy> = match policy {
-            BuiltinPolicy::Expert => Box::new(Expert::new(&stage, settings.expert.clone())),
+            BuiltinPolicy::Expert => Box::new(Expert::new(&stage, settings.expert.clone())?),
             BuiltinPolicy::Replay => Box::new(OpenLoopReplay::of(&recorded)),
             BuiltinPolicy::DoNothing => Box::new(DoNothing { duration_s: 5.0 }),
         };
