@@ -1,6 +1,6 @@
 //! Who touches whom, and how hard.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
@@ -77,87 +77,85 @@ pub(crate) fn contacts<'a>(
     })
 }
 
+/// A finger of the gripper at one physics step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Finger {
+    /// Index in the robot's links.
+    pub link: usize,
+    /// Unit vector in the world along which it closes.
+    pub closing: DVec3,
+}
+
 /// What the robot touched during one control interval.
 #[derive(Debug, Default)]
 pub(crate) struct TouchTally {
-    /// Largest summed normal force per pair of a robot link and another body, N.
-    robot: BTreeMap<(BodyId, BodyId), f64>,
-    /// Objects held (touched with force by both fingers) at some physics step, as a sorted list.
-    held: Vec<usize>,
-    /// The object held at the first physics step.
+    /// Largest force per pair of a robot link and another body that counts as stray unless the body is held, N.
+    stray: BTreeMap<(BodyId, BodyId), f64>,
+    /// Objects both fingers pressed on at some physics step.
+    held: BTreeSet<usize>,
+    /// The object held most firmly at the first physics step.
     held_at_start: Option<usize>,
     steps: usize,
 }
 
-/// Less normal force than this is no touch, N; contacts at rest under their margin report exact zeros.
+/// Less normal force than this is no touch, N.
 const TOUCH_N: f64 = 1e-3;
+/// A finger presses in its closing direction when the contact normal is within 45 degrees of it.
+const CLOSING_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 impl TouchTally {
     /// Counts the contacts of one physics step.
-    pub fn add(&mut self, fingers: [usize; 2], contacts: impl Iterator<Item = ContactReport>) {
-        let mut pairs: BTreeMap<(BodyId, BodyId), f64> = BTreeMap::new();
+    pub fn add(&mut self, fingers: [Finger; 2], contacts: impl Iterator<Item = ContactReport>) {
+        let mut stray: BTreeMap<(BodyId, BodyId), f64> = BTreeMap::new();
+        let mut pressed: [BTreeMap<usize, f64>; 2] = Default::default();
         for contact in contacts {
-            let (a, b) = (contact.a.min(contact.b), contact.a.max(contact.b));
-            let robot = match (a, b) {
-                (BodyId::Robot { .. }, _) => (a, b),
-                (_, BodyId::Robot { .. }) => (b, a),
+            // The robot first; of two of its links the lower one.
+            let (robot, other, towards_other) = match (contact.a, contact.b) {
+                (BodyId::Robot { link: a }, BodyId::Robot { link: b }) if a > b => {
+                    (contact.b, contact.a, -contact.normal)
+                }
+                (BodyId::Robot { .. }, _) => (contact.a, contact.b, contact.normal),
+                (_, BodyId::Robot { .. }) => (contact.b, contact.a, -contact.normal),
                 _ => continue,
             };
-            *pairs.entry(robot).or_default() += contact.normal_force;
-        }
-        let held = held_objects(fingers, &pairs);
-        if self.steps == 0 {
-            self.held_at_start = held.first().map(|(object, _)| *object);
-        }
-        self.steps += 1;
-        for (object, _) in held {
-            if let Err(place) = self.held.binary_search(&object) {
-                self.held.insert(place, object);
+            let finger = fingers.iter().position(|finger| robot == BodyId::Robot { link: finger.link });
+            let mut grasping = false;
+            if let Some(finger) = finger {
+                grasping = towards_other.dot(fingers[finger].closing) > CLOSING_COSINE;
+                match other {
+                    BodyId::Object { object, .. } => {
+                        *pressed[finger].entry(object).or_default() += contact.normal_force
+                    }
+                    BodyId::Robot { link } => grasping |= fingers.iter().any(|finger| finger.link == link),
+                    BodyId::Table | BodyId::Floor => grasping = false,
+                }
+            }
+            if !grasping {
+                *stray.entry((robot, other)).or_default() += contact.normal_force;
             }
         }
-        for (pair, force) in pairs {
-            let largest = self.robot.entry(pair).or_default();
+        let [first, second] = pressed;
+        let firmness = |object: &usize| first[object].min(second.get(object).copied().unwrap_or(0.0));
+        let held: Vec<usize> = first.keys().copied().filter(|object| firmness(object) > TOUCH_N).collect();
+        if self.steps == 0 {
+            self.held_at_start = held.iter().copied().max_by(|a, b| firmness(a).total_cmp(&firmness(b)));
+        }
+        self.steps += 1;
+        self.held.extend(held);
+        for (pair, force) in stray {
+            let largest = self.stray.entry(pair).or_default();
             *largest = largest.max(force);
         }
     }
 
-    /// Index of the object both fingers touched at the first step.
+    /// Index of the object both fingers pressed on at the first step; of several, the most firmly held.
     pub fn grasped(&self) -> Option<usize> {
         self.held_at_start
     }
 
-    /// Largest force between a robot link and anything but a held object; fingers touching each other do not count.
-    pub fn stray_force(&self, fingers: [usize; 2]) -> f64 {
-        let [first, second] = fingers.map(|link| BodyId::Robot { link });
-        self.robot
-            .iter()
-            .filter(|((robot, other), _)| match other {
-                BodyId::Object { object, .. } => !self.held.contains(object),
-                BodyId::Robot { .. } => (*robot, *other) != (first.min(second), first.max(second)),
-                _ => true,
-            })
-            .map(|(_, force)| *force)
-            .fold(0.0, f64::max)
+    /// Largest stray force, N; what is held does not count, whatever part of the robot it touches.
+    pub fn stray_force(&self) -> f64 {
+        let is_held = |body: &BodyId| matches!(body, BodyId::Object { object, .. } if self.held.contains(object));
+        self.stray.iter().filter(|((_, other), _)| !is_held(other)).map(|(_, force)| *force).fold(0.0, f64::max)
     }
-}
-
-/// Objects both fingers press on, the most firmly held one first.
-fn held_objects(fingers: [usize; 2], pairs: &BTreeMap<(BodyId, BodyId), f64>) -> Vec<(usize, f64)> {
-    let touched = |link: usize| {
-        let mut forces: BTreeMap<usize, f64> = BTreeMap::new();
-        for (&(robot, other), &force) in pairs {
-            if let (true, BodyId::Object { object, .. }) = (robot == BodyId::Robot { link }, other) {
-                *forces.entry(object).or_default() += force;
-            }
-        }
-        forces
-    };
-    let [first, second] = fingers.map(touched);
-    let mut held: Vec<(usize, f64)> = first
-        .into_iter()
-        .filter_map(|(object, force)| Some((object, force.min(*second.get(&object)?))))
-        .filter(|(_, force)| *force > TOUCH_N)
-        .collect();
-    held.sort_by(|a, b| b.1.total_cmp(&a.1));
-    held
 }

@@ -16,6 +16,13 @@ pub(crate) fn setpoint_from_width(width: f64, settings: &SimSettings) -> f64 {
     if width >= overclose { width } else { 2.0 * width - overclose }
 }
 
+/// Set point of the width drive at the end of an interval: towards the commanded width at the fingers' published speed.
+pub(crate) fn next_setpoint(current: f64, width: f64, robot: &RobotModel, settings: &SimSettings) -> f64 {
+    let fingers = robot.gripper.fingers.iter().filter_map(|&link| robot.links.get(link)?.joint.as_ref());
+    let reach = fingers.map(|joint| joint.max_velocity).sum::<f64>() * settings.control_period_s();
+    setpoint_from_width(width, settings).clamp(current - reach, current + reach)
+}
+
 /// The command as it will be applied: f32, within the joint ranges, no faster than the joints' published speeds.
 ///
 /// Applying the result again gives the same result, so that recorded commands replay exactly.

@@ -25,6 +25,14 @@ pub enum SimError {
         /// Positions given.
         got: usize,
     },
+    /// Another version of the physics engine is linked than this program was written for.
+    #[error("expected {expected}, linked is {got}; run `cargo xtask setup` and build again")]
+    EngineVersion {
+        /// Version whose results are known.
+        expected: String,
+        /// Version found.
+        got: String,
+    },
     /// The engine refused the assembled model, e.g. for an impossible inertia; its words follow.
     #[error("the physics engine refused the scene: {0}")]
     Compile(String),

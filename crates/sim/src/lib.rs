@@ -29,6 +29,9 @@ pub use settings::SimSettings;
 pub use settle::{SettleReport, SettleSettings};
 pub use sim::Sim;
 
+/// The version this crate is tuned and tested with; another one gives other bytes.
+const ENGINE: &str = "mujoco 3.17.0";
+
 /// Name and version of the physics engine, as stored with every result: `mujoco 3.17.0`.
 pub fn engine_version() -> String {
     format!("mujoco {}", mujoco_rs::mujoco_version())

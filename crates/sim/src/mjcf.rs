@@ -7,7 +7,7 @@
 mod objects;
 mod robot;
 
-use genmanip_core::{Material, MassProperties, Piece, Pose, RobotModel, Shape};
+use genmanip_core::{MassProperties, Material, Piece, Pose, RobotModel, Shape};
 
 use crate::drive::setpoint_from_width;
 use crate::xml::Element;
@@ -58,8 +58,8 @@ pub(crate) fn assemble(robot: Option<&RobotModel>, objects: &[SceneObject], sett
 
     let mut world = Element::new("worldbody")
         .child(Element::new("light").numbers("pos", &[0.5, 0.0, 2.5]).numbers("dir", &[0.0, 0.0, -1.0]))
-        .child(slab(settings))
-        .child(floor(settings));
+        .child(slab())
+        .child(floor());
     world.extend(parts.bodies);
 
     let mut root = Element::new("mujoco").text("model", "genmanip");
@@ -111,9 +111,9 @@ fn size(settings: &SimSettings) -> Element {
 fn defaults(settings: &SimSettings) -> Element {
     let [turning, rolling] = settings.object_rotational_friction;
     let fixed = |name: &str, friction: f64, rgba: [f64; 4]| {
-        Element::new("default").text("class", name).child(
-            Element::new("geom").numbers("friction", &[friction, turning, rolling]).numbers("rgba", &rgba),
-        )
+        Element::new("default")
+            .text("class", name)
+            .child(Element::new("geom").numbers("friction", &[friction, turning, rolling]).numbers("rgba", &rgba))
     };
     let mut defaults = Element::new("default").child(
         Element::new("geom")
@@ -123,41 +123,36 @@ fn defaults(settings: &SimSettings) -> Element {
     );
     defaults.push(fixed("fixed", settings.table_friction, [0.8, 0.78, 0.74, 1.0]));
     defaults.push(fixed("robot", settings.robot_friction, [0.9, 0.9, 0.9, 1.0]));
-    defaults.push(Element::new("default").text("class", "pad").child(
-        Element::new("geom")
-            .number("condim", 4.0)
-            .number("priority", 1.0)
-            .numbers("friction", &settings.pad_friction)
-            .numbers("solref", &settings.pad_solref)
-            .numbers("solimp", &settings.pad_solimp)
-            .numbers("rgba", &[0.2, 0.2, 0.2, 1.0]),
-    ));
-    // Six contact dimensions: without rolling friction a ball would never come to rest.
     defaults.push(
-        Element::new("default").text("class", "object").child(Element::new("geom").number("condim", 6.0)),
+        Element::new("default").text("class", "pad").child(
+            Element::new("geom")
+                .number("condim", 4.0)
+                .number("priority", 1.0)
+                .numbers("friction", &settings.pad_friction)
+                .numbers("solref", &settings.pad_solref)
+                .numbers("solimp", &settings.pad_solimp)
+                .numbers("rgba", &[0.2, 0.2, 0.2, 1.0]),
+        ),
     );
+    // Six contact dimensions: without rolling friction a ball would never come to rest.
+    defaults.push(Element::new("default").text("class", "object").child(Element::new("geom").number("condim", 6.0)));
     defaults
 }
 
-fn slab(_: &SimSettings) -> Element {
+fn slab() -> Element {
     Element::named("body", TABLE).numbers("pos", &TABLE_CENTER_M).child(
-        Element::named("geom", TABLE)
-            .text("class", "fixed")
-            .text("type", "box")
-            .numbers("size", &TABLE_HALF_EXTENTS_M),
+        Element::named("geom", TABLE).text("class", "fixed").text("type", "box").numbers("size", &TABLE_HALF_EXTENTS_M),
     )
 }
 
-fn floor(_: &SimSettings) -> Element {
+fn floor() -> Element {
     Element::named("body", FLOOR).numbers("pos", &[0.0, 0.0, FLOOR_Z_M]).child(
         Element::named("geom", FLOOR).text("class", "fixed").text("type", "plane").numbers("size", &[3.0, 3.0, 0.1]),
     )
 }
 
 fn with_pose(element: Element, outer_from_inner: &Pose) -> Element {
-    element
-        .numbers("pos", &outer_from_inner.position.to_array())
-        .numbers("quat", &outer_from_inner.to_wxyz_array())
+    element.numbers("pos", &outer_from_inner.position.to_array()).numbers("quat", &outer_from_inner.to_wxyz_array())
 }
 
 fn inertial(mass: &MassProperties) -> Element {
@@ -169,8 +164,8 @@ fn inertial(mass: &MassProperties) -> Element {
 }
 
 /// The geometry of a piece; a hull refers to the mesh of the given name.
-fn geom(class: &'static str, piece: &Piece, mesh: &str) -> Element {
-    let geom = with_pose(Element::new("geom").text("class", class), &piece.link_from_piece);
+fn geom(name: &str, class: &'static str, piece: &Piece, mesh: &str) -> Element {
+    let geom = with_pose(Element::named("geom", name).text("class", class), &piece.link_from_piece);
     match &piece.shape {
         Shape::Box { half_extents } => geom.text("type", "box").numbers("size", &half_extents.to_array()),
         Shape::Sphere { radius } => geom.text("type", "sphere").number("size", *radius),

@@ -8,7 +8,7 @@ use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
 use mujoco_rs::wrappers::MjModel;
 
 use crate::contact::BodyId;
-use crate::{SimError, SimSettings, mjcf};
+use crate::{ENGINE, SimError, SimSettings, engine_version, mjcf};
 
 /// An object and where it starts.
 #[derive(Clone, Debug)]
@@ -45,6 +45,7 @@ pub(crate) struct RobotIndex {
     pub link_bodies: Vec<usize>,
     pub arm_qpos: Vec<usize>,
     pub arm_dof: Vec<usize>,
+    pub finger_joints: [usize; 2],
     pub finger_qpos: [usize; 2],
     /// Controls: position targets, speeds of the targets, width set point.
     pub position_ctrl: Vec<usize>,
@@ -84,6 +85,10 @@ impl Scene {
         objects: &[SceneObject],
         settings: &SimSettings,
     ) -> Result<Self, SimError> {
+        let engine = engine_version();
+        if engine != ENGINE {
+            return Err(SimError::EngineVersion { expected: ENGINE.into(), got: engine });
+        }
         settings.check()?;
         check_objects(objects)?;
         if let Some(robot) = robot {
@@ -184,30 +189,35 @@ fn check_robot(robot: &RobotModel, settings: &SimSettings) -> Result<(), SimErro
     Ok(())
 }
 
+/// A joint's number and where its position and velocity begin.
+struct JointAddress {
+    id: usize,
+    qpos: usize,
+    dof: usize,
+}
+
 /// Name look-ups, once per scene.
 struct Names<'a>(&'a MjModel);
 
 impl Names<'_> {
     fn id(&self, kind: ObjectType, name: &str) -> Result<usize, SimError> {
-        self.0
-            .name_to_id(kind, name)
-            .ok_or_else(|| SimError::Compile(format!("the compiled model lacks `{name}`")))
+        self.0.name_to_id(kind, name).ok_or_else(|| SimError::Compile(format!("the compiled model lacks `{name}`")))
     }
 
-    /// Addresses of a joint's position and velocity.
-    fn joint(&self, name: &str) -> Result<(usize, usize), SimError> {
+    fn joint(&self, name: &str) -> Result<JointAddress, SimError> {
         let id = self.id(ObjectType::mjOBJ_JOINT, name)?;
-        Ok((self.0.jnt_qposadr()[id] as usize, self.0.jnt_dofadr()[id] as usize))
+        Ok(JointAddress { id, qpos: self.0.jnt_qposadr()[id] as usize, dof: self.0.jnt_dofadr()[id] as usize })
     }
 
     fn robot(&self, robot: &RobotModel) -> Result<RobotIndex, SimError> {
-        let arm: Vec<(usize, usize)> =
+        let arm: Vec<JointAddress> =
             robot.arm_joints().map(|joint| self.joint(&mjcf::robot_joint(&joint.name))).collect::<Result<_, _>>()?;
-        let finger = |number: usize| -> Result<usize, SimError> {
+        let finger = |number: usize| -> Result<JointAddress, SimError> {
             let name = mjcf::finger_joint(robot, number)
                 .ok_or_else(|| SimError::Settings(format!("robot `{}` has a finger without a joint", robot.name)))?;
-            Ok(self.joint(&name)?.0)
+            self.joint(&name)
         };
+        let fingers = [finger(0)?, finger(1)?];
         let drives = |kind: &str| -> Result<Vec<usize>, SimError> {
             robot
                 .arm_joints()
@@ -220,9 +230,10 @@ impl Names<'_> {
                 .iter()
                 .map(|link| self.id(ObjectType::mjOBJ_BODY, &mjcf::robot_body(&link.name)))
                 .collect::<Result<_, _>>()?,
-            arm_qpos: arm.iter().map(|(qpos, _)| *qpos).collect(),
-            arm_dof: arm.iter().map(|(_, dof)| *dof).collect(),
-            finger_qpos: [finger(0)?, finger(1)?],
+            arm_qpos: arm.iter().map(|joint| joint.qpos).collect(),
+            arm_dof: arm.iter().map(|joint| joint.dof).collect(),
+            finger_joints: fingers.each_ref().map(|joint| joint.id),
+            finger_qpos: fingers.each_ref().map(|joint| joint.qpos),
             position_ctrl: drives("position")?,
             velocity_ctrl: drives("velocity")?,
             grip_ctrl: self.id(ObjectType::mjOBJ_ACTUATOR, mjcf::GRIP)?,
@@ -231,15 +242,15 @@ impl Names<'_> {
     }
 
     fn object(&self, object: &SceneObject) -> Result<ObjectIndex, SimError> {
-        let (root_qpos, root_dof) = self.joint(&mjcf::object_free_joint(&object.name))?;
+        let root = self.joint(&mjcf::object_free_joint(&object.name))?;
         let joints = object.model.links.iter().filter_map(|link| link.joint.as_ref());
         Ok(ObjectIndex {
             name: object.name.clone(),
             link_names: object.model.links.iter().map(|link| link.name.clone()).collect(),
-            root_qpos,
-            root_dof,
+            root_qpos: root.qpos,
+            root_dof: root.dof,
             joint_qpos: joints
-                .map(|joint| Ok(self.joint(&mjcf::object_joint(&object.name, &joint.name))?.0))
+                .map(|joint| Ok(self.joint(&mjcf::object_joint(&object.name, &joint.name))?.qpos))
                 .collect::<Result<_, SimError>>()?,
         })
     }

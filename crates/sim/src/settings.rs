@@ -7,7 +7,7 @@ use crate::SimError;
 /// How physics, drives and contacts behave; stored beside every result.
 ///
 /// The contact values hold thin and heavy objects by friction alone; they were tuned on scripted picks
-/// (see `tests/sim.rs`), starting from MuJoCo Menagerie's Panda.
+/// (see `tests/sim`), starting from MuJoCo Menagerie's Panda.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SimSettings {
@@ -17,7 +17,8 @@ pub struct SimSettings {
     pub control_rate_hz: u32,
     /// Newton iterations of the contact solver, at most. 100; it stops at its tolerance, mostly after 2-4.
     pub solver_iterations: u32,
-    /// Ratio of frictional to normal impedance. 10: friction is stiffer than contact, so that held things do not creep.
+    /// Ratio of frictional to normal impedance. 30: friction is stiffer than contact; held things creep a third as fast
+    /// as with 10, at the same cost.
     pub impedance_ratio: f64,
     /// Downward acceleration, m/s². 9.81.
     pub gravity: f64,
@@ -33,15 +34,17 @@ pub struct SimSettings {
     /// Viscous friction of an arm joint, N·m·s/rad. 1.
     pub arm_damping: f64,
 
-    /// Largest grip force, sum over both fingers, N. 50: the maker's 70 N hand with a margin.
+    /// Largest grip force, sum over both fingers, N. 40: gentle beside the hand's 70 N; 0.6 kg held by 40 N
+    /// of pad friction still bears 6 g sideways.
     pub grip_force_n: f64,
-    /// Stiffness of the width drive, N per metre of opening. 10,000: full force from 2.5 mm of squeeze on.
+    /// Stiffness of the width drive, N per metre of opening. 5,000: full force from 5 mm of squeeze on.
     pub grip_kp: f64,
     /// How far beyond closed a commanded width of 0 aims, m. 0.01, so that thin things are held with full force.
     pub grip_overclose_m: f64,
-    /// Inertia of the finger drive seen at one finger, kg. 0.1.
+    /// Inertia of the finger drive seen at one finger, kg. 0.3.
     pub finger_armature: f64,
-    /// Viscous friction of a finger, N·s/m. 250: closing at full force runs at 0.1 m/s per finger.
+    /// Viscous friction of a finger, N·s/m. 80. Times a physics step it must stay well below the inertia:
+    /// the integrator adds it after the contacts are solved, and more makes the grip chatter and creep.
     pub finger_damping: f64,
 
     /// Friction of the pads: sliding (1), turning (m), rolling (m). 1, 0.02, 0.0001; it overrides the object's.
@@ -51,8 +54,8 @@ pub struct SimSettings {
     /// Impedance of pad contacts: at touch, at depth, and that depth (m). 0.95, 0.99, 0.001.
     pub pad_solimp: [f64; 3],
 
-    /// Turning (m) and rolling (m) friction of objects; sliding comes from the model. 0.005 and 0.0002:
-    /// a ball set rolling at 0.1 m/s comes to rest within about 0.15 m.
+    /// Turning (m) and rolling (m) friction of objects; sliding comes from the model. 0.005 and 0.0005:
+    /// a ball of 65 mm set rolling at 0.1 m/s comes to rest within 6 cm.
     pub object_rotational_friction: [f64; 2],
     /// Time constant (s) and damping ratio of all other contacts. 0.006, 1.
     pub contact_solref: [f64; 2],
@@ -71,22 +74,22 @@ impl Default for SimSettings {
             physics_rate_hz: 480,
             control_rate_hz: 60,
             solver_iterations: 100,
-            impedance_ratio: 10.0,
+            impedance_ratio: 30.0,
             gravity: 9.81,
             arena_mib: 16,
             arm_kp: vec![4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0],
             arm_kv: vec![200.0, 200.0, 150.0, 150.0, 60.0, 60.0, 40.0],
             arm_armature: 0.1,
             arm_damping: 1.0,
-            grip_force_n: 50.0,
-            grip_kp: 10_000.0,
+            grip_force_n: 40.0,
+            grip_kp: 5_000.0,
             grip_overclose_m: 0.01,
-            finger_armature: 0.1,
-            finger_damping: 250.0,
+            finger_armature: 0.3,
+            finger_damping: 80.0,
             pad_friction: [1.0, 0.02, 0.0001],
             pad_solref: [0.006, 1.0],
             pad_solimp: [0.95, 0.99, 0.001],
-            object_rotational_friction: [0.005, 0.0002],
+            object_rotational_friction: [0.005, 0.0005],
             contact_solref: [0.006, 1.0],
             contact_solimp: [0.95, 0.99, 0.001],
             table_friction: 0.3,

@@ -58,9 +58,10 @@ impl Sim {
             elapsed += 1;
             // The contacts of the last physics step are still there.
             max_penetration = self.data.contact().iter().map(|contact| -contact.dist).fold(max_penetration, f64::max);
-            let at_rest = self.object_states().iter().all(|object| {
-                object.speed <= settings.max_speed && object.angular_speed <= settings.max_angular_speed
-            });
+            let at_rest = self
+                .object_states()
+                .iter()
+                .all(|object| object.speed <= settings.max_speed && object.angular_speed <= settings.max_angular_speed);
             quiet = if at_rest { quiet + 1 } else { 0 };
         }
         let after = self.object_states();

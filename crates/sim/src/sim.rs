@@ -6,8 +6,8 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Frame, ObjectState, Pose};
 use mujoco_rs::wrappers::{MjData, MjModel, MjtState};
 
-use crate::contact::{ContactReport, TouchTally, contacts};
-use crate::drive::{applied_command, lerp, setpoint_from_width};
+use crate::contact::{ContactReport, Finger, TouchTally, contacts};
+use crate::drive::{applied_command, lerp, next_setpoint};
 use crate::scene::RobotIndex;
 use crate::{Scene, SimError};
 
@@ -63,8 +63,9 @@ impl Sim {
     /// - `grasped`: the object both fingers press on at the start; of several, the one held most firmly.
     /// - `stray_contact_n`: normal force summed over the contact points between one link of the robot (fingers
     ///   included) and one other body, the largest over pairs and physics steps.
-    ///   Not counted are objects that both fingers press on at some step of the interval, and finger on finger.
-    ///   A fingertip on the table counts, and so does a single finger that pushes something.
+    ///   Not counted are objects that both fingers press on at some step of the interval, a finger's inner side
+    ///   pressing on an object in its closing direction (within 45°: the first touch of a grasp), and finger on finger.
+    ///   A fingertip on the table or on top of an object counts, and so does the outer side of a finger.
     ///
     /// # Errors
     /// A command of the wrong length or not finite (nothing has changed then); a simulation that diverged.
@@ -77,7 +78,8 @@ impl Sim {
         let applied = applied_command(command, &previous, &robot.model, settings)?;
         let (targets, width) = applied.split_at(robot.model.arm_dof());
         let targets: Vec<f64> = targets.iter().copied().map(f64::from).collect();
-        let setpoint = setpoint_from_width(width.iter().copied().map(f64::from).sum(), settings);
+        let width = width.iter().copied().map(f64::from).sum();
+        let setpoint = next_setpoint(start[robot.grip_ctrl], width, &robot.model, settings);
 
         let mut frame = self.observe(robot, applied);
         let mut touches = TouchTally::default();
@@ -90,7 +92,7 @@ impl Sim {
             }
             ctrl[robot.grip_ctrl] = lerp(start[robot.grip_ctrl], setpoint, t);
             self.step_with(|scene, data| {
-                touches.add(robot.model.gripper.fingers, contacts(scene, data));
+                touches.add(fingers(robot, data), contacts(scene, data));
                 let torque = data.qfrc_actuator();
                 for (largest, &dof) in frame.joint_torque.iter_mut().zip(&robot.arm_dof) {
                     *largest = largest.max(torque[dof].abs());
@@ -101,7 +103,7 @@ impl Sim {
         }
         self.data.kinematics();
         frame.grasped = touches.grasped();
-        frame.stray_contact_n = touches.stray_force(robot.model.gripper.fingers);
+        frame.stray_contact_n = touches.stray_force();
         Ok(frame)
     }
 
@@ -166,9 +168,7 @@ impl Sim {
         if !state.iter().all(|value| value.is_finite()) {
             return Err(SimError::NotFinite("the saved state".into()));
         }
-        self.data
-            .set_state(state, STATE)
-            .map_err(|_| SimError::StateLength { expected, got: state.len() })?;
+        self.data.set_state(state, STATE).map_err(|_| SimError::StateLength { expected, got: state.len() })?;
         self.data.kinematics();
         Ok(())
     }
@@ -258,6 +258,16 @@ impl Sim {
         debug_assert!(restored.is_ok());
         result
     }
+}
+
+/// The fingers with the directions in which they close now.
+fn fingers(robot: &RobotIndex, data: &MjData<Arc<MjModel>>) -> [Finger; 2] {
+    let gripper = &robot.model.gripper;
+    [0, 1].map(|index| Finger {
+        link: gripper.fingers[index],
+        // Positive positions open.
+        closing: -DVec3::from_array(data.xaxis()[robot.finger_joints[index]]),
+    })
 }
 
 fn free_pose(qpos: &[f64]) -> Pose {

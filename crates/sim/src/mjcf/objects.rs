@@ -35,14 +35,15 @@ pub(super) fn add(parts: &mut Parts, objects: &[SceneObject], settings: &SimSett
     }
 }
 
-fn mesh_name(owner: &str, link: &str, piece: usize) -> String {
+/// Name of a piece, shared by its geometry and its mesh.
+fn piece_name(owner: &str, link: &str, piece: usize) -> String {
     format!("object/{owner}/{link}/{piece}")
 }
 
 fn add_meshes(parts: &mut Parts, model: &ObjectModel, owner: &str) {
     for link in &model.links {
         for (number, piece) in link.pieces.iter().enumerate() {
-            parts.assets.extend(mesh(piece, &mesh_name(owner, &link.name, number)));
+            parts.assets.extend(mesh(piece, &piece_name(owner, &link.name, number)));
         }
     }
 }
@@ -61,7 +62,6 @@ impl Writer<'_> {
         self.qpos.extend(pose.to_wxyz_array());
         let name = object_body(&self.object.name, &self.object.model.links[0].name);
         let mut body = with_pose(Element::named("body", &name), &pose)
-            .text("childclass", "object")
             .child(Element::named("freejoint", &object_free_joint(&self.object.name)));
         self.fill(&mut body, 0);
         body
@@ -74,9 +74,9 @@ impl Writer<'_> {
         let rgba = color(link.visual.first().map(|part| &part.material));
         body.push(inertial(&link.mass));
         for (number, piece) in link.pieces.iter().enumerate() {
+            let name = piece_name(&self.object.name, &link.name, number);
             body.push(
-                geom("object", piece, &mesh_name(self.owner, &link.name, number))
-                    .text("name", &mesh_name(&self.object.name, &link.name, number))
+                geom(&name, "object", piece, &piece_name(self.owner, &link.name, number))
                     .numbers("friction", &[model.friction, turning, rolling])
                     .numbers("rgba", &rgba),
             );

@@ -8,7 +8,7 @@ use crate::xml::Element;
 
 /// Pieces this close to the nearest one still count as the pad, m.
 const PAD_TIE_M: f64 = 1e-3;
-/// Gap of the finger coupling's response, s: as stiff as the step allows.
+/// Time constant of the finger coupling in physics steps: as stiff as the integrator allows.
 const COUPLING_STEPS: f64 = 2.5;
 
 pub(crate) fn robot_body(link: &str) -> String {
@@ -34,9 +34,9 @@ pub(super) fn add(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings)
     }
     for &(a, b) in &robot.never_colliding {
         if let (Some(a), Some(b)) = (robot.links.get(a), robot.links.get(b)) {
-            parts.contacts.push(
-                Element::new("exclude").text("body1", &robot_body(&a.name)).text("body2", &robot_body(&b.name)),
-            );
+            parts
+                .contacts
+                .push(Element::new("exclude").text("body1", &robot_body(&a.name)).text("body2", &robot_body(&b.name)));
         }
     }
     add_arm_drives(parts, robot, settings);
@@ -52,9 +52,8 @@ fn link_body(
 ) -> Element {
     let link = &robot.links[index];
     let is_finger = robot.gripper.fingers.contains(&index);
-    let mut body = with_pose(Element::named("body", &robot_body(&link.name)), &link.parent_from_link)
-        .text("childclass", "robot")
-        .number("gravcomp", 1.0);
+    let mut body =
+        with_pose(Element::named("body", &robot_body(&link.name)), &link.parent_from_link).number("gravcomp", 1.0);
     if link.mass.mass_kg > 0.0 {
         body.push(inertial(&link.mass));
     }
@@ -68,7 +67,7 @@ fn link_body(
         let name = format!("robot/{}/{number}", link.name);
         parts.assets.extend(mesh(piece, &name));
         let class = if pads.contains(&number) { "pad" } else { "robot" };
-        body.push(geom(class, piece, &name).text("name", &name));
+        body.push(geom(&name, class, piece, &name));
     }
     for child in (0..robot.links.len()).filter(|&child| robot.links[child].parent == Some(index)) {
         let child = link_body(parts, robot, child, home, settings);

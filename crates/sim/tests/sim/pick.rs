@@ -31,6 +31,8 @@ pub struct Pick {
     pub grasp: DVec3,
     /// Turn of the closing direction against the object's y, rad.
     pub yaw: f64,
+    /// Opening of the gripper on the way down, m.
+    pub opening: f32,
 }
 
 pub fn pick(robot: &RobotModel, pick: &Pick, settings: &SimSettings) -> Result<PickReport, SimError> {
@@ -60,10 +62,10 @@ pub fn pick(robot: &RobotModel, pick: &Pick, settings: &SimSettings) -> Result<P
         }
         Ok(())
     };
-    run(&mut sim, &joint_path(&home, &pre, 90), 0.08)?;
+    run(&mut sim, &joint_path(&home, &pre, 90), pick.opening)?;
     let (descent, at) = line(robot, &pre, &above(0.1), &grasp, 60);
-    run(&mut sim, &descent, 0.08)?;
-    run(&mut sim, &vec![at.clone(); 12], 0.08)?;
+    run(&mut sim, &descent, pick.opening)?;
+    run(&mut sim, &vec![at.clone(); 12], pick.opening)?;
     let before = sim.object_states()[0].pose;
     run(&mut sim, &vec![at.clone(); 36], 0.0)?;
     let closed = sim.object_states()[0].pose;
@@ -157,16 +159,16 @@ fn difference(from: &Pose, to: &Pose) -> [f64; 6] {
     [p.x, p.y, p.z, w.x, w.y, w.z]
 }
 
+/// Gaussian elimination with row pivoting.
 fn solve_linear(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> [f64; 6] {
     for pivot in 0..6 {
-        let best = (pivot..6).max_by(|&i, &j| a[i][pivot].abs().total_cmp(&a[j][pivot].abs())).unwrap();
+        let best = (pivot..6).max_by(|&i, &j| a[i][pivot].abs().total_cmp(&a[j][pivot].abs())).unwrap_or(pivot);
         a.swap(pivot, best);
         b.swap(pivot, best);
+        let top = a[pivot];
         for row in pivot + 1..6 {
-            let factor = a[row][pivot] / a[pivot][pivot];
-            for column in pivot..6 {
-                a[row][column] -= factor * a[pivot][column];
-            }
+            let factor = a[row][pivot] / top[pivot];
+            a[row].iter_mut().zip(&top).for_each(|(entry, above)| *entry -= factor * above);
             b[row] -= factor * b[pivot];
         }
     }

@@ -1,9 +1,7 @@
 //! A Panda of boxes and capsules for tests: the maker's kinematics and limits, identified masses.
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
-use genmanip_core::{
-    Gripper, JointKind, MassProperties, Piece, Pose, RobotJoint, RobotLink, RobotModel, Shape,
-};
+use genmanip_core::{Gripper, JointKind, MassProperties, Piece, Pose, RobotJoint, RobotLink, RobotModel, Shape};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 const LIMITS: [(f64, f64, f64, f64); 7] = [
@@ -17,7 +15,9 @@ const LIMITS: [(f64, f64, f64, f64); 7] = [
 ];
 
 /// Offset and turn about x from the parent; mass; centre; inertia xx yy zz.
-const ARM: [([f64; 3], f64, f64, [f64; 3], [f64; 3]); 7] = [
+type LinkFigures = ([f64; 3], f64, f64, [f64; 3], [f64; 3]);
+
+const ARM: [LinkFigures; 7] = [
     ([0.0, 0.0, 0.333], 0.0, 4.97, [0.004, 0.002, -0.048], [0.0703, 0.0706, 0.0091]),
     ([0.0, 0.0, 0.0], -FRAC_PI_2, 0.647, [-0.003, -0.029, 0.003], [0.008, 0.0281, 0.026]),
     ([0.0, -0.316, 0.0], FRAC_PI_2, 3.229, [0.0275, 0.039, -0.0665], [0.0372, 0.0361, 0.0108]),
@@ -28,10 +28,16 @@ const ARM: [([f64; 3], f64, f64, [f64; 3], [f64; 3]); 7] = [
 ];
 
 pub fn panda() -> RobotModel {
-    let mut links = vec![link("link0", None, Pose::IDENTITY, None, 2.0, [0.0; 3], [0.01; 3], vec![cuboid(
-        [-0.04, 0.0, 0.07],
-        [0.1, 0.09, 0.07],
-    )])];
+    let mut links = vec![link(
+        "link0",
+        None,
+        Pose::IDENTITY,
+        None,
+        2.0,
+        [0.0; 3],
+        [0.01; 3],
+        vec![cuboid([-0.04, 0.0, 0.07], [0.1, 0.09, 0.07])],
+    )];
     for (index, &(offset, turn, mass, center, inertia)) in ARM.iter().enumerate() {
         let (lower, upper, max_velocity, max_effort) = LIMITS[index];
         let joint = RobotJoint {
@@ -73,7 +79,16 @@ pub fn panda() -> RobotModel {
         let pose = Pose::new(DVec3::new(0.0, 0.0, 0.0584), DQuat::from_rotation_z(turn));
         let pad = cuboid([0.0, 0.004, 0.045], [0.0105, 0.004, 0.0105]);
         let body = cuboid([0.0, 0.018, 0.022], [0.0105, 0.008, 0.022]);
-        links.push(link(name, Some(8), pose, Some(joint), 0.015, [0.0, 0.01, 0.025], [4e-6, 4e-6, 1e-6], vec![pad, body]));
+        links.push(link(
+            name,
+            Some(8),
+            pose,
+            Some(joint),
+            0.015,
+            [0.0, 0.01, 0.025],
+            [4e-6, 4e-6, 1e-6],
+            vec![pad, body],
+        ));
     }
     let mut never: Vec<(usize, usize)> = (0..8).map(|index| (index, index + 1)).collect();
     never.extend([(8, 9), (8, 10), (5, 7), (6, 8), (5, 8), (7, 9), (7, 10)]);

@@ -72,10 +72,8 @@ pub fn cabinet() -> Arc<ObjectModel> {
         stiffness: 0.0,
         spring_reference: 0.0,
     };
-    let links = vec![
-        body("case", 8.0, None, walls.to_vec()),
-        body("drawer", 0.5, Some(joint), vec![cuboid(0.18, 0.16, 0.08)]),
-    ];
+    let links =
+        vec![body("case", 8.0, None, walls.to_vec()), body("drawer", 0.5, Some(joint), vec![cuboid(0.18, 0.16, 0.08)])];
     Arc::new(model("cabinet", DVec3::new(0.2, 0.2, 0.16), 8.5, 0.8, links))
 }
 
