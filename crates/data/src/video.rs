@@ -3,6 +3,9 @@
 //! Every byte is a function of the images and the settings: one thread, no frame skipping, no scene-change detection,
 //! time stamps from the frame index, creation time 0.
 
+#[cfg(test)]
+mod tests;
+
 use genmanip_core::Document;
 use muxide::api::{MuxerBuilder, VideoCodec};
 use openh264::encoder::{
@@ -19,17 +22,14 @@ use crate::{DataError, yuv};
 pub struct VideoSettings {
     /// Every how many frames one stands alone. Default 2: training reads single frames at random places.
     pub gop: u32,
-    /// Largest mean number of bits per pixel; simple pictures need fewer. Default 1.0.
-    pub bits_per_pixel: f64,
-    /// Finest quantiser the encoder may take, 0-51. Default 16: below it only noise is kept.
-    pub min_qp: u8,
-    /// Coarsest quantiser, 0-51; it wins over the bit rate. Default 24: at least 40 dB on rendered scenes.
-    pub max_qp: u8,
+    /// Quantiser of every frame, 0 (finest) to 51. Default 22: more than 40 dB on rendered scenes.
+    /// Quality is constant and the size follows from the pictures, there is no rate control.
+    pub qp: u8,
 }
 
 impl Default for VideoSettings {
     fn default() -> Self {
-        Self { gop: 2, bits_per_pixel: 1.0, min_qp: 16, max_qp: 24 }
+        Self { gop: 2, qp: 22 }
     }
 }
 
@@ -72,19 +72,19 @@ impl VideoEncoder {
         if !(1..=240).contains(&fps) {
             return Err(DataError::mismatch("frames per second", "1 to 240", fps));
         }
-        let VideoSettings { gop, bits_per_pixel, min_qp, max_qp } = *settings;
-        if gop == 0 || min_qp > max_qp || max_qp > 51 || !(bits_per_pixel > 0.0 && bits_per_pixel <= 24.0) {
-            let expected = "gop ≥ 1, 0 < bits_per_pixel ≤ 24, min_qp ≤ max_qp ≤ 51";
-            return Err(DataError::mismatch("video settings", expected, format!("{settings:?}")));
+        let VideoSettings { gop, qp } = *settings;
+        if gop == 0 || qp > 51 {
+            return Err(DataError::mismatch("video settings", "gop ≥ 1, qp ≤ 51", format!("{settings:?}")));
         }
-        let bits_per_second = bits_per_pixel * f64::from(width) * f64::from(height) * f64::from(fps);
         let config = EncoderConfig::new()
             .usage_type(UsageType::CameraVideoRealTime)
-            .rate_control_mode(RateControlMode::Bitrate)
-            .bitrate(BitRate::from_bps(bits_per_second.min(f64::from(i32::MAX / 2)) as u32))
+            // With equal limits this mode means a constant quantiser; `Off` would ignore the limits.
+            .rate_control_mode(RateControlMode::Bufferbased)
+            .qp(QpRange::new(qp, qp))
+            // Chooses the level in the parameter sets, nothing else.
+            .bitrate(BitRate::from_bps(8_000_000))
             .max_frame_rate(FrameRate::from_hz(fps as f32))
             .intra_frame_period(IntraFramePeriod::from_num_frames(gop))
-            .qp(QpRange::new(min_qp, max_qp))
             .skip_frames(false)
             .num_threads(1)
             .scene_change_detect(false)
