@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::{Frame, Material, ObjectModel, Pose, RobotModel, TriMesh, VisualPart};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec3A};
 
 use crate::error::RenderError;
 use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
@@ -29,21 +29,38 @@ pub(crate) struct Part {
     pub normals: Vec<Vec3>,
     pub uvs: Vec<Vec2>,
     pub triangles: Vec<[u32; 3]>,
-    /// Unit normal of each triangle.
-    pub face_normals: Vec<Vec3>,
+    /// Where each triangle lies.
+    pub faces: Vec<Face>,
     /// Texels per metre of each triangle; empty without texture.
     pub texel_density: Vec<f32>,
     pub bounds_center: Vec3,
     pub bounds_radius: f32,
     /// Closed and consistently wound: its back faces can never be seen from outside.
     pub closed: bool,
+    /// Known to be convex: cannot darken itself.
+    pub convex: bool,
     pub surface: Surface,
+}
+
+/// A triangle as planes in the body's frame: everything a ray needs without touching the corners.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Face {
+    /// Unit normal; zero for a triangle without area.
+    pub normal: Vec3,
+    /// Distance of the plane from the origin along the normal.
+    pub offset: f32,
+    /// The weight of corner 1 at a point is `weight1.dot(point) + offset1`.
+    pub weight1: Vec3,
+    pub offset1: f32,
+    /// The same for corner 2.
+    pub weight2: Vec3,
+    pub offset2: f32,
 }
 
 /// A material ready for shading: linear colour, no optional parameters.
 #[derive(Debug)]
 pub(crate) struct Surface {
-    pub base: Vec3,
+    pub base: Vec3A,
     pub roughness: f32,
     pub metallic: f32,
     pub opacity: f32,
@@ -70,7 +87,8 @@ impl RenderAssets {
         let mut parts = Vec::new();
         for visual in environment::visuals(environment) {
             let part = Part::new(&visual, "environment", None, TABLE)?;
-            parts.push(Part { surface: Surface { is_table: visual.name == "table", ..part.surface }, ..part });
+            let surface = Surface { is_table: visual.name == "table", ..part.surface };
+            parts.push(Part { surface, convex: true, ..part });
         }
         let mut body = 0;
         for link in &robot.links {
@@ -166,8 +184,7 @@ impl Part {
                 what: format!("a corner of part `{}` of `{body_name}`", visual.name),
             });
         }
-        let face_normals: Vec<Vec3> =
-            mesh.triangles.iter().map(|&triangle| area_vector(&positions, triangle).normalize_or_zero()).collect();
+        let faces = mesh.triangles.iter().map(|triangle| Face::new(triangle.map(|i| positions[i as usize]))).collect();
         let normals = if mesh.normals.len() == corners {
             mesh.normals.iter().copied().map(turn).collect()
         } else {
@@ -192,23 +209,44 @@ impl Part {
             normals,
             uvs,
             triangles,
-            face_normals,
+            faces,
             texel_density,
             bounds_center,
             bounds_radius,
             closed,
+            convex: false,
             surface,
         })
     }
 
     /// Corners of a triangle in the body's frame.
-    #[inline]
+    #[cfg(test)]
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|index| self.positions[index as usize])
     }
 
     pub fn is_transparent(&self) -> bool {
         self.surface.opacity < 1.0
+    }
+}
+
+impl Face {
+    fn new(corners: [Vec3; 3]) -> Self {
+        // In double precision: small triangles have large gradients.
+        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        let (ab, ac) = (b - a, c - a);
+        let area = ab.cross(ac);
+        let normal = area.normalize_or_zero();
+        let inverse = area.length_squared().max(1e-30).recip();
+        let (weight1, weight2) = (ac.cross(area) * inverse, area.cross(ab) * inverse);
+        Self {
+            normal: normal.as_vec3(),
+            offset: normal.dot(a) as f32,
+            weight1: weight1.as_vec3(),
+            offset1: -weight1.dot(a) as f32,
+            weight2: weight2.as_vec3(),
+            offset2: -weight2.dot(a) as f32,
+        }
     }
 }
 
