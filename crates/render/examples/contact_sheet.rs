@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose, RobotModel};
+use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose};
 use genmanip_render::{Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
 /// Pixels per side of one object's picture.
@@ -26,13 +26,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (width, height) = (COLUMNS as u32 * CELL, rows as u32 * CELL);
     let mut sheet = vec![255; (width * height * 3) as usize];
     for (index, card) in catalogue.cards().iter().enumerate() {
-        let picture = portrait(&catalogue.build(&card.uid)?)?;
+        let object = match catalogue.build(&card.uid) {
+            Ok(object) => object,
+            Err(error) => {
+                println!("        {} {}: {error}", card.uid, card.name);
+                continue;
+            }
+        };
+        let picture = portrait(&object)?;
         let (left, top) = (index % COLUMNS * CELL as usize, index / COLUMNS * CELL as usize);
         for (row, pixels) in picture.chunks_exact(CELL as usize * 3).enumerate() {
             let start = ((top + row) * width as usize + left) * 3;
             sheet[start..start + pixels.len()].copy_from_slice(pixels);
         }
-        println!("{:>2}, {:>2}  {}", index / COLUMNS + 1, index % COLUMNS + 1, card.uid);
+        println!("{:>2}, {:>2}  {} {}", index / COLUMNS + 1, index % COLUMNS + 1, card.uid, card.name);
     }
     std::fs::write(path, encode::png_rgb(width, height, &sheet)?)?;
     Ok(())
@@ -48,16 +55,11 @@ fn portrait(object: &Arc<ObjectModel>) -> Result<Vec<u8>, Box<dyn Error>> {
     let direction = DVec3::new(0.8, 0.35, 0.6).normalize();
     let eye = bounds.center() + direction * (radius / 0.20);
     let camera = Camera::looking_at("portrait", eye, bounds.center(), intrinsics);
-    let assets = RenderAssets::new(nobody(), &[Arc::clone(object)], &Environment::default())?;
+    let assets = RenderAssets::without_robot(&[Arc::clone(object)], &Environment::default())?;
     let frame = assets.frame_state(&[], 0.0, [(pose, joints.as_slice())])?;
     let mut out = [FrameBuffers::default()];
     let job = ViewJob { supersample: 4, ..ViewJob::new(&frame, &camera, Channels::RGB) };
     Renderer::new(assets, RenderVariation::default()).render(&[job], &mut out)?;
     let [out] = out;
     Ok(out.rgb)
-}
-
-/// A robot without links: the portraits show objects alone.
-fn nobody() -> Arc<RobotModel> {
-    Arc::new(RobotModel { links: Vec::new(), ..(*genmanip_assets::panda()).clone() })
 }

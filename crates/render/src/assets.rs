@@ -14,7 +14,7 @@ use crate::{Environment, environment};
 #[derive(Debug)]
 pub struct RenderAssets {
     pub(crate) parts: Vec<Part>,
-    robot: Arc<RobotModel>,
+    robot: Option<Arc<RobotModel>>,
     objects: Vec<Arc<ObjectModel>>,
     body_count: usize,
 }
@@ -84,6 +84,22 @@ impl RenderAssets {
         objects: &[Arc<ObjectModel>],
         environment: &Environment,
     ) -> Result<Arc<Self>, RenderError> {
+        Self::collect(Some(robot), objects, environment)
+    }
+
+    /// Objects without a robot, e.g. for thumbnails; a frame then poses the objects' links only.
+    ///
+    /// # Errors
+    /// As [`RenderAssets::new`].
+    pub fn without_robot(objects: &[Arc<ObjectModel>], environment: &Environment) -> Result<Arc<Self>, RenderError> {
+        Self::collect(None, objects, environment)
+    }
+
+    fn collect(
+        robot: Option<Arc<RobotModel>>,
+        objects: &[Arc<ObjectModel>],
+        environment: &Environment,
+    ) -> Result<Arc<Self>, RenderError> {
         let mut parts = Vec::new();
         for visual in environment::visuals(environment) {
             let part = Part::new(&visual, "environment", None, TABLE)?;
@@ -91,7 +107,7 @@ impl RenderAssets {
             parts.push(Part { surface, convex: true, ..part });
         }
         let mut body = 0;
-        for link in &robot.links {
+        for link in robot.iter().flat_map(|robot| &robot.links) {
             for visual in &link.visual {
                 parts.push(Part::new(visual, &link.name, Some(body), ROBOT)?);
             }
@@ -135,7 +151,7 @@ impl RenderAssets {
         gripper_width: f64,
         objects: impl IntoIterator<Item = (Pose, &'a [f64])>,
     ) -> Result<FrameState, RenderError> {
-        let mut body_poses = self.robot.link_poses(arm, gripper_width);
+        let mut body_poses = self.robot.as_ref().map_or_else(Vec::new, |robot| robot.link_poses(arm, gripper_width));
         let mut count = 0;
         for (world_from_object, joint_positions) in objects {
             if let Some(model) = self.objects.get(count) {
@@ -159,9 +175,10 @@ impl RenderAssets {
         self.frame_state(&frame.joint_position, frame.gripper_width, objects)
     }
 
-    /// `world_from_hand` at a frame, to which hand cameras are mounted.
+    /// `world_from_hand` at a frame, to which hand cameras are mounted; the world's origin without a robot.
     pub fn world_from_hand(&self, frame: &FrameState) -> Pose {
-        frame.body_poses.get(self.robot.hand).copied().unwrap_or_default()
+        let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
+        hand.copied().unwrap_or_default()
     }
 }
 

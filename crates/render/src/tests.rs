@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fixture::{ball, block, camera, cast, frame, object, objects, robot};
 use genmanip_core::glam::{DQuat, DVec2, DVec3, Vec3};
-use genmanip_core::{Camera, CameraMount, Intrinsics, Material, ObjectModel, Pose, RobotModel};
+use genmanip_core::{Camera, CameraMount, Intrinsics, Material, ObjectModel, Pose};
 use proptest::prelude::*;
 
 use crate::{
@@ -22,9 +22,8 @@ fn toy() -> (Arc<RenderAssets>, FrameState) {
 
 /// One object alone in front of a white background, without table and robot.
 fn alone(model: Arc<ObjectModel>, pose: Pose) -> (Arc<RenderAssets>, FrameState) {
-    let nobody = Arc::new(RobotModel { links: Vec::new(), hand: 0, ..(*robot()).clone() });
     let empty = Environment { table: false, ..Environment::default() };
-    let assets = RenderAssets::new(nobody, &[model], &empty).unwrap();
+    let assets = RenderAssets::without_robot(&[model], &empty).unwrap();
     let state = assets.frame_state(&[], 0.0, [(pose, [].as_slice())]).unwrap();
     (assets, state)
 }
