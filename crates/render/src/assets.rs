@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::{Frame, Material, ObjectModel, Pose, RobotModel, TriMesh, VisualPart};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec3A};
 
 use crate::error::RenderError;
 use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
@@ -14,7 +14,7 @@ use crate::{Environment, environment};
 #[derive(Debug)]
 pub struct RenderAssets {
     pub(crate) parts: Vec<Part>,
-    robot: Arc<RobotModel>,
+    robot: Option<Arc<RobotModel>>,
     objects: Vec<Arc<ObjectModel>>,
     body_count: usize,
 }
@@ -29,21 +29,38 @@ pub(crate) struct Part {
     pub normals: Vec<Vec3>,
     pub uvs: Vec<Vec2>,
     pub triangles: Vec<[u32; 3]>,
-    /// Unit normal of each triangle.
-    pub face_normals: Vec<Vec3>,
+    /// Where each triangle lies.
+    pub faces: Vec<Face>,
     /// Texels per metre of each triangle; empty without texture.
     pub texel_density: Vec<f32>,
     pub bounds_center: Vec3,
     pub bounds_radius: f32,
     /// Closed and consistently wound: its back faces can never be seen from outside.
     pub closed: bool,
+    /// Known to be convex: cannot darken itself.
+    pub convex: bool,
     pub surface: Surface,
+}
+
+/// A triangle as planes in the body's frame: everything a ray needs without touching the corners.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Face {
+    /// Unit normal; zero for a triangle without area.
+    pub normal: Vec3,
+    /// Distance of the plane from the origin along the normal.
+    pub offset: f32,
+    /// The weight of corner 1 at a point is `weight1.dot(point) + offset1`.
+    pub weight1: Vec3,
+    pub offset1: f32,
+    /// The same for corner 2.
+    pub weight2: Vec3,
+    pub offset2: f32,
 }
 
 /// A material ready for shading: linear colour, no optional parameters.
 #[derive(Debug)]
 pub(crate) struct Surface {
-    pub base: Vec3,
+    pub base: Vec3A,
     pub roughness: f32,
     pub metallic: f32,
     pub opacity: f32,
@@ -67,13 +84,30 @@ impl RenderAssets {
         objects: &[Arc<ObjectModel>],
         environment: &Environment,
     ) -> Result<Arc<Self>, RenderError> {
+        Self::collect(Some(robot), objects, environment)
+    }
+
+    /// Objects without a robot, e.g. for thumbnails; a frame then poses the objects' links only.
+    ///
+    /// # Errors
+    /// As [`RenderAssets::new`].
+    pub fn without_robot(objects: &[Arc<ObjectModel>], environment: &Environment) -> Result<Arc<Self>, RenderError> {
+        Self::collect(None, objects, environment)
+    }
+
+    fn collect(
+        robot: Option<Arc<RobotModel>>,
+        objects: &[Arc<ObjectModel>],
+        environment: &Environment,
+    ) -> Result<Arc<Self>, RenderError> {
         let mut parts = Vec::new();
         for visual in environment::visuals(environment) {
             let part = Part::new(&visual, "environment", None, TABLE)?;
-            parts.push(Part { surface: Surface { is_table: visual.name == "table", ..part.surface }, ..part });
+            let surface = Surface { is_table: visual.name == "table", ..part.surface };
+            parts.push(Part { surface, convex: true, ..part });
         }
         let mut body = 0;
-        for link in &robot.links {
+        for link in robot.iter().flat_map(|robot| &robot.links) {
             for visual in &link.visual {
                 parts.push(Part::new(visual, &link.name, Some(body), ROBOT)?);
             }
@@ -117,7 +151,7 @@ impl RenderAssets {
         gripper_width: f64,
         objects: impl IntoIterator<Item = (Pose, &'a [f64])>,
     ) -> Result<FrameState, RenderError> {
-        let mut body_poses = self.robot.link_poses(arm, gripper_width);
+        let mut body_poses = self.robot.as_ref().map_or_else(Vec::new, |robot| robot.link_poses(arm, gripper_width));
         let mut count = 0;
         for (world_from_object, joint_positions) in objects {
             if let Some(model) = self.objects.get(count) {
@@ -141,9 +175,10 @@ impl RenderAssets {
         self.frame_state(&frame.joint_position, frame.gripper_width, objects)
     }
 
-    /// `world_from_hand` at a frame, to which hand cameras are mounted.
+    /// `world_from_hand` at a frame, to which hand cameras are mounted; the world's origin without a robot.
     pub fn world_from_hand(&self, frame: &FrameState) -> Pose {
-        frame.body_poses.get(self.robot.hand).copied().unwrap_or_default()
+        let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
+        hand.copied().unwrap_or_default()
     }
 }
 
@@ -166,8 +201,7 @@ impl Part {
                 what: format!("a corner of part `{}` of `{body_name}`", visual.name),
             });
         }
-        let face_normals: Vec<Vec3> =
-            mesh.triangles.iter().map(|&triangle| area_vector(&positions, triangle).normalize_or_zero()).collect();
+        let faces = mesh.triangles.iter().map(|triangle| Face::new(triangle.map(|i| positions[i as usize]))).collect();
         let normals = if mesh.normals.len() == corners {
             mesh.normals.iter().copied().map(turn).collect()
         } else {
@@ -192,23 +226,44 @@ impl Part {
             normals,
             uvs,
             triangles,
-            face_normals,
+            faces,
             texel_density,
             bounds_center,
             bounds_radius,
             closed,
+            convex: false,
             surface,
         })
     }
 
     /// Corners of a triangle in the body's frame.
-    #[inline]
+    #[cfg(test)]
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|index| self.positions[index as usize])
     }
 
     pub fn is_transparent(&self) -> bool {
         self.surface.opacity < 1.0
+    }
+}
+
+impl Face {
+    fn new(corners: [Vec3; 3]) -> Self {
+        // In double precision: small triangles have large gradients.
+        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        let (ab, ac) = (b - a, c - a);
+        let area = ab.cross(ac);
+        let normal = area.normalize_or_zero();
+        let inverse = area.length_squared().max(1e-30).recip();
+        let (weight1, weight2) = (ac.cross(area) * inverse, area.cross(ab) * inverse);
+        Self {
+            normal: normal.as_vec3(),
+            offset: normal.dot(a) as f32,
+            weight1: weight1.as_vec3(),
+            offset1: -weight1.dot(a) as f32,
+            weight2: weight2.as_vec3(),
+            offset2: -weight2.dot(a) as f32,
+        }
     }
 }
 

@@ -143,7 +143,7 @@ fn floor(z: f32) -> TriMesh {
 }
 
 /// A box with flat faces.
-fn push_box(mesh: &mut TriMesh, low: Vec3, high: Vec3) {
+pub(crate) fn push_box(mesh: &mut TriMesh, low: Vec3, high: Vec3) {
     for axis in 0..3 {
         for sign in [-1.0_f32, 1.0] {
             let mut normal = Vec3::ZERO;

@@ -4,7 +4,7 @@
 //! without crossing from one surface to another.
 //! Ambient occlusion after McGuire et al., "Scalable Ambient Obscurance", 2012.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3A};
 
 use crate::assets::{RenderAssets, TRIANGLE_BITS};
 use crate::raster::Target;
@@ -13,6 +13,10 @@ use crate::variation::RenderVariation;
 use crate::view::{View, part_and_triangle};
 
 const TAPS: usize = 8;
+/// Largest radius of the ambient occlusion on the image, pixels.
+const MAX_REACH: f32 = 64.0;
+/// Pixels per side of a tile.
+const TILE: usize = 16;
 
 /// Arriving light per pixel.
 #[derive(Debug, Default)]
@@ -26,6 +30,8 @@ pub(crate) struct Arrival {
     depth: Vec<f32>,
     /// Part of the visibility id per pixel.
     surface: Vec<u32>,
+    /// Per tile: whether nothing there can be darkened.
+    plain: Vec<bool>,
 }
 
 impl Arrival {
@@ -45,15 +51,21 @@ impl Arrival {
         self.surface.extend(visible.ids.iter().map(|id| id >> TRIANGLE_BITS));
         self.shares.clear();
         self.shares.resize(visible.ids.len(), [1.0; 2]);
-        let light = Vec3::from_array(variation.light_direction).normalize_or(Vec3::Z);
+        let light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
+        let focal = view.lens.focal.x;
+        let nearest = visible.nearness.iter().copied().fold(0.0, f32::max);
+        let reach = (variation.occlusion_radius_m * focal * nearest).clamp(3.0, MAX_REACH);
+        self.find_plain_tiles(assets, reach as usize + 1);
+        let from_world = view.lens.turn.transpose();
+        let columns = self.width.div_ceil(TILE);
         for y in 0..self.height {
             for x in 0..self.width {
                 let pixel = y * self.width + x;
                 let Some((part, triangle)) = part_and_triangle(visible.ids[pixel]) else { continue };
                 let ray = view.lens.ray(x as f32, y as f32);
                 let point = ray * self.depth[pixel];
-                let normal = view.parts[part].world_from_body * assets.parts[part].face_normals[triangle];
-                let in_camera = view.lens.turn.transpose() * normal;
+                let normal = view.parts[part].world_from_body * Vec3A::from(assets.parts[part].faces[triangle].normal);
+                let in_camera = from_world * normal;
                 let flip = if in_camera.dot(ray) > 0.0 { -1.0 } else { 1.0 };
                 let pattern = PATTERN[y % 4][x % 4];
                 let key = if shadow.is_on() && flip * normal.dot(light) > -0.2 {
@@ -61,8 +73,9 @@ impl Arrival {
                 } else {
                     1.0
                 };
-                let ambient = if variation.occlusion_radius_m > 0.0 {
-                    self.ambient([x, y], point, in_camera * flip, view.lens.focal.x, pattern, variation)
+                let is_plain = self.plain[y / TILE * columns + x / TILE];
+                let ambient = if variation.occlusion_radius_m > 0.0 && !is_plain {
+                    self.ambient([x, y], point, in_camera * flip, focal, pattern, variation)
                 } else {
                     1.0
                 };
@@ -97,39 +110,68 @@ impl Arrival {
     fn ambient(
         &self,
         [x, y]: [usize; 2],
-        point: Vec3,
-        normal: Vec3,
+        point: Vec3A,
+        normal: Vec3A,
         focal: f32,
         pattern: usize,
         variation: &RenderVariation,
     ) -> f32 {
         let radius = variation.occlusion_radius_m;
-        let reach = (radius * focal / point.z).clamp(3.0, 64.0);
-        let inverse_focal = 1.0 / focal;
-        let mut sum = 0.0;
-        for tap in &tap_table()[pattern] {
-            let (dx, dy) = (nearest_integer(tap.x * reach), nearest_integer(tap.y * reach));
-            let (column, row) = (x as i32 + dx, y as i32 + dy);
-            if column < 0 || row < 0 || column >= self.width as i32 || row >= self.height as i32 {
-                continue;
-            }
+        let reach = (radius * focal / point.z).clamp(3.0, MAX_REACH);
+        let steps = tap_table()[pattern].map(|tap| {
+            let column = (x as i32 + nearest_integer(tap.x * reach)).clamp(0, self.width as i32 - 1);
+            let row = (y as i32 + nearest_integer(tap.y * reach)).clamp(0, self.height as i32 - 1);
             let depth = self.depth[row as usize * self.width + column as usize];
-            if depth == 0.0 {
-                continue;
-            }
-            // The tap's ray is the pixel's ray moved by whole pixels.
-            let toward = Vec3::new(
-                point.x * (depth / point.z) + dx as f32 * depth * inverse_focal - point.x,
-                point.y * (depth / point.z) + dy as f32 * depth * inverse_focal - point.y,
-                depth - point.z,
-            );
-            let square = toward.length_squared();
+            [(column - x as i32) as f32, (row - y as i32) as f32, depth]
+        });
+        let bias = 0.001 + 0.002 * point.z;
+        let darkening = steps.map(|[dx, dy, depth]| {
+            // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
+            let stretch = depth / point.z;
+            let toward_x = point.x * stretch + dx * depth / focal - point.x;
+            let toward_y = point.y * stretch + dy * depth / focal - point.y;
+            let toward_z = depth - point.z;
+            let square = toward_x * toward_x + toward_y * toward_y + toward_z * toward_z;
             let near = (radius * radius - square).max(0.0);
-            let above = (toward.dot(normal) - 0.001 - 0.002 * point.z).max(0.0);
-            sum += near * near * near * above / (square + 1e-5);
+            let above = (toward_x * normal.x + toward_y * normal.y + toward_z * normal.z - bias).max(0.0);
+            near * near * near * above / (square + 1e-5)
+        });
+        let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
+        (1.0 - darkening.iter().sum::<f32>() * scale).max(0.15)
+    }
+
+    /// Tiles in whose surroundings only one convex part, or nothing, is seen: nothing can darken it there.
+    fn find_plain_tiles(&mut self, assets: &RenderAssets, reach: usize) {
+        let (columns, rows) = (self.width.div_ceil(TILE), self.height.div_ceil(TILE));
+        // The part code that fills a tile; `u32::MAX` when there are several or one that is not convex.
+        let join = |a: u32, b: u32| {
+            if a == b || b == 0 {
+                a
+            } else if a == 0 {
+                b
+            } else {
+                u32::MAX
+            }
+        };
+        let mut codes = vec![0; columns * rows];
+        for (y, row) in self.surface.chunks_exact(self.width).enumerate() {
+            for (tile, pixels) in codes[y / TILE * columns..][..columns].iter_mut().zip(row.chunks(TILE)) {
+                *tile = pixels.iter().fold(*tile, |code, &part| join(code, part));
+            }
         }
-        let scale = 5.0 * variation.occlusion_strength / (radius.powi(6) * TAPS as f32);
-        (1.0 - sum * scale * radius * 0.5).max(0.15)
+        let is_convex = |code: u32| code == 0 || assets.parts.get(code as usize - 1).is_some_and(|part| part.convex);
+        let around = reach.div_ceil(TILE);
+        self.plain.clear();
+        self.plain.extend((0..columns * rows).map(|tile| {
+            let (column, row) = (tile % columns, tile / columns);
+            let mut code = 0;
+            for row in row.saturating_sub(around)..=(row + around).min(rows - 1) {
+                for column in column.saturating_sub(around)..=(column + around).min(columns - 1) {
+                    code = join(code, codes[row * columns + column]);
+                }
+            }
+            is_convex(code)
+        }));
     }
 
     /// Box over 4×4 pixels (five taps, half weight at the ends) in both directions, within one surface.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::Vec3A;
 
 use crate::assets::RenderAssets;
 use crate::error::RenderError;
@@ -131,12 +131,12 @@ impl Renderer {
         }
     }
 
-    fn normal(&self, part: usize, triangle: usize, ray: Vec3) -> [i8; 3] {
+    fn normal(&self, part: usize, triangle: usize, ray: Vec3A) -> [i8; 3] {
         let (part, placed) = (&self.assets.parts[part], &self.view.parts[part]);
-        let (_, weights) = intersect(part, placed, triangle, ray);
-        let [a, b, c] = part.triangles[triangle].map(|index| part.normals[index as usize]);
+        let (_, weights) = intersect(&part.faces[triangle], placed, ray);
+        let [a, b, c] = part.triangles[triangle].map(|index| Vec3A::from(part.normals[index as usize]));
         let camera_from_body = placed.body_from_camera.transpose();
-        let face = camera_from_body * part.face_normals[triangle];
+        let face = camera_from_body * Vec3A::from(part.faces[triangle].normal);
         let side = if face.dot(ray) > 0.0 { -127.0 } else { 127.0 };
         let smooth = (camera_from_body * (a * weights[0] + b * weights[1] + c * weights[2])).normalize_or(face);
         (smooth * side).to_array().map(|value| value.round() as i8)

@@ -3,9 +3,9 @@
 //! Samples of a pixel that see the same smooth piece of surface are shaded once, at their mean;
 //! only pixels on edges cost more.
 
-use glam::{Mat3, Vec3};
+use glam::{Vec3, Vec3A};
 
-use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
+use crate::assets::{Face, Part, RenderAssets, TRIANGLE_BITS};
 use crate::occlusion::Arrival;
 use crate::raster::Target;
 use crate::shade::{Lighting, SurfacePoint};
@@ -47,11 +47,11 @@ struct Hit<'a> {
     placed: &'a PartView,
     depth: f32,
     /// Not normalised, world frame.
-    ray: Vec3,
-    point: Vec3,
+    ray: Vec3A,
+    point: Vec3A,
     /// Unit, towards the viewer.
-    normal: Vec3,
-    base: Vec3,
+    normal: Vec3A,
+    base: Vec3A,
 }
 
 impl Resolve<'_> {
@@ -68,7 +68,7 @@ impl Resolve<'_> {
         }
     }
 
-    fn pixel(&self, x: usize, y: usize, table_tint: Vec3) -> [u8; 3] {
+    fn pixel(&self, x: usize, y: usize, table_tint: Vec3A) -> [u8; 3] {
         let n = self.supersample;
         let first = y * n * self.opaque.width + x * n;
         let sample = |index: usize| first + index / n * self.opaque.width + index % n;
@@ -110,7 +110,7 @@ impl Resolve<'_> {
                 *color = self.opaque_color([x, y], group.id, middle, table_tint);
             }
         }
-        let mut sum = Vec3::ZERO;
+        let mut sum = Vec3A::ZERO;
         for (index, &group) in group_of.iter().enumerate().take(samples) {
             let color = colors[group];
             sum += if has_glass { self.behind_glass(color, sample(index), [x, y], place(index)) } else { color };
@@ -126,13 +126,13 @@ impl Resolve<'_> {
         let (Some((part, first)), Some((_, second))) = (part_and_triangle(a), part_and_triangle(b)) else {
             return false;
         };
-        let normals = &self.assets.parts[part].face_normals;
-        normals[first].dot(normals[second]) > 0.94
+        let faces = &self.assets.parts[part].faces;
+        faces[first].normal.dot(faces[second].normal) > 0.94
     }
 
     /// Linear display colour of an opaque surface.
-    fn opaque_color(&self, pixel: [usize; 2], id: u32, at: [f32; 2], table_tint: Vec3) -> Vec3 {
-        let Some(hit) = self.hit(id, at, table_tint) else { return Vec3::ZERO };
+    fn opaque_color(&self, pixel: [usize; 2], id: u32, at: [f32; 2], table_tint: Vec3A) -> Vec3A {
+        let Some(hit) = self.hit(id, at, table_tint) else { return Vec3A::ZERO };
         let [key_share, ambient_share] =
             self.arrival.at(pixel[0], pixel[1], id >> TRIANGLE_BITS, hit.depth).unwrap_or_else(|| {
                 let pattern = (pixel[0] % 4) * 4 + pixel[1] % 4;
@@ -144,14 +144,14 @@ impl Resolve<'_> {
     }
 
     /// A sample's colour seen through the transparent sides in front of it, the farther one first.
-    fn behind_glass(&self, behind: Vec3, sample: usize, pixel: [usize; 2], at: [f32; 2]) -> Vec3 {
+    fn behind_glass(&self, behind: Vec3A, sample: usize, pixel: [usize; 2], at: [f32; 2]) -> Vec3A {
         let Some([mut far, mut near]) = self.glass else { return behind };
         if far.nearness[sample] > near.nearness[sample] {
             std::mem::swap(&mut far, &mut near);
         }
         let opaque = self.opaque.nearness[sample];
         [far, near].into_iter().filter(|layer| layer.nearness[sample] > opaque).fold(behind, |behind, layer| {
-            let Some(hit) = self.hit(layer.ids[sample], at, Vec3::ONE) else { return behind };
+            let Some(hit) = self.hit(layer.ids[sample], at, Vec3A::ONE) else { return behind };
             let key_share = if self.shadow.is_on() {
                 self.shadow.visibility(hit.point, hit.normal, (pixel[0] % 4) * 4 + pixel[1] % 4)
             } else {
@@ -161,27 +161,27 @@ impl Resolve<'_> {
             let light = self.lighting.reflect(surface, &hit.surface_point(key_share, 1.0));
             let cover = surface.opacity + (1.0 - surface.opacity) * light.grazing;
             // What passes takes on some of the glass's colour.
-            let tint = Vec3::ONE.lerp(hit.base, 0.5);
+            let tint = Vec3A::ONE.lerp(hit.base, 0.5);
             self.lighting.develop(light.diffuse * surface.opacity + light.specular) + behind * tint * (1.0 - cover)
         })
     }
 
     /// Where the ray through a point of the image meets the plane of a triangle, and what is there.
-    fn hit(&self, id: u32, [x, y]: [f32; 2], table_tint: Vec3) -> Option<Hit<'_>> {
+    fn hit(&self, id: u32, [x, y]: [f32; 2], table_tint: Vec3A) -> Option<Hit<'_>> {
         let (part_index, triangle) = part_and_triangle(id)?;
         let (part, placed) = (&self.assets.parts[part_index], &self.view.parts[part_index]);
         let in_camera = self.view.lens.ray(x, y);
-        let (depth, weights) = intersect(part, placed, triangle, in_camera);
+        let face = &part.faces[triangle];
+        let (depth, weights) = intersect(face, placed, in_camera);
         let corners = part.triangles[triangle];
         let mix = |values: &[Vec3]| {
-            let [a, b, c] = corners.map(|index| values[index as usize]);
+            let [a, b, c] = corners.map(|index| Vec3A::from(values[index as usize]));
             a * weights[0] + b * weights[1] + c * weights[2]
         };
         let ray = self.view.lens.turn * in_camera;
-        let world = |mat: &Mat3, vector: Vec3| *mat * vector;
-        let face = world(&placed.world_from_body, part.face_normals[triangle]);
+        let face = placed.world_from_body * Vec3A::from(face.normal);
         let side = if face.dot(ray) > 0.0 { -1.0 } else { 1.0 };
-        let normal = world(&placed.world_from_body, mix(&part.normals)).normalize_or(face) * side;
+        let normal = (placed.world_from_body * mix(&part.normals)).normalize_or(face) * side;
         let mut base = part.surface.base;
         if let Some(texture) = &part.surface.texture {
             let [a, b, c] = corners.map(|index| part.uvs[index as usize]);
@@ -206,17 +206,15 @@ impl Hit<'_> {
     }
 }
 
-/// Depth and barycentric weights where a camera ray meets a triangle's plane; weights are kept within the triangle.
-pub(crate) fn intersect(part: &Part, placed: &PartView, triangle: usize, in_camera: Vec3) -> (f32, [f32; 3]) {
-    let [a, b, c] = part.corners(triangle);
+/// Depth and corner weights where a camera ray meets a triangle's plane; weights are kept within the triangle.
+#[inline]
+pub(crate) fn intersect(face: &Face, placed: &PartView, in_camera: Vec3A) -> (f32, [f32; 3]) {
     let direction = placed.body_from_camera * in_camera;
-    let (ab, ac) = (b - a, c - a);
-    let normal = ab.cross(ac);
+    let normal = Vec3A::from(face.normal);
     let along = normal.dot(direction);
-    let depth = if along.abs() > 1e-20 { normal.dot(a - placed.eye_in_body) / along } else { 0.0 };
-    let from_a = placed.eye_in_body + direction * depth - a;
-    let inverse = 1.0 / normal.length_squared().max(1e-30);
-    let v = (from_a.cross(ac).dot(normal) * inverse).clamp(0.0, 1.0);
-    let w = (ab.cross(from_a).dot(normal) * inverse).clamp(0.0, 1.0 - v);
+    let depth = if along.abs() > 1e-12 { (face.offset - normal.dot(placed.eye_in_body)) / along } else { 0.0 };
+    let point = placed.eye_in_body + direction * depth;
+    let v = (Vec3A::from(face.weight1).dot(point) + face.offset1).clamp(0.0, 1.0);
+    let w = (Vec3A::from(face.weight2).dot(point) + face.offset2).clamp(0.0, 1.0 - v);
     (depth, [1.0 - v - w, v, w])
 }

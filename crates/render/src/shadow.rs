@@ -2,7 +2,7 @@
 //! (Fernando, "Percentage-Closer Soft Shadows", 2005).
 
 use genmanip_core::Pose;
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Mat3A, Vec2, Vec3A};
 
 use crate::assets::{Part, RenderAssets};
 use crate::job::{FrameState, TABLE};
@@ -15,7 +15,7 @@ const TILE: usize = 16;
 /// Largest radius of a soft edge, texels; a tile's extremes cover its neighbours up to this distance.
 const MAX_RADIUS: f32 = 30.0;
 /// Taps of the search for blockers and of the filter.
-const TAPS: usize = 10;
+const TAPS: usize = 8;
 
 /// What the key light sees.
 #[derive(Debug, Default)]
@@ -26,8 +26,8 @@ pub(crate) struct ShadowMap {
     extremes: Vec<[f32; 2]>,
     tiles: usize,
     /// Rows: the light's right, down and forward axes in the world.
-    light_from_world: Mat3,
-    center: Vec3,
+    light_from_world: Mat3A,
+    center: Vec3A,
     radius: f32,
     texels_per_m: f32,
     spread: f32,
@@ -46,11 +46,11 @@ impl ShadowMap {
         if size == 0 {
             return;
         }
-        let forward = -Vec3::from_array(variation.light_direction).normalize_or(Vec3::Z);
-        let hint = if forward.z.abs() > 0.99 { Vec3::X } else { Vec3::Z };
+        let forward = -Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
+        let hint = if forward.z.abs() > 0.99 { Vec3A::X } else { Vec3A::Z };
         let right = forward.cross(hint).normalize();
-        self.light_from_world = Mat3::from_cols(right, forward.cross(right), forward).transpose();
-        self.center = self.light_from_world * Vec3::from_array(variation.shadow_center);
+        self.light_from_world = Mat3A::from_cols(right, forward.cross(right), forward).transpose();
+        self.center = self.light_from_world * Vec3A::from_array(variation.shadow_center);
         self.radius = variation.shadow_radius_m.max(0.01);
         self.texels_per_m = size as f32 / (2.0 * self.radius);
         self.spread = variation.light_angular_radius.clamp(0.0, 1.0).tan();
@@ -64,7 +64,7 @@ impl ShadowMap {
     }
 
     /// Share of the key light that reaches a surface point, 0-1. `pattern` 0-15 turns the taps.
-    pub fn visibility(&self, point: Vec3, normal: Vec3, pattern: usize) -> f32 {
+    pub fn visibility(&self, point: Vec3A, normal: Vec3A, pattern: usize) -> f32 {
         let texel = 1.0 / self.texels_per_m;
         let slope = self.light_from_world * normal;
         let facing = (-slope.z).max(0.05);
@@ -86,25 +86,29 @@ impl ShadowMap {
             return 0.0;
         }
         let taps = &tap_table()[pattern % 16];
-        let reads = |radius: f32| {
-            taps.iter().map(move |&tap| {
-                let offset = tap * radius;
-                let (x, y) = ((place.x + offset.x).clamp(0.0, limit), (place.y + offset.y).clamp(0.0, limit));
-                let stored = self.map.nearness[(y + 0.5) as usize * self.map.width + (x + 0.5) as usize];
-                stored - (place.nearness + tilt.dot(offset))
-            })
+        let ahead = |radius: f32| -> [f32; TAPS] {
+            let offsets = taps.map(|tap| tap * radius);
+            let stored = offsets.map(|offset| {
+                let (x, y) = ((place.x + offset.x).max(0.0).min(limit), (place.y + offset.y).max(0.0).min(limit));
+                self.map.nearness[(y + 0.5) as i32 as usize * self.map.width + (x + 0.5) as i32 as usize]
+            });
+            std::array::from_fn(|tap| stored[tap] - (place.nearness + tilt.dot(offsets[tap])))
         };
-        let (blockers, distance) = reads((self.spread * 0.5 * self.texels_per_m).clamp(2.0, MAX_RADIUS))
-            .filter(|&ahead| ahead > 0.0)
-            .fold((0, 0.0), |(count, sum), ahead| (count + 1, sum + ahead));
-        if blockers == 0 {
+        let found = ahead((self.spread * 0.5 * self.texels_per_m).clamp(2.0, MAX_RADIUS));
+        let (blockers, distance) =
+            found.iter().fold(
+                (0.0, 0.0),
+                |(count, sum), &ahead| if ahead > 0.0 { (count + 1.0, sum + ahead) } else { (count, sum) },
+            );
+        if blockers == 0.0 {
             return 1.0;
         }
-        let radius = distance / blockers as f32 * self.spread * self.texels_per_m;
-        reads(radius.clamp(1.2, MAX_RADIUS)).filter(|&ahead| ahead <= 0.0).count() as f32 / TAPS as f32
+        let radius = distance / blockers * self.spread * self.texels_per_m;
+        let found = ahead(radius.clamp(1.2, MAX_RADIUS));
+        found.iter().fold(0.0, |sum, &ahead| if ahead > 0.0 { sum } else { sum + 1.0 }) / TAPS as f32
     }
 
-    fn on_map(&self, in_light: Vec3) -> Corner {
+    fn on_map(&self, in_light: Vec3A) -> Corner {
         let local = in_light - self.center;
         Corner {
             x: (local.x + self.radius) * self.texels_per_m - 0.5,
@@ -115,14 +119,14 @@ impl ShadowMap {
 
     fn draw_part(&mut self, part: &Part, world_from_body: &Pose) {
         let turn = self.light_from_world * rotation(world_from_body);
-        let shift = self.light_from_world * world_from_body.position.as_vec3();
-        let center = turn * part.bounds_center + shift - self.center;
+        let shift = self.light_from_world * world_from_body.position.as_vec3a();
+        let center = turn * Vec3A::from(part.bounds_center) + shift - self.center;
         if center.x.abs().max(center.y.abs()) > self.radius + part.bounds_radius {
             return;
         }
         self.corners.clear();
         for &position in &part.positions {
-            let corner = self.on_map(turn * position + shift);
+            let corner = self.on_map(turn * Vec3A::from(position) + shift);
             self.corners.push(corner);
         }
         for &triangle in &part.triangles {

@@ -1,7 +1,7 @@
 //! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
 
 use genmanip_core::Texture;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3A};
 
 /// A texture and its smaller copies, linear colour.
 #[derive(Debug)]
@@ -38,7 +38,7 @@ impl MipTexture {
     }
 
     /// Linear colour at a texture coordinate, where a pixel covers about `texels_per_pixel` texels along one side.
-    pub fn sample(&self, uv: Vec2, texels_per_pixel: f32) -> Vec3 {
+    pub fn sample(&self, uv: Vec2, texels_per_pixel: f32) -> Vec3A {
         // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
         let octave = ((texels_per_pixel.max(1.0) * 1.19).to_bits() >> 23) as usize - 127;
         self.levels[octave.min(self.levels.len() - 1)].sample(uv)
@@ -46,7 +46,7 @@ impl MipTexture {
 }
 
 impl Level {
-    fn sample(&self, uv: Vec2) -> Vec3 {
+    fn sample(&self, uv: Vec2) -> Vec3A {
         let wrap = |value: f32| value - value.floor();
         let x = wrap(uv.x) * self.width as f32 - 0.5;
         let y = wrap(uv.y) * self.height as f32 - 0.5;
@@ -84,21 +84,21 @@ impl Level {
 
 /// Linear light of an 8-bit sRGB colour.
 #[inline]
-pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3 {
+pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
     let table = linear_table();
-    Vec3::new(table[rgb[0] as usize], table[rgb[1] as usize], table[rgb[2] as usize])
+    Vec3A::new(table[rgb[0] as usize], table[rgb[1] as usize], table[rgb[2] as usize])
 }
 
 /// 8-bit sRGB of linear light; clips.
 #[inline]
-pub(crate) fn srgb8_from_linear(linear: Vec3) -> [u8; 3] {
+pub(crate) fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
     let table = srgb_table();
     linear.to_array().map(|value| table[(value.clamp(0.0, 1.0) * 4095.0 + 0.5) as usize])
 }
 
 /// Linear light of an sRGB colour, 0-1.
-pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3 {
-    Vec3::from_array(rgb.map(|value| {
+pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
+    Vec3A::from_array(rgb.map(|value| {
         let value = value.clamp(0.0, 1.0);
         if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
     }))

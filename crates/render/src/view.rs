@@ -1,7 +1,7 @@
 //! A camera over a frame: what is in view, where its corners fall, and which surface each sample sees.
 
 use genmanip_core::{Camera, Pose};
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Mat3A, Vec2, Vec3A};
 
 use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::error::RenderError;
@@ -20,9 +20,9 @@ pub(crate) struct Lens {
     pub center: Vec2,
     pub world_from_camera: Pose,
     /// World coordinates of the optical centre.
-    pub eye: Vec3,
+    pub eye: Vec3A,
     /// World axes of the camera.
-    pub turn: Mat3,
+    pub turn: Mat3A,
 }
 
 /// Corners of all parts seen through a lens.
@@ -42,11 +42,11 @@ pub(crate) struct PartView {
     /// Index of its first corner in [`View::corners`].
     pub first_corner: usize,
     /// Rotation from the body's frame to the world.
-    pub world_from_body: Mat3,
+    pub world_from_body: Mat3A,
     /// Rotation from camera axes to the body's frame.
-    pub body_from_camera: Mat3,
+    pub body_from_camera: Mat3A,
     /// The optical centre in the body's frame.
-    pub eye_in_body: Vec3,
+    pub eye_in_body: Vec3A,
 }
 
 /// A corner on the image plane at one sample per pixel.
@@ -94,19 +94,19 @@ impl Lens {
             focal: Vec2::new(k.fx as f32, k.fy as f32),
             center: Vec2::new(k.cx as f32, k.cy as f32),
             world_from_camera,
-            eye: world_from_camera.position.as_vec3(),
+            eye: world_from_camera.position.as_vec3a(),
             turn: rotation(&world_from_camera),
         })
     }
 
     /// Direction through a pixel in camera axes, 1 along the optical axis.
     #[inline]
-    pub fn ray(&self, x: f32, y: f32) -> Vec3 {
-        Vec3::new((x - self.center.x) / self.focal.x, (y - self.center.y) / self.focal.y, 1.0)
+    pub fn ray(&self, x: f32, y: f32) -> Vec3A {
+        Vec3A::new((x - self.center.x) / self.focal.x, (y - self.center.y) / self.focal.y, 1.0)
     }
 
     /// Whether any of a ball, in camera axes, may be in view.
-    fn sees(&self, center: Vec3, radius: f32) -> bool {
+    fn sees(&self, center: Vec3A, radius: f32) -> bool {
         let outside = |slope: f32, offset: f32| (offset - slope * center.z) > radius * (1.0 + slope * slope).sqrt();
         let left = (self.center.x + 0.5) / self.focal.x;
         let right = (self.width as f32 - 0.5 - self.center.x) / self.focal.x;
@@ -130,18 +130,19 @@ impl View {
         for part in &assets.parts {
             let world_from_body = part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]);
             let camera_from_body = camera_from_world * world_from_body;
-            let (turn, shift) = (rotation(&camera_from_body), camera_from_body.position.as_vec3());
-            let visible = lens.sees(turn * part.bounds_center + shift, part.bounds_radius);
+            let (turn, shift) = (rotation(&camera_from_body), camera_from_body.position.as_vec3a());
+            let visible = lens.sees(turn * Vec3A::from(part.bounds_center) + shift, part.bounds_radius);
             self.parts.push(PartView {
                 visible,
                 first_corner: self.corners.len(),
                 world_from_body: rotation(&world_from_body),
                 body_from_camera: turn.transpose(),
-                eye_in_body: camera_from_body.inverse().position.as_vec3(),
+                eye_in_body: camera_from_body.inverse().position.as_vec3a(),
             });
             if visible {
                 self.has_transparent |= part.is_transparent();
-                self.corners.extend(part.positions.iter().map(|&position| lens.project(turn * position + shift)));
+                self.corners
+                    .extend(part.positions.iter().map(|&position| lens.project(turn * Vec3A::from(position) + shift)));
             }
         }
         self.lens = lens;
@@ -188,8 +189,9 @@ impl View {
         id: u32,
         target: &mut Target,
     ) {
-        let in_camera =
-            |index: u32| placed.body_from_camera.transpose() * (part.positions[index as usize] - placed.eye_in_body);
+        let in_camera = |index: u32| {
+            placed.body_from_camera.transpose() * (Vec3A::from(part.positions[index as usize]) - placed.eye_in_body)
+        };
         let corners = triangle.map(in_camera);
         let mut polygon: Vec<Corner> = Vec::with_capacity(4);
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
@@ -212,7 +214,7 @@ impl View {
 
 impl Lens {
     #[inline]
-    fn project(&self, in_camera: Vec3) -> ProjectedCorner {
+    fn project(&self, in_camera: Vec3A) -> ProjectedCorner {
         let nearness = 1.0 / in_camera.z;
         ProjectedCorner {
             x: self.focal.x * in_camera.x * nearness + self.center.x,
@@ -243,8 +245,8 @@ pub(crate) fn draw_facing(corners: [Corner; 3], keep: [bool; 2], id: u32, target
 }
 
 /// Rotation of a pose as a matrix.
-pub(crate) fn rotation(pose: &Pose) -> Mat3 {
-    glam::DMat3::from_quat(pose.rotation).as_mat3()
+pub(crate) fn rotation(pose: &Pose) -> Mat3A {
+    Mat3A::from(glam::DMat3::from_quat(pose.rotation).as_mat3())
 }
 
 /// Refuses poses with numbers that are not finite.
