@@ -173,9 +173,26 @@ impl Sim {
         Ok(())
     }
 
-    /// Opening between the pads.
-    fn gripper_width(&self, robot: &RobotIndex) -> f64 {
-        robot.finger_qpos.iter().map(|&address| self.data.qpos()[address]).sum()
+    /// Arm joint positions, base to hand; empty without a robot.
+    pub fn joint_positions(&self) -> Vec<f64> {
+        let robot = self.scene.robot.iter();
+        robot.flat_map(|robot| robot.arm_qpos.iter().map(|&address| self.data.qpos()[address])).collect()
+    }
+
+    /// Opening between the pads; 0 without a robot.
+    pub fn gripper_width(&self) -> f64 {
+        let robot = self.scene.robot.iter();
+        robot.flat_map(|robot| robot.finger_qpos.iter().map(|&address| self.data.qpos()[address])).sum()
+    }
+
+    /// Index of the object both fingers press on now; of several, the one held most firmly.
+    pub fn grasped(&mut self) -> Option<usize> {
+        let fingers = self.scene.robot()?.gripper.fingers;
+        self.evaluate(|scene, data| {
+            let mut touches = TouchTally::default();
+            touches.add(fingers, contacts(scene, data));
+            touches.grasped()
+        })
     }
 
     fn observe(&self, robot: &RobotIndex, command: Vec<f32>) -> Frame {
@@ -186,7 +203,7 @@ impl Sim {
             joint_position: pick(self.data.qpos(), &robot.arm_qpos),
             joint_velocity: pick(self.data.qvel(), &robot.arm_dof),
             joint_torque: vec![0.0; robot.arm_dof.len()],
-            gripper_width: self.gripper_width(robot),
+            gripper_width: self.gripper_width(),
             grip_force: 0.0,
             tcp: self.body_pose(robot.link_bodies[robot.model.hand]) * robot.model.hand_from_tcp,
             objects: self.object_states(),
