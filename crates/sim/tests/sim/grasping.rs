@@ -5,10 +5,9 @@ use genmanip_core::{ObjectModel, Piece, Pose, Seed};
 use genmanip_sim::{Scene, SettleSettings, Sim, SimSettings};
 use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, panda};
 
 use crate::models::{ball, can, cuboid, mug, pen, rigid};
-use crate::panda::panda;
 use crate::pick::{Pick, PickReport, pick};
 use crate::placed;
 

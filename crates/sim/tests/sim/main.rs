@@ -3,7 +3,6 @@
 
 mod grasping;
 mod models;
-mod panda;
 mod pick;
 mod speed;
 mod states;
@@ -35,5 +34,5 @@ fn six_objects() -> Vec<SceneObject> {
 }
 
 fn scene() -> Arc<Scene> {
-    Arc::new(Scene::compile(&panda::panda(), &six_objects(), &SimSettings::default()).unwrap())
+    Arc::new(Scene::compile(&genmanip_assets::panda(), &six_objects(), &SimSettings::default()).unwrap())
 }

@@ -67,7 +67,7 @@ pub fn pick(robot: &RobotModel, pick: &Pick, settings: &SimSettings) -> Result<P
     run(&mut sim, &descent, pick.opening)?;
     run(&mut sim, &vec![at.clone(); 12], pick.opening)?;
     let before = sim.object_states()[0].pose;
-    run(&mut sim, &vec![at.clone(); 36], 0.0)?;
+    run(&mut sim, &vec![at.clone(); 60], 0.0)?;
     let closed = sim.object_states()[0].pose;
     let lift_begins = frame_count(&sim);
     let (ascent, top) = line(robot, &at, &grasp, &above(0.2), 72);

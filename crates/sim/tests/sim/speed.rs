@@ -6,9 +6,8 @@ use genmanip_core::Pose;
 use genmanip_core::glam::DVec3;
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimSettings};
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, panda};
 
-use crate::panda::panda;
 use crate::pick::solve;
 use crate::placed;
 

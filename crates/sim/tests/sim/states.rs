@@ -8,8 +8,8 @@ use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_sim::{BodyId, Scene, SettleSettings, Sim, SimError, SimSettings};
 
 use crate::models::{ball, can, cuboid, rigid};
-use crate::panda::panda;
 use crate::{placed, scene, six_objects};
+use genmanip_assets::panda;
 
 /// A command that waves the arm through the objects.
 fn command(step: usize) -> Vec<f32> {
