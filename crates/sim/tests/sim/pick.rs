@@ -74,6 +74,8 @@ pub fn pick(robot: &RobotModel, pick: &Pick, settings: &SimSettings) -> Result<P
     run(&mut sim, &ascent, 0.0)?;
     run(&mut sim, &vec![top; 60], 0.0)?;
     let end = sim.object_states()[0].pose;
+    assert_eq!(sim.grasped(), frames[frames.len() - 1].grasped, "asking now and in the last interval");
+    assert_eq!(sim.joint_positions().len(), robot.arm_dof());
 
     let in_hand: Vec<Pose> =
         frames[lift_begins + 6..].iter().map(|frame| frame.tcp.inverse() * frame.objects[0].pose).collect();
