@@ -21,7 +21,10 @@ fn check_report(page: &str, limit: usize) -> String {
             Event::Start(tag) => {
                 check_attributes(&tag);
                 open.push(tag.name().as_ref().to_owned());
-                if matches!(open.last().unwrap().as_str(), "h1" | "h2" | "h3" | "p" | "tr" | "li" | "article") {
+                if matches!(
+                    open.last().expect("just pushed").as_str(),
+                    "h1" | "h2" | "h3" | "p" | "tr" | "li" | "article"
+                ) {
                     text.push('\n');
                 }
             }

@@ -192,7 +192,7 @@ fn place_label(shapes: &[Shape], routed: &[Routed], points: &[Point], label: &st
             let covered = |solid: bool| {
                 shapes.iter().filter(|shape| shape.solid == solid && shape.overlaps(&area.grown(1.0))).count()
             };
-            let labels = routed.iter().filter(|other| area.grown(1.0).overlaps(&other.label)).count();
+            let labels = routed.iter().filter(|other| area.grown(5.0).overlaps(&other.label)).count();
             let lines = routed.iter().filter(|other| other.points.iter().any(|point| area.contains(*point))).count();
             let squeezed = side == 0.0 && length < hidden + 26.0;
             let cost = rank as f64

@@ -202,10 +202,9 @@ fn kinds(input: &ReportInput, statistics: &StatisticsSettings) -> String {
         let rate = Rate::of(attempts().map(|attempt| attempt.outcome == AttemptOutcome::Verified), statistics);
         vec![
             name,
-            sections.len().to_string(),
-            rate.trials.to_string(),
-            rate.successes.to_string(),
             rate_bar(&rate),
+            format!("{} of {}", rate.successes, rate.trials),
+            sections.len().to_string(),
             causes_text(&failure_counts(causes)),
         ]
     };
@@ -217,7 +216,7 @@ fn kinds(input: &ReportInput, statistics: &StatisticsSettings) -> String {
         }
     }
     rows.push(row("all kinds".into(), &input.tasks.iter().collect::<Vec<_>>()));
-    let headings = ["Kind", "Tasks", "Attempts", "Verified", "Yield", "Why others failed"];
+    let headings = ["Kind", "Yield", "Verified attempts", "Tasks", "Why others failed"];
     String::from("<h3>Yield of demonstrations</h3>\n") + &table("figures total", &headings, &rows)
 }
 

@@ -119,7 +119,13 @@ pub fn verdict(task: &Task, success: bool) -> GoalVerdict {
             if let Atom::Relation { .. } = atom {
                 measurements.push(measure("overlap along x", 0.018, 0.0, "m", true, 0.018));
             }
-            let sign = if holds { "≤" } else { ">" };
+            let state = matches!(atom, Atom::State { .. });
+            let sign = match (state, holds) {
+                (false, true) => "≤",
+                (false, false) => ">",
+                (true, true) => "≥",
+                (true, false) => "<",
+            };
             AtomVerdict {
                 atom: atom.clone(),
                 holds,
