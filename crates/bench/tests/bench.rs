@@ -211,3 +211,14 @@ fn an_evaluation_survives_its_file_and_equals_the_merge_of_its_shards() {
     let error = EvaluationReport::merge(vec![shard(0), other], &none).unwrap_err().to_string();
     assert!(error.contains("suite hash"), "{error}");
 }
+
+#[test]
+fn the_schema_on_disk_is_that_of_the_type() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../schemas/evaluation.schema.json");
+    let text = serde_json::to_string_pretty(&schemars::schema_for!(EvaluationReport)).unwrap() + "\n";
+    if std::env::var_os("GENMANIP_UPDATE_SCHEMAS").is_some() {
+        std::fs::write(&path, &text).unwrap();
+    }
+    let stored = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(stored == text, "schemas/evaluation.schema.json is stale: run the tests with GENMANIP_UPDATE_SCHEMAS=1");
+}

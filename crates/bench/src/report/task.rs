@@ -5,10 +5,11 @@ use std::fmt::Write;
 use genmanip_core::{Atom, AtomVerdict, AttemptOutcome, EpisodeResult, GoalVerdict, Measurement, Task};
 
 use super::overview::yield_chip;
-use super::tables::{quantity_text, seconds_text, table, threshold_text};
+use super::tables::{causes_text, quantity_text, seconds_text, table, threshold_text};
 use super::{ImagePlan, TaskSection, chip, image, words};
 use crate::drawing::letter;
 use crate::markup::escape;
+use crate::statistics::failure_counts;
 
 pub(super) fn section(index: usize, section: &TaskSection, control: Option<&str>, plan: ImagePlan) -> String {
     let task = &section.task;
@@ -171,7 +172,10 @@ fn attempts(section: &TaskSection) -> String {
     format!("<div>\n<h3>Attempts</h3>\n{}</div>\n", table("list", &["Attempt", "Outcome", "Wall time"], &rows))
 }
 
-/// One row per policy, and a line for each episode that says why it failed.
+/// Evidence of how many failed episodes a policy's row quotes; all of it is in the evaluation's file.
+const SHOWN_REASONS: usize = 2;
+
+/// One row per policy, with the causes of its failures.
 fn results(results: &[EpisodeResult], control: Option<&str>) -> String {
     let mut policies: Vec<&str> = Vec::new();
     for result in results {
@@ -190,14 +194,19 @@ fn results(results: &[EpisodeResult], control: Option<&str>) -> String {
                 (false, all) if all == own.len() => "good",
                 _ => "fair",
             };
-            let reasons: String = own
-                .iter()
-                .filter_map(|result| Some((result, result.failure.as_ref()?)))
-                .map(|(result, failure)| {
-                    let text = format!("{}: {}: {}", result.id, words(failure.cause.name()), failure.evidence);
-                    format!("<span class=\"why\">{}</span>", escape(&text))
-                })
-                .collect();
+            let failed: Vec<_> = own.iter().filter_map(|result| Some((result, result.failure.as_ref()?))).collect();
+            let mut reasons = String::new();
+            if !failed.is_empty() {
+                let counts = causes_text(&failure_counts(failed.iter().map(|(_, failure)| failure.cause)));
+                let _ = write!(reasons, "<span class=\"why\">{counts}</span>");
+            }
+            for (result, failure) in failed.iter().take(SHOWN_REASONS) {
+                let text = format!("{}: {}", result.id, failure.evidence);
+                let _ = write!(reasons, "<span class=\"why\">{}</span>", escape(&text));
+            }
+            if failed.len() > SHOWN_REASONS {
+                let _ = write!(reasons, "<span class=\"why\">and {} more</span>", failed.len() - SHOWN_REASONS);
+            }
             let mean = |value: &dyn Fn(&EpisodeResult) -> f64| {
                 own.iter().map(|result| value(result)).sum::<f64>() / own.len().max(1) as f64
             };
