@@ -4,8 +4,8 @@ use genmanip_core::{Atom, GraphEdge, Relation, Task};
 
 use super::colors::{GOAL, GOAL_WASH, HAIRLINE, INITIAL, INK, MUTED, WASH, color_of_word, hex};
 use super::place::{Tie, Wish, cells};
-use super::route::{LABEL_SIZE, Routed, Wire, route};
-use super::svg::{Anchor, Area, Canvas, Svg, text_width, wrap};
+use super::route::{LABEL_SIZE, Routed, Shape, Wire, route};
+use super::svg::{Anchor, Area, BOLD, Canvas, Svg, text_width, wrap};
 
 const NAME_SIZE: f64 = 13.0;
 const LINE: f64 = 17.0;
@@ -15,7 +15,7 @@ const ROBOT: f64 = 40.0;
 /// Vertical room between an object and what carries it, for an arrow with its label.
 const STACK_GAP: f64 = 44.0;
 /// Widest drawing before the goals move below the start.
-const MAX_WIDTH: f64 = 880.0;
+const MAX_WIDTH: f64 = 715.0;
 
 /// Draws the initial scene graph and, in a second colour, every alternative of the goal.
 ///
@@ -33,7 +33,7 @@ pub fn graph_svg(task: &Task) -> Svg {
     start.draw(&mut canvas, [MARGIN, MARGIN], start.width());
     let first = if beside { [start.width() + 2.0 * MARGIN, MARGIN] } else { [MARGIN, start.height() + 2.0 * MARGIN] };
     let (mut at, mut row_height) = (first, 0.0_f64);
-    let row_end = MARGIN + start.width().max(MAX_WIDTH * 0.72);
+    let row_end = MARGIN + start.width().max(MAX_WIDTH - 2.0 * MARGIN);
     for goal in &goals {
         if !beside && at[0] > first[0] && at[0] + goal.width() > row_end {
             at = [first[0], at[1] + row_height + MARGIN];
@@ -61,8 +61,6 @@ pub(crate) struct Panel {
     frames: Vec<Area>,
     /// Edges.
     pub routed: Vec<Routed>,
-    /// Labels and lines that could not avoid something.
-    pub clashes: usize,
     bounds: Area,
 }
 
@@ -143,30 +141,26 @@ impl Panel {
             }
         }
         // Wider gaps until every label has a place of its own.
-        let attempts = (0..6).map(|attempt| {
+        let mut best = (usize::MAX, Vec::new(), Vec::new(), Vec::new());
+        for attempt in 0..6 {
             let (boxes, frames) = stacks.arrange(&cells, 1.0 + 0.22 * f64::from(attempt));
-            let (routed, clashes) = route(&boxes, &wires);
-            (clashes, boxes, frames, routed)
-        });
-        let mut best: Option<(usize, Vec<Area>, Vec<Area>, Vec<Routed>)> = None;
-        for attempt in attempts {
-            let fewer = best.as_ref().is_none_or(|best| attempt.0 < best.0);
-            let done = attempt.0 == 0;
-            if fewer {
-                best = Some(attempt);
+            let shapes: Vec<Shape> = boxes.iter().copied().map(Shape::solid).collect();
+            let (routed, clashes) = route(&shapes, &wires, [1.0, 1.0]);
+            if clashes < best.0 {
+                best = (clashes, boxes, frames, routed);
             }
-            if done {
+            if clashes == 0 {
                 break;
             }
         }
-        let (clashes, boxes, frames, routed) = best.unwrap_or_default();
+        let (_, boxes, frames, routed) = best;
         let bounds =
             bounds(boxes.iter().chain(&frames).copied().chain(
                 routed.iter().flat_map(|wire| {
                     wire.points.iter().map(|point| Area::around(*point, 8.0, 8.0)).chain([wire.label])
                 }),
             ));
-        Self { heading, is_goal, nodes, wires, boxes, frames, routed, clashes, bounds }
+        Self { heading, is_goal, nodes, wires, boxes, frames, routed, bounds }
     }
 
     fn width(&self) -> f64 {
@@ -203,7 +197,7 @@ impl Panel {
             node.draw(canvas, &area.shifted(by), self.is_goal);
         }
         for (wire, routed) in self.wires.iter().zip(&self.routed) {
-            canvas.plate(&routed.label.shifted(by), LABEL_SIZE, color, &wire.label);
+            canvas.plate(&routed.label.shifted(by), LABEL_SIZE, [color, wash], &wire.label);
         }
         if !self.is_goal {
             let foot = [at[0] + width / 2.0, frame.y + frame.height - 12.0];
@@ -226,7 +220,7 @@ impl Node {
     }
 
     fn size(&self) -> [f64; 2] {
-        let name = self.lines.iter().map(|line| text_width(line, NAME_SIZE)).fold(0.0, f64::max);
+        let name = self.lines.iter().map(|line| text_width(line, NAME_SIZE) * BOLD).fold(0.0, f64::max);
         let tag = self.state.as_ref().map_or(0.0, |state| text_width(state, 11.0) + 16.0);
         let tag_height = if self.state.is_some() { 21.0 } else { 0.0 };
         [(name + 38.0).max(tag + 16.0).max(72.0), self.lines.len() as f64 * LINE + 14.0 + tag_height]
@@ -237,7 +231,7 @@ impl Node {
             if self.moved { format!(r#"stroke="{GOAL}" stroke-width="2""#) } else { format!(r#"stroke="{MUTED}""#) };
         canvas.rect(area, 8.0, &format!(r##"fill="#ffffff" {stroke}"##));
         let middle = area.x + area.width / 2.0;
-        let name = self.lines.iter().map(|line| text_width(line, NAME_SIZE)).fold(0.0, f64::max);
+        let name = self.lines.iter().map(|line| text_width(line, NAME_SIZE) * BOLD).fold(0.0, f64::max);
         let left = middle - (name + 18.0) / 2.0;
         let names_middle = area.y + 7.0 + self.lines.len() as f64 * LINE / 2.0;
         canvas.circle([left + 5.5, names_middle], 5.5, &format!(r#"fill="{}" stroke="{MUTED}""#, hex(self.dot)));
@@ -338,24 +332,25 @@ impl Stacks {
     /// Boxes of all nodes and frames of the piles, with gaps scaled.
     fn arrange(&self, cells: &[[i32; 2]], spread: f64) -> (Vec<Area>, Vec<Area>) {
         let count = |axis: usize| cells.iter().map(|cell| cell[axis] + 1).max().unwrap_or(0) as usize;
-        let (mut columns, mut rows) = (vec![0.0_f64; count(0)], vec![0.0_f64; count(1)]);
+        // Objects on the table that stand in one row share a centre line; piles rise above it.
+        let mut columns = vec![0.0_f64; count(0)];
+        let mut rows = vec![[0.0_f64; 2]; count(1)];
+        let framed = |root: usize| if self.children[root].is_empty() { 0.0 } else { 10.0 };
         for (root, cell) in self.roots.iter().zip(cells) {
-            let [width, height] = self.pile_size(*root);
-            let frame = if self.children[*root].is_empty() { 0.0 } else { 20.0 };
-            columns[cell[0] as usize] = columns[cell[0] as usize].max(width + frame);
-            rows[cell[1] as usize] = rows[cell[1] as usize].max(height + frame);
+            let ([width, height], half) = (self.pile_size(*root), self.sizes[*root][1] / 2.0);
+            let (column, row) = (&mut columns[cell[0] as usize], &mut rows[cell[1] as usize]);
+            *column = column.max(width + 2.0 * framed(*root));
+            *row = [row[0].max(half + framed(*root)), row[1].max(height - half + framed(*root))];
         }
-        let (gap_x, gap_y) = (76.0 * spread, 50.0 * spread);
+        let (gap_x, gap_y) = (70.0 * spread, 50.0 * spread);
         let mut boxes = vec![Area { x: 0.0, y: 0.0, width: 0.0, height: 0.0 }; self.sizes.len()];
         let mut frames = Vec::new();
         for (pile, (root, cell)) in self.roots.iter().zip(cells).enumerate() {
             let (column, row) = (cell[0] as usize, cell[1] as usize);
             let x = columns[..column].iter().map(|width| width + gap_x).sum::<f64>() + columns[column] / 2.0;
-            let framed = if self.children[*root].is_empty() { 0.0 } else { 10.0 };
-            let alone = if framed > 0.0 { 0.0 } else { (rows[row] - self.pile_size(*root)[1]).min(10.0) };
-            let bottom = -rows[..row].iter().map(|height| height + gap_y).sum::<f64>() - framed - alone;
-            self.put(*root, [x, bottom], &mut boxes);
-            if framed > 0.0 {
+            let line = rows[..row].iter().map(|[below, above]| below + above + gap_y).sum::<f64>() + rows[row][0];
+            self.put(*root, [x, -line + self.sizes[*root][1] / 2.0], &mut boxes);
+            if framed(*root) > 0.0 {
                 let members = boxes.iter().zip(&self.pile).filter(|(_, other)| **other == pile).map(|(area, _)| *area);
                 frames.push(bounds(members).grown(10.0));
             }

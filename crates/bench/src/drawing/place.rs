@@ -121,7 +121,7 @@ fn total_cost(cells: &[Cell], ties: &[Tie]) -> f64 {
         f64::from(values.clone().max().unwrap_or(0) - values.min().unwrap_or(0))
     };
     let (columns, rows) = (extent(0), extent(1));
-    cost + 1.0 * columns + 0.8 * rows + 14.0 * (columns - 3.0).max(0.0) + 3.0 * (rows - 4.0).max(0.0)
+    cost + 1.0 * columns + 1.2 * rows + 14.0 * (columns - 3.0).max(0.0) + 3.0 * (rows - 4.0).max(0.0)
 }
 
 fn wish_cost(cells: &[Cell], tie: &Tie) -> f64 {

@@ -4,8 +4,8 @@ use genmanip_core::{GraphEdge, Workspace};
 
 use super::colors::{CONFLICT, GOAL, HAIRLINE, INITIAL, INK, MUTED, hex};
 use super::graph::bounds;
-use super::route::{LABEL_SIZE, Routed, Wire, label_size, route};
-use super::svg::{Anchor, Area, Canvas, Point, Svg, text_width, wrap};
+use super::route::{LABEL_SIZE, Routed, Shape, Wire, label_size, route};
+use super::svg::{Anchor, Area, BOLD, Canvas, Point, Svg, text_width, wrap};
 
 /// Reach of the Panda's flange from its shoulder axis as its maker publishes it, m.
 pub const PANDA_REACH_M: f64 = 0.855;
@@ -56,7 +56,8 @@ pub enum EdgeRole {
     Conflict,
 }
 
-const SCALE: f64 = 580.0;
+/// Pixels per metre.
+const SCALE: f64 = 490.0;
 const NAME_SIZE: f64 = 12.5;
 const BASE_RADIUS_M: f64 = 0.09;
 const FOOT: f64 = 34.0;
@@ -67,18 +68,23 @@ const FOOT: f64 = 34.0;
 pub fn layout_svg(picture: &LayoutPicture) -> Svg {
     let view = View::of(picture);
     let mut canvas = Canvas::default();
-    draw_table(&mut canvas, &view, &picture.workspace, &picture.reach_m);
+    draw_table(&mut canvas, &view, picture);
     let scene = PlanScene::new(picture, &view);
     scene.draw(&mut canvas);
+    let mut note = String::from("Up is front = away from the robot, left is the robot's left. Grid 10 cm.");
+    let radii: Vec<String> = picture.radii().map(|radius| format!("{radius} m")).collect();
+    if !radii.is_empty() {
+        note += &format!(" Dashed: reach {}.", radii.join(", "));
+    }
     let foot = [14.0, view.height - 12.0];
-    canvas.text(
-        foot,
-        11.5,
-        Anchor::Start,
-        &format!(r#"fill="{MUTED}""#),
-        "Up is front = away from the robot. Left is the robot's left. Grid 10 cm.",
-    );
+    canvas.text(foot, 11.0, Anchor::Start, &format!(r#"fill="{MUTED}""#), &note);
     canvas.finish(view.width, view.height, "Layout seen from above")
+}
+
+impl LayoutPicture {
+    fn radii(&self) -> impl Iterator<Item = f64> {
+        self.reach_m.iter().copied().filter(|radius| radius.is_finite() && *radius > 0.0)
+    }
 }
 
 /// From the world's xy plane to the page.
@@ -108,20 +114,34 @@ impl View {
     fn page(&self, world: [f64; 2]) -> Point {
         [(self.left_m - world[1]) * SCALE, (self.front_m - world[0]) * SCALE]
     }
+
+    /// The arcs of reach over the table.
+    fn arcs(&self, picture: &LayoutPicture) -> Vec<Vec<Point>> {
+        let [right, left] = picture.workspace.y;
+        let arc = |radius: f64| {
+            (-180..=180)
+                .map(|half_degree| (f64::from(half_degree) / 2.0).to_radians())
+                .map(|angle| [radius * angle.cos(), radius * angle.sin()])
+                .filter(|world| (right..=left).contains(&world[1]) && (0.0..=self.front_m).contains(&world[0]))
+                .map(|world| self.page(world))
+                .collect()
+        };
+        picture.radii().map(arc).collect()
+    }
 }
 
 fn finite_points(footprint: &Footprint) -> Vec<[f64; 2]> {
     footprint.polygons.iter().flatten().filter(|point| point.iter().all(|value| value.is_finite())).copied().collect()
 }
 
-fn draw_table(canvas: &mut Canvas, view: &View, workspace: &Workspace, reach_m: &[f64]) {
-    let (x, y) = (workspace.x, workspace.y);
+fn draw_table(canvas: &mut Canvas, view: &View, picture: &LayoutPicture) {
+    let Workspace { x, y } = picture.workspace;
     let [left, top] = view.page([x[1], y[1]]);
     let [right, bottom] = view.page([x[0], y[0]]);
     let table = Area { x: left, y: top, width: right - left, height: bottom - top };
     canvas.rect(&table, 6.0, &format!(r##"fill="#faf8f5" stroke="{HAIRLINE}" stroke-width="1.5""##));
     let lines = |low: f64, high: f64| {
-        let first = (low * 10.0 + 1e-6).floor() as i64 + 1;
+        let first = (low.clamp(-100.0, 100.0) * 10.0 + 1e-6).floor() as i64 + 1;
         (first..).map(|step| step as f64 / 10.0).take_while(move |value| *value < high - 1e-6).take(100)
     };
     let grid = r##"fill="none" stroke="#ece7df""##;
@@ -141,19 +161,8 @@ fn draw_table(canvas: &mut Canvas, view: &View, workspace: &Workspace, reach_m: 
         let at = view.page([x[1], value]);
         canvas.text([at[0], at[1] - 7.0], 10.5, Anchor::Middle, &format!(r#"fill="{MUTED}""#), &format!("{value:.1}"));
     }
-    for radius in reach_m.iter().filter(|radius| radius.is_finite() && **radius > 0.0) {
-        let arc: Vec<Point> = (-90..=90)
-            .map(|degree| f64::from(degree).to_radians())
-            .map(|angle| [radius * angle.cos(), radius * angle.sin()])
-            .filter(|world| (y[0]..=y[1]).contains(&world[1]) && (0.0..=view.front_m).contains(&world[0]))
-            .map(|world| view.page(world))
-            .collect();
+    for arc in view.arcs(picture) {
         canvas.polyline(&arc, false, r##"fill="none" stroke="#7c9cc4" stroke-dasharray="7 5" stroke-width="1.3""##);
-        if let Some(end) = arc.first() {
-            let label = format!("reach {radius:.2} m");
-            let at = [end[0] - text_width(&label, 10.5) - 4.0, end[1] + 14.0];
-            canvas.text(at, 10.5, Anchor::Start, r##"fill="#4a6d99""##, &label);
-        }
     }
     let base = view.page([0.0, 0.0]);
     canvas.circle(base, BASE_RADIUS_M * SCALE, &format!(r##"fill="#e2e8f0" stroke="{MUTED}""##));
@@ -173,13 +182,11 @@ fn draw_table(canvas: &mut Canvas, view: &View, workspace: &Workspace, reach_m: 
 
 /// Everything on the table, in page coordinates.
 pub(crate) struct PlanScene {
-    shapes: Vec<(Vec<Vec<Point>>, [u8; 3])>,
+    objects: Vec<(Vec<Vec<Point>>, [u8; 3])>,
     /// Names with their places.
     pub names: Vec<(Vec<String>, Area)>,
     /// Arrows between footprints.
     pub arrows: Vec<(Routed, String, EdgeRole)>,
-    /// Labels and lines that could not avoid something.
-    pub clashes: usize,
 }
 
 impl PlanScene {
@@ -195,7 +202,7 @@ impl PlanScene {
             .collect();
         // Small things lie on large ones.
         order.sort_by(|a, b| (b.1.width * b.1.height).total_cmp(&(a.1.width * a.1.height)));
-        let shapes = order.iter().map(|(footprint, _)| (outlines(footprint, view), footprint.color)).collect();
+        let objects = order.iter().map(|(footprint, _)| (outlines(footprint, view), footprint.color)).collect();
 
         let index = |uid: &str| order.iter().position(|(footprint, _)| footprint.uid == uid);
         let (mut wires, mut roles) = (Vec::new(), Vec::new());
@@ -213,7 +220,7 @@ impl PlanScene {
             }
         }
         let boxes: Vec<Area> = order.iter().map(|(_, area)| *area).collect();
-        let page = Area { x: 4.0, y: 4.0, width: view.width - 8.0, height: view.height - FOOT - 4.0 };
+        let page = Area { x: 36.0, y: 24.0, width: view.width - 40.0, height: view.height - FOOT - 24.0 };
         let lanes: Vec<(Point, Point)> =
             wires.iter().map(|wire| (boxes[wire.from].center(), boxes[wire.to].center())).collect();
         let mut names: Vec<(Vec<String>, Area)> = Vec::new();
@@ -223,15 +230,23 @@ impl PlanScene {
             let place = place_name(&lines, area, &boxes, &names, &lanes, &page);
             names.push((lines, place));
         }
-        let mut obstacles = boxes;
-        obstacles.extend(names.iter().map(|(_, area)| *area));
-        let (routed, clashes) = route(&obstacles, &wires);
+        let mut shapes: Vec<Shape> = order
+            .iter()
+            .map(|(footprint, area)| Shape {
+                area: *area,
+                outlines: outlines(footprint, view),
+                solid: false,
+                owner: None,
+            })
+            .collect();
+        shapes.extend(names.iter().enumerate().map(|(at, (_, area))| Shape { owner: Some(at), ..Shape::solid(*area) }));
+        let (routed, _) = route(&shapes, &wires, [0.45, 0.92]);
         let arrows = routed.into_iter().zip(wires).zip(roles).map(|((line, wire), role)| (line, wire.label, role));
-        Self { shapes, arrows: arrows.collect(), names, clashes }
+        Self { objects, arrows: arrows.collect(), names }
     }
 
     fn draw(&self, canvas: &mut Canvas) {
-        for (outlines, color) in &self.shapes {
+        for (outlines, color) in &self.objects {
             let style = format!(
                 r##"fill="{}" fill-opacity="0.72" stroke="#334155" stroke-opacity="0.55" stroke-linejoin="round""##,
                 hex(*color)
@@ -256,7 +271,7 @@ impl PlanScene {
             }
         }
         for (routed, label, role) in &self.arrows {
-            canvas.plate(&routed.label, LABEL_SIZE, color(*role), label);
+            canvas.plate(&routed.label, LABEL_SIZE, [color(*role), "#ffffff"], label);
         }
     }
 
@@ -281,7 +296,7 @@ fn place_name(
     lanes: &[(Point, Point)],
     page: &Area,
 ) -> Area {
-    let width = lines.iter().map(|line| text_width(line, NAME_SIZE)).fold(0.0, f64::max) + 8.0;
+    let width = lines.iter().map(|line| text_width(line, NAME_SIZE) * BOLD).fold(0.0, f64::max) + 6.0;
     let height = lines.len() as f64 * 15.0 + 4.0;
     let [x, y] = own.center();
     let mut candidates = vec![Area::around([x, y], width, height)];
@@ -319,7 +334,7 @@ fn place_name(
                 })
             })
             .count();
-        let spills = rank == 0 && (width > own.width - 6.0 || height > own.height - 6.0);
+        let spills = rank == 0 && (width > own.width + 8.0 || height > own.height);
         let outside = !area.within(page);
         1000.0 * over_names as f64
             + 500.0 * f64::from(u8::from(outside))

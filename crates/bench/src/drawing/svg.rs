@@ -87,6 +87,9 @@ pub(crate) fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(em).sum::<f64>() * size
 }
 
+/// How much wider semi-bold text is.
+pub(crate) const BOLD: f64 = 1.1;
+
 /// Breaks a text into at most `lines` lines of about `width` px each; what does not fit ends in an ellipsis.
 pub(crate) fn wrap(text: &str, size: f64, width: f64, lines: usize) -> Vec<String> {
     let mut wrapped: Vec<String> = Vec::new();
@@ -184,9 +187,9 @@ impl Canvas {
             writeln!(self.body, r#"<text x="{x}" y="{y}" font-size="{size}"{anchor} {style}>{}</text>"#, escape(text));
     }
 
-    /// A short text in the middle of an area, on a white plate so that lines behind do not disturb it.
-    pub fn plate(&mut self, area: &Area, size: f64, color: &str, text: &str) {
-        self.rect(area, 4.0, r##"fill="#ffffff" fill-opacity="0.92""##);
+    /// A short text in the middle of an area, on a plate so that lines behind do not disturb it.
+    pub fn plate(&mut self, area: &Area, size: f64, [color, ground]: [&str; 2], text: &str) {
+        self.rect(area, 4.0, &format!(r#"fill="{ground}" fill-opacity="0.92""#));
         let center = area.center();
         let style = format!(r#"fill="{color}" font-weight="600""#);
         self.text([center[0], center[1] + size * 0.35], size, Anchor::Middle, &style, text);
@@ -194,17 +197,20 @@ impl Canvas {
 
     /// The whole file on white; `title` is read by screen readers.
     pub fn finish(self, width: f64, height: f64, title: &str) -> Svg {
-        let (width, height, title) = (px(width.ceil()), px(height.ceil()), escape(title));
+        let title = escape(title);
         Svg(format!(
             concat!(
                 r#"<svg xmlns="http://www.w3.org/2000/svg" role="img" width="{w}" height="{h}" viewBox="0 0 {w} {h}" "#,
+                r#"style="max-width:100%;height:auto;min-width:{least}px" "#,
                 r#"font-family="system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif" fill="{ink}">"#,
                 "\n<title>{title}</title>\n",
                 r##"<rect width="{w}" height="{h}" fill="#ffffff"/>"##,
                 "\n{body}</svg>\n"
             ),
-            w = width,
-            h = height,
+            w = px(width.ceil()),
+            h = px(height.ceil()),
+            // On a narrow page it shrinks a little, then its frame scrolls, so that the text stays readable.
+            least = px((width * 0.78).floor()),
             ink = INK,
             title = title,
             body = self.body

@@ -149,24 +149,28 @@ const PLANS: [ImagePlan; 9] = [
 /// # Errors
 /// [`ReportError::TooLarge`] when even the page without film strips exceeds the limit.
 pub fn report_html(input: &ReportInput, settings: &ReportSettings) -> Result<String, ReportError> {
-    let mut smallest = 0;
+    let mut smallest = None;
     for plan in PLANS {
-        smallest = image_bytes(input, plan);
-        if smallest > settings.max_bytes {
+        // Pages that cannot fit are not worth writing, except the last, whose size is told.
+        if image_bytes(input, plan) > settings.max_bytes && plan != PLANS[PLANS.len() - 1] {
             continue;
         }
         let page = page(input, settings, plan);
-        smallest = page.len();
-        if smallest <= settings.max_bytes {
+        if page.len() <= settings.max_bytes {
             return Ok(page);
         }
+        smallest = Some(page.len());
     }
-    Err(ReportError::TooLarge { limit: settings.max_bytes, got: smallest })
+    Err(ReportError::TooLarge { limit: settings.max_bytes, got: smallest.unwrap_or(0) })
 }
 
 fn page(input: &ReportInput, settings: &ReportSettings, plan: ImagePlan) -> String {
-    let sections: String =
-        input.tasks.iter().enumerate().map(|(index, section)| task::section(index, section, plan)).collect();
+    let sections: String = input
+        .tasks
+        .iter()
+        .enumerate()
+        .map(|(index, section)| task::section(index, section, input.control.as_deref(), plan))
+        .collect();
     format!(
         concat!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\" />\n",
@@ -219,7 +223,7 @@ fn image(jpeg: &[u8], alternative: &str) -> String {
 
 /// A small coloured word; `class` is one of `good`, `bad`, `plain`, `warn`.
 fn chip(class: &str, text: &str) -> String {
-    format!("<span class=\"chip {class}\">{}</span>", escape(text))
+    format!(" <span class=\"chip {class}\">{}</span>", escape(text))
 }
 
 /// `pick_and_place` as people write it.

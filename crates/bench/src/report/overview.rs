@@ -12,7 +12,7 @@ use crate::statistics::{PairedComparison, Rate, StatisticsSettings, SuiteSummary
 pub(super) fn overview(input: &ReportInput, statistics: &StatisticsSettings, plan: ImagePlan) -> String {
     let mut html = String::from("<header>\n");
     let _ = writeln!(html, "<p class=\"kicker\">GenManip report</p>\n<h1>{}</h1>", escape(&input.title));
-    let _ = writeln!(html, "<p class=\"lead\">{}</p>", escape(&lead(input, statistics)));
+    let _ = writeln!(html, "<p class=\"lead\">{}</p>", escape(&lead(input, statistics).replace(" %", "\u{a0}%")));
     html += &tiles(input, statistics);
     html += &warnings(input);
     html += "</header>\n<section id=\"results\">\n<h2>Results</h2>\n";
@@ -111,7 +111,7 @@ fn policies(summaries: &[SuiteSummary], control: Option<&str>) -> String {
                 name,
                 summary.success.trials.to_string(),
                 rate_bar(&summary.success),
-                rate_bar(&summary.success_once),
+                format!("{:.1} %", 100.0 * summary.success_once.value),
                 mean_text(&summary.score, 2, ""),
             ];
             if with_spl {
@@ -126,19 +126,26 @@ fn policies(summaries: &[SuiteSummary], control: Option<&str>) -> String {
                 mean_text(&summary.tcp_path_m, 2, " m"),
                 mean_text(&summary.duration_s, 1, " s"),
                 format!("{} of {}", summary.collisions.successes, summary.collisions.trials),
-                causes_text(&summary.failures),
             ]);
             cells
         })
         .collect();
-    let mut headings = vec!["Policy", "Episodes", "Success at end", "Success once", "Score"];
+    let mut headings = vec!["Policy", "Episodes", "Success at end", "Once", "Score"];
     if with_spl {
         headings.push("SPL");
     }
-    headings.extend(["Path", "Duration", "Collisions", "Failures"]);
+    headings.extend(["Path", "Duration", "Collisions"]);
     let mut html = String::from("<h3>Policies</h3>\n") + &table("figures", &headings, &rows);
+    let failures: Vec<String> = summaries
+        .iter()
+        .filter(|summary| !summary.failures.is_empty())
+        .map(|summary| format!("{}: {}.", escape(&words(&summary.policy)), causes_text(&summary.failures)))
+        .collect();
+    if !failures.is_empty() {
+        let _ = writeln!(html, "<p class=\"note\">Why episodes failed. {}</p>", failures.join(" "));
+    }
     html += "<p class=\"note\">Success at end is the headline: judged after settling, nothing held or moving. \
-             Bars carry 95 % Wilson intervals, means 95 % bootstrap intervals.</p>\n";
+             Once: held at some moment. Bars carry 95 % Wilson intervals, means 95 % bootstrap intervals.</p>\n";
     let kinds: Vec<TaskKind> = TaskKind::ALL
         .into_iter()
         .filter(|kind| summaries.iter().any(|s| s.kinds.iter().any(|k| k.kind == *kind)))
@@ -181,8 +188,8 @@ fn comparisons(comparisons: &[PairedComparison]) -> String {
         return String::new();
     }
     let headings =
-        ["Paired comparison", "Pairs", "Difference in success", "Only first / only second", "p (exact McNemar)"];
-    table("figures", &headings, &rows)
+        ["On the same episodes", "Pairs", "Difference in success", "Only first / only second", "p (exact McNemar)"];
+    String::from("<h3>Policies in pairs</h3>\n") + &table("figures", &headings, &rows)
 }
 
 fn kinds(input: &ReportInput, statistics: &StatisticsSettings) -> String {
@@ -195,10 +202,9 @@ fn kinds(input: &ReportInput, statistics: &StatisticsSettings) -> String {
         let rate = Rate::of(attempts().map(|attempt| attempt.outcome == AttemptOutcome::Verified), statistics);
         vec![
             name,
-            sections.len().to_string(),
-            rate.trials.to_string(),
-            rate.successes.to_string(),
             rate_bar(&rate),
+            format!("{} of {}", rate.successes, rate.trials),
+            sections.len().to_string(),
             causes_text(&failure_counts(causes)),
         ]
     };
@@ -210,7 +216,7 @@ fn kinds(input: &ReportInput, statistics: &StatisticsSettings) -> String {
         }
     }
     rows.push(row("all kinds".into(), &input.tasks.iter().collect::<Vec<_>>()));
-    let headings = ["Kind", "Tasks", "Attempts", "Verified", "Yield", "Why others failed"];
+    let headings = ["Kind", "Yield", "Verified attempts", "Tasks", "Why others failed"];
     String::from("<h3>Yield of demonstrations</h3>\n") + &table("figures total", &headings, &rows)
 }
 

@@ -2,15 +2,16 @@
 
 use std::fmt::Write;
 
-use genmanip_core::{Atom, AtomVerdict, AttemptOutcome, EpisodeResult, GoalVerdict, Task};
+use genmanip_core::{Atom, AtomVerdict, AttemptOutcome, EpisodeResult, GoalVerdict, Measurement, Task};
 
 use super::overview::yield_chip;
-use super::tables::{quantity_text, seconds_text, table, threshold_text};
+use super::tables::{causes_text, quantity_text, seconds_text, table, threshold_text};
 use super::{ImagePlan, TaskSection, chip, image, words};
 use crate::drawing::letter;
 use crate::markup::escape;
+use crate::statistics::failure_counts;
 
-pub(super) fn section(index: usize, section: &TaskSection, plan: ImagePlan) -> String {
+pub(super) fn section(index: usize, section: &TaskSection, control: Option<&str>, plan: ImagePlan) -> String {
     let task = &section.task;
     let mut html = format!(
         concat!(
@@ -49,7 +50,7 @@ pub(super) fn section(index: usize, section: &TaskSection, plan: ImagePlan) -> S
     }
     html += "<div class=\"two\">\n";
     html += &attempts(section);
-    html += &results(&section.results);
+    html += &results(&section.results, control);
     html + "</div>\n</article>\n"
 }
 
@@ -103,7 +104,7 @@ fn verdict(task: &Task, shown: &EpisodeResult) -> String {
         for atom in atoms {
             let name =
                 if several { format!("<span class=\"letter\">{}</span> ", letter(index)) } else { String::new() };
-            rows.extend(atom_rows(task, name, atom));
+            rows.push(atom_row(task, &name, atom));
         }
     }
     html += &table("verdict", &["Condition", "Holds", "Measured", "Value", "Threshold", "Margin"], &rows);
@@ -113,40 +114,29 @@ fn verdict(task: &Task, shown: &EpisodeResult) -> String {
     html
 }
 
-/// One row per measured quantity, the condition itself only in the first.
-fn atom_rows(task: &Task, prefix: String, verdict: &AtomVerdict) -> Vec<Vec<String>> {
+/// The condition, and one line per measured quantity in each of the other cells.
+fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
     let holds = if verdict.holds { chip("good", "holds") } else { chip("bad", "does not hold") };
-    let condition = format!(
-        "{prefix}{}<span class=\"why\">{}</span>",
-        atom_markup(task, &verdict.atom),
-        escape(&verdict.explanation)
-    );
-    if verdict.measurements.is_empty() {
-        let dash = || "<span class=\"muted\">none</span>".to_owned();
-        return vec![vec![condition, holds, dash(), dash(), dash(), format!("{:+.4}", verdict.margin)]];
-    }
-    let mut lead = Some((condition, holds));
-    verdict
-        .measurements
-        .iter()
-        .map(|measurement| {
-            let (condition, holds) = lead.take().unwrap_or_default();
-            let margin = quantity_text(measurement.margin, &measurement.unit);
-            let sign = if measurement.margin >= 0.0 { "+" } else { "" };
-            vec![
-                condition,
-                holds,
-                escape(&measurement.quantity),
-                escape(&quantity_text(measurement.value, &measurement.unit)),
-                escape(&threshold_text(measurement)),
-                format!(
-                    "<span class=\"{}\">{}</span>",
-                    if measurement.met { "met" } else { "missed" },
-                    escape(&format!("{sign}{margin}"))
-                ),
-            ]
-        })
-        .collect()
+    let why = escape(&verdict.explanation);
+    let condition = format!("{prefix}{}<span class=\"why\">{why}</span>", atom_markup(task, &verdict.atom));
+    let lines = |text: &dyn Fn(&Measurement) -> String| -> String {
+        let line = |measurement| format!("<span class=\"line\">{}</span>", text(measurement));
+        verdict.measurements.iter().map(line).collect()
+    };
+    let margin = |measurement: &Measurement| {
+        let class = if measurement.met { "met" } else { "missed" };
+        let sign = if measurement.margin >= 0.0 { "+" } else { "" };
+        let margin = escape(&quantity_text(measurement.margin, &measurement.unit));
+        format!("<span class=\"{class}\">{sign}{margin}</span>")
+    };
+    vec![
+        condition,
+        holds,
+        lines(&|measurement| escape(&measurement.quantity)),
+        lines(&|measurement| escape(&quantity_text(measurement.value, &measurement.unit))),
+        lines(&|measurement| escape(&threshold_text(measurement))),
+        lines(&margin),
+    ]
 }
 
 /// A condition with names instead of uids.
@@ -182,35 +172,57 @@ fn attempts(section: &TaskSection) -> String {
     format!("<div>\n<h3>Attempts</h3>\n{}</div>\n", table("list", &["Attempt", "Outcome", "Wall time"], &rows))
 }
 
-fn results(results: &[EpisodeResult]) -> String {
-    let rows: Vec<Vec<String>> = results
-        .iter()
-        .map(|result| {
-            let outcome = match (result.success, result.success_once) {
-                (true, _) => chip("good", "success"),
-                (false, true) => chip("fair", "once, not at the end"),
-                (false, false) => chip("bad", "no success"),
+/// Evidence of how many failed episodes a policy's row quotes; all of it is in the evaluation's file.
+const SHOWN_REASONS: usize = 2;
+
+/// One row per policy, with the causes of its failures.
+fn results(results: &[EpisodeResult], control: Option<&str>) -> String {
+    let mut policies: Vec<&str> = Vec::new();
+    for result in results {
+        if !policies.contains(&result.policy.as_str()) {
+            policies.push(&result.policy);
+        }
+    }
+    let rows: Vec<Vec<String>> = policies
+        .into_iter()
+        .map(|policy| {
+            let own: Vec<&EpisodeResult> = results.iter().filter(|result| result.policy == policy).collect();
+            let successes = own.iter().filter(|result| result.success).count();
+            let class = match (control == Some(policy), successes) {
+                (true, 0) => "plain",
+                (true, _) | (false, 0) => "bad",
+                (false, all) if all == own.len() => "good",
+                _ => "fair",
             };
-            let reason = result.failure.as_ref().map_or(String::new(), |failure| {
-                format!("<span class=\"why\">{}: {}</span>", words(failure.cause.name()), escape(&failure.evidence))
-            });
-            let oracle = if result.oracle { chip("warn", "oracle") } else { String::new() };
+            let failed: Vec<_> = own.iter().filter_map(|result| Some((result, result.failure.as_ref()?))).collect();
+            let mut reasons = String::new();
+            if !failed.is_empty() {
+                let counts = causes_text(&failure_counts(failed.iter().map(|(_, failure)| failure.cause)));
+                let _ = write!(reasons, "<span class=\"why\">{counts}</span>");
+            }
+            for (result, failure) in failed.iter().take(SHOWN_REASONS) {
+                let text = format!("{}: {}", result.id, failure.evidence);
+                let _ = write!(reasons, "<span class=\"why\">{}</span>", escape(&text));
+            }
+            if failed.len() > SHOWN_REASONS {
+                let _ = write!(reasons, "<span class=\"why\">and {} more</span>", failed.len() - SHOWN_REASONS);
+            }
+            let mean = |value: &dyn Fn(&EpisodeResult) -> f64| {
+                own.iter().map(|result| value(result)).sum::<f64>() / own.len().max(1) as f64
+            };
+            let oracle = if own.iter().any(|result| result.oracle) { chip("warn", "oracle") } else { String::new() };
             vec![
-                format!(
-                    "{}{oracle}<span class=\"why\">{}</span>",
-                    escape(&words(&result.policy)),
-                    escape(&result.scenario_id)
-                ),
-                outcome + &reason,
-                format!("{:.2}", result.verdict.score),
-                format!("{:.1} s", result.duration_s),
-                format!("{:.2} m", result.tcp_path_m),
+                escape(&words(policy)) + &oracle,
+                chip(class, &format!("{successes} of {} succeeded", own.len())) + &reasons,
+                format!("{:.2}", mean(&|result| result.verdict.score)),
+                format!("{:.1} s", mean(&|result| result.duration_s)),
+                format!("{:.2} m", mean(&|result| result.tcp_path_m)),
             ]
         })
         .collect();
     if rows.is_empty() {
         return String::new();
     }
-    let headings = ["Policy", "Outcome", "Score", "Duration", "Path"];
+    let headings = ["Policy", "Outcome", "Mean score", "Duration", "Path"];
     format!("<div>\n<h3>Evaluation</h3>\n{}</div>\n", table("list", &headings, &rows))
 }
