@@ -20,7 +20,7 @@ mod test_robot;
 
 pub use chain::{Chain, ModelError};
 pub use collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, World};
-pub use grasp::{GraspSettings, GraspTarget, Gripper};
+pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper, ReachSettings, ReachableGrasp};
 pub use ik::{IkSettings, InverseKinematics};
 pub use path::Path;
 pub use plan::{PlanError, PlanSettings, StraightSettings};

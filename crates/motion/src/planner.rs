@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Pose, RobotModel, Seed};
+use genmanip_core::{Grasp, Pose, RobotModel, Seed};
 use serde::{Deserialize, Serialize};
 
 use crate::collision::{Allowed, Attached, Checker, CollisionReport, RobotError, RobotShape, World};
-use crate::grasp::{GraspSettings, GraspTarget, Gripper};
+use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings, ReachableGrasp};
 use crate::ik::{IkSettings, InverseKinematics};
 use crate::path::Path;
 use crate::plan::{self, PlanError, PlanSettings, StraightSettings};
@@ -26,6 +26,8 @@ pub struct PlannerSettings {
     pub timing: TimingSettings,
     /// Grasp candidates.
     pub grasp: GraspSettings,
+    /// Grasps that the arm can carry out.
+    pub reach: ReachSettings,
 }
 
 /// What surrounds one motion: the world, what is carried, what may touch, and how far the gripper is open.
@@ -97,6 +99,12 @@ impl Planner {
         self.ik.solve(world_from_tcp, reference)
     }
 
+    /// The configuration nearest to `previous` that brings the tcp to `world_from_tcp`, on the same branch;
+    /// `None` when a joint would have to move by more than `max_step`.
+    pub fn ik_near(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
+        self.ik.continue_from(world_from_tcp, previous, max_step)
+    }
+
     /// Collision tests at a distance of `padding` metres (0: contact only).
     pub fn checker<'a>(&'a self, around: &Surroundings<'a>, padding: f64) -> Checker<'a> {
         Checker::new(&self.shape, around.world, around.attached, around.allowed, around.gripper_width, padding)
@@ -141,7 +149,28 @@ impl Planner {
     }
 
     /// Grasp candidates on an object, best first, in the object's frame.
-    pub fn grasps(&self, target: &GraspTarget, seed: Seed) -> Vec<genmanip_core::Grasp> {
-        crate::grasp::candidates(target, &self.gripper, &self.settings.grasp, seed)
+    pub fn grasps(&self, target: &GraspTarget, seed: Seed) -> Vec<Grasp> {
+        grasp::candidates(target, &self.gripper, &self.settings.grasp, seed)
+    }
+    /// Opening with which a grasp is approached, m.
+    pub fn opening(&self, grasp: &Grasp) -> f64 {
+        self.gripper.opening_for(grasp, self.settings.grasp.opening_clearance)
+    }
+
+    /// The first `wanted` of `candidates` (object frame, in their order) that the arm can carry out where the object
+    /// is: grasp and pre-grasp are in reach, and the robot touches nothing there but `target` with its open gripper.
+    ///
+    /// `around` should hold the target as an obstacle of that name; its gripper width is replaced by the grasp's own.
+    /// The straight way between pre-grasp and grasp is not tested here: see [`Planner::straight`].
+    pub fn reachable_grasps(
+        &self,
+        around: &Surroundings,
+        target: &str,
+        world_from_object: &Pose,
+        candidates: &[Grasp],
+        reference: &[f64],
+        wanted: usize,
+    ) -> Vec<ReachableGrasp> {
+        grasp::reachable(self, around, target, world_from_object, candidates, reference, wanted)
     }
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::propose::Proposal;
 use super::{GraspSettings, GraspTarget, Gripper, squareness};
 use crate::collision::GeometryError;
-use crate::collision::convex::{self, Convex};
+use crate::collision::convex::{self, Convex, Separation};
 use crate::collision::world::compile;
 use crate::rigid::Rigid;
 
@@ -68,6 +68,19 @@ impl<'a> Bench<'a> {
         Some(Grasp { pose, width, score })
     }
 
+    /// A quick test that spares the exact one: a surface point lies inside the bounds of the hand's body.
+    pub(super) fn palm_is_blocked(&self, proposal: &Proposal) -> bool {
+        let tcp = Rigid::from(&proposal.object_from_tcp).inverse();
+        let hand = &self.gripper.hand_bounds;
+        // The hand may still be lifted off the table, by half a pad at most.
+        let low = hand.max.z - self.gripper.pad_size.z / 2.0;
+        let stride = (self.target.surface.len() / 200).max(1);
+        self.target.surface.iter().step_by(stride).any(|(point, _)| {
+            let p = tcp.point(*point);
+            p.z < low && p.z > hand.min.z && p.x.abs() < hand.max.x * 0.9 && p.y.abs() < hand.max.y * 0.9
+        })
+    }
+
     /// Whether the gripper, opened for a grasp, has room around it.
     #[cfg(test)]
     pub(super) fn is_clear(&self, grasp: &Grasp) -> bool {
@@ -115,19 +128,43 @@ impl<'a> Bench<'a> {
     }
 
     /// Opening at which a closing finger meets the object; `None` when it never does.
+    ///
+    /// Each step closes by as much as is certainly free (conservative advancement), so thin walls are not jumped over.
     fn touch(&self, object_from_tcp: &Rigid, finger: usize, opening: f64) -> Option<f64> {
         const CONTACT: f64 = 1e-4;
         let finger = &self.gripper.fingers[finger];
-        let touches = |width: f64| self.touches(&finger.pieces, &(*object_from_tcp * finger.place(width)), CONTACT);
-        // The last free opening on a coarse scale, then bisection: a thin wall must not be jumped over.
-        let steps = (opening / 0.004).ceil().max(1.0);
-        let met = (1..=steps as usize).find(|step| touches(opening * (1.0 - *step as f64 / steps)))? as f64;
-        let (mut inside, mut outside) = (opening * (1.0 - met / steps), opening * (1.0 - (met - 1.0) / steps));
-        for _ in 0..5 {
-            let middle = 0.5 * (inside + outside);
-            if touches(middle) { inside = middle } else { outside = middle }
+        let mut width = opening;
+        for _ in 0..40 {
+            let distance = self.distance(&finger.pieces, &(*object_from_tcp * finger.place(width)), width / 2.0)?;
+            if distance < CONTACT {
+                return Some(width);
+            }
+            // A finger moves half as far as the opening changes.
+            width -= 2.0 * distance;
+            if width <= 0.0 {
+                return None;
+            }
         }
-        Some(0.5 * (inside + outside))
+        Some(width)
+    }
+
+    /// Distance of pieces from the object if it is at most `limit`.
+    fn distance(&self, pieces: &[Convex], object_from_pieces: &Rigid, limit: f64) -> Option<f64> {
+        let mut nearest = limit;
+        let mut found = false;
+        for piece in pieces {
+            let center = object_from_pieces.point(piece.ball.center);
+            for other in &self.object {
+                let reach = piece.ball.radius + other.ball.radius + nearest;
+                if center.distance_squared(other.ball.center) <= reach * reach
+                    && let Separation::Within(distance) =
+                        convex::separation(other, piece, &Rigid::IDENTITY, object_from_pieces, nearest)
+                {
+                    (nearest, found) = (distance, true);
+                }
+            }
+        }
+        found.then_some(nearest)
     }
 
     /// What the surface samples under the pads say.

@@ -1,6 +1,6 @@
 //! The gripper alone, in the frame of its tcp.
 
-use genmanip_core::{Grasp, RobotModel};
+use genmanip_core::{Aabb, Grasp, RobotModel};
 use glam::DVec3;
 
 use crate::collision::RobotShape;
@@ -19,6 +19,8 @@ pub struct Gripper {
     /// How far the hand's body stays behind the tcp, m.
     pub palm: f64,
     pub(crate) hand: Vec<Convex>,
+    /// Bounds of the hand's body in the frame of the tcp.
+    pub(crate) hand_bounds: Aabb,
     pub(crate) tcp_from_hand: Rigid,
     /// Pieces of each finger, its place with the gripper closed, and its motion per metre of opening.
     pub(crate) fingers: [Finger; 2],
@@ -52,6 +54,13 @@ impl Gripper {
         let tip =
             fingers.iter().map(|finger| highest(&finger.pieces, &finger.closed)).fold(f64::NEG_INFINITY, f64::max);
         let palm = -highest(&hand, &tcp_from_hand);
+        let mut hand_bounds = Aabb::EMPTY;
+        for direction in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]) {
+            let local = tcp_from_hand.rotation.transpose() * direction;
+            for piece in &hand {
+                hand_bounds = hand_bounds.including(tcp_from_hand.point(piece.support(local)));
+            }
+        }
         let half_pad = robot.gripper.pad_size.z / 2.0;
         Self {
             pad_size: robot.gripper.pad_size,
@@ -59,6 +68,7 @@ impl Gripper {
             tip: if tip.is_finite() { tip } else { half_pad },
             palm: if palm.is_finite() { palm } else { half_pad },
             hand,
+            hand_bounds,
             tcp_from_hand,
             fingers,
         }

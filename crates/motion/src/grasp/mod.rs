@@ -9,6 +9,7 @@
 mod assess;
 mod gripper;
 mod propose;
+mod reach;
 mod solid;
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,8 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use gripper::Gripper;
+pub(crate) use reach::reachable;
+pub use reach::{ReachSettings, ReachableGrasp};
 
 /// How candidates are found and ranked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,7 +88,7 @@ impl Default for GraspSettings {
             tall_height: 0.1,
             friction: 0.5,
             width_clearance: 0.004,
-            opening_clearance: 0.02,
+            opening_clearance: 0.01,
             object_clearance: 0.001,
             table_clearance: 0.003,
             flat_height: 0.03,
@@ -124,19 +127,21 @@ pub struct GraspTarget<'a> {
 ///
 /// Empty when no grasp fits, or when the target has no surface points or no usable piece.
 pub fn candidates(target: &GraspTarget, gripper: &Gripper, settings: &GraspSettings, seed: Seed) -> Vec<Grasp> {
-    let Ok(scene) = assess::Bench::new(target, gripper, settings) else { return Vec::new() };
+    let Ok(bench) = assess::Bench::new(target, gripper, settings) else { return Vec::new() };
     let mut proposals = propose::proposals(target, gripper, settings, seed.fork("grasp"));
     proposals.sort_by(|a, b| b.promise.total_cmp(&a.promise));
     let mut kept: Vec<Grasp> = Vec::new();
-    for proposal in proposals.iter().take(settings.max_assessed) {
-        if kept.len() >= settings.max_candidates {
+    let mut assessed = 0;
+    for proposal in &proposals {
+        if kept.len() >= settings.max_candidates || assessed >= settings.max_assessed {
             break;
         }
         let fresh = |pose: &Pose, kept: &[Grasp]| !kept.iter().any(|other| same(&other.pose, pose, settings));
-        if !fresh(&proposal.object_from_tcp, &kept) {
+        if !fresh(&proposal.object_from_tcp, &kept) || bench.palm_is_blocked(proposal) {
             continue;
         }
-        if let Some(grasp) = scene.assess(proposal).filter(|grasp| fresh(&grasp.pose, &kept)) {
+        assessed += 1;
+        if let Some(grasp) = bench.assess(proposal).filter(|grasp| fresh(&grasp.pose, &kept)) {
             kept.push(grasp);
         }
     }

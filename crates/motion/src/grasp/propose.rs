@@ -7,6 +7,9 @@ use rand::{Rng, RngExt};
 use super::solid::{Chord, Solid};
 use super::{GraspSettings, GraspTarget, Gripper, squareness};
 
+/// Places along either axis at which flat things are searched.
+const FLAT_PLACES: usize = 24;
+
 /// A pose of the tcp worth an exact look, object frame.
 pub(super) struct Proposal {
     pub(super) object_from_tcp: Pose,
@@ -51,7 +54,7 @@ pub(super) fn proposals(
         }
     }
     if high - low <= settings.flat_height {
-        flat_pairs(&solid, &surface, up, low, high, widest, settings, &mut pairs);
+        flat_pairs(&solid, &surface, up, widest, settings, &mut pairs);
     }
     let max_tilt = if high - low >= settings.tall_height { settings.max_tilt_tall } else { settings.max_tilt };
     let mut proposals = Vec::new();
@@ -101,13 +104,10 @@ fn pairs_along(
 }
 
 /// Lines along the table across flat things: at several places of the outline, square to its long and short axes.
-#[expect(clippy::too_many_arguments, reason = "one call; a struct would only rename the arguments")]
 fn flat_pairs(
     solid: &Solid,
     surface: &[(DVec3, DVec3)],
     up: DVec3,
-    low: f64,
-    high: f64,
     widest: f64,
     settings: &GraspSettings,
     pairs: &mut Vec<Pair>,
@@ -123,19 +123,28 @@ fn flat_pairs(
     let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
     let long = x * angle.cos() + y * angle.sin();
     let short = up.cross(long);
-    let extent = |axis: DVec3| {
-        let along = surface.iter().map(|(point, _)| (*point - middle).dot(axis));
-        along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), a| (low.min(a), high.max(a)))
-    };
     for (axis, across) in [(long, short), (short, long)] {
-        let (first, last) = extent(axis);
-        for place in 0..24 {
-            let along = first + (last - first) * (f64::from(place) + 0.5) / 24.0;
-            for level in [0.35, 0.6] {
-                let height = low + (high - low) * level;
+        let along = |point: DVec3| (point - middle).dot(axis);
+        let (first, last) = surface
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (p, _)| (low.min(along(*p)), high.max(along(*p))));
+        let slice = (last - first) / FLAT_PLACES as f64;
+        for place in 0..FLAT_PLACES {
+            let center = first + slice * (place as f64 + 0.5);
+            // Where the thing is here, seen from the side: handles are thinner and higher than bowls.
+            let here: Vec<DVec3> = surface
+                .iter()
+                .map(|(point, _)| *point)
+                .filter(|point| (along(*point) - center).abs() < slice)
+                .collect();
+            let heights = here.iter().map(|point| (*point - middle).dot(up));
+            let (low, high) =
+                heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)));
+            let across_middle = here.iter().map(|point| (*point - middle).dot(across)).sum::<f64>() / here.len() as f64;
+            for level in if here.is_empty() { [].iter() } else { [0.3, 0.5, 0.7].iter() } {
+                let through = middle + axis * center + across * across_middle + up * (low + (high - low) * level);
                 for turn in [-0.2, 0.0, 0.2] {
                     let closing = DQuat::from_axis_angle(up, turn) * across;
-                    let through = middle + axis * along + up * (height - middle.dot(up));
                     pairs_along(solid, through - closing * 0.5, closing, None, widest, settings, pairs);
                 }
             }
