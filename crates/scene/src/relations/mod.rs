@@ -15,7 +15,6 @@
 mod contact;
 mod judge;
 mod pair;
-mod planar;
 mod requirement;
 mod scene;
 mod settings;

@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use genmanip_core::{Aabb, ObjectModel, Piece, Pose, Shape};
 use glam::{DVec2, DVec3};
 
-use super::planar::Polygon;
 use super::shape::{ObjectShape, ShapeCache, outline_directions, outline_points};
+use crate::planar::Polygon;
 
 /// An object at its pose.
 #[derive(Clone, Debug)]

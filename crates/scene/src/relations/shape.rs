@@ -7,7 +7,8 @@ use genmanip_core::{ObjectLink, ObjectModel, Pose, Seed, Shape};
 use glam::DVec3;
 use rand::RngExt;
 
-use super::solid::{Hull, Solid};
+use super::solid::Solid;
+use crate::hull::Hull;
 
 /// Corners of a curved outline.
 const SIDES: usize = 64;

@@ -2,8 +2,8 @@
 
 use genmanip_core::{Piece, Pose, Shape};
 use glam::DVec3;
-use parry3d_f64::math::Vector;
-use parry3d_f64::transformation::try_convex_hull;
+
+use crate::hull::Hull;
 
 /// A convex body that answers whether a point is in it.
 #[derive(Clone, Debug)]
@@ -19,18 +19,11 @@ enum Body {
     Planes(Vec<(DVec3, f64)>),
 }
 
-/// A convex hull as a closed triangle mesh; empty when the points lie in a plane.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Hull {
-    pub corners: Vec<DVec3>,
-    pub triangles: Vec<[u32; 3]>,
-}
-
 impl Solid {
     /// The body of a piece.
     pub fn of_piece(piece: &Piece) -> Self {
         let body = match &piece.shape {
-            Shape::Hull { points } => Body::Planes(Hull::of(points).planes()),
+            Shape::Hull { points } => Body::Planes(Hull::of(points).planes(1e-12)),
             other => Body::Exact(other.clone()),
         };
         Self { piece_from_link: piece.link_from_piece.inverse(), body }
@@ -38,7 +31,7 @@ impl Solid {
 
     /// The body of a hull.
     pub fn of_hull(hull: &Hull) -> Self {
-        Self { piece_from_link: Pose::IDENTITY, body: Body::Planes(hull.planes()) }
+        Self { piece_from_link: Pose::IDENTITY, body: Body::Planes(hull.planes(1e-12)) }
     }
 
     /// Whether a point of the link's frame is in the body.
@@ -60,37 +53,5 @@ impl Solid {
             }
             Body::Exact(Shape::Hull { .. }) => false,
         }
-    }
-}
-
-impl Hull {
-    /// Convex hull of points.
-    pub fn of(points: &[DVec3]) -> Self {
-        let points: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
-        if points.len() < 4 {
-            return Self::default();
-        }
-        match try_convex_hull(&points) {
-            Ok((corners, triangles)) => {
-                Self { corners: corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect(), triangles }
-            }
-            Err(_) => Self::default(),
-        }
-    }
-
-    /// Corners of each triangle.
-    pub fn faces(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
-        self.triangles.iter().map(|triangle| triangle.map(|index| self.corners[index as usize]))
-    }
-
-    fn planes(&self) -> Vec<(DVec3, f64)> {
-        let center = self.corners.iter().sum::<DVec3>() / self.corners.len().max(1) as f64;
-        self.faces()
-            .filter_map(|[a, b, c]| {
-                let normal = (b - a).cross(c - a).try_normalize()?;
-                let outward = if normal.dot(a - center) < 0.0 { -normal } else { normal };
-                Some((outward, outward.dot(a) + 1e-12))
-            })
-            .collect()
     }
 }

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 /// A convex polygon, counter-clockwise, without repeated corners; a point or a segment when degenerate.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Polygon {
+pub(crate) struct Polygon {
     pub corners: Vec<DVec2>,
     pub min: DVec2,
     pub max: DVec2,
