@@ -8,6 +8,8 @@ use crate::DataError;
 
 /// Marks folders that a run has not finished; the process id follows.
 const MARK: &str = ".partial-";
+/// Marks what a finished folder is about to replace.
+const OLD: &str = ".old.partial-";
 
 /// A folder that becomes visible under its name only when it is complete.
 ///
@@ -54,16 +56,14 @@ impl Aside {
     /// Makes the folder visible under its name.
     pub(crate) fn publish(mut self) -> Result<(), DataError> {
         sync_tree(&self.folder)?;
-        let old = beside(&self.target, &format!(".old{MARK}{}", std::process::id()));
+        let old = beside(&self.target, &format!("{OLD}{}", std::process::id()));
         if self.target.exists() {
             remove(&old)?;
             fs::rename(&self.target, &old).map_err(DataError::io("rename", &self.target))?;
         }
         fs::rename(&self.folder, &self.target).map_err(DataError::io("rename", &self.target))?;
         self.published = true;
-        if let Some(parent) = self.target.parent() {
-            sync_folder(parent)?;
-        }
+        sync_folder(parent(&self.target))?;
         remove(&old)
     }
 }
@@ -90,6 +90,20 @@ pub(crate) fn sweep(folder: &Path) -> Result<Vec<String>, DataError> {
         }
     }
     Ok(removed)
+}
+
+/// Removes what killed runs left of one target, see [`sweep`].
+pub(crate) fn sweep_target(target: &Path) -> Result<(), DataError> {
+    let partial = beside(target, MARK);
+    let beginning = partial.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let parent = parent(target);
+    for name in names(parent)? {
+        let ours = name.starts_with(&beginning) || name.starts_with(&beginning.replace(MARK, OLD));
+        if ours && is_leftover(&name) {
+            remove(&parent.join(name))?;
+        }
+    }
+    Ok(())
 }
 
 /// Sorted names of the entries of a folder.
@@ -125,6 +139,11 @@ fn is_leftover(name: &str) -> bool {
 fn beside(target: &Path, ending: &str) -> PathBuf {
     let name = target.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     target.with_file_name(format!(".{name}{ending}"))
+}
+
+/// The folder something lies in; a bare name lies in the current one.
+fn parent(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn remove(path: &Path) -> Result<(), DataError> {

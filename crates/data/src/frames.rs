@@ -24,7 +24,7 @@ use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Frame, ObjectState, Pose};
 
 use crate::DataError;
-use crate::table::{self, Columns};
+use crate::table::{self, Columns, Purpose};
 
 /// The bytes of `frames.parquet`; every frame must hold `objects` objects.
 pub(crate) fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, DataError> {
@@ -56,7 +56,7 @@ pub(crate) fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, Data
         columns.f64(&format!("object_{object}_speed"), states.iter().map(|state| state.speed));
         columns.f64(&format!("object_{object}_angular_speed"), states.iter().map(|state| state.angular_speed));
     }
-    table::to_parquet(Path::new("frames.parquet"), columns, false, None)
+    table::to_parquet(Path::new("frames.parquet"), columns, Purpose::Record, None)
 }
 
 /// The frames in `frames.parquet`.

@@ -1,7 +1,8 @@
 //! What a camera saw during an episode, drawn afterwards from the recorded states.
 //!
-//! In the store each track is four files of the group `images_<fps>hz`: `<camera>.json` (camera with K, pose per frame,
-//! lengths, colour statistics), `<camera>.h264`, and with depth `<camera>.depth` (PNG files one after the other).
+//! In the store each track is three files of the group `images_<fps>hz`: `<camera>.json` (camera with K, pose per frame,
+//! lengths, colour statistics), `<camera>.h264`, and `<camera>.depth` (PNG files one after the other, empty without
+//! depth).
 
 use genmanip_core::{Camera, CameraMount, Document, DocumentError, Pose};
 use serde::{Deserialize, Serialize};

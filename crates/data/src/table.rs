@@ -108,9 +108,16 @@ fn list_of(values: ArrayRef, lengths: impl IntoIterator<Item = usize>) -> ArrayR
     Arc::new(ListArray::new(item, OffsetBuffer::from_lengths(lengths), values, None))
 }
 
+/// What a table is written for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// The native store: no dictionary, which keeps every bit, -0.0 included.
+    Record,
+    /// Data sets: small, and with the range of each column per row group, by which readers find episodes.
+    Dataset,
+}
+
 /// Writes parquet: snappy, one row group per batch. Equal batches give equal bytes.
-///
-/// Floating-point columns of the native store are written without a dictionary, which keeps every bit, -0.0 included.
 #[derive(Debug)]
 pub(crate) struct TableWriter {
     writer: ArrowWriter<Vec<u8>>,
@@ -119,11 +126,14 @@ pub(crate) struct TableWriter {
 
 impl TableWriter {
     /// `path` is only for messages.
-    pub(crate) fn new(path: &Path, schema: Arc<Schema>, dictionary: bool) -> Result<Self, DataError> {
+    pub(crate) fn new(path: &Path, schema: Arc<Schema>, purpose: Purpose) -> Result<Self, DataError> {
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
-            .set_dictionary_enabled(dictionary)
-            .set_statistics_enabled(EnabledStatistics::None)
+            .set_dictionary_enabled(purpose == Purpose::Dataset)
+            .set_statistics_enabled(match purpose {
+                Purpose::Record => EnabledStatistics::None,
+                Purpose::Dataset => EnabledStatistics::Chunk,
+            })
             .set_max_row_group_row_count(None)
             .set_created_by("genmanip".into())
             .build();
@@ -148,7 +158,7 @@ impl TableWriter {
 pub(crate) fn to_parquet(
     path: &Path,
     columns: Columns,
-    dictionary: bool,
+    purpose: Purpose,
     metadata: Option<(&str, String)>,
 ) -> Result<Vec<u8>, DataError> {
     let batch = columns.batch().map_err(|error| DataError::table(path, error))?;
@@ -157,7 +167,7 @@ pub(crate) fn to_parquet(
         metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
     let schema = Arc::new(batch.schema().as_ref().clone().with_metadata(metadata));
     let batch = batch.with_schema(Arc::clone(&schema)).map_err(|error| DataError::table(path, error))?;
-    let mut writer = TableWriter::new(path, schema, dictionary)?;
+    let mut writer = TableWriter::new(path, schema, purpose)?;
     writer.write(&batch)?;
     writer.finish()
 }

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::stats::Stats;
 use super::writer::EpisodeFacts;
 use crate::DataError;
-use crate::table::{self, Columns};
+use crate::table::{self, Columns, Purpose};
 
 /// One row of the episodes table.
 pub(crate) struct EpisodeEntry {
@@ -57,7 +57,7 @@ pub(crate) fn episodes_table(entries: &[EpisodeEntry]) -> Result<Vec<u8>, DataEr
     columns.i64("meta/episodes/chunk_index", integer(|entry| entry.chunk));
     columns.i64("meta/episodes/file_index", integer(|entry| entry.file));
     own_columns(&mut columns, entries);
-    table::to_parquet(Path::new("meta/episodes"), columns, true, None)
+    table::to_parquet(Path::new("meta/episodes"), columns, Purpose::Dataset, None)
 }
 
 /// The bytes of `meta/tasks.parquet`: a pandas frame whose index is the sentence.
@@ -81,7 +81,7 @@ pub(crate) fn tasks_table(tasks: &[String]) -> Result<Vec<u8>, DataError> {
         "creator": {"library": "genmanip", "version": env!("CARGO_PKG_VERSION")},
         "pandas_version": "2.2.0",
     });
-    table::to_parquet(Path::new("meta/tasks.parquet"), columns, true, Some(("pandas", pandas.to_string())))
+    table::to_parquet(Path::new("meta/tasks.parquet"), columns, Purpose::Dataset, Some(("pandas", pandas.to_string())))
 }
 
 /// Seed, scenario, outcome and versions of every episode, to filter by and to replay from.

@@ -11,7 +11,7 @@ use super::info::{self, FILES_PER_CHUNK};
 use super::stats::{Collected, Stats};
 use super::{LerobotSettings, Source};
 use crate::aside::{self, Aside};
-use crate::table::TableWriter;
+use crate::table::{Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, EpisodeStore, video};
 
 /// One episode, ready to be written.
@@ -63,6 +63,7 @@ pub(crate) struct Finished(Aside);
 
 impl DatasetWriter {
     pub(crate) fn new(target: &Path, episodes_per_file: usize, fps: u32, robot: &str) -> Result<Self, DataError> {
+        aside::sweep_target(target)?;
         Ok(Self {
             aside: Aside::replacing(target)?,
             fps,
@@ -92,7 +93,7 @@ impl DatasetWriter {
 
         let batch = features::batch(&rows.images, &rows.features)?;
         if self.file.table.is_none() {
-            self.file.table = Some(TableWriter::new(Path::new("data"), batch.schema(), true)?);
+            self.file.table = Some(TableWriter::new(Path::new("data"), batch.schema(), Purpose::Dataset)?);
         }
         if let Some(table) = &mut self.file.table {
             table.write(&batch)?;
