@@ -118,22 +118,25 @@ impl Arrival {
     ) -> f32 {
         let radius = variation.occlusion_radius_m;
         let reach = (radius * focal / point.z).clamp(3.0, MAX_REACH);
-        let steps = tap_table()[pattern].map(|tap| {
+        let taps = &tap_table()[pattern];
+        let steps: [[f32; 3]; TAPS] = std::array::from_fn(|tap| {
+            let tap = taps[tap];
             let column = (x as i32 + nearest_integer(tap.x * reach)).clamp(0, self.width as i32 - 1);
             let row = (y as i32 + nearest_integer(tap.y * reach)).clamp(0, self.height as i32 - 1);
             let depth = self.depth[row as usize * self.width + column as usize];
             [(column - x as i32) as f32, (row - y as i32) as f32, depth]
         });
         let bias = 0.001 + 0.002 * point.z;
-        let darkening = steps.map(|[dx, dy, depth]| {
+        let darkening: [f32; TAPS] = std::array::from_fn(|tap| {
+            let [dx, dy, depth] = steps[tap];
             // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
             let stretch = depth / point.z;
             let toward_x = point.x * stretch + dx * depth / focal - point.x;
             let toward_y = point.y * stretch + dy * depth / focal - point.y;
             let toward_z = depth - point.z;
             let square = toward_x * toward_x + toward_y * toward_y + toward_z * toward_z;
-            let near = (radius * radius - square).max(0.0);
-            let above = (toward_x * normal.x + toward_y * normal.y + toward_z * normal.z - bias).max(0.0);
+            let near = positive(radius * radius - square);
+            let above = positive(toward_x * normal.x + toward_y * normal.y + toward_z * normal.z - bias);
             near * near * near * above / (square + 1e-5)
         });
         let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
@@ -230,4 +233,9 @@ fn tap_table() -> &'static [[Vec2; TAPS]; 16] {
 fn nearest_integer(value: f32) -> i32 {
     const SHIFT: f32 = 12_582_912.0;
     (value + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
+}
+
+#[inline]
+fn positive(value: f32) -> f32 {
+    if value > 0.0 { value } else { 0.0 }
 }

@@ -46,20 +46,18 @@ impl MipTexture {
 }
 
 impl Level {
+    /// Mixes the four nearest texels in sRGB, which is close enough to mixing light and needs one conversion.
     fn sample(&self, uv: Vec2) -> Vec3A {
-        let wrap = |value: f32| value - value.floor();
-        let x = wrap(uv.x) * self.width as f32 - 0.5;
-        let y = wrap(uv.y) * self.height as f32 - 0.5;
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let column = |value: f32| (value as i32).rem_euclid(self.width as i32) as usize;
-        let row = |value: f32| (value as i32).rem_euclid(self.height as i32) as usize * self.width;
-        let (left, right) = (column(x0), column(x0 + 1.0));
-        let (top, bottom) = (row(y0), row(y0 + 1.0));
-        let texel = |index: usize| linear_from_srgb8(self.texels[index]);
+        let (left, right, fx) = neighbours(uv.x, self.width);
+        let (top, bottom, fy) = neighbours(uv.y, self.height);
+        let (top, bottom) = (top * self.width, bottom * self.width);
+        let texel = |index: usize| Vec3A::from_array(self.texels[index].map(f32::from));
         let upper = texel(top + left).lerp(texel(top + right), fx);
         let lower = texel(bottom + left).lerp(texel(bottom + right), fx);
-        upper.lerp(lower, fy)
+        let table = linear_table();
+        Vec3A::from_array(
+            upper.lerp(lower, fy).to_array().map(|value| table[(value * 4.0 + 0.5) as i32 as usize & 1023]),
+        )
     }
 
     fn halved(&self) -> Option<Self> {
@@ -82,11 +80,30 @@ impl Level {
     }
 }
 
+/// The two texels beside a texture coordinate that repeats, and how far it lies towards the second.
+#[inline]
+fn neighbours(coordinate: f32, count: usize) -> (usize, usize, f32) {
+    let place = (coordinate - floor(coordinate)) * count as i32 as f32 - 0.5;
+    let first = floor(place);
+    let share = place - first;
+    let first = first as i32;
+    let last = count as i32 - 1;
+    let second = if first >= last { 0 } else { first + 1 };
+    (if first < 0 { last } else { first.min(last) } as usize, second as usize, share)
+}
+
+/// Without a call to the mathematics library; for numbers below 2³¹.
+#[inline]
+fn floor(value: f32) -> f32 {
+    let truncated = value as i32 as f32;
+    if truncated > value { truncated - 1.0 } else { truncated }
+}
+
 /// Linear light of an 8-bit sRGB colour.
 #[inline]
 pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
     let table = linear_table();
-    Vec3A::new(table[rgb[0] as usize], table[rgb[1] as usize], table[rgb[2] as usize])
+    Vec3A::from_array(rgb.map(|code| table[code as usize * 4]))
 }
 
 /// 8-bit sRGB of linear light; clips.
@@ -104,9 +121,10 @@ pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
     }))
 }
 
-fn linear_table() -> &'static [f32; 256] {
-    static TABLE: std::sync::OnceLock<[f32; 256]> = std::sync::OnceLock::new();
-    TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb([code as f32 / 255.0; 3]).x))
+/// Linear light of quarters of 8-bit codes.
+fn linear_table() -> &'static [f32; 1024] {
+    static TABLE: std::sync::OnceLock<[f32; 1024]> = std::sync::OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|quarter| linear_from_srgb([quarter as f32 / 1020.0; 3]).x))
 }
 
 fn srgb_table() -> &'static [u8; 4096] {
