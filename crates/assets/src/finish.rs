@@ -41,20 +41,6 @@ pub struct Finish {
 pub struct Color(pub [f32; 3]);
 
 impl Finish {
-    /// A finish of one colour.
-    pub fn plain(color: [f32; 3], rough: f32) -> Self {
-        Self {
-            color: Color(color),
-            rough,
-            metal: false,
-            opacity: 1.0,
-            ior: default_ior(),
-            paint: Vec::new(),
-            aspect: 1.0,
-            pixels: default_pixels(),
-        }
-    }
-
     /// The material, its texture painted with chance from `seed`.
     pub fn material(&self, seed: Seed) -> Material {
         let texture = (!self.paint.is_empty()).then(|| {

@@ -16,9 +16,9 @@ mod catalogue;
 mod error;
 mod finish;
 mod paint;
-mod panda;
 mod parts;
 mod recipe;
+mod robot;
 mod solid;
 mod surface;
 
@@ -27,4 +27,4 @@ mod tests;
 
 pub use catalogue::Catalogue;
 pub use error::AssetError;
-pub use panda::panda;
+pub use robot::{panda, robot_from_json};

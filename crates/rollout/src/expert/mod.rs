@@ -1,0 +1,208 @@
+//! The expert: pick and place from simulator truth, for every relation of a goal.
+//!
+//! It is a [`Policy`] like any other, only privileged: it reads where objects are, never moves them.
+//! Each call returns one phase as commands – pick, or carry and place, or go home – and the next call looks at
+//! what came of it: an object that was not lifted is picked again another way, an atom that does not hold is
+//! tried again, and when nothing is left to try the expert gives up with the cause and its evidence.
+
+mod commands;
+mod goal_pose;
+mod pick;
+mod place;
+mod settings;
+mod subgoals;
+mod surroundings;
+
+pub use goal_pose::GoalPose;
+pub use settings::ExpertSettings;
+pub use subgoals::Move;
+
+use std::sync::Arc;
+
+use genmanip_core::glam::DQuat;
+use genmanip_core::{
+    ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
+    PrivilegedState, Seed,
+};
+use genmanip_motion::Planner;
+use genmanip_scene::relations::{PosedScene, judge_atom};
+
+use crate::Stage;
+
+/// Solves tasks from simulator truth; results made with it say `oracle`.
+pub struct Expert {
+    stage: Stage,
+    planner: Planner,
+    settings: ExpertSettings,
+    seed: Seed,
+    /// Alternatives not yet given up, the current one last.
+    plans: Vec<Vec<Move>>,
+    /// Picks begun so far; every one gets its own stream.
+    picks: u64,
+    /// Picks begun for the current move.
+    tries: usize,
+    phase: Phase,
+    /// Orientation of each object at the start, in which it is put down again.
+    upright: Vec<DQuat>,
+    last_failure: Option<Failure>,
+}
+
+enum Phase {
+    /// Nothing in the hand.
+    Free,
+    /// A pick was executed.
+    Picked { step: Move, width: f64 },
+    /// Everything was done and the arm was sent home.
+    Home,
+}
+
+impl Expert {
+    /// An expert for the episodes of one stage.
+    pub fn new(stage: &Stage, settings: ExpertSettings) -> Self {
+        Self {
+            planner: Planner::new(Arc::clone(&stage.robot)),
+            stage: stage.clone(),
+            settings,
+            seed: Seed::new(0),
+            plans: Vec::new(),
+            picks: 0,
+            tries: 0,
+            phase: Phase::Free,
+            upright: Vec::new(),
+            last_failure: None,
+        }
+    }
+
+    /// The first move of the current alternative whose atoms do not all hold.
+    fn next_move(&self, scene: &PosedScene) -> Option<Move> {
+        let plan = self.plans.last()?;
+        plan.iter()
+            .find(|step| step.atoms.iter().any(|atom| !judge_atom(scene, atom, &self.stage.relations).holds))
+            .cloned()
+    }
+
+    fn pick(&mut self, scene: &PosedScene, arm: &[f64]) -> Result<ActionChunk, PolicyError> {
+        loop {
+            let Some(step) = self.next_move(scene) else {
+                self.phase = Phase::Home;
+                return Ok(ActionChunk { actions: self.go_home(scene, arm), finished: true });
+            };
+            self.picks += 1;
+            self.tries += 1;
+            let seed = self.seed.fork("pick").fork_index(self.picks);
+            let failure = if self.tries > self.settings.tries_per_move {
+                self.last_failure.clone()
+            } else {
+                match pick::plan(self, scene, &step, arm, seed) {
+                    Ok(pick) => {
+                        self.phase = Phase::Picked { step, width: pick.open_width };
+                        return Ok(ActionChunk { actions: pick.commands, finished: false });
+                    }
+                    Err(failure) => {
+                        self.last_failure = Some(failure);
+                        continue;
+                    }
+                }
+            };
+            // This alternative is exhausted; the next one starts afresh.
+            self.plans.pop();
+            self.tries = 0;
+            if self.plans.is_empty() {
+                return Err(PolicyError::GaveUp(failure.unwrap_or_else(|| Failure {
+                    cause: FailureCause::NoGoalPose,
+                    evidence: "no alternative of the goal can be served by pick and place".into(),
+                })));
+            }
+        }
+    }
+
+    fn place(
+        &mut self,
+        scene: &PosedScene,
+        truth: &PrivilegedState,
+        arm: &[f64],
+        step: &Move,
+        open_width: f64,
+    ) -> Result<ActionChunk, PolicyError> {
+        self.phase = Phase::Free;
+        if truth.grasped != Some(step.object) {
+            let name = self.stage.name(step.object);
+            self.last_failure = Some(Failure {
+                cause: FailureCause::Slipped,
+                evidence: format!("{name} was not in the hand after lifting (pick {})", self.picks),
+            });
+            return Ok(ActionChunk { actions: commands::open_here(arm, open_width, &self.settings), finished: false });
+        }
+        let seed = self.seed.fork("place").fork_index(self.picks);
+        match place::plan(self, scene, step, arm, seed) {
+            Ok(actions) => Ok(ActionChunk { actions, finished: false }),
+            Err(failure) => {
+                // Put it back where it came from rather than drop it: open low above the table.
+                self.last_failure = Some(failure);
+                match place::put_back(self, scene, step, arm) {
+                    Some(actions) => Ok(ActionChunk { actions, finished: false }),
+                    None => Err(PolicyError::GaveUp(self.last_failure.clone().unwrap_or_else(|| Failure {
+                        cause: FailureCause::Planning,
+                        evidence: "cannot put the object back".into(),
+                    }))),
+                }
+            }
+        }
+    }
+
+    fn go_home(&self, scene: &PosedScene, arm: &[f64]) -> Vec<Vec<f32>> {
+        let world = surroundings::world(&self.stage, scene, None);
+        let width = self.stage.robot.gripper.max_width;
+        let home = std::slice::from_ref(&self.stage.robot.home);
+        match self.planner.plan_joint(&world, arm, home, None, width, self.seed.fork("home")) {
+            Ok(path) => commands::follow(&self.planner, &path, width, self.settings.empty_speed),
+            Err(_) => commands::wait(arm, width, self.settings.rest_steps),
+        }
+    }
+}
+
+impl Policy for Expert {
+    fn spec(&self) -> PolicySpec {
+        PolicySpec {
+            name: "expert".into(),
+            cameras: Vec::new(),
+            state_keys: vec!["observation.state".into()],
+            action: ActionSpec::native(60.0),
+            rate_hz: 60.0,
+            execute_steps: 0,
+            privileged: true,
+        }
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        let scenario = start.scenario.as_ref().ok_or_else(|| PolicyError::Unsuited("needs the scenario".into()))?;
+        self.seed = start.seed;
+        self.plans = subgoals::plans(&scenario.task.goal, scenario, start.seed);
+        self.plans.reverse();
+        self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
+        (self.picks, self.tries, self.phase, self.last_failure) = (0, 0, Phase::Free, None);
+        if self.plans.is_empty() {
+            return Err(PolicyError::Unsuited("no alternative of the goal can be served by pick and place".into()));
+        }
+        Ok(())
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let truth = observation
+            .privileged
+            .as_ref()
+            .ok_or_else(|| PolicyError::Unsuited("needs simulator truth".into()))?
+            .clone();
+        let state = observation
+            .state
+            .get("observation.state")
+            .ok_or_else(|| PolicyError::Unsuited("needs `observation.state`".into()))?;
+        let arm = state[..self.stage.robot.arm_dof()].to_vec();
+        let scene = self.stage.posed(&truth.objects);
+        match std::mem::replace(&mut self.phase, Phase::Free) {
+            Phase::Free => self.pick(&scene, &arm),
+            Phase::Picked { step, width } => self.place(&scene, &truth, &arm, &step, width),
+            Phase::Home => Ok(ActionChunk { actions: Vec::new(), finished: true }),
+        }
+    }
+}
