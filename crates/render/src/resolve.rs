@@ -1,6 +1,6 @@
 //! From visible samples to colours.
 //!
-//! Samples of a pixel that see the same smooth piece of surface are shaded once, at their mean;
+//! Samples of a pixel that see the same smooth piece of surface are shaded once;
 //! only pixels on edges cost more.
 
 use glam::{Vec3, Vec3A};
@@ -32,7 +32,7 @@ pub(crate) struct Resolve<'a> {
 /// Largest number of samples per pixel.
 const MAX_SAMPLES: usize = 16;
 
-/// Samples of one pixel that are shaded together.
+/// Samples of one pixel that are shaded together: at the mean of those that see the first one's triangle.
 #[derive(Clone, Copy, Default)]
 struct Group {
     id: u32,
@@ -99,7 +99,9 @@ impl Resolve<'_> {
                 count += 1;
             }
             let entry = &mut groups[group];
-            (entry.x, entry.y, entry.count) = (entry.x + x, entry.y + y, entry.count + 1.0);
+            if entry.id == id {
+                (entry.x, entry.y, entry.count) = (entry.x + x, entry.y + y, entry.count + 1.0);
+            }
             *group_of = group;
         }
         let background = linear_from_srgb8(self.variation.background);
