@@ -161,10 +161,12 @@ impl Resolve<'_> {
             };
             let surface = &hit.part.surface;
             let light = self.lighting.reflect(surface, &hit.surface_point(key_share, 1.0));
-            let cover = surface.opacity + (1.0 - surface.opacity) * light.grazing;
+            // Most sights pass two sides: each covers so much that both together have the material's opacity.
+            let side = 1.0 - (1.0 - surface.opacity).sqrt();
+            let cover = side + (1.0 - side) * light.grazing;
             // What passes takes on some of the glass's colour.
             let tint = Vec3A::ONE.lerp(hit.base, 0.5);
-            self.lighting.develop(light.diffuse * surface.opacity + light.specular) + behind * tint * (1.0 - cover)
+            self.lighting.develop(light.diffuse * side + light.specular) + behind * tint * (1.0 - cover)
         })
     }
 

@@ -1,7 +1,7 @@
 //! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
 
 use genmanip_core::Texture;
-use glam::{Vec2, Vec3A};
+use glam::{Vec2, Vec3A, Vec4};
 
 /// A texture and its smaller copies, linear colour.
 #[derive(Debug)]
@@ -13,8 +13,8 @@ pub(crate) struct MipTexture {
 struct Level {
     width: usize,
     height: usize,
-    /// 8-bit sRGB, as it came: small enough to stay in the cache.
-    texels: Vec<[u8; 3]>,
+    /// 8-bit sRGB as it came, small enough to stay in the cache; the fourth byte is for alignment.
+    texels: Vec<[u8; 4]>,
 }
 
 impl MipTexture {
@@ -24,7 +24,7 @@ impl MipTexture {
         if width == 0 || height == 0 || texture.rgb.len() != width * height * 3 {
             return None;
         }
-        let texels = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
+        let texels = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2], 0]).collect();
         let mut levels = vec![Level { width, height, texels }];
         while let Some(smaller) = levels.last().and_then(Level::halved) {
             levels.push(smaller);
@@ -51,13 +51,13 @@ impl Level {
         let (left, right, fx) = neighbours(uv.x, self.width);
         let (top, bottom, fy) = neighbours(uv.y, self.height);
         let (top, bottom) = (top * self.width, bottom * self.width);
-        let texel = |index: usize| Vec3A::from_array(self.texels[index].map(f32::from));
+        let texel = |index: usize| Vec4::from_array(self.texels[index].map(f32::from));
         let upper = texel(top + left).lerp(texel(top + right), fx);
         let lower = texel(bottom + left).lerp(texel(bottom + right), fx);
         let table = linear_table();
-        Vec3A::from_array(
-            upper.lerp(lower, fy).to_array().map(|value| table[(value * 4.0 + 0.5) as i32 as usize & 1023]),
-        )
+        let linear = |value: f32| table[(value * 4.0 + 0.5) as i32 as usize & 1023];
+        let mixed = upper.lerp(lower, fy);
+        Vec3A::new(linear(mixed.x), linear(mixed.y), linear(mixed.z))
     }
 
     fn halved(&self) -> Option<Self> {
@@ -71,9 +71,11 @@ impl Level {
                 let at = |dx: usize, dy: usize| {
                     let column = (2 * x + dx).min(self.width - 1);
                     let row = (2 * y + dy).min(self.height - 1);
-                    linear_from_srgb8(self.texels[row * self.width + column])
+                    let [r, g, b, _] = self.texels[row * self.width + column];
+                    linear_from_srgb8([r, g, b])
                 };
-                texels.push(srgb8_from_linear((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) * 0.25));
+                let [r, g, b] = srgb8_from_linear((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) * 0.25);
+                texels.push([r, g, b, 0]);
             }
         }
         Some(Self { width, height, texels })
