@@ -44,7 +44,6 @@ struct Group {
 /// The point of a surface under a sample.
 struct Hit<'a> {
     part: &'a Part,
-    placed: &'a PartView,
     depth: f32,
     /// Not normalised, world frame.
     ray: Vec3A,
@@ -165,7 +164,7 @@ impl Resolve<'_> {
             let side = 1.0 - (1.0 - surface.opacity).sqrt();
             let cover = side + (1.0 - side) * light.grazing;
             // What passes takes on some of the glass's colour.
-            let tint = Vec3A::ONE.lerp(hit.base, 0.5);
+            let tint = Vec3A::ONE.lerp(hit.base, 0.25);
             self.lighting.develop(light.diffuse * side + light.specular) + behind * tint * (1.0 - cover)
         })
     }
@@ -198,13 +197,12 @@ impl Resolve<'_> {
         if part.surface.is_table {
             base *= table_tint;
         }
-        Some(Hit { part, placed, depth, ray, point: self.view.lens.eye + ray * depth, normal, base })
+        Some(Hit { part, depth, ray, point: self.view.lens.eye + ray * depth, normal, base })
     }
 }
 
 impl Hit<'_> {
     fn surface_point(&self, key_share: f32, ambient_share: f32) -> SurfacePoint {
-        debug_assert!(self.placed.visible);
         let to_viewer = -self.ray.normalize();
         SurfacePoint { base: self.base, normal: self.normal, to_viewer, key_share, ambient_share }
     }
