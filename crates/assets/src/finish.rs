@@ -40,6 +40,9 @@ pub struct Finish {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Color(pub [f32; 3]);
 
+/// Metallic share of worn, fingerprinted metal; a perfect mirror would show nothing of itself in an empty room.
+const HOUSEHOLD_METAL: f32 = 0.7;
+
 impl Finish {
     /// The material, its texture painted with chance from `seed`.
     pub fn material(&self, seed: Seed) -> Material {
@@ -53,7 +56,7 @@ impl Finish {
         Material {
             base_color: if texture.is_some() { [1.0; 3] } else { self.color.0 },
             roughness: self.rough,
-            metallic: if self.metal { 1.0 } else { 0.0 },
+            metallic: if self.metal { HOUSEHOLD_METAL } else { 0.0 },
             opacity: self.opacity,
             ior: self.ior,
             thin_walled: self.opacity < 1.0,

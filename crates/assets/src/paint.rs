@@ -147,40 +147,46 @@ impl Canvas {
                     self.blend_within(*color, at, radius, |p| edge(from(p, at, 1.0).length() - radius));
                 }
             }
-            Paint::Band { color, v } => self.blend(*color, |p| within(p.y, *v)),
-            Paint::Wave { color, v, amplitude, width, periods } => self.blend(*color, |p| {
-                let middle = v + amplitude * (p.x * periods * TAU).sin();
-                let swell = width * (1.0 + 0.4 * (p.x * periods * TAU + 1.0).cos());
-                edge((p.y - middle).abs() - swell / 2.0)
-            }),
+            Paint::Band { color, v } => self.blend_rows(*color, *v, |p| within(p.y, *v)),
+            Paint::Wave { color, v, amplitude, width, periods } => {
+                self.blend_rows(*color, [v - amplitude - width, v + amplitude + width], |p| {
+                    let middle = v + amplitude * (p.x * periods * TAU).sin();
+                    let swell = width * (1.0 + 0.4 * (p.x * periods * TAU + 1.0).cos());
+                    edge((p.y - middle).abs() - swell / 2.0)
+                })
+            }
             Paint::Disc { color, at, radius, stretch, repeat } => {
-                self.blend(*color, |p| {
+                self.blend_rows(*color, around(at, *radius), |p| {
                     let d = from(p, *at, *repeat);
                     edge(Vec2::new(d.x / stretch, d.y).length() - radius)
                 });
             }
-            Paint::Cup { color, at, radius } => self.blend(*color, |p| {
+            Paint::Cup { color, at, radius } => self.blend_rows(*color, around(at, *radius), |p| {
                 let d = from(p, *at, 1.0);
                 edge((Vec2::new(d.x, d.y * 1.3).length() - radius).max(-d.y))
             }),
-            Paint::Rect { color, at, size, repeat } => self.blend(*color, |p| {
+            Paint::Rect { color, at, size, repeat } => self.blend_rows(*color, around(at, size[1] / 2.0), |p| {
                 let d = from(p, *at, *repeat).abs() - Vec2::from_array(*size) / 2.0;
                 edge(d.max_element())
             }),
-            Paint::Leaf { color, at, length, width, angle, repeat } => self.blend(*color, |p| {
-                let d = from(p, *at, *repeat);
-                let along = Vec2::from_angle(-angle.to_radians());
-                let (x, y) = (d.dot(along), d.perp_dot(along));
-                let t = (2.0 * x / length).clamp(-1.0, 1.0);
-                let vein = if y.abs() < width * 0.04 { 0.55 } else { 1.0 };
-                edge((y.abs() - width / 2.0 * (1.0 - t * t)).max(x.abs() - length / 2.0)) * vein
-            }),
-            Paint::Star { color, at, radius, inner, count, repeat } => self.blend(*color, |p| {
-                let d = from(p, *at, *repeat);
-                let phase = (d.y.atan2(d.x) / TAU * count).rem_euclid(1.0);
-                let reach = inner + (radius - inner) * (1.0 - 2.0 * (phase - 0.5).abs()).powf(1.3);
-                edge(d.length() - reach)
-            }),
+            Paint::Leaf { color, at, length, width, angle, repeat } => {
+                self.blend_rows(*color, around(at, length / 2.0), |p| {
+                    let d = from(p, *at, *repeat);
+                    let along = Vec2::from_angle(-angle.to_radians());
+                    let (x, y) = (d.dot(along), d.perp_dot(along));
+                    let t = (2.0 * x / length).clamp(-1.0, 1.0);
+                    let vein = if y.abs() < width * 0.04 { 0.55 } else { 1.0 };
+                    edge((y.abs() - width / 2.0 * (1.0 - t * t)).max(x.abs() - length / 2.0)) * vein
+                })
+            }
+            Paint::Star { color, at, radius, inner, count, repeat } => {
+                self.blend_rows(*color, around(at, *radius), |p| {
+                    let d = from(p, *at, *repeat);
+                    let phase = (d.y.atan2(d.x) / TAU * count).rem_euclid(1.0);
+                    let reach = inner + (radius - inner) * (1.0 - 2.0 * (phase - 0.5).abs()).powf(1.3);
+                    edge(d.length() - reach)
+                })
+            }
             Paint::Stripes { color, count, width, level, lean } => self.blend(*color, |p| {
                 let (across, along) = if *level { (p.y, p.x) } else { (p.x, p.y) };
                 let phase = (across * count + along * lean).rem_euclid(1.0);
@@ -201,7 +207,7 @@ impl Canvas {
                     let y = at[1] - size[1] / 2.0 + (line as f32 + 0.5) * size[1] / *lines as f32;
                     let length = size[0] * (0.55 + 0.45 * rng.random::<f32>());
                     let height = size[1] / *lines as f32 * 0.5;
-                    self.blend(*color, |p| {
+                    self.blend_rows(*color, around(&[at[0], y], height), |p| {
                         let d = from(p, [at[0], y], 1.0).abs() - Vec2::new(length, height) / 2.0;
                         edge(d.max_element())
                     });
@@ -214,7 +220,7 @@ impl Canvas {
                         let Some(&color) = colors.get(rng.random_range(0..colors.len().max(1))) else { continue };
                         let cell = Vec2::new(1.0 / cells[0] as f32, 1.0 / cells[1] as f32);
                         let middle = Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * cell;
-                        self.blend(color, |p| {
+                        self.blend_within(color, middle.to_array(), cell.y, |p| {
                             let d = (p - middle).abs() - cell * (0.5 - gap);
                             edge(d.max_element())
                         });
@@ -239,30 +245,40 @@ impl Canvas {
     }
 
     fn blend(&mut self, color: Color, coverage: impl Fn(Vec2) -> f32) {
-        let columns = (0, self.width as i64 - 1);
-        self.blend_rows((0, self.height as i64 - 1), columns, color, coverage);
+        self.blend_rows(color, [0.0, 1.0], coverage);
+    }
+
+    /// Only between two heights, which the coverage may exceed by a pixel.
+    fn blend_rows(&mut self, color: Color, v: [f32; 2], coverage: impl Fn(Vec2) -> f32) {
+        self.blend_pixels(color, v, (0, i64::from(self.width) - 1), coverage);
     }
 
     /// Only around a point; columns wrap.
     fn blend_within(&mut self, color: Color, at: [f32; 2], reach: f32, coverage: impl Fn(Vec2) -> f32) {
-        let (w, h) = (self.width as f32, self.height as f32);
-        let rows = (((at[1] - reach) * h) as i64 - 1, ((at[1] + reach) * h) as i64 + 1);
         let across = reach / self.aspect;
-        let columns = (((at[0] - across) * w) as i64 - 1, ((at[0] + across) * w) as i64 + 1);
-        self.blend_rows(rows, columns, color, coverage);
+        let column = |u: f32| (u * self.width as f32).floor() as i64;
+        let columns = (column(at[0] - across) - 1, column(at[0] + across) + 1);
+        self.blend_pixels(color, around(&at, reach), columns, coverage);
     }
 
-    fn blend_rows(&mut self, rows: (i64, i64), columns: (i64, i64), color: Color, coverage: impl Fn(Vec2) -> f32) {
+    fn blend_pixels(&mut self, color: Color, v: [f32; 2], columns: (i64, i64), coverage: impl Fn(Vec2) -> f32) {
         let color = Vec3::from_array(color.0);
-        for row in rows.0.max(0)..=rows.1.min(self.height as i64 - 1) {
-            for column in columns.0..=columns.1 {
-                let column = column.rem_euclid(self.width as i64);
-                let p = Vec2::new((column as f32 + 0.5) / self.width as f32, (row as f32 + 0.5) / self.height as f32);
-                let pixel = &mut self.pixels[(row * self.width as i64 + column) as usize];
+        let (width, height) = (i64::from(self.width), i64::from(self.height));
+        let row = |v: f32| (v * height as f32).floor() as i64;
+        for row in (row(v[0]) - 1).max(0)..=(row(v[1]) + 1).min(height - 1) {
+            for column in columns.0..=columns.1.min(columns.0 + width - 1) {
+                let column = column.rem_euclid(width);
+                let p = Vec2::new((column as f32 + 0.5) / width as f32, (row as f32 + 0.5) / height as f32);
+                let pixel = &mut self.pixels[(row * width + column) as usize];
                 *pixel = pixel.lerp(color, coverage(p).clamp(0.0, 1.0));
             }
         }
     }
+}
+
+/// Heights that something reaches.
+fn around(at: &[f32; 2], reach: f32) -> [f32; 2] {
+    [at[1] - reach, at[1] + reach]
 }
 
 /// u bent to a circle of `scale` features, so that the picture has no seam.

@@ -37,12 +37,6 @@ impl Solid {
         )
     }
 
-    /// An ellipsoid.
-    pub fn ellipsoid(link_from_piece: Pose, radii: DVec3) -> Self {
-        let volume = 4.0 / 3.0 * PI * radii.element_product();
-        Self::primitive(link_from_piece, Shape::Ellipsoid { radii }, volume, radii * radii * (volume / 5.0))
-    }
-
     /// A flat-ended cylinder between the centres of its ends.
     pub fn cylinder(from: DVec3, to: DVec3, radius: f64) -> Self {
         let half_height = from.distance(to) / 2.0;

@@ -11,17 +11,18 @@ const CREASE_COSINE: f64 = 0.77; // 40 degrees
 
 /// The surface through rings of equally many points, each counter-clockwise seen from the last ring.
 ///
-/// Texture: u runs once around, v from 1 at the first ring to 0 at the last one, along the mean distance of the rings.
+/// Texture: u runs once around along the widest ring, v from 1 at the first ring to 0 at the last one, along the mean distance of the rings.
 /// A ring of equal points closes the surface.
 pub fn from_rings(rings: &[Vec<DVec3>]) -> TriMesh {
     let count = rings.first().map_or(0, Vec::len);
     let along = ring_distances(rings);
+    let around = around_fractions(rings);
     let total = along.last().copied().unwrap_or(1.0).max(1e-9);
     let mut corners = Vec::with_capacity(rings.len() * count * 6);
     for (row, pair) in rings.windows(2).enumerate() {
         for i in 0..count {
             let at = |ring: usize, column: usize| {
-                let uv = DVec2::new(column as f64 / count as f64, 1.0 - along[row + ring] / total);
+                let uv = DVec2::new(around[column], 1.0 - along[row + ring] / total);
                 (pair[ring][column % count], uv)
             };
             let (a, b, c, d) = (at(0, i), at(0, i + 1), at(1, i + 1), at(1, i));
@@ -171,4 +172,21 @@ fn ring_distances(rings: &[Vec<DVec3>]) -> Vec<f64> {
         along.push(along[along.len() - 1] + sum / pair[0].len().max(1) as f64);
     }
     along
+}
+
+/// How far around each column lies, 0-1, on the longest ring; one more than columns.
+fn around_fractions(rings: &[Vec<DVec3>]) -> Vec<f64> {
+    let lengths = |ring: &Vec<DVec3>| {
+        let mut sum = 0.0;
+        let mut along = vec![0.0];
+        for i in 0..ring.len() {
+            sum += ring[i].distance(ring[(i + 1) % ring.len()]);
+            along.push(sum);
+        }
+        along
+    };
+    let total = |along: &Vec<f64>| along.last().copied().unwrap_or(0.0);
+    let longest = rings.iter().map(lengths).max_by(|a, b| total(a).total_cmp(&total(b))).unwrap_or_default();
+    let whole = total(&longest).max(1e-9);
+    longest.into_iter().map(|length| length / whole).collect()
 }

@@ -58,7 +58,7 @@ pub enum Axis {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum TurnedSolid {
-    /// The convex hull of the profile's rings.
+    /// The convex hull of the profile's rings; two equal rings of a round body give an exact cylinder, here and below.
     #[default]
     Hull,
     /// The hull of other rings than those that are drawn.
@@ -67,8 +67,6 @@ pub enum TurnedSolid {
     Stack(Vec<Vec<[f64; 2]>>),
     /// One cylinder: largest radius, whole length.
     Cylinder,
-    /// An exact ellipsoid.
-    Ellipsoid,
     /// Nothing: too small to matter.
     None,
 }
@@ -79,11 +77,10 @@ const ROUND: usize = 20;
 impl Turned {
     pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
         let mut outline = smooth_profile(&self.profile, if self.smooth { 7 } else { 1 });
-        for end in [0, outline.len() - 1] {
-            if outline[end].x > 0.0 && !self.open {
-                let cap = DVec2::new(0.0, outline[end].y);
-                outline.insert(if end == 0 { 0 } else { outline.len() }, cap);
-            }
+        if !self.open {
+            let (first, last) = (outline[0], outline[outline.len() - 1]);
+            outline.insert(0, DVec2::new(0.0, first.y));
+            outline.push(DVec2::new(0.0, last.y));
         }
         let sides = if self.sides > 0 { self.sides } else { 40 };
         let mesh = from_rings(&self.rings(&outline, sides, self.phase(sides)));
@@ -94,6 +91,12 @@ impl Turned {
     fn solids(&self) -> Vec<Solid> {
         let sides = if self.sides > 0 { self.sides } else { ROUND };
         let hull = |points: &[[f64; 2]]| {
+            if let [[radius, low], [top_radius, high]] = *points
+                && radius == top_radius
+                && self.is_exact_cylinder()
+            {
+                return self.cylinder(radius, low, high);
+            }
             let profile: Vec<DVec2> = points.iter().map(|&point| DVec2::from_array(point)).collect();
             // Lying bodies rest on a facet, so the polygon is drawn around the circle and not into it.
             let grow = if self.rests_on_side() { 1.0 / (std::f64::consts::PI / sides as f64).cos() } else { 1.0 };
@@ -106,24 +109,19 @@ impl Turned {
             TurnedSolid::Hull => vec![hull(&self.profile)],
             TurnedSolid::Rings(rings) => vec![hull(rings)],
             TurnedSolid::Stack(stack) => stack.iter().map(|rings| hull(rings)).collect(),
-            TurnedSolid::Cylinder => {
-                let frame = self.frame(radius);
-                vec![Solid::cylinder(
-                    frame.transform_point(DVec3::Z * low),
-                    frame.transform_point(DVec3::Z * high),
-                    radius,
-                )]
-            }
-            TurnedSolid::Ellipsoid => {
-                let frame = self.frame(radius);
-                let center = frame.transform_point(DVec3::Z * ((low + high) / 2.0));
-                vec![Solid::ellipsoid(
-                    Pose::new(center, frame.rotation),
-                    DVec3::new(radius, radius, (high - low) / 2.0),
-                )]
-            }
+            TurnedSolid::Cylinder => vec![self.cylinder(radius, low, high)],
             TurnedSolid::None => Vec::new(),
         }
+    }
+
+    /// Round, and free to roll: an exact cylinder serves it best.
+    fn is_exact_cylinder(&self) -> bool {
+        self.sides == 0 && !self.rests_on_side() && self.stretch == DVec2::ONE
+    }
+
+    fn cylinder(&self, radius: f64, low: f64, high: f64) -> Solid {
+        let frame = self.frame(radius);
+        Solid::cylinder(frame.transform_point(DVec3::Z * low), frame.transform_point(DVec3::Z * high), radius)
     }
 
     fn rests_on_side(&self) -> bool {
