@@ -57,7 +57,7 @@ fn crowded_table() -> Result<(Arc<RenderAssets>, FrameState), Box<dyn Error>> {
     let objects: Vec<Arc<ObjectModel>> = catalogue
         .cards()
         .iter()
-        .filter(|card| card.size_m.x.max(card.size_m.y) < 0.16)
+        .filter(|card| !card.is_articulated && card.size_m.x.max(card.size_m.y) < 0.16)
         .step_by(3)
         .take(12)
         .map(|card| catalogue.build(&card.uid))

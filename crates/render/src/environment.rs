@@ -171,7 +171,7 @@ fn wood() -> Arc<Texture> {
     static WOOD: OnceLock<Arc<Texture>> = OnceLock::new();
     let make = || {
         const SIZE: u32 = 1024;
-        let (light, dark) = (Vec3::new(206.0, 188.0, 163.0), Vec3::new(178.0, 156.0, 128.0));
+        let (light, dark) = (Vec3::new(222.0, 209.0, 190.0), Vec3::new(194.0, 176.0, 152.0));
         let mut rgb = Vec::with_capacity((SIZE * SIZE * 3) as usize);
         for y in 0..SIZE {
             for x in 0..SIZE {

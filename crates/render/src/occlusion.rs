@@ -1,7 +1,7 @@
 //! Per pixel of the opaque surfaces: share of the key light and of the ambient light that arrives.
 //!
-//! Both are estimated with few taps whose pattern repeats every 4×4 pixels, then averaged over such a block
-//! without crossing from one surface to another.
+//! Both are estimated at every other pixel, like the black fields of a chess board, with few taps whose pattern
+//! repeats every 4×4 pixels, then averaged over such a block without crossing from one surface to another.
 //! Ambient occlusion after McGuire et al., "Scalable Ambient Obscurance", 2012.
 
 use glam::{Vec2, Vec3A};
@@ -50,7 +50,7 @@ impl Arrival {
         self.surface.clear();
         self.surface.extend(visible.ids.iter().map(|id| id >> TRIANGLE_BITS));
         self.shares.clear();
-        self.shares.resize(visible.ids.len(), [1.0; 2]);
+        self.shares.resize(visible.ids.len(), UNKNOWN);
         let light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let focal = view.lens.focal.x;
         let nearest = visible.nearness.iter().copied().fold(0.0, f32::max);
@@ -59,7 +59,7 @@ impl Arrival {
         let from_world = view.lens.turn.transpose();
         let columns = self.width.div_ceil(TILE);
         for y in 0..self.height {
-            for x in 0..self.width {
+            for x in (y % 2..self.width).step_by(2) {
                 let pixel = y * self.width + x;
                 let Some((part, triangle)) = part_and_triangle(visible.ids[pixel]) else { continue };
                 let ray = view.lens.ray(x as f32, y as f32);
@@ -86,11 +86,12 @@ impl Arrival {
     }
 
     /// Shares at a pixel for a sample of surface `part_code` (part index + 1) at a depth;
-    /// from the nearest neighbour of the same surface when the pixel's centre shows another one.
+    /// from the nearest neighbour of the same surface when the pixel's centre shows another one; `None` without any.
     #[inline]
     pub fn at(&self, x: usize, y: usize, part_code: u32, depth: f32) -> Option<[f32; 2]> {
         let own = y * self.width + x;
-        if self.surface[own] == part_code {
+        let is_known = |pixel: usize| self.surface[pixel] == part_code && self.shares[pixel][0] >= 0.0;
+        if is_known(own) {
             return Some(self.shares[own]);
         }
         let mut best = None;
@@ -99,7 +100,7 @@ impl Arrival {
             for column in x.saturating_sub(1)..=(x + 1).min(self.width - 1) {
                 let pixel = row * self.width + column;
                 let distance = (self.depth[pixel] - depth).abs();
-                if self.surface[pixel] == part_code && distance < best_distance {
+                if is_known(pixel) && distance < best_distance {
                     (best, best_distance) = (Some(self.shares[pixel]), distance);
                 }
             }
@@ -118,22 +119,25 @@ impl Arrival {
     ) -> f32 {
         let radius = variation.occlusion_radius_m;
         let reach = (radius * focal / point.z).clamp(3.0, MAX_REACH);
-        let steps = tap_table()[pattern].map(|tap| {
+        let taps = &tap_table()[pattern];
+        let steps: [[f32; 3]; TAPS] = std::array::from_fn(|tap| {
+            let tap = taps[tap];
             let column = (x as i32 + nearest_integer(tap.x * reach)).clamp(0, self.width as i32 - 1);
             let row = (y as i32 + nearest_integer(tap.y * reach)).clamp(0, self.height as i32 - 1);
             let depth = self.depth[row as usize * self.width + column as usize];
             [(column - x as i32) as f32, (row - y as i32) as f32, depth]
         });
         let bias = 0.001 + 0.002 * point.z;
-        let darkening = steps.map(|[dx, dy, depth]| {
+        let darkening: [f32; TAPS] = std::array::from_fn(|tap| {
+            let [dx, dy, depth] = steps[tap];
             // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
             let stretch = depth / point.z;
             let toward_x = point.x * stretch + dx * depth / focal - point.x;
             let toward_y = point.y * stretch + dy * depth / focal - point.y;
             let toward_z = depth - point.z;
             let square = toward_x * toward_x + toward_y * toward_y + toward_z * toward_z;
-            let near = (radius * radius - square).max(0.0);
-            let above = (toward_x * normal.x + toward_y * normal.y + toward_z * normal.z - bias).max(0.0);
+            let near = positive(radius * radius - square);
+            let above = positive(toward_x * normal.x + toward_y * normal.y + toward_z * normal.z - bias);
             near * near * near * above / (square + 1e-5)
         });
         let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
@@ -177,37 +181,46 @@ impl Arrival {
     /// Box over 4×4 pixels (five taps, half weight at the ends) in both directions, within one surface.
     fn blur(&mut self) {
         self.blurred.clear();
-        self.blurred.resize(self.shares.len(), [1.0; 2]);
+        self.blurred.resize(self.shares.len(), UNKNOWN);
         for (step, is_row) in [(1, true), (self.width, false)] {
             for y in 0..self.height {
                 for x in 0..self.width {
-                    let pixel = y * self.width + x;
-                    let surface = self.surface[pixel];
-                    if surface == 0 {
-                        continue;
-                    }
                     let (at, end) = if is_row { (x, self.width) } else { (y, self.height) };
-                    let depth = self.depth[pixel];
-                    let own = self.shares[pixel];
-                    let (mut sum, mut total) = ([own[0], own[1]], 1.0);
-                    for (offset, weight) in [(-2_i32, 0.5_f32), (-1, 1.0), (1, 1.0), (2, 0.5)] {
-                        let other = at as i32 + offset;
-                        if other < 0 || other >= end as i32 {
-                            continue;
-                        }
-                        let other = (pixel as i32 + offset * step as i32) as usize;
-                        let same = self.surface[other] == surface && (self.depth[other] - depth).abs() < 0.02 * depth;
-                        let weight = if same { weight } else { 0.0 };
-                        sum = [sum[0] + weight * self.shares[other][0], sum[1] + weight * self.shares[other][1]];
-                        total += weight;
-                    }
-                    self.blurred[pixel] = [sum[0] / total, sum[1] / total];
+                    self.blurred[y * self.width + x] = self.mean_around(y * self.width + x, at, end, step);
                 }
             }
             std::mem::swap(&mut self.shares, &mut self.blurred);
         }
     }
+
+    /// Weighted mean of the known shares along a line of pixels `step` apart; `at` of `end` is the place on the line.
+    #[inline]
+    fn mean_around(&self, pixel: usize, at: usize, end: usize, step: usize) -> [f32; 2] {
+        let (surface, depth) = (self.surface[pixel], self.depth[pixel]);
+        if surface == 0 {
+            return UNKNOWN;
+        }
+        let (mut key, mut ambient, mut total) = (0.0, 0.0, 0.0);
+        for (offset, weight) in [(-2_i32, 0.5_f32), (-1, 1.0), (0, 1.0), (1, 1.0), (2, 0.5)] {
+            let other = at as i32 + offset;
+            if other < 0 || other >= end as i32 {
+                continue;
+            }
+            let other = (pixel as i32 + offset * step as i32) as usize;
+            let shares = self.shares[other];
+            let is_known = shares[0] >= 0.0;
+            let is_same = self.surface[other] == surface && (self.depth[other] - depth).abs() < 0.02 * depth;
+            let weight = if is_known && is_same { weight } else { 0.0 };
+            key += weight * shares[0];
+            ambient += weight * shares[1];
+            total += weight;
+        }
+        if total > 0.0 { [key / total, ambient / total] } else { UNKNOWN }
+    }
 }
+
+/// Shares of a pixel that was not estimated.
+const UNKNOWN: [f32; 2] = [-1.0; 2];
 
 /// Order of the sixteen turns of the taps within a block: neighbours get far-apart turns.
 const PATTERN: [[usize; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
@@ -230,4 +243,9 @@ fn tap_table() -> &'static [[Vec2; TAPS]; 16] {
 fn nearest_integer(value: f32) -> i32 {
     const SHIFT: f32 = 12_582_912.0;
     (value + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
+}
+
+#[inline]
+fn positive(value: f32) -> f32 {
+    if value > 0.0 { value } else { 0.0 }
 }

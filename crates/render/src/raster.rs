@@ -69,7 +69,7 @@ impl Target {
         if first_row >= end_row || area == 0.0 {
             return;
         }
-        let (left, right) = (a.x.min(b.x).min(c.x), a.x.max(b.x).max(c.x));
+        let (left, right) = extremes(a.x, b.x, c.x);
         if first_sample(left, self.width) >= first_sample(right, self.width) {
             return;
         }
@@ -99,14 +99,14 @@ impl Target {
         if IDS {
             let ids = &mut self.ids[first..first + count];
             for (column, (nearest, nearest_id)) in nearness.iter_mut().zip(ids).enumerate() {
-                let value = (start + column as i32 as f32 * gradient.dx).max(gradient.low).min(gradient.high);
+                let value = within(start + column as i32 as f32 * gradient.dx, gradient.low, gradient.high);
                 let closer = value > *nearest;
                 *nearest = if closer { value } else { *nearest };
                 *nearest_id = if closer { id } else { *nearest_id };
             }
         } else {
             for (column, nearest) in nearness.iter_mut().enumerate() {
-                let value = (start + column as i32 as f32 * gradient.dx).max(gradient.low).min(gradient.high);
+                let value = within(start + column as i32 as f32 * gradient.dx, gradient.low, gradient.high);
                 *nearest = if value > *nearest { value } else { *nearest };
             }
         }
@@ -128,12 +128,13 @@ impl Gradient {
     fn new(a: Corner, b: Corner, c: Corner, area: f32) -> Self {
         let inverse = 1.0 / area;
         let (ab, ac) = (b.nearness - a.nearness, c.nearness - a.nearness);
+        let (low, high) = extremes(a.nearness, b.nearness, c.nearness);
         Self {
             origin: a,
             dx: (ab * (c.y - a.y) - ac * (b.y - a.y)) * inverse,
             dy: (ac * (b.x - a.x) - ab * (c.x - a.x)) * inverse,
-            low: a.nearness.min(b.nearness).min(c.nearness),
-            high: a.nearness.max(b.nearness).max(c.nearness),
+            low,
+            high,
         }
     }
 
@@ -153,6 +154,20 @@ impl Gradient {
 #[inline]
 fn first_sample(coordinate: f32, limit: usize) -> usize {
     const SHIFT: f32 = 8_388_608.0;
-    let inside = coordinate.max(0.0).min(limit as i32 as f32);
+    let inside = within(coordinate, 0.0, limit as i32 as f32);
     (((inside + 0.5 + SHIFT).to_bits() - SHIFT.to_bits()) as usize).min(limit)
+}
+
+/// A number moved into an interval; one instruction per side, unlike `f32::min` and `max`, which care for NaN.
+#[inline]
+pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
+    let value = if value > low { value } else { low };
+    if value < high { value } else { high }
+}
+
+/// Smallest and largest of three numbers.
+#[inline]
+fn extremes(a: f32, b: f32, c: f32) -> (f32, f32) {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    (if c < low { c } else { low }, if c > high { c } else { high })
 }

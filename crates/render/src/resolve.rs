@@ -1,6 +1,6 @@
 //! From visible samples to colours.
 //!
-//! Samples of a pixel that see the same smooth piece of surface are shaded once, at their mean;
+//! Samples of a pixel that see the same smooth piece of surface are shaded once;
 //! only pixels on edges cost more.
 
 use glam::{Vec3, Vec3A};
@@ -32,7 +32,7 @@ pub(crate) struct Resolve<'a> {
 /// Largest number of samples per pixel.
 const MAX_SAMPLES: usize = 16;
 
-/// Samples of one pixel that are shaded together.
+/// Samples of one pixel that are shaded together: at the mean of those that see the first one's triangle.
 #[derive(Clone, Copy, Default)]
 struct Group {
     id: u32,
@@ -44,7 +44,6 @@ struct Group {
 /// The point of a surface under a sample.
 struct Hit<'a> {
     part: &'a Part,
-    placed: &'a PartView,
     depth: f32,
     /// Not normalised, world frame.
     ray: Vec3A,
@@ -99,7 +98,9 @@ impl Resolve<'_> {
                 count += 1;
             }
             let entry = &mut groups[group];
-            (entry.x, entry.y, entry.count) = (entry.x + x, entry.y + y, entry.count + 1.0);
+            if entry.id == id {
+                (entry.x, entry.y, entry.count) = (entry.x + x, entry.y + y, entry.count + 1.0);
+            }
             *group_of = group;
         }
         let background = linear_from_srgb8(self.variation.background);
@@ -159,10 +160,12 @@ impl Resolve<'_> {
             };
             let surface = &hit.part.surface;
             let light = self.lighting.reflect(surface, &hit.surface_point(key_share, 1.0));
-            let cover = surface.opacity + (1.0 - surface.opacity) * light.grazing;
+            // Most sights pass two sides: each covers so much that both together have the material's opacity.
+            let side = 1.0 - (1.0 - surface.opacity).sqrt();
+            let cover = side + (1.0 - side) * light.grazing;
             // What passes takes on some of the glass's colour.
-            let tint = Vec3A::ONE.lerp(hit.base, 0.5);
-            self.lighting.develop(light.diffuse * surface.opacity + light.specular) + behind * tint * (1.0 - cover)
+            let tint = Vec3A::ONE.lerp(hit.base, 0.25);
+            self.lighting.develop(light.diffuse * side + light.specular) + behind * tint * (1.0 - cover)
         })
     }
 
@@ -194,13 +197,12 @@ impl Resolve<'_> {
         if part.surface.is_table {
             base *= table_tint;
         }
-        Some(Hit { part, placed, depth, ray, point: self.view.lens.eye + ray * depth, normal, base })
+        Some(Hit { part, depth, ray, point: self.view.lens.eye + ray * depth, normal, base })
     }
 }
 
 impl Hit<'_> {
     fn surface_point(&self, key_share: f32, ambient_share: f32) -> SurfacePoint {
-        debug_assert!(self.placed.visible);
         let to_viewer = -self.ray.normalize();
         SurfacePoint { base: self.base, normal: self.normal, to_viewer, key_share, ambient_share }
     }

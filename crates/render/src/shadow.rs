@@ -6,7 +6,7 @@ use glam::{Mat3A, Vec2, Vec3A};
 
 use crate::assets::{Part, RenderAssets};
 use crate::job::{FrameState, TABLE};
-use crate::raster::{Corner, Target};
+use crate::raster::{Corner, Target, within};
 use crate::variation::RenderVariation;
 use crate::view::rotation;
 
@@ -87,9 +87,10 @@ impl ShadowMap {
         }
         let taps = &tap_table()[pattern % 16];
         let ahead = |radius: f32| -> [f32; TAPS] {
-            let offsets = taps.map(|tap| tap * radius);
-            let stored = offsets.map(|offset| {
-                let (x, y) = ((place.x + offset.x).max(0.0).min(limit), (place.y + offset.y).max(0.0).min(limit));
+            let offsets: [Vec2; TAPS] = std::array::from_fn(|tap| taps[tap] * radius);
+            let stored: [f32; TAPS] = std::array::from_fn(|tap| {
+                let offset = offsets[tap];
+                let (x, y) = (within(place.x + offset.x, 0.0, limit), within(place.y + offset.y, 0.0, limit));
                 self.map.nearness[(y + 0.5) as i32 as usize * self.map.width + (x + 0.5) as i32 as usize]
             });
             std::array::from_fn(|tap| stored[tap] - (place.nearness + tilt.dot(offsets[tap])))
@@ -144,15 +145,20 @@ impl ShadowMap {
         let width = self.map.width;
         let tiles = width / TILE;
         let join = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        let own: Vec<[f32; 2]> = (0..tiles * tiles)
-            .map(|tile| {
-                let first = tile / tiles * TILE * width + tile % tiles * TILE;
-                (0..TILE).fold([f32::INFINITY, 0.0], |extremes, row| {
-                    let texels = &self.map.nearness[first + row * width..][..TILE];
-                    texels.iter().fold(extremes, |extremes, &value| join(extremes, [value, value]))
-                })
-            })
-            .collect();
+        let mut own = vec![[f32::INFINITY, 0.0]; tiles * tiles];
+        for (row, extremes) in self.map.nearness.chunks_exact(width * TILE).zip(own.chunks_exact_mut(tiles)) {
+            for (tile, extremes) in extremes.iter_mut().enumerate() {
+                // One pair of extremes per column of the tile: columns are independent, so this runs in vectors.
+                let (mut low, mut high) = ([f32::INFINITY; TILE], [0.0; TILE]);
+                for texels in row.chunks_exact(width).map(|row| &row[tile * TILE..][..TILE]) {
+                    for (column, &value) in texels.iter().enumerate() {
+                        low[column] = if value < low[column] { value } else { low[column] };
+                        high[column] = if value > high[column] { value } else { high[column] };
+                    }
+                }
+                *extremes = low.iter().zip(high).fold(*extremes, |all, (&low, high)| join(all, [low, high]));
+            }
+        }
         let reach = (MAX_RADIUS as usize).div_ceil(TILE);
         let spread = |source: &[[f32; 2]], step: usize, position: &dyn Fn(usize) -> usize| -> Vec<[f32; 2]> {
             (0..source.len())

@@ -1,7 +1,7 @@
 //! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
 
 use genmanip_core::Texture;
-use glam::{Vec2, Vec3A};
+use glam::{Vec2, Vec3A, Vec4};
 
 /// A texture and its smaller copies, linear colour.
 #[derive(Debug)]
@@ -13,8 +13,8 @@ pub(crate) struct MipTexture {
 struct Level {
     width: usize,
     height: usize,
-    /// 8-bit sRGB, as it came: small enough to stay in the cache.
-    texels: Vec<[u8; 3]>,
+    /// 8-bit sRGB as it came, small enough to stay in the cache; the fourth byte is for alignment.
+    texels: Vec<[u8; 4]>,
 }
 
 impl MipTexture {
@@ -24,7 +24,7 @@ impl MipTexture {
         if width == 0 || height == 0 || texture.rgb.len() != width * height * 3 {
             return None;
         }
-        let texels = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
+        let texels = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2], 0]).collect();
         let mut levels = vec![Level { width, height, texels }];
         while let Some(smaller) = levels.last().and_then(Level::halved) {
             levels.push(smaller);
@@ -46,20 +46,18 @@ impl MipTexture {
 }
 
 impl Level {
+    /// Mixes the four nearest texels in sRGB, which is close enough to mixing light and needs one conversion.
     fn sample(&self, uv: Vec2) -> Vec3A {
-        let wrap = |value: f32| value - value.floor();
-        let x = wrap(uv.x) * self.width as f32 - 0.5;
-        let y = wrap(uv.y) * self.height as f32 - 0.5;
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let column = |value: f32| (value as i32).rem_euclid(self.width as i32) as usize;
-        let row = |value: f32| (value as i32).rem_euclid(self.height as i32) as usize * self.width;
-        let (left, right) = (column(x0), column(x0 + 1.0));
-        let (top, bottom) = (row(y0), row(y0 + 1.0));
-        let texel = |index: usize| linear_from_srgb8(self.texels[index]);
+        let (left, right, fx) = neighbours(uv.x, self.width);
+        let (top, bottom, fy) = neighbours(uv.y, self.height);
+        let (top, bottom) = (top * self.width, bottom * self.width);
+        let texel = |index: usize| Vec4::from_array(self.texels[index].map(f32::from));
         let upper = texel(top + left).lerp(texel(top + right), fx);
         let lower = texel(bottom + left).lerp(texel(bottom + right), fx);
-        upper.lerp(lower, fy)
+        let table = linear_table();
+        let linear = |value: f32| table[(value * 4.0 + 0.5) as i32 as usize & 1023];
+        let mixed = upper.lerp(lower, fy);
+        Vec3A::new(linear(mixed.x), linear(mixed.y), linear(mixed.z))
     }
 
     fn halved(&self) -> Option<Self> {
@@ -73,20 +71,41 @@ impl Level {
                 let at = |dx: usize, dy: usize| {
                     let column = (2 * x + dx).min(self.width - 1);
                     let row = (2 * y + dy).min(self.height - 1);
-                    linear_from_srgb8(self.texels[row * self.width + column])
+                    let [r, g, b, _] = self.texels[row * self.width + column];
+                    linear_from_srgb8([r, g, b])
                 };
-                texels.push(srgb8_from_linear((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) * 0.25));
+                let [r, g, b] = srgb8_from_linear((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) * 0.25);
+                texels.push([r, g, b, 0]);
             }
         }
         Some(Self { width, height, texels })
     }
 }
 
+/// The two texels beside a texture coordinate that repeats, and how far it lies towards the second.
+#[inline]
+fn neighbours(coordinate: f32, count: usize) -> (usize, usize, f32) {
+    let place = (coordinate - floor(coordinate)) * count as i32 as f32 - 0.5;
+    let first = floor(place);
+    let share = place - first;
+    let first = first as i32;
+    let last = count as i32 - 1;
+    let second = if first >= last { 0 } else { first + 1 };
+    (if first < 0 { last } else { first.min(last) } as usize, second as usize, share)
+}
+
+/// Without a call to the mathematics library; for numbers below 2³¹.
+#[inline]
+fn floor(value: f32) -> f32 {
+    let truncated = value as i32 as f32;
+    if truncated > value { truncated - 1.0 } else { truncated }
+}
+
 /// Linear light of an 8-bit sRGB colour.
 #[inline]
 pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
     let table = linear_table();
-    Vec3A::new(table[rgb[0] as usize], table[rgb[1] as usize], table[rgb[2] as usize])
+    Vec3A::from_array(rgb.map(|code| table[code as usize * 4]))
 }
 
 /// 8-bit sRGB of linear light; clips.
@@ -104,9 +123,10 @@ pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
     }))
 }
 
-fn linear_table() -> &'static [f32; 256] {
-    static TABLE: std::sync::OnceLock<[f32; 256]> = std::sync::OnceLock::new();
-    TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb([code as f32 / 255.0; 3]).x))
+/// Linear light of quarters of 8-bit codes.
+fn linear_table() -> &'static [f32; 1024] {
+    static TABLE: std::sync::OnceLock<[f32; 1024]> = std::sync::OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|quarter| linear_from_srgb([quarter as f32 / 1020.0; 3]).x))
 }
 
 fn srgb_table() -> &'static [u8; 4096] {
