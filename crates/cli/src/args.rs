@@ -50,7 +50,9 @@ pub enum Command {
     #[command(after_help = "Example:\n  genmanip report out/run")]
     Report(ReportArguments),
     /// Export a scenario to another program's format
-    #[command(after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-0.json > scene.xml")]
+    #[command(
+        after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-0.json > scene.xml"
+    )]
     Export(ExportArguments),
     /// Say what this machine has, what is missing and how to mend it
     #[command(after_help = "Example:\n  genmanip doctor")]
@@ -140,7 +142,7 @@ pub struct CollectArguments {
     /// Record episodes only: no images, no dataset
     #[arg(long)]
     pub no_dataset: bool,
-    /// Keep the frames of failed attempts too
+    /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
 }

@@ -16,9 +16,8 @@ const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
 /// Reads a text file, refusing what is too large or not text.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, Failed> {
     let unreadable = |error: &dyn std::error::Error| Failed::because(format!("cannot read {}", path.display()), error);
-    let file = fs::File::open(path).map_err(|error| {
-        unreadable(&error).hint("check the path; relative paths start at the current folder")
-    })?;
+    let file = fs::File::open(path)
+        .map_err(|error| unreadable(&error).hint("check the path; relative paths start at the current folder"))?;
     let mut bytes = Vec::new();
     file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(&error))?;
     if bytes.len() as u64 > max_bytes {
@@ -44,8 +43,8 @@ pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failed> {
             files.push(path.clone());
             continue;
         }
-        let entries = fs::read_dir(path)
-            .map_err(|error| Failed::because(format!("cannot list {}", path.display()), &error))?;
+        let entries =
+            fs::read_dir(path).map_err(|error| Failed::because(format!("cannot list {}", path.display()), &error))?;
         let mut inside: Vec<PathBuf> = entries
             .filter_map(|entry| Some(entry.ok()?.path()))
             .filter(|path| path.extension().is_some_and(|extension| extension == "json"))
@@ -81,13 +80,13 @@ pub fn read_task(path: &Path) -> Result<Task, Failed> {
             .hint("expected a task document or a recorded answer; see `genmanip task check --help`")
     })?;
     if value.get("schema").is_some() {
-        return Task::from_value(value).map_err(|error| {
-            Failed::because(format!("{} is no valid {} file", path.display(), Task::SCHEMA), &error)
-        });
+        return Task::from_value(value)
+            .map_err(|error| Failed::because(format!("{} is no valid {} file", path.display(), Task::SCHEMA), &error));
     }
     let report = check_recorded(path, &text)?;
     report.task.ok_or_else(|| {
-        let flaws: Vec<String> = report.flaws.iter().map(|flaw| format!("{}: {}", flaw.kind.name(), flaw.message)).collect();
+        let flaws: Vec<String> =
+            report.flaws.iter().map(|flaw| format!("{}: {}", flaw.kind.name(), flaw.message)).collect();
         Failed::new(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
             .hint(format!("see `genmanip task check {}`", path.display()))
     })
@@ -110,12 +109,7 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
 }
 
 /// Judges a bare answer.
-pub fn check_bare(
-    path: &Path,
-    objects: &[String],
-    kind: &str,
-    min_objects: usize,
-) -> Result<AnswerReport, Failed> {
+pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, Failed> {
     let kinds = TaskKind::ALL.map(TaskKind::name).join(", ");
     let kind = TaskKind::ALL
         .into_iter()
@@ -129,8 +123,8 @@ pub fn check_bare(
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
     // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
-    let file = fs::File::open(path)
-        .map_err(|error| Failed::because(format!("cannot read {}", path.display()), &error))?;
+    let file =
+        fs::File::open(path).map_err(|error| Failed::because(format!("cannot read {}", path.display()), &error))?;
     let mut bytes = Vec::new();
     file.take(MAX_ANSWER_BYTES as u64 + 1)
         .read_to_end(&mut bytes)
@@ -143,8 +137,7 @@ fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, Failed> {
     uids.iter()
         .map(|uid| {
             catalogue.card(uid).cloned().ok_or_else(|| {
-                Failed::new(format!("object `{uid}` is not in the catalogue"))
-                    .hint("uids are three digits, 001 to 064")
+                Failed::new(format!("object `{uid}` is not in the catalogue")).hint("uids are three digits, 001 to 064")
             })
         })
         .collect()

@@ -73,8 +73,7 @@ pub fn table(rows: &[Vec<String>]) -> String {
         .collect();
     let mut text = String::new();
     for (index, row) in rows.iter().enumerate() {
-        let line: Vec<String> =
-            row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}")).collect();
+        let line: Vec<String> = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}")).collect();
         text += line.join("  ").trim_end();
         text.push('\n');
         if index == 0 {

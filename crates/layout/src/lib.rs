@@ -23,9 +23,7 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{Camera, ObjectModel, PlacedObject, RobotModel, Scenario, Seed, Task, Workspace};
-use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal,
-};
+use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal};
 
 /// Lays a task out.
 ///

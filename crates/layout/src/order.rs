@@ -57,9 +57,7 @@ impl PlacementPlan {
             let links = |object: usize| {
                 edges
                     .iter()
-                    .filter(|(s, _, r)| {
-                        (*s == object && placed.contains(r)) || (*r == object && placed.contains(s))
-                    })
+                    .filter(|(s, _, r)| (*s == object && placed.contains(r)) || (*r == object && placed.contains(s)))
                     .count()
             };
             let Some(object) = (0..count)
@@ -86,8 +84,10 @@ impl PlacementPlan {
             steps.push(Step { object, support: support[object], relations, sketch });
             placed.push(object);
         }
-        let sketch_min = steps.iter().fold(DVec2::INFINITY, |min, step| min.min(step.sketch - half(step.object, models)));
-        let sketch_max = steps.iter().fold(DVec2::NEG_INFINITY, |max, step| max.max(step.sketch + half(step.object, models)));
+        let sketch_min =
+            steps.iter().fold(DVec2::INFINITY, |min, step| min.min(step.sketch - half(step.object, models)));
+        let sketch_max =
+            steps.iter().fold(DVec2::NEG_INFINITY, |max, step| max.max(step.sketch + half(step.object, models)));
         Ok(Self { steps, sketch_min, sketch_max })
     }
 }

@@ -36,8 +36,7 @@ pub(crate) fn place_all(
     let mut placed: Vec<usize> = Vec::new();
     for step in &context.plan.steps {
         let found = (0..context.settings.candidates_per_object).any(|_| {
-            propose(context, step, origin, &placed, &mut scene, rng)
-                && fits(context, step, &scene, &placed, rejections)
+            propose(context, step, origin, &placed, &mut scene, rng) && fits(context, step, &scene, &placed, rejections)
         });
         if !found {
             rejections.count(format!("no free place for {}", context.models[step.object].card.name));
@@ -133,13 +132,7 @@ fn support_point(carrier: &Aabb, size: DVec2, rng: &mut impl Rng) -> DVec2 {
 }
 
 /// Lets an object that hovers above another down until `gap` metres remain; false when it is not above it.
-pub fn let_down(
-    scene: &mut PosedScene,
-    object: usize,
-    carrier: usize,
-    gap: f64,
-    relations: &RelationSettings,
-) -> bool {
+pub fn let_down(scene: &mut PosedScene, object: usize, carrier: usize, gap: f64, relations: &RelationSettings) -> bool {
     let fall = measure_pair(scene, object, carrier, relations).and_then(|pair| pair.a_over_b);
     let Some((fall, posed)) = fall.zip(scene.objects().nth(object)) else { return false };
     let (mut pose, joints) = (posed.pose, posed.joint_positions.clone());
@@ -182,11 +175,10 @@ fn fits(context: &Context, step: &Step, scene: &PosedScene, placed: &[usize], re
 
 /// Edges of the graph whose objects are all placed once this one is.
 fn edges_between<'a>(context: &'a Context, uid: &'a str, placed: &'a [usize]) -> impl Iterator<Item = &'a GraphEdge> {
-    let known = move |other: &str| {
-        other == uid || placed.iter().any(|&index| context.models[index].card.uid == other)
-    };
+    let known = move |other: &str| other == uid || placed.iter().any(|&index| context.models[index].card.uid == other);
     context.task.scene_graph.edges.iter().filter(move |edge| {
-        let members = || [Some(&edge.subject), Some(&edge.reference), edge.second_reference.as_ref()].into_iter().flatten();
+        let members =
+            || [Some(&edge.subject), Some(&edge.reference), edge.second_reference.as_ref()].into_iter().flatten();
         members().any(|member| member == uid) && members().all(|member| known(member))
     })
 }

@@ -41,6 +41,14 @@ impl Path {
         Self { blends: vec![0.0; distinct.len()], waypoints: distinct }
     }
 
+    /// The same path from goal to start.
+    #[must_use]
+    pub fn reversed(mut self) -> Self {
+        self.waypoints.reverse();
+        self.blends.reverse();
+        self
+    }
+
     /// Corners of the path, start and goal included.
     pub fn waypoints(&self) -> &[Vec<f64>] {
         &self.waypoints

@@ -9,9 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{
-    EpisodeResult, Failure, FailureCause, GoalVerdict, RobotModel, Scenario, Seed, Task,
-};
+use genmanip_core::{EpisodeResult, Failure, FailureCause, GoalVerdict, RobotModel, Scenario, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_sim::SimSettings;
@@ -35,6 +33,8 @@ pub struct CollectSettings {
     pub expert: ExpertSettings,
     /// Pictures of verified episodes; `None` for none.
     pub images: Option<ImageSettings>,
+    /// Pictures of failed episodes too.
+    pub keep_failed: bool,
 }
 
 /// What every attempt needs and none changes.
@@ -110,13 +110,9 @@ pub fn collect(
     in_parallel(attempts, workers, stop, &|attempt| {
         let (id, started) = (attempt.id(), Instant::now());
         let known = store.contains(&id);
-        let result = if known {
-            store.read_result(&id)?
-        } else {
-            make(attempt, resources, store, settings)?
-        };
+        let result = if known { store.read_result(&id)? } else { make(attempt, resources, store, settings)? };
         if let Some(images) = &settings.images
-            && result.success
+            && (result.success || settings.keep_failed && store.is_recorded(&id)?)
             && !store.has_tracks(&id, images.fps, &images.cameras)
         {
             let episode = store.read(&id)?;

@@ -197,12 +197,8 @@ impl<'a> Recording<'a> {
 
 /// The atom that is farthest from holding in the best alternative.
 fn missed(verdict: &GoalVerdict) -> Failure {
-    let worst = verdict
-        .best()
-        .into_iter()
-        .flatten()
-        .filter(|atom| !atom.holds)
-        .min_by(|a, b| a.margin.total_cmp(&b.margin));
+    let worst =
+        verdict.best().into_iter().flatten().filter(|atom| !atom.holds).min_by(|a, b| a.margin.total_cmp(&b.margin));
     Failure {
         cause: FailureCause::GoalMissed,
         evidence: worst.map_or("the goal does not hold".into(), |atom| format!("{}: {}", atom.atom, atom.explanation)),

@@ -85,8 +85,7 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
     let stride = (episode.result.control_rate_hz / f64::from(settings.fps)).round().max(1.0) as usize;
     for frame in episode.frames.iter().step_by(stride) {
         let state = assets.frame_state_of(frame).map_err(|error| failed(id, &error))?;
-        let jobs: Vec<ViewJob> =
-            cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::RGBD)).collect();
+        let jobs: Vec<ViewJob> = cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::RGBD)).collect();
         renderer.render(&jobs, &mut buffers).map_err(|error| failed(id, &error))?;
         let world_from_hand = assets.world_from_hand(&state);
         for ((track, camera), picture) in tracks.iter_mut().zip(&cameras).zip(&buffers) {

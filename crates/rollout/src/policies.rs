@@ -1,8 +1,6 @@
 //! Policies that need no learning: the control arm and the replay.
 
-use genmanip_core::{
-    ActionChunk, ActionSpec, Episode, EpisodeStart, Observation, Policy, PolicyError, PolicySpec,
-};
+use genmanip_core::{ActionChunk, ActionSpec, Episode, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
 
 /// Stands still: the control that shows that no scenario solves itself.
 #[derive(Clone, Debug, Default)]

@@ -32,11 +32,7 @@ pub fn check(stage: &Stage, episode: &Episode) -> Result<ReplayCheck, RolloutErr
     let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
     Ok(ReplayCheck {
         identical: bits(&state) == bits(&episode.final_state),
-        largest_difference: state
-            .iter()
-            .zip(&episode.final_state)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, f64::max),
+        largest_difference: state.iter().zip(&episode.final_state).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max),
         frames: episode.frames.len(),
     })
 }

@@ -87,8 +87,7 @@ impl Stage {
                 got: scenario.robot.clone(),
             });
         }
-        let models =
-            scenario.objects.iter().map(|placed| catalogue.instance(placed)).collect::<Result<Vec<_>, _>>()?;
+        let models = scenario.objects.iter().map(|placed| catalogue.instance(placed)).collect::<Result<Vec<_>, _>>()?;
         let objects: Vec<SceneObject> = scenario
             .objects
             .iter()
@@ -127,9 +126,7 @@ impl Stage {
             held: grasped,
             moving: states
                 .iter()
-                .map(|state| {
-                    state.speed > settings.rest_speed || state.angular_speed > settings.rest_angular_speed
-                })
+                .map(|state| state.speed > settings.rest_speed || state.angular_speed > settings.rest_angular_speed)
                 .collect(),
         }
     }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::{Document, EpisodeResult, Seed, Task, TaskKind};
 use genmanip_data::EpisodeStore;
-use genmanip_data::lerobot::{self, LerobotSettings};
+use genmanip_data::lerobot::{self, LerobotSettings, Selection};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, collect};
 use genmanip_rollout::images::ImageSettings;
 use serde::Serialize;
@@ -51,7 +51,8 @@ impl Collected {
     }
 
     pub fn text(&self) -> String {
-        let mut lines = vec![["task", "kind", "attempts", "verified", "why others failed", "seconds"].map(String::from).to_vec()];
+        let mut lines =
+            vec![["task", "kind", "attempts", "verified", "why others failed", "seconds"].map(String::from).to_vec()];
         for row in &self.rows {
             lines.push(vec![
                 row.task.clone(),
@@ -62,8 +63,7 @@ impl Collected {
                 format!("{:.1}", row.seconds),
             ]);
         }
-        let (attempts, verified) =
-            self.rows.iter().fold((0, 0), |(a, v), row| (a + row.attempts, v + row.verified));
+        let (attempts, verified) = self.rows.iter().fold((0, 0), |(a, v), row| (a + row.attempts, v + row.verified));
         let share = 100.0 * verified as f64 / attempts.max(1) as f64;
         lines.push(vec![
             "all".into(),
@@ -85,7 +85,7 @@ pub fn collect_run(
     stop: &Arc<AtomicBool>,
 ) -> Result<Collected, Failed> {
     let images = (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
-    let settings = CollectSettings { images, ..CollectSettings::default() };
+    let settings = CollectSettings { images, keep_failed: arguments.keep_failed, ..CollectSettings::default() };
     let run = Run {
         seed: Seed::new(arguments.seed),
         episodes_per_task: arguments.episodes,
@@ -119,7 +119,9 @@ pub fn collect_run(
             }
         },
     )
-    .map_err(|error| Failed::because("collecting stopped", &error).hint("finished episodes are kept; start again to continue"))?;
+    .map_err(|error| {
+        Failed::because("collecting stopped", &error).hint("finished episodes are kept; start again to continue")
+    })?;
     bar.finish_and_clear();
     folder.time_phase("collect", started.elapsed().as_secs_f64());
     let interrupted = stop.load(Ordering::Relaxed);
@@ -131,7 +133,11 @@ pub fn collect_run(
     }
     folder.save_timings()?;
     if interrupted {
-        printer.say(format!("interrupted after {} of {} attempts; start again to continue", results.len(), attempts.len()));
+        printer.say(format!(
+            "interrupted after {} of {} attempts; start again to continue",
+            results.len(),
+            attempts.len()
+        ));
     }
     Ok(Collected { rows: rows(&run.tasks, &results, &folder), folder, interrupted })
 }
@@ -154,9 +160,11 @@ fn export(
     printer: &Printer,
 ) -> Result<(), Failed> {
     let started = Instant::now();
-    let settings = LerobotSettings { fps: arguments.fps, keep_failed: arguments.keep_failed, ..LerobotSettings::default() };
-    lerobot::export(store, &folder.join("dataset"), &settings)
-        .map_err(|error| Failed::because("cannot write the dataset", &error).hint("the episodes are safe; start again"))?;
+    let settings = LerobotSettings { fps: arguments.fps, replace: true, ..LerobotSettings::default() };
+    let selection = if arguments.keep_failed { Selection::Recorded } else { Selection::Verified };
+    lerobot::export(store, &selection, &panda(), &settings, &folder.join("dataset")).map_err(|error| {
+        Failed::because("cannot write the dataset", &error).hint("the episodes are safe; start again")
+    })?;
     folder.time_phase("dataset", started.elapsed().as_secs_f64());
     printer.say(format!("dataset: {}", folder.join("dataset").display()));
     Ok(())

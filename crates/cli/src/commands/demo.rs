@@ -36,8 +36,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     }
 
     printer.say("3/4  evaluation on the same scenarios: expert, replay, do nothing");
-    let evaluating =
-        EvaluateArguments { run: arguments.out.clone(), policies: Vec::new(), workers: arguments.workers };
+    let evaluating = EvaluateArguments { run: arguments.out.clone(), policies: Vec::new(), workers: arguments.workers };
     let reports = evaluate::evaluate_run(&evaluating, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(ExitStatus::NotMet);

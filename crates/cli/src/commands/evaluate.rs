@@ -83,10 +83,10 @@ pub fn summary(reports: &[EvaluationReport]) -> String {
         let success = &report.summary.success;
         lines.push(vec![
             format!("{}{}", report.policy, if report.oracle { " (oracle)" } else { "" }),
-            success.total.to_string(),
-            format!("{:.1} %", 100.0 * success.rate()),
+            success.trials.to_string(),
+            format!("{:.1} %", 100.0 * success.value),
             format!("{:.1}–{:.1} %", 100.0 * success.low, 100.0 * success.high),
-            format!("{:.3}", report.summary.score.mean),
+            format!("{:.3}", report.summary.score.value),
         ]);
     }
     table(&lines)

@@ -1,6 +1,7 @@
 //! `genmanip layout`.
 
 use genmanip_assets::{Catalogue, panda};
+use genmanip_bench::{graph_svg, layout_svg};
 use genmanip_core::{Document, Seed};
 use genmanip_layout::LayoutSettings;
 use genmanip_rollout::collect::{Attempt, Resources};
@@ -33,8 +34,10 @@ pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus,
             Ok(scenario) => {
                 inputs::write_file(&path, scenario.to_json().as_bytes())?;
                 if arguments.explain {
-                    let svg = pictures::graph_beside_layout(&scenario, resources.catalogue)?;
-                    inputs::write_file(&path.with_extension("svg"), svg.as_bytes())?;
+                    let layout = layout_svg(&pictures::layout_picture(&scenario, resources.catalogue)?);
+                    inputs::write_file(&path.with_extension("layout.svg"), layout.as_str().as_bytes())?;
+                    let graph = graph_svg(&scenario.task);
+                    inputs::write_file(&path.with_extension("graph.svg"), graph.as_str().as_bytes())?;
                 }
                 Row { task: attempt.task.id.clone(), scenario: Some(path.display().to_string()), refused: None }
             }

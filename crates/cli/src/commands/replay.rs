@@ -33,8 +33,9 @@ pub fn run(arguments: &ReplayArguments, printer: &Printer) -> Result<ExitStatus,
         let failed = |error: &dyn std::error::Error| Failed::because(format!("cannot replay {id}"), error);
         let episode: Episode = store.read(id).map_err(|error| failed(&error))?;
         let scenario = Arc::new(episode.scenario.clone());
-        let stage = Stage::open(scenario, Catalogue::builtin(), &robot, &SimSettings::default())
-            .map_err(|error| failed(&error).hint("the episode was recorded with other physics; use the version it names"))?;
+        let stage = Stage::open(scenario, Catalogue::builtin(), &robot, &SimSettings::default()).map_err(|error| {
+            failed(&error).hint("the episode was recorded with other physics; use the version it names")
+        })?;
         if let Some(path) = &arguments.strip {
             let path = if ids.len() == 1 { path.clone() } else { numbered(path, id) };
             inputs::write_file(&path, &pictures::film_strip(&stage, &episode, 8)?)?;

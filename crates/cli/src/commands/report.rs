@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
-use genmanip_bench::drawing::{graph_svg, layout_svg};
 use genmanip_bench::{
-    AttemptRow, EvaluationReport, FilmFrame, ReportInput, ReportSettings, TaskSection, Timing, compare, report_html,
+    AttemptRow, EvaluationReport, FilmFrame, ReportInput, ReportSettings, StatisticsSettings, TaskSection, Timing,
+    compare, graph_svg, layout_svg, report_html,
 };
-use genmanip_core::{AttemptOutcome, Document, Episode, EpisodeResult, Task};
+use genmanip_core::{AttemptOutcome, Episode, EpisodeResult, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::Stage;
 
@@ -69,7 +69,7 @@ fn page(
         .iter()
         .filter_map(|(a, b)| {
             let (a, b) = (by_name(a)?, by_name(b)?);
-            compare(&a.results, &b.results).ok()
+            compare(&a.results, &b.results, &StatisticsSettings::default()).ok()
         })
         .collect();
     let timings = folder.timings();
@@ -82,10 +82,7 @@ fn page(
             format!("genmanip evaluate {name}"),
             format!("genmanip report {name}"),
         ],
-        versions: vec![
-            ("genmanip".into(), run.genmanip_version.clone()),
-            ("physics".into(), run.engine.clone()),
-        ],
+        versions: vec![("genmanip".into(), run.genmanip_version.clone()), ("physics".into(), run.engine.clone())],
         summaries: evaluations.iter().map(|report| report.summary.clone()).collect(),
         control: by_name("do_nothing").map(|report| report.policy.clone()),
         comparisons,

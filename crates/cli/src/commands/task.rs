@@ -20,7 +20,7 @@ struct Checked {
 #[derive(Serialize)]
 struct CheckedReport {
     verdict: &'static str,
-    flaws: Vec<&'static str>,
+    flaws: Vec<String>,
     repairs: Vec<String>,
     details: Vec<Detail>,
     task: Option<Task>,
@@ -28,7 +28,7 @@ struct CheckedReport {
 
 #[derive(Serialize)]
 struct Detail {
-    flaw: &'static str,
+    flaw: String,
     path: String,
     message: String,
     hint: String,
@@ -93,7 +93,7 @@ fn describe(checked: &Checked) -> String {
 pub fn show(arguments: &ShowArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let task = inputs::read_task(&arguments.file)?;
     if let Some(path) = &arguments.svg {
-        inputs::write_file(path, genmanip_bench::drawing::scene_graph(&task).as_bytes())?;
+        inputs::write_file(path, genmanip_bench::graph_svg(&task).as_str().as_bytes())?;
         printer.say(format!("wrote {}", path.display()));
     }
     printer.data(&genmanip_core::Document::to_value(&task), &in_words(&task));

@@ -5,7 +5,9 @@ use std::f64::consts::TAU;
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Workspace};
 use genmanip_layout::let_down;
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, judge_atom, measure_pair, placement_window};
+use genmanip_scene::relations::{
+    PosedObject, PosedScene, RelationSettings, judge_atom, measure_pair, placement_window,
+};
 use rand::{Rng, RngExt};
 
 use super::ExpertSettings;
@@ -50,7 +52,8 @@ pub fn sample(
         }
         let verdicts: Vec<_> = step.atoms.iter().map(|atom| judge_atom(&after, atom, relations)).collect();
         let holds = verdicts.iter().all(|verdict| verdict.holds && verdict.margin >= margin(&verdict.atom, settings));
-        if let (true, Some(posed), Some(bounds)) = (holds, after.objects().nth(step.object), after.bounds(step.object)) {
+        if let (true, Some(posed), Some(bounds)) = (holds, after.objects().nth(step.object), after.bounds(step.object))
+        {
             let worst = verdicts.iter().map(|verdict| verdict.margin).fold(f64::INFINITY, f64::min);
             found.push((worst, GoalPose { world_from_object: posed.pose, support, bounds }));
             if found.len() >= settings.goal_poses {
@@ -122,8 +125,7 @@ fn propose(
 
 /// A point above the carrier: anywhere in its hollow, or near the middle of its top.
 fn point_over(carrier: &PosedObject, outer: &Aabb, half: DVec2, rng: &mut impl Rng) -> DVec2 {
-    let hollow = (!carrier.model.cavity.is_empty())
-        .then(|| Aabb::from_pieces(&carrier.pose, &carrier.model.cavity));
+    let hollow = (!carrier.model.cavity.is_empty()).then(|| Aabb::from_pieces(&carrier.pose, &carrier.model.cavity));
     let area = hollow.as_ref().unwrap_or(outer);
     let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(0.01)).max(DVec2::splat(0.003));
     let slack = if hollow.is_some() { slack } else { slack.min(DVec2::splat(0.02)) };
@@ -150,7 +152,6 @@ fn is_free(
                 && measure_pair(after, carrier, index, relations).is_some_and(|pair| pair.gap_m == 0.0)
         });
         holds_carrier
-            || measure_pair(after, moved, index, relations)
-                .is_some_and(|pair| pair.gap_m >= settings.goal_clearance_m)
+            || measure_pair(after, moved, index, relations).is_some_and(|pair| pair.gap_m >= settings.goal_clearance_m)
     })
 }

@@ -21,8 +21,8 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{
-    Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, Pose,
-    PrivilegedState, Seed,
+    Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
+    Pose, PrivilegedState, Seed,
 };
 use genmanip_motion::{Allowed, Planner, PlannerSettings, Surroundings};
 use genmanip_scene::relations::{PosedScene, judge_atom};
@@ -179,8 +179,7 @@ impl Expert {
     fn go_home(&self, scene: &PosedScene, arm: &[f64]) -> Vec<Vec<f32>> {
         let world = surroundings::world(scene, None);
         let width = self.stage.robot.gripper.max_width;
-        let around =
-            Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
+        let around = Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
         match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
             Ok(path) => commands::follow(&self.planner, &path, width, self.settings.empty_speed),

@@ -25,13 +25,7 @@ struct Candidate {
 }
 
 /// Plans a pick, or says what stood in the way.
-pub(super) fn plan(
-    expert: &Expert,
-    scene: &PosedScene,
-    step: &Move,
-    arm: &[f64],
-    seed: Seed,
-) -> Result<Pick, Failure> {
+pub(super) fn plan(expert: &Expert, scene: &PosedScene, step: &Move, arm: &[f64], seed: Seed) -> Result<Pick, Failure> {
     let name = expert.stage.name(step.object);
     let goals = goal_pose::sample(
         scene,
@@ -161,7 +155,10 @@ fn motions(
     let open = |allowed| Surroundings { world: &occupied, attached: None, allowed, gripper_width: *open_width };
 
     let world_from_tcp = planner.tcp_pose(config);
-    let before = Pose { position: world_from_tcp.position - grasp_direction(&world_from_tcp) * settings.approach_m, ..world_from_tcp };
+    let before = Pose {
+        position: world_from_tcp.position - grasp_direction(&world_from_tcp) * settings.approach_m,
+        ..world_from_tcp
+    };
     let approach = planner.straight(&open(&touching), config, &before)?.reversed();
     let reach = planner.plan_joint(&open(&nothing), arm, &[approach.start().to_vec()], seed.fork("reach"))?;
 

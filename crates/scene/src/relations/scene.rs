@@ -22,13 +22,13 @@ pub struct PosedObject {
 }
 
 /// Objects at their poses, ready to be judged. Outlines are computed when first needed.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct PosedScene {
     pub(super) bodies: Vec<Body>,
 }
 
 /// An object with its geometry in the world.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Body {
     pub object: PosedObject,
     pub shape: Arc<ObjectShape>,
@@ -43,7 +43,7 @@ pub(super) struct Body {
 }
 
 /// A convex piece in the world.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct WorldPiece {
     pub link: usize,
     index: usize,
@@ -52,7 +52,7 @@ pub(super) struct WorldPiece {
 }
 
 /// Projections onto the table.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Footprint {
     /// One polygon per piece.
     pub pieces: Vec<Polygon>,
@@ -104,6 +104,12 @@ impl PosedScene {
     /// Mean of an object's surface in the world.
     pub fn center(&self, index: usize) -> Option<DVec3> {
         self.bodies.get(index).map(|body| body.center)
+    }
+
+    /// Corners of each piece of an object projected onto the table; empty for an index out of range.
+    pub fn footprints(&self, index: usize) -> Vec<&[DVec2]> {
+        let pieces = self.bodies.get(index).map(|body| body.footprint().pieces.iter());
+        pieces.into_iter().flatten().map(|polygon| polygon.corners.as_slice()).collect()
     }
 
     /// Corners of the convex outline of an object on the table, counter-clockwise.
