@@ -132,6 +132,7 @@ impl Resolve<'_> {
     }
 
     /// Linear display colour of an opaque surface.
+    #[inline]
     fn opaque_color(&self, pixel: [usize; 2], id: u32, at: [f32; 2], table_tint: Vec3A) -> Vec3A {
         let Some(hit) = self.hit(id, at, table_tint) else { return Vec3A::ZERO };
         let [key_share, ambient_share] =
@@ -170,6 +171,7 @@ impl Resolve<'_> {
     }
 
     /// Where the ray through a point of the image meets the plane of a triangle, and what is there.
+    #[inline]
     fn hit(&self, id: u32, [x, y]: [f32; 2], table_tint: Vec3A) -> Option<Hit<'_>> {
         let (part_index, triangle) = part_and_triangle(id)?;
         let (part, placed) = (&self.assets.parts[part_index], &self.view.parts[part_index]);
@@ -202,6 +204,7 @@ impl Resolve<'_> {
 }
 
 impl Hit<'_> {
+    #[inline]
     fn surface_point(&self, key_share: f32, ambient_share: f32) -> SurfacePoint {
         let to_viewer = -self.ray.normalize();
         SurfacePoint { base: self.base, normal: self.normal, to_viewer, key_share, ambient_share }

@@ -239,7 +239,7 @@ fn normals_face_the_camera() {
         let normal = DVec3::from_array(normal.map(f64::from)) / 127.0;
         let at = DVec2::new((pixel % 160) as f64, (pixel / 160) as f64);
         let in_camera = camera.intrinsics.unproject(at, f64::from(out.depth_m[pixel]));
-        let is_table_top = id == TABLE && camera.mount_from_camera.transform_point(in_camera).z > -1e-4;
+        let is_table_top = id == TABLE && camera.mount_from_camera.transform_point(in_camera).z > -2e-6;
         assert!(if id == 0 { normal == DVec3::ZERO } else { (normal.length() - 1.0).abs() < 0.01 });
         assert!(!is_table_top || (normal - up).length() < 0.03, "{normal} instead of {up}");
         assert!(normal.dot(in_camera) <= 0.2 * in_camera.length(), "{normal} at {at} of {id} faces away: {in_camera}");
