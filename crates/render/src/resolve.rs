@@ -72,10 +72,17 @@ impl Resolve<'_> {
         let first = y * n * self.opaque.width + x * n;
         let sample = |index: usize| first + index / n * self.opaque.width + index % n;
         let samples = n * n;
-        let has_glass =
-            self.glass.is_some_and(|layers| (0..samples).any(|s| layers.iter().any(|layer| layer.ids[sample(s)] != 0)));
+        // Without division: this is asked for every pixel.
+        let all = |target: &Target, id: u32| {
+            (0..n).all(|row| target.ids[first + row * self.opaque.width..][..n].iter().all(|&other| other == id))
+        };
+        let has_glass = self.glass.is_some_and(|layers| {
+            let [from, to] = self.view.glass_bounds;
+            let is_inside = from[0] <= x && x <= to[0] && from[1] <= y && y <= to[1];
+            is_inside && !layers.iter().all(|layer| all(layer, 0))
+        });
         let id = self.opaque.ids[first];
-        let is_uniform = !has_glass && (1..samples).all(|index| self.opaque.ids[sample(index)] == id);
+        let is_uniform = !has_glass && all(self.opaque, id);
         if is_uniform {
             if id == 0 {
                 return self.variation.background;
