@@ -1,7 +1,7 @@
 //! Draws a crowded table from the five default cameras and says what each picture costs.
 //!
 //! ```text
-//! cargo run --release -p genmanip-render --example default_views -- folder
+//! cargo run --release -p genmanip-render --example default_views -- folder [width height]
 //! ```
 #![allow(clippy::print_stdout, reason = "an example talks to a person")]
 
@@ -27,7 +27,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{} triangles", assets.triangle_count());
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let color = Channels { normal: false, ..Channels::ALL };
-    for camera in &Camera::default_rig() {
+    let size = std::env::args().skip(2).map(|text| text.parse()).collect::<Result<Vec<u32>, _>>()?;
+    for mut camera in Camera::default_rig() {
+        if let [width, height] = size[..] {
+            camera.intrinsics = camera.intrinsics.resized(width, height);
+        }
+        let camera = &camera;
         let (out, full_ms) = timed(&mut renderer, ViewJob::new(&frame, camera, color))?;
         let (_, geometry_ms) = timed(&mut renderer, ViewJob::new(&frame, camera, Channels::GEOMETRY))?;
         println!("{:>9}: colour + depth + ids {full_ms:.1} ms, depth + ids {geometry_ms:.2} ms", camera.name);

@@ -263,6 +263,26 @@ fn a_hand_camera_moves_with_the_hand() {
 }
 
 #[test]
+fn the_default_cameras_frame_the_workspace_and_the_pads() {
+    let world_from_hand = Pose::new(DVec3::new(0.4, 0.0, 0.4), DQuat::from_rotation_x(std::f64::consts::PI));
+    for camera in Camera::default_rig() {
+        let camera_from_world = camera.world_from_camera(&world_from_hand).inverse();
+        let pixel = |point: DVec3| camera.intrinsics.project(camera_from_world.transform_point(point)).unwrap();
+        let is_inside = |pixel: DVec2| pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(DVec2::new(512.0, 288.0)).all();
+        let pads = pixel(world_from_hand.transform_point(DVec3::Z * 0.1034));
+        assert!(is_inside(pads), "{}: pads at {pads}", camera.name);
+        if camera.mount == CameraMount::Hand {
+            assert!(pads.y > 200.0, "the pads belong to the lower edge, not to {pads}");
+            continue;
+        }
+        for (x, y) in [(0.3, -0.35), (0.3, 0.35), (0.75, -0.35), (0.75, 0.35)] {
+            let corner = pixel(DVec3::new(x, y, 0.0));
+            assert!(is_inside(corner), "{}: ({x}, {y}) at {corner}", camera.name);
+        }
+    }
+}
+
+#[test]
 fn light_and_background_are_data() {
     let (assets, state) = toy();
     let camera = camera(96, 54);
