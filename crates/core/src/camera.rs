@@ -82,7 +82,7 @@ impl Camera {
             Self::looking_at("overview", DVec3::new(1.52, 0.0, 1.05), table, wide),
             Self::looking_at("left", DVec3::new(0.85, 1.12, 0.85), table, wide),
             Self::looking_at("right", DVec3::new(0.85, -1.12, 0.85), table, wide),
-            Self::looking_at("static", DVec3::new(1.36, 0.50, 0.86), DVec3::new(0.45, 0.0, 0.17), wide),
+            Self::looking_at("static", DVec3::new(1.46, 0.55, 0.93), DVec3::new(0.46, 0.02, 0.15), wide),
             Self {
                 name: "wrist".into(),
                 mount: CameraMount::Hand,

@@ -1,7 +1,7 @@
 //! Draws a crowded table from the five default cameras and says what each picture costs.
 //!
 //! ```text
-//! cargo run --release -p genmanip-render --example default_views -- folder
+//! cargo run --release -p genmanip-render --example default_views -- folder [width height]
 //! ```
 #![allow(clippy::print_stdout, reason = "an example talks to a person")]
 
@@ -18,7 +18,7 @@ use genmanip_render::{
 };
 
 /// Drawings of each view for the timing.
-const REPEATS: u32 = 20;
+const REPEATS: usize = 30;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| ".".into()));
@@ -27,7 +27,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{} triangles", assets.triangle_count());
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let color = Channels { normal: false, ..Channels::ALL };
-    for camera in &Camera::default_rig() {
+    let size = std::env::args().skip(2).map(|text| text.parse()).collect::<Result<Vec<u32>, _>>()?;
+    for mut camera in Camera::default_rig() {
+        if let [width, height] = size[..] {
+            camera.intrinsics = camera.intrinsics.resized(width, height);
+        }
+        let camera = &camera;
         let (out, full_ms) = timed(&mut renderer, ViewJob::new(&frame, camera, color))?;
         let (_, geometry_ms) = timed(&mut renderer, ViewJob::new(&frame, camera, Channels::GEOMETRY))?;
         println!("{:>9}: colour + depth + ids {full_ms:.1} ms, depth + ids {geometry_ms:.2} ms", camera.name);
@@ -39,16 +44,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The buffers and the mean wall time in milliseconds.
+/// The buffers and the shortest wall time in milliseconds: other programs only ever add to it.
 fn timed(renderer: &mut Renderer, job: ViewJob<'_>) -> Result<(FrameBuffers, f64), Box<dyn Error>> {
     let mut out = [FrameBuffers::default()];
     renderer.render(&[job], &mut out)?;
-    let start = Instant::now();
+    let mut fastest_ms = f64::INFINITY;
     for _ in 0..REPEATS {
+        let start = Instant::now();
         renderer.render(&[job], &mut out)?;
+        fastest_ms = fastest_ms.min(start.elapsed().as_secs_f64() * 1e3);
     }
     let [out] = out;
-    Ok((out, start.elapsed().as_secs_f64() * 1e3 / f64::from(REPEATS)))
+    Ok((out, fastest_ms))
 }
 
 /// The robot at home and every third object of the catalogue on a grid.

@@ -72,10 +72,17 @@ impl Resolve<'_> {
         let first = y * n * self.opaque.width + x * n;
         let sample = |index: usize| first + index / n * self.opaque.width + index % n;
         let samples = n * n;
-        let has_glass =
-            self.glass.is_some_and(|layers| (0..samples).any(|s| layers.iter().any(|layer| layer.ids[sample(s)] != 0)));
+        // Without division: this is asked for every pixel.
+        let all = |target: &Target, id: u32| {
+            (0..n).all(|row| target.ids[first + row * self.opaque.width..][..n].iter().all(|&other| other == id))
+        };
+        let has_glass = self.glass.is_some_and(|layers| {
+            let [from, to] = self.view.glass_bounds;
+            let is_inside = from[0] <= x && x <= to[0] && from[1] <= y && y <= to[1];
+            is_inside && !layers.iter().all(|layer| all(layer, 0))
+        });
         let id = self.opaque.ids[first];
-        let is_uniform = !has_glass && (1..samples).all(|index| self.opaque.ids[sample(index)] == id);
+        let is_uniform = !has_glass && all(self.opaque, id);
         if is_uniform {
             if id == 0 {
                 return self.variation.background;
@@ -132,6 +139,7 @@ impl Resolve<'_> {
     }
 
     /// Linear display colour of an opaque surface.
+    #[inline]
     fn opaque_color(&self, pixel: [usize; 2], id: u32, at: [f32; 2], table_tint: Vec3A) -> Vec3A {
         let Some(hit) = self.hit(id, at, table_tint) else { return Vec3A::ZERO };
         let [key_share, ambient_share] =
@@ -170,6 +178,7 @@ impl Resolve<'_> {
     }
 
     /// Where the ray through a point of the image meets the plane of a triangle, and what is there.
+    #[inline]
     fn hit(&self, id: u32, [x, y]: [f32; 2], table_tint: Vec3A) -> Option<Hit<'_>> {
         let (part_index, triangle) = part_and_triangle(id)?;
         let (part, placed) = (&self.assets.parts[part_index], &self.view.parts[part_index]);
@@ -202,6 +211,7 @@ impl Resolve<'_> {
 }
 
 impl Hit<'_> {
+    #[inline]
     fn surface_point(&self, key_share: f32, ambient_share: f32) -> SurfacePoint {
         let to_viewer = -self.ray.normalize();
         SurfacePoint { base: self.base, normal: self.normal, to_viewer, key_share, ambient_share }

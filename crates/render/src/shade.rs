@@ -55,6 +55,7 @@ impl Lighting {
     }
 
     /// Light reflected towards the viewer.
+    #[inline]
     pub fn reflect(&self, surface: &Surface, point: &SurfacePoint) -> Reflected {
         let (normal, to_viewer) = (point.normal, point.to_viewer);
         let facing = normal.dot(to_viewer).clamp(1e-3, 1.0);
@@ -86,6 +87,7 @@ impl Lighting {
 }
 
 /// Khronos PBR Neutral: colours below 0.76 stay what they are, highlights are compressed towards white.
+#[inline]
 pub(crate) fn tone_map(color: Vec3A) -> Vec3A {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;

@@ -239,7 +239,7 @@ fn normals_face_the_camera() {
         let normal = DVec3::from_array(normal.map(f64::from)) / 127.0;
         let at = DVec2::new((pixel % 160) as f64, (pixel / 160) as f64);
         let in_camera = camera.intrinsics.unproject(at, f64::from(out.depth_m[pixel]));
-        let is_table_top = id == TABLE && camera.mount_from_camera.transform_point(in_camera).z > -1e-4;
+        let is_table_top = id == TABLE && camera.mount_from_camera.transform_point(in_camera).z > -2e-6;
         assert!(if id == 0 { normal == DVec3::ZERO } else { (normal.length() - 1.0).abs() < 0.01 });
         assert!(!is_table_top || (normal - up).length() < 0.03, "{normal} instead of {up}");
         assert!(normal.dot(in_camera) <= 0.2 * in_camera.length(), "{normal} at {at} of {id} faces away: {in_camera}");
@@ -259,6 +259,26 @@ fn a_hand_camera_moves_with_the_hand() {
             ..mounted.clone()
         };
         assert!(draw(&assets, &state, &mounted, Channels::ALL) == draw(&assets, &state, &fixed, Channels::ALL));
+    }
+}
+
+#[test]
+fn the_default_cameras_frame_the_workspace_and_the_pads() {
+    let world_from_hand = Pose::new(DVec3::new(0.4, 0.0, 0.4), DQuat::from_rotation_x(std::f64::consts::PI));
+    for camera in Camera::default_rig() {
+        let camera_from_world = camera.world_from_camera(&world_from_hand).inverse();
+        let pixel = |point: DVec3| camera.intrinsics.project(camera_from_world.transform_point(point)).unwrap();
+        let is_inside = |pixel: DVec2| pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(DVec2::new(512.0, 288.0)).all();
+        let pads = pixel(world_from_hand.transform_point(DVec3::Z * 0.1034));
+        assert!(is_inside(pads), "{}: pads at {pads}", camera.name);
+        if camera.mount == CameraMount::Hand {
+            assert!(pads.y > 200.0, "the pads belong to the lower edge, not to {pads}");
+            continue;
+        }
+        for (x, y) in [(0.3, -0.35), (0.3, 0.35), (0.75, -0.35), (0.75, 0.35)] {
+            let corner = pixel(DVec3::new(x, y, 0.0));
+            assert!(is_inside(corner), "{}: ({x}, {y}) at {corner}", camera.name);
+        }
     }
 }
 

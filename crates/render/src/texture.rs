@@ -38,6 +38,7 @@ impl MipTexture {
     }
 
     /// Linear colour at a texture coordinate, where a pixel covers about `texels_per_pixel` texels along one side.
+    #[inline]
     pub fn sample(&self, uv: Vec2, texels_per_pixel: f32) -> Vec3A {
         // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
         let octave = ((texels_per_pixel.max(1.0) * 1.19).to_bits() >> 23) as usize - 127;
@@ -47,6 +48,7 @@ impl MipTexture {
 
 impl Level {
     /// Mixes the four nearest texels in sRGB, which is close enough to mixing light and needs one conversion.
+    #[inline]
     fn sample(&self, uv: Vec2) -> Vec3A {
         let (left, right, fx) = neighbours(uv.x, self.width);
         let (top, bottom, fy) = neighbours(uv.y, self.height);

@@ -33,6 +33,8 @@ pub(crate) struct View {
     pub corners: Vec<ProjectedCorner>,
     /// Whether anything in view is transparent.
     pub has_transparent: bool,
+    /// First and last column and row, `[[x, y], [x, y]]`, where anything transparent can be.
+    pub glass_bounds: [[usize; 2]; 2],
 }
 
 /// A part at its place.
@@ -127,6 +129,7 @@ impl View {
         self.parts.clear();
         self.corners.clear();
         self.has_transparent = false;
+        self.glass_bounds = [[usize::MAX; 2], [0; 2]];
         for part in &assets.parts {
             let world_from_body = part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]);
             let camera_from_body = camera_from_world * world_from_body;
@@ -140,9 +143,13 @@ impl View {
                 eye_in_body: camera_from_body.inverse().position.as_vec3a(),
             });
             if visible {
-                self.has_transparent |= part.is_transparent();
                 self.corners
                     .extend(part.positions.iter().map(|&position| lens.project(turn * Vec3A::from(position) + shift)));
+                if part.is_transparent() {
+                    self.has_transparent = true;
+                    let first_corner = self.corners.len() - part.positions.len();
+                    include_corners(&mut self.glass_bounds, &self.corners[first_corner..], &lens);
+                }
             }
         }
         self.lens = lens;
@@ -230,6 +237,23 @@ impl ProjectedCorner {
     #[inline]
     fn on_target(self, scale: f32) -> Corner {
         Corner { x: (self.x + 0.5) * scale - 0.5, y: (self.y + 0.5) * scale - 0.5, nearness: self.nearness }
+    }
+}
+
+/// Widens bounds of pixels by projected corners; by everything when a corner is too near to be projected.
+fn include_corners(bounds: &mut [[usize; 2]; 2], corners: &[ProjectedCorner], lens: &Lens) {
+    let size = [lens.width, lens.height];
+    for corner in corners {
+        for (axis, place) in [corner.x, corner.y].into_iter().enumerate() {
+            let last = size[axis] - 1;
+            let (from, to) = if corner.depth < NEAR_M {
+                (0, last)
+            } else {
+                (((place - 1.0).max(0.0)) as usize, (place + 2.0).max(0.0) as usize)
+            };
+            bounds[0][axis] = bounds[0][axis].min(from);
+            bounds[1][axis] = bounds[1][axis].max(to.min(last));
+        }
     }
 }
 
