@@ -123,6 +123,16 @@ pub fn smooth_profile(points: &[[f64; 2]], steps: usize) -> Vec<DVec2> {
     smooth_curve(&points, steps).into_iter().map(DVec3::truncate).collect()
 }
 
+/// The same profile with no segment longer than `step`: pictures stay straight on surfaces of nearly square patches.
+pub fn subdivided(profile: &[DVec2], step: f64) -> Vec<DVec2> {
+    let mut fine: Vec<DVec2> = profile.first().copied().into_iter().collect();
+    for pair in profile.windows(2) {
+        let count = (pair[0].distance(pair[1]) / step).ceil().clamp(1.0, 64.0) as usize;
+        fine.extend((1..=count).map(|i| pair[0].lerp(pair[1], i as f64 / count as f64)));
+    }
+    fine
+}
+
 /// Vertices with normals that are smooth except across creases, from loose triangles with texture coordinates.
 pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
     let mut faces = Vec::with_capacity(corners.len());

@@ -1,6 +1,7 @@
 //! Families of parts by construction: each makes a surface, exact convex bodies and, where it is hollow, a cavity.
 
 mod block;
+mod capsules;
 mod open_box;
 mod prism;
 mod ring;
@@ -14,6 +15,7 @@ use genmanip_core::{Pose, Seed, TriMesh, VisualPart};
 use serde::Deserialize;
 
 pub use block::Block;
+pub use capsules::Capsules;
 pub use open_box::OpenBox;
 pub use prism::Prism;
 pub use ring::Ring;
@@ -42,6 +44,8 @@ pub enum Part {
     Prism(Prism),
     /// A ring lying flat.
     Ring(Ring),
+    /// Collision capsules without a surface.
+    Capsules(Capsules),
 }
 
 impl Part {
@@ -55,6 +59,7 @@ impl Part {
             Self::OpenBox(part) => part.add_to(draft, seed),
             Self::Prism(part) => part.add_to(draft, seed),
             Self::Ring(part) => part.add_to(draft, seed),
+            Self::Capsules(part) => part.add_to(draft),
         }
     }
 }

@@ -6,7 +6,7 @@ use super::surface;
 use crate::finish::Finish;
 use crate::recipe::Draft;
 use crate::solid::Solid;
-use crate::surface::{circle, from_rings, smooth_profile};
+use crate::surface::{circle, from_rings, smooth_profile, subdivided};
 
 /// A full body of revolution or a regular prism: can, bottle, jar, fruit, pen.
 #[derive(Clone, Debug, Deserialize)]
@@ -83,6 +83,7 @@ impl Turned {
             outline.push(DVec2::new(0.0, last.y));
         }
         let sides = if self.sides > 0 { self.sides } else { 40 };
+        let outline = if self.finish.paint.is_empty() { outline } else { subdivided(&outline, 0.012) };
         let mesh = from_rings(&self.rings(&outline, sides, self.phase(sides)));
         draft.visual.push(surface(&self.name, mesh, &self.finish, seed));
         draft.solids.extend(self.solids());

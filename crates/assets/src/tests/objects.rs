@@ -3,6 +3,7 @@
 use genmanip_core::{Aabb, ObjectModel, Pose, Shape};
 use glam::{DMat3, DVec3};
 
+use super::{largest_over_directions, separation, uncovered};
 use crate::solid::{Moments, Solid};
 use crate::{AssetError, Catalogue};
 
@@ -73,31 +74,6 @@ fn depth_in_hull(points: &[DVec3], point: DVec3) -> f64 {
     -largest_over_directions(|direction| {
         -points.iter().map(|other| (*other - point).dot(direction)).fold(0.0, f64::max)
     })
-}
-
-/// The largest value of a function of a unit vector: the best of a fine sphere, then of ever smaller caps around it.
-fn largest_over_directions(value: impl Fn(DVec3) -> f64) -> f64 {
-    let sphere = |i: u32| {
-        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 100.0;
-        let angle = 2.399_963 * f64::from(i);
-        DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z)
-    };
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
-    let mut best = axes
-        .chain((0..100).map(sphere))
-        .map(|d| (value(d), d))
-        .fold((f64::MIN, DVec3::Z), |best, next| if next.0 > best.0 { next } else { best });
-    for round in 0..30 {
-        let reach = 0.3 * 0.75f64.powi(round);
-        for i in 0..20 {
-            let direction = (best.1 + sphere((i * 5 + round as u32 * 37) % 100) * reach).normalize();
-            let next = value(direction);
-            if next > best.0 {
-                best = (next, direction);
-            }
-        }
-    }
-    best.0
 }
 
 #[test]
@@ -191,9 +167,12 @@ fn hollow_objects_are_hollow() {
     });
 }
 
-/// Separation of a point from a piece; positive when the point is outside.
-fn separation(piece: &genmanip_core::Piece, point: DVec3) -> f64 {
-    largest_over_directions(|direction| (point - piece.support(direction)).dot(direction))
+#[test]
+fn surfaces_stay_close_to_the_pieces() {
+    check_all(|model| {
+        let out = uncovered(&model.links[0].visual, &model.links[0].pieces, 127);
+        if out > 0.0035 { vec![format!("the surface stands out by {:.1} mm", out * 1e3)] } else { Vec::new() }
+    });
 }
 
 #[test]
@@ -283,6 +262,7 @@ fn same_uid_same_bytes() {
         let models = catalogue.cards().iter().filter_map(|card| catalogue.build(&card.uid).ok());
         models.map(|model| format!("{:?}", model.links)).collect::<Vec<_>>()
     };
-    let fresh = || Catalogue::from_json(include_str!("../data/catalog.json"), include_str!("../data/recipes.json"));
+    let fresh =
+        || Catalogue::from_json(include_str!("../../data/catalog.json"), include_str!("../../data/recipes.json"));
     assert!(text(&fresh().unwrap()) == text(&fresh().unwrap()));
 }
