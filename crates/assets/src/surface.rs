@@ -133,6 +133,9 @@ pub fn subdivided(profile: &[DVec2], step: f64) -> Vec<DVec2> {
     fine
 }
 
+/// Position, normal and texture coordinates of a corner, rounded.
+type CornerKey = ([i64; 3], [i64; 3], [i64; 2]);
+
 /// Vertices with normals that are smooth except across creases, from loose triangles with texture coordinates.
 pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
     let mut faces = Vec::with_capacity(corners.len());
@@ -148,7 +151,7 @@ pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
         }
     }
     let mut mesh = TriMesh::default();
-    let mut known: HashMap<([i64; 3], [i64; 3], [i64; 2]), u32> = HashMap::new(); // only looked up
+    let mut known: HashMap<CornerKey, u32> = HashMap::new(); // only looked up
     for (triangle, weighted) in &faces {
         let own = weighted.normalize();
         let indices = triangle.map(|(position, uv)| {

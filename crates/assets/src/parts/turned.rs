@@ -131,7 +131,7 @@ impl Turned {
 
     fn phase(&self, sides: usize) -> f64 {
         // Prisms and lying polygons show a flat side to the axes, round bodies a corner, so that sizes are exact.
-        if (self.sides > 0 && sides % 2 == 0) || self.rests_on_side() { 0.5 } else { 0.0 }
+        if (self.sides > 0 && sides.is_multiple_of(2)) || self.rests_on_side() { 0.5 } else { 0.0 }
     }
 
     fn rings(&self, profile: &[DVec2], sides: usize, phase: f64) -> Vec<Vec<DVec3>> {

@@ -7,8 +7,11 @@ use rand::RngExt;
 use super::{largest_over_directions, uncovered};
 use crate::{AssetError, panda, robot_from_json};
 
-/// Hand poses from the maker's URDF by plain matrix products: arm positions, position, y axis, z axis.
-const URDF_HAND: [([f64; 7], [f64; 3], [f64; 3], [f64; 3]); 3] = [
+/// Arm positions, position, y axis, z axis.
+type HandPose = ([f64; 7], [f64; 3], [f64; 3], [f64; 3]);
+
+/// Hand poses from the maker's URDF by plain matrix products.
+const URDF_HAND: [HandPose; 3] = [
     ([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785], [0.30702, 0.0, 0.59027], [0.000398, -1.0, 0.0], [0.0, 0.0, -1.0]),
     (
         [0.3, -0.5, 0.7, -1.9, -1.1, 2.4, -0.6],
