@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use genmanip_core::{ObjectCard, ObjectModel, PlacedObject, Seed};
 
 use crate::AssetError;
+use crate::parts::Part;
 use crate::recipe::Recipe;
 
 const CARDS: &str = include_str!("../data/catalog.json");
@@ -34,11 +35,11 @@ impl Catalogue {
     /// # Errors
     /// [`AssetError::Data`] with the place of the mistake.
     pub fn from_json(cards: &str, recipes: &str) -> Result<Self, AssetError> {
-        Ok(Self {
-            cards: read("cards", cards)?,
-            recipes: read("recipes", recipes)?,
-            models: Mutex::new(BTreeMap::new()),
-        })
+        let recipes: BTreeMap<String, Recipe> = read("recipes", recipes)?;
+        for (uid, recipe) in &recipes {
+            check_parts("recipes", uid, &recipe.parts)?;
+        }
+        Ok(Self { cards: read("cards", cards)?, recipes, models: Mutex::new(BTreeMap::new()) })
     }
 
     /// All cards, by uid.
@@ -115,6 +116,16 @@ impl Catalogue {
             .collect();
         scored.sort_by_key(|(score, _)| *score);
         scored.iter().take(3).map(|(_, card)| format!("{} ({})", card.uid, card.name)).collect()
+    }
+}
+
+/// Refuses parts that cannot be made.
+pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(), AssetError> {
+    match parts.iter().enumerate().find_map(|(index, part)| Some((index, part.flaw()?))) {
+        Some((index, flaw)) => {
+            Err(AssetError::Data { file: file.to_owned(), message: format!("{owner}.parts[{index}]: {flaw}") })
+        }
+        None => Ok(()),
     }
 }
 

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 
 use crate::AssetError;
-use crate::catalogue::read;
+use crate::catalogue::{check_parts, read};
 use crate::parts::Part;
 use crate::recipe::Draft;
 
@@ -38,6 +38,7 @@ pub fn robot_from_json(text: &str) -> Result<RobotModel, AssetError> {
     let count = data.links.len();
     let wrong = |message: String| AssetError::Data { file: "robot".into(), message };
     for (index, link) in data.links.iter().enumerate() {
+        check_parts("robot", &link.name, &link.parts)?;
         if link.parent.is_some_and(|parent| parent >= index) || (link.parent.is_none() && index > 0) {
             return Err(wrong(format!("links[{index}].parent: expected an earlier link, got {:?}", link.parent)));
         }

@@ -123,6 +123,19 @@ pub fn smooth_profile(points: &[[f64; 2]], steps: usize) -> Vec<DVec2> {
     smooth_curve(&points, steps).into_iter().map(DVec3::truncate).collect()
 }
 
+/// The same profile with no segment longer than `step`: pictures stay straight on surfaces of nearly square patches.
+pub fn subdivided(profile: &[DVec2], step: f64) -> Vec<DVec2> {
+    let mut fine: Vec<DVec2> = profile.first().copied().into_iter().collect();
+    for pair in profile.windows(2) {
+        let count = (pair[0].distance(pair[1]) / step).ceil().clamp(1.0, 64.0) as usize;
+        fine.extend((1..=count).map(|i| pair[0].lerp(pair[1], i as f64 / count as f64)));
+    }
+    fine
+}
+
+/// Position, normal and texture coordinates of a corner, rounded.
+type CornerKey = ([i64; 3], [i64; 3], [i64; 2]);
+
 /// Vertices with normals that are smooth except across creases, from loose triangles with texture coordinates.
 pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
     let mut faces = Vec::with_capacity(corners.len());
@@ -138,7 +151,7 @@ pub fn smooth(corners: &[[(DVec3, DVec2); 3]]) -> TriMesh {
         }
     }
     let mut mesh = TriMesh::default();
-    let mut known: HashMap<([i64; 3], [i64; 3], [i64; 2]), u32> = HashMap::new(); // only looked up
+    let mut known: HashMap<CornerKey, u32> = HashMap::new(); // only looked up
     for (triangle, weighted) in &faces {
         let own = weighted.normalize();
         let indices = triangle.map(|(position, uv)| {

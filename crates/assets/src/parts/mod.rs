@@ -1,6 +1,7 @@
 //! Families of parts by construction: each makes a surface, exact convex bodies and, where it is hollow, a cavity.
 
 mod block;
+mod capsules;
 mod open_box;
 mod prism;
 mod ring;
@@ -14,11 +15,12 @@ use genmanip_core::{Pose, Seed, TriMesh, VisualPart};
 use serde::Deserialize;
 
 pub use block::Block;
+pub use capsules::Capsules;
 pub use open_box::OpenBox;
 pub use prism::Prism;
 pub use ring::Ring;
 pub use tube::Tube;
-pub use turned::Turned;
+pub use turned::{Turned, TurnedSolid};
 pub use vessel::Vessel;
 
 use crate::finish::Finish;
@@ -42,6 +44,8 @@ pub enum Part {
     Prism(Prism),
     /// A ring lying flat.
     Ring(Ring),
+    /// Collision capsules without a surface.
+    Capsules(Capsules),
 }
 
 impl Part {
@@ -55,7 +59,61 @@ impl Part {
             Self::OpenBox(part) => part.add_to(draft, seed),
             Self::Prism(part) => part.add_to(draft, seed),
             Self::Ring(part) => part.add_to(draft, seed),
+            Self::Capsules(part) => part.add_to(draft),
         }
+    }
+}
+
+impl Part {
+    /// Why the part cannot be made, if it cannot.
+    pub fn flaw(&self) -> Option<&'static str> {
+        let profile = |points: &[[f64; 2]]| points.len() >= 2 && points.iter().flatten().all(|value| value.is_finite());
+        let (sound, rule) = match self {
+            Self::Vessel(part) => (
+                profile(&part.outer)
+                    && profile(&part.inner)
+                    && part.outer.len() == part.inner.len()
+                    && (part.outline.is_empty() || profile(&part.outline))
+                    && (4..=96).contains(&part.sectors),
+                "a vessel needs outer and inner profiles of equally many points (at least 2) and 4-96 sectors",
+            ),
+            Self::Turned(part) => {
+                let rings = match &part.solid {
+                    TurnedSolid::Rings(rings) => profile(rings),
+                    TurnedSolid::Stack(stack) => stack.iter().all(|rings| profile(rings)),
+                    _ => true,
+                };
+                (
+                    profile(&part.profile) && rings && part.sides <= 96 && !(1..3).contains(&part.sides),
+                    "a turned part needs profiles of at least 2 points, and 0 or 3-96 sides",
+                )
+            }
+            Self::Tube(part) => (
+                part.path.len() >= 2 && profile(&[part.half_widths.as_slice(), &part.half_widths].concat()),
+                "a tube needs a path of at least 2 points and at least one pair of half widths",
+            ),
+            Self::Block(part) => (part.size.min_element() > 0.0, "a block needs a positive size"),
+            Self::OpenBox(part) => (
+                part.wall > 0.0
+                    && part.floor > 0.0
+                    && part.floor < part.size.z
+                    && 2.0 * part.wall < part.size.x.min(part.size.y),
+                "an open box needs walls and a floor thinner than its size",
+            ),
+            Self::Prism(part) => (
+                part.polygon.len() >= 3 && part.span[0] < part.span[1],
+                "a prism needs at least 3 corners and a rising span",
+            ),
+            Self::Ring(part) => (
+                part.section.len() >= 3 && (4..=96).contains(&part.sectors),
+                "a ring needs a section of at least 3 points and 4-96 sectors",
+            ),
+            Self::Capsules(part) => (
+                part.path.len() == part.radii.len() + 1 && !part.radii.is_empty(),
+                "capsules need one radius per segment of the path",
+            ),
+        };
+        (!sound).then_some(rule)
     }
 }
 

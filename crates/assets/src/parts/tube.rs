@@ -31,7 +31,11 @@ pub struct Tube {
     pub finish: Finish,
 }
 
+/// Corners of a cross-section, drawn and of the hulls.
 const SIDES: usize = 12;
+
+/// Corners of a cross-section that is only drawn.
+const GHOST_SIDES: usize = 28;
 
 impl Tube {
     pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
@@ -39,7 +43,7 @@ impl Tube {
         let path = smooth_curve(&self.path, steps);
         let widths: Vec<DVec3> = (0..self.path.len()).map(|i| self.half_width(i).extend(0.0)).collect();
         let widths: Vec<DVec2> = smooth_curve(&widths, steps).into_iter().map(DVec3::truncate).collect();
-        let mut rings = tube_rings(&path, &widths, SIDES);
+        let mut rings = tube_rings(&path, &widths, if self.ghost { GHOST_SIDES } else { SIDES });
         close_ends(&mut rings);
         draft.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
         if !self.ghost {

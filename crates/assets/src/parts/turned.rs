@@ -6,7 +6,7 @@ use super::surface;
 use crate::finish::Finish;
 use crate::recipe::Draft;
 use crate::solid::Solid;
-use crate::surface::{circle, from_rings, smooth_profile};
+use crate::surface::{circle, from_rings, smooth_profile, subdivided};
 
 /// A full body of revolution or a regular prism: can, bottle, jar, fruit, pen.
 #[derive(Clone, Debug, Deserialize)]
@@ -83,6 +83,7 @@ impl Turned {
             outline.push(DVec2::new(0.0, last.y));
         }
         let sides = if self.sides > 0 { self.sides } else { 40 };
+        let outline = if self.finish.paint.is_empty() { outline } else { subdivided(&outline, 0.012) };
         let mesh = from_rings(&self.rings(&outline, sides, self.phase(sides)));
         draft.visual.push(surface(&self.name, mesh, &self.finish, seed));
         draft.solids.extend(self.solids());
@@ -130,7 +131,7 @@ impl Turned {
 
     fn phase(&self, sides: usize) -> f64 {
         // Prisms and lying polygons show a flat side to the axes, round bodies a corner, so that sizes are exact.
-        if (self.sides > 0 && sides % 2 == 0) || self.rests_on_side() { 0.5 } else { 0.0 }
+        if (self.sides > 0 && sides.is_multiple_of(2)) || self.rests_on_side() { 0.5 } else { 0.0 }
     }
 
     fn rings(&self, profile: &[DVec2], sides: usize, phase: f64) -> Vec<Vec<DVec3>> {

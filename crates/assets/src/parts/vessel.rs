@@ -8,7 +8,7 @@ use super::surface;
 use crate::finish::Finish;
 use crate::recipe::Draft;
 use crate::solid::Solid;
-use crate::surface::{circle, from_rings, smooth_profile};
+use crate::surface::{circle, from_rings, smooth_profile, subdivided};
 
 /// A hollow body of revolution about +z, open at the top: mug, bowl, plate, pot, bin.
 ///
@@ -67,8 +67,9 @@ impl Vessel {
         inside.reverse();
         inside.push(DVec2::new(0.0, self.inner[0][1]));
         let sides = (self.sectors * 3).clamp(48, 72);
-        let revolve =
-            |profile: &[DVec2]| from_rings(&profile.iter().map(|&point| self.ring(point, sides)).collect::<Vec<_>>());
+        let revolve = |profile: &[DVec2]| {
+            from_rings(&subdivided(profile, 0.012).iter().map(|&point| self.ring(point, sides)).collect::<Vec<_>>())
+        };
         draft.visual.push(surface("outside", revolve(&outside), &self.outside, seed.fork("outside")));
         draft.visual.push(surface("rim", revolve(&rim), &self.rim_finish(), seed.fork("rim")));
         draft.visual.push(surface("inside", revolve(&inside), &self.inside, seed.fork("inside")));

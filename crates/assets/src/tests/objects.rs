@@ -1,8 +1,9 @@
 //! Every object of the catalogue against its card.
 
-use genmanip_core::{Aabb, ObjectModel, Pose, Shape};
+use genmanip_core::{Aabb, ObjectModel, PlacedObject, Pose, Shape};
 use glam::{DMat3, DVec3};
 
+use super::{largest_over_directions, separation, uncovered};
 use crate::solid::{Moments, Solid};
 use crate::{AssetError, Catalogue};
 
@@ -75,31 +76,6 @@ fn depth_in_hull(points: &[DVec3], point: DVec3) -> f64 {
     })
 }
 
-/// The largest value of a function of a unit vector: the best of a fine sphere, then of ever smaller caps around it.
-fn largest_over_directions(value: impl Fn(DVec3) -> f64) -> f64 {
-    let sphere = |i: u32| {
-        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 100.0;
-        let angle = 2.399_963 * f64::from(i);
-        DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z)
-    };
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
-    let mut best = axes
-        .chain((0..100).map(sphere))
-        .map(|d| (value(d), d))
-        .fold((f64::MIN, DVec3::Z), |best, next| if next.0 > best.0 { next } else { best });
-    for round in 0..30 {
-        let reach = 0.3 * 0.75f64.powi(round);
-        for i in 0..20 {
-            let direction = (best.1 + sphere((i * 5 + round as u32 * 37) % 100) * reach).normalize();
-            let next = value(direction);
-            if next > best.0 {
-                best = (next, direction);
-            }
-        }
-    }
-    best.0
-}
-
 #[test]
 fn mass_and_inertia_are_physical() {
     check_all(|model| {
@@ -124,21 +100,20 @@ fn mass_and_inertia_are_physical() {
 }
 
 /// Ascending, of a symmetric matrix, by Jacobi rotations.
-fn eigenvalues(matrix: DMat3) -> [f64; 3] {
-    let mut m = matrix.to_cols_array_2d();
+fn eigenvalues(mut m: DMat3) -> [f64; 3] {
     for _ in 0..30 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            let angle = 0.5 * (2.0 * m[p][q]).atan2(m[q][q] - m[p][p]);
+            let angle = 0.5 * (2.0 * m.col(p)[q]).atan2(m.col(q)[q] - m.col(p)[p]);
             let (s, c) = angle.sin_cos();
-            for row in &mut m {
-                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-            }
-            for k in 0..3 {
-                (m[p][k], m[q][k]) = (c * m[p][k] - s * m[q][k], s * m[p][k] + c * m[q][k]);
-            }
+            let mut turn = DMat3::IDENTITY;
+            turn.col_mut(p)[p] = c;
+            turn.col_mut(q)[q] = c;
+            turn.col_mut(p)[q] = -s;
+            turn.col_mut(q)[p] = s;
+            m = turn.transpose() * m * turn;
         }
     }
-    let mut values = [m[0][0], m[1][1], m[2][2]];
+    let mut values = [m.x_axis.x, m.y_axis.y, m.z_axis.z];
     values.sort_by(f64::total_cmp);
     values
 }
@@ -191,9 +166,12 @@ fn hollow_objects_are_hollow() {
     });
 }
 
-/// Separation of a point from a piece; positive when the point is outside.
-fn separation(piece: &genmanip_core::Piece, point: DVec3) -> f64 {
-    largest_over_directions(|direction| (point - piece.support(direction)).dot(direction))
+#[test]
+fn surfaces_stay_close_to_the_pieces() {
+    check_all(|model| {
+        let out = uncovered(&model.links[0].visual, &model.links[0].pieces, 127);
+        if out > 0.0035 { vec![format!("the surface stands out by {:.1} mm", out * 1e3)] } else { Vec::new() }
+    });
 }
 
 #[test]
@@ -249,6 +227,52 @@ fn moments_of_known_bodies() {
     close(&Solid::loft(&rings).moments, &capsule.moments);
 }
 
+proptest::proptest! {
+    #[test]
+    fn a_turned_box_has_the_moments_of_its_loft(
+        half in proptest::array::uniform3(0.001..0.5f64),
+        position in proptest::array::uniform3(-1.0..1.0f64),
+        angles in proptest::array::uniform3(-3.0..3.0f64),
+    ) {
+        let [roll, pitch, yaw] = angles;
+        let rotation = glam::DQuat::from_euler(glam::EulerRot::ZYX, yaw, pitch, roll);
+        let pose = Pose::new(DVec3::from_array(position), rotation);
+        let square = |z: f64| {
+            let corners = [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)];
+            corners.map(|(x, y)| pose.transform_point(DVec3::new(x, y, z) * DVec3::from_array(half))).to_vec()
+        };
+        let (loft, cuboid) = (Solid::loft(&[square(-1.0), square(1.0)]), Solid::cuboid(pose, DVec3::from_array(half)));
+        let (a, b) = (loft.moments.with_mass(1.0), cuboid.moments.with_mass(1.0));
+        proptest::prop_assert!((a.center - b.center).length() < 1e-9);
+        proptest::prop_assert!((a.inertia - b.inertia).to_cols_array().iter().all(|d| d.abs() < 1e-9), "{a:?} {b:?}");
+        proptest::prop_assert!(depth_in_hull(&[square(-1.0), square(1.0)].concat(), pose.position) > 0.0);
+    }
+}
+
+#[test]
+fn a_scenario_of_other_physics_is_refused() {
+    let catalogue = Catalogue::builtin();
+    let model = catalogue.build("019").unwrap();
+    let placed = PlacedObject {
+        uid: "019".into(),
+        family: model.family.clone(),
+        seed: model.seed,
+        generator_version: model.generator_version,
+        physics_hash: model.physics_hash(),
+        pose: Pose::IDENTITY,
+        joint_positions: Vec::new(),
+    };
+    assert!(std::sync::Arc::ptr_eq(&catalogue.instance(&placed).unwrap(), &model));
+    for (changed, expected) in [
+        (PlacedObject { physics_hash: "0".into(), ..placed.clone() }, "physics hash"),
+        (PlacedObject { generator_version: 9, ..placed.clone() }, "generator version"),
+        (PlacedObject { family: "mug".into(), ..placed.clone() }, "family"),
+    ] {
+        let error = catalogue.instance(&changed).unwrap_err();
+        assert!(matches!(error, AssetError::Mismatch { what, .. } if what == expected), "{error}");
+    }
+}
+
 #[test]
 fn unknown_and_missing_objects_say_what_exists() {
     let catalogue = Catalogue::builtin();
@@ -271,6 +295,11 @@ fn broken_data_is_an_error_with_its_place() {
         ("[{}]".to_owned(), "{}", "[0]"),
         (card("\"big\"").unwrap(), "{}", "[0].size_m"),
         ("[]".to_owned(), r#"{"001": {"family": "mug", "friction": 0.5, "parts": [{"blob": {}}]}}"#, "001.parts[0]"),
+        (
+            "[]".to_owned(),
+            r##"{"a": {"family": "x", "friction": 1, "parts": [{"turned": {"profile": [], "finish": {"color": "#000000"}}}]}}"##,
+            "a.parts[0]: a turned part needs",
+        ),
     ] {
         let error = Catalogue::from_json(&cards, recipes).unwrap_err().to_string();
         assert!(error.contains(place), "{error} should name {place}");
@@ -283,6 +312,7 @@ fn same_uid_same_bytes() {
         let models = catalogue.cards().iter().filter_map(|card| catalogue.build(&card.uid).ok());
         models.map(|model| format!("{:?}", model.links)).collect::<Vec<_>>()
     };
-    let fresh = || Catalogue::from_json(include_str!("../data/catalog.json"), include_str!("../data/recipes.json"));
+    let fresh =
+        || Catalogue::from_json(include_str!("../../data/catalog.json"), include_str!("../../data/recipes.json"));
     assert!(text(&fresh().unwrap()) == text(&fresh().unwrap()));
 }

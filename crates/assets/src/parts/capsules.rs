@@ -1,0 +1,22 @@
+use glam::DVec3;
+use serde::Deserialize;
+
+use crate::recipe::Draft;
+use crate::solid::Solid;
+
+/// Collision only: a capsule per segment of a path, for bent shells that are drawn by other parts.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Capsules {
+    /// Centres of the caps.
+    pub path: Vec<DVec3>,
+    /// One radius per segment.
+    pub radii: Vec<f64>,
+}
+
+impl Capsules {
+    pub(super) fn add_to(&self, draft: &mut Draft) {
+        let segments = self.path.windows(2).zip(&self.radii);
+        draft.solids.extend(segments.map(|(ends, &radius)| Solid::capsule(ends[0], ends[1], radius)));
+    }
+}

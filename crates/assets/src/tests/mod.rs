@@ -1,0 +1,52 @@
+//! Checks of the built-in data, with the geometry they share.
+
+mod objects;
+mod robot;
+
+use genmanip_core::{Piece, VisualPart};
+use glam::DVec3;
+
+/// The largest value of a function of a unit vector: the best of a fine sphere, then of ever smaller caps around it.
+fn largest_over_directions(value: impl Fn(DVec3) -> f64) -> f64 {
+    let sphere = |i: u32| {
+        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 100.0;
+        let angle = 2.399_963 * f64::from(i);
+        DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z)
+    };
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
+    let mut best = axes
+        .chain((0..100).map(sphere))
+        .map(|d| (value(d), d))
+        .fold((f64::MIN, DVec3::Z), |best, next| if next.0 > best.0 { next } else { best });
+    for round in 0..30 {
+        let reach = 0.3 * 0.75f64.powi(round);
+        for i in 0..20 {
+            let direction = (best.1 + sphere((i * 5 + round as u32 * 37) % 100) * reach).normalize();
+            let next = value(direction);
+            if next > best.0 {
+                best = (next, direction);
+            }
+        }
+    }
+    best.0
+}
+
+/// Separation of a point from a piece; positive when the point is outside.
+fn separation(piece: &Piece, point: DVec3) -> f64 {
+    largest_over_directions(|direction| (point - piece.support(direction)).dot(direction))
+}
+
+/// How far the drawn surface stands out of the collision pieces, from every `stride`-th corner.
+fn uncovered(visual: &[VisualPart], pieces: &[Piece], stride: usize) -> f64 {
+    let corners = visual.iter().flat_map(|part| {
+        part.mesh.positions.iter().map(|position| part.link_from_part.transform_point(position.as_dvec3()))
+    });
+    let gap = |point: DVec3| {
+        let within_reach = pieces.iter().filter(|piece| {
+            let reach = piece.shape.bounding_radius() + 0.02;
+            piece.link_from_piece.position.distance(point) < reach
+        });
+        within_reach.map(|piece| separation(piece, point)).fold(0.02, f64::min)
+    };
+    corners.step_by(stride).map(gap).fold(0.0, f64::max)
+}
