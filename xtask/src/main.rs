@@ -1,1 +1,64 @@
-fn main() {}
+//! `cargo xtask <verb>`: everything around the code that is not the code.
+//!
+//! | verb | does |
+//! |---|---|
+//! | `setup` | downloads and verifies the simulator library, makes the small Python environment of the tests |
+//! | `demo` | set-up, build, then `genmanip demo` |
+//! | `test` | everything CI runs, with the time of each phase |
+//! | `tidy` | the rules of ARCHITECTURE.md that a compiler does not check |
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is a command-line program")]
+
+mod demo;
+mod mujoco;
+mod problem;
+mod process;
+mod python;
+mod setup;
+mod sha256;
+mod test;
+mod tidy;
+
+use problem::{Problem, Result};
+use process::Workspace;
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+Usage: cargo xtask <verb>
+
+  setup            download and verify the simulator library, make the Python environment of the tests
+  demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
+  test [PHASE…]    everything CI runs, or only the named phases
+  tidy             check the rules that the compiler does not know
+
+Example: cargo xtask test fmt clippy";
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    match run(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(problem) => {
+            eprintln!("{problem}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+fn run(args: &[String]) -> Result {
+    let workspace = Workspace::find();
+    let rest = args.get(1..).unwrap_or_default();
+    match args.first().map(String::as_str) {
+        Some("setup") => setup::run(&workspace),
+        Some("demo") => demo::run(&workspace, rest),
+        Some("test") => test::run(&workspace, rest),
+        Some("tidy") => tidy::run(&workspace.root),
+        Some("help" | "--help" | "-h") => {
+            println!("{USAGE}");
+            Ok(())
+        }
+        other => Err(Problem {
+            what: other.map_or("no verb given".into(), |verb| format!("there is no verb `{verb}`")),
+            expected: "setup, demo, test or tidy".into(),
+            hint: "`cargo xtask help` says what each does".into(),
+        }),
+    }
+}

@@ -1,0 +1,225 @@
+//! What the user may type.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
+#[derive(Debug, Parser)]
+#[command(name = "genmanip", version, about, max_term_width = 100)]
+pub struct Arguments {
+    /// Print data as JSON on stdout
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// No progress, no talk; errors only
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// What to do
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The verbs.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// The whole loop on recorded language-model answers: tasks, layouts, demonstrations, dataset, evaluation, report
+    #[command(after_help = "Example:\n  genmanip demo --out out/demo")]
+    Demo(DemoArguments),
+    /// Check and show tasks
+    Task {
+        /// What to do with tasks
+        #[command(subcommand)]
+        command: TaskCommand,
+    },
+    /// Lay tasks out: poses for every object such that the whole scene graph holds
+    #[command(after_help = "Example:\n  genmanip layout examples/tasks --count 4 --seed 7 --out out/scenarios")]
+    Layout(LayoutArguments),
+    /// Collect verified demonstrations with the expert and export them as LeRobotDataset v3.0
+    #[command(
+        after_help = "An interrupted run continues where it stopped: start the same command again.\n\nExample:\n  \
+                      genmanip collect examples/tasks --episodes 2 --seed 7 --out out/run"
+    )]
+    Collect(CollectArguments),
+    /// Evaluate policies on the scenarios of a run
+    #[command(after_help = "Example:\n  genmanip evaluate out/run --policy expert --policy replay --policy do_nothing")]
+    Evaluate(EvaluateArguments),
+    /// Replay a recorded episode, or check that its commands lead to the identical final state
+    #[command(after_help = "Example:\n  genmanip replay --check out/run/episodes")]
+    Replay(ReplayArguments),
+    /// Write the HTML report of a run
+    #[command(after_help = "Example:\n  genmanip report out/run")]
+    Report(ReportArguments),
+    /// Export a scenario to another program's format
+    #[command(after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-0.json > scene.xml")]
+    Export(ExportArguments),
+    /// Say what this machine has, what is missing and how to mend it
+    #[command(after_help = "Example:\n  genmanip doctor")]
+    Doctor,
+}
+
+/// Verbs for tasks.
+#[derive(Debug, Subcommand)]
+pub enum TaskCommand {
+    /// Judge language-model answers against every rule; exit 1 when any is rejected
+    #[command(after_help = "Examples:\n  genmanip task check examples/tasks/*.json\n  \
+                            genmanip task check answer.txt --objects 001,019,051 --kind pick_and_place")]
+    Check(CheckArguments),
+    /// Show a task: instruction, goal and scene graph
+    #[command(after_help = "Example:\n  genmanip task show examples/tasks/017_pick_and_place.json --svg graph.svg")]
+    Show(ShowArguments),
+}
+
+/// Arguments of `task check`.
+#[derive(Debug, Args)]
+pub struct CheckArguments {
+    /// Recorded-answer files, or bare answers together with --objects
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// Uids that were offered, for a bare answer
+    #[arg(long, value_delimiter = ',')]
+    pub objects: Vec<String>,
+    /// Kind of task that was asked for, for a bare answer
+    #[arg(long, default_value = "pick_and_place")]
+    pub kind: String,
+    /// Fewest objects that were asked for, for a bare answer
+    #[arg(long, default_value_t = 2)]
+    pub min_objects: usize,
+}
+
+/// Arguments of `task show`.
+#[derive(Debug, Args)]
+pub struct ShowArguments {
+    /// A recorded answer or a task document
+    pub file: PathBuf,
+    /// Also write the scene graph as a picture
+    #[arg(long)]
+    pub svg: Option<PathBuf>,
+}
+
+/// Arguments of `layout`.
+#[derive(Debug, Args)]
+pub struct LayoutArguments {
+    /// Tasks: recorded answers, task documents or folders of them
+    #[arg(required = true)]
+    pub tasks: Vec<PathBuf>,
+    /// Layouts per task
+    #[arg(long, default_value_t = 1)]
+    pub count: usize,
+    /// Seed
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Folder for the scenario files
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Also draw every layout beside its scene graph as SVG, and say why when a task cannot be laid out
+    #[arg(long)]
+    pub explain: bool,
+}
+
+/// Arguments of `collect`.
+#[derive(Clone, Debug, Args)]
+pub struct CollectArguments {
+    /// Tasks: recorded answers, task documents or folders of them
+    #[arg(required = true)]
+    pub tasks: Vec<PathBuf>,
+    /// Folder of the run
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Attempts per task, each on its own layout
+    #[arg(long, default_value_t = 2)]
+    pub episodes: usize,
+    /// Seed
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Worker threads; results do not depend on it [default: all cores]
+    #[arg(long)]
+    pub workers: Option<usize>,
+    /// Frames per second of images and dataset; states are always recorded at 60 Hz
+    #[arg(long, default_value_t = 15, value_parser = parse_fps)]
+    pub fps: u32,
+    /// Record episodes only: no images, no dataset
+    #[arg(long)]
+    pub no_dataset: bool,
+    /// Keep the frames of failed attempts too
+    #[arg(long)]
+    pub keep_failed: bool,
+}
+
+fn parse_fps(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(fps @ (10 | 15 | 20 | 30 | 60)) => Ok(fps),
+        _ => Err("expected 10, 15, 20, 30 or 60 (divisors of the 60 Hz control rate)".into()),
+    }
+}
+
+/// Arguments of `demo`.
+#[derive(Debug, Args)]
+pub struct DemoArguments {
+    /// Folder of the run
+    #[arg(long, default_value = "out/demo")]
+    pub out: PathBuf,
+    /// Tasks instead of the built-in examples
+    #[arg(long)]
+    pub tasks: Vec<PathBuf>,
+    /// Attempts per task
+    #[arg(long, default_value_t = 2)]
+    pub episodes: usize,
+    /// Seed
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Worker threads [default: all cores]
+    #[arg(long)]
+    pub workers: Option<usize>,
+    /// Frames per second of images and dataset
+    #[arg(long, default_value_t = 15, value_parser = parse_fps)]
+    pub fps: u32,
+}
+
+/// Arguments of `evaluate`.
+#[derive(Clone, Debug, Args)]
+pub struct EvaluateArguments {
+    /// Folder of a run made by `collect`
+    pub run: PathBuf,
+    /// Policies: expert, replay, do_nothing [default: all three]
+    #[arg(long = "policy")]
+    pub policies: Vec<String>,
+    /// Worker threads [default: all cores]
+    #[arg(long)]
+    pub workers: Option<usize>,
+}
+
+/// Arguments of `replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArguments {
+    /// Episode folder, or a folder of episodes
+    pub episodes: PathBuf,
+    /// Apply the commands in a fresh simulation and compare the final state bit by bit
+    #[arg(long)]
+    pub check: bool,
+    /// Write a film strip of the episode as JPEG
+    #[arg(long, value_name = "FILE")]
+    pub strip: Option<PathBuf>,
+}
+
+/// Arguments of `report`.
+#[derive(Clone, Debug, Args)]
+pub struct ReportArguments {
+    /// Folder of a run made by `collect`
+    pub run: PathBuf,
+    /// Where to write it [default: RUN/report.html]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// Arguments of `export`.
+#[derive(Debug, Args)]
+pub struct ExportArguments {
+    /// Scenario file
+    pub scenario: PathBuf,
+    /// As MuJoCo XML
+    #[arg(long, required = true)]
+    pub mjcf: bool,
+    /// Where to write it [default: stdout]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}

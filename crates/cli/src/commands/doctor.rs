@@ -1,0 +1,77 @@
+//! `genmanip doctor`: what this machine has, what is missing and how to mend it.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde::Serialize;
+
+use crate::error::{ExitStatus, Failed};
+use crate::printer::{Printer, table};
+
+#[derive(Serialize)]
+struct Finding {
+    what: &'static str,
+    ok: bool,
+    found: String,
+    mend: String,
+}
+
+pub fn run(printer: &Printer) -> Result<ExitStatus, Failed> {
+    let findings = [processor(), physics(), python(), disk()];
+    let mut rows = vec![["", "part", "found", "how to mend"].map(String::from).to_vec()];
+    for finding in &findings {
+        let mark = if finding.ok { "ok" } else { "missing" };
+        rows.push(vec![mark.into(), finding.what.into(), finding.found.clone(), finding.mend.clone()]);
+    }
+    printer.data(&findings, &table(&rows));
+    Ok(if findings.iter().all(|finding| finding.ok) { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
+fn processor() -> Finding {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    Finding {
+        what: "processor",
+        ok: true,
+        found: format!("{cores} cores, {} {}", std::env::consts::ARCH, std::env::consts::OS),
+        mend: String::new(),
+    }
+}
+
+fn physics() -> Finding {
+    Finding { what: "physics", ok: true, found: genmanip_sim::engine_version(), mend: String::new() }
+}
+
+/// The reader that checks datasets independently.
+fn python() -> Finding {
+    let interpreter = std::env::var("GENMANIP_PYTHON").unwrap_or_else(|_| ".python/bin/python".into());
+    let probe = Command::new(&interpreter)
+        .args(["-c", "import pyarrow, av; print(f'pyarrow {pyarrow.__version__}, av {av.__version__}')"])
+        .output();
+    match probe {
+        Ok(output) if output.status.success() => Finding {
+            what: "dataset reader",
+            ok: true,
+            found: String::from_utf8_lossy(&output.stdout).trim().to_owned(),
+            mend: String::new(),
+        },
+        _ => Finding {
+            what: "dataset reader",
+            ok: false,
+            found: format!("{interpreter} has no pyarrow and av"),
+            mend: "run `cargo xtask setup` (only needed to check datasets with another program)".into(),
+        },
+    }
+}
+
+fn disk() -> Finding {
+    let here = Path::new(".");
+    let probe = here.join(format!(".genmanip-doctor-{}", std::process::id()));
+    let writable = std::fs::write(&probe, b"x").is_ok();
+    let _ = std::fs::remove_file(&probe);
+    Finding {
+        what: "current folder",
+        ok: writable,
+        found: if writable { "writable".into() } else { "not writable".into() },
+        mend: if writable { String::new() } else { "change to a folder you may write to".into() },
+    }
+}

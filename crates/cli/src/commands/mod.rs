@@ -1,0 +1,11 @@
+//! One module per verb.
+
+pub mod collect;
+pub mod demo;
+pub mod doctor;
+pub mod evaluate;
+pub mod export;
+pub mod layout;
+pub mod replay;
+pub mod report;
+pub mod task;

@@ -1,0 +1,70 @@
+//! What a person reads when something cannot be done, and the exit status a program reads.
+
+use std::fmt;
+use std::process::ExitCode;
+
+/// Exit codes are an interface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExitStatus {
+    /// 0: done.
+    Done,
+    /// 1: the request could not be met.
+    NotMet,
+}
+
+impl From<ExitStatus> for ExitCode {
+    fn from(status: ExitStatus) -> Self {
+        match status {
+            ExitStatus::Done => Self::SUCCESS,
+            ExitStatus::NotMet => Self::from(1),
+        }
+    }
+}
+
+/// One clear message: what could not be done, why, and what helps.
+#[derive(Debug)]
+pub struct Failed {
+    what: String,
+    causes: Vec<String>,
+    hint: Option<String>,
+}
+
+impl Failed {
+    /// A failure in one sentence.
+    pub fn new(what: impl Into<String>) -> Self {
+        Self { what: what.into(), causes: Vec::new(), hint: None }
+    }
+
+    /// With the error that caused it and the errors behind that.
+    pub fn because(what: impl Into<String>, error: &dyn std::error::Error) -> Self {
+        let mut causes = vec![error.to_string()];
+        let mut source = error.source();
+        while let Some(error) = source {
+            if causes.last() != Some(&error.to_string()) {
+                causes.push(error.to_string());
+            }
+            source = error.source();
+        }
+        Self { what: what.into(), causes, hint: None }
+    }
+
+    /// With what helps.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+impl fmt::Display for Failed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "error: {}", self.what)?;
+        for cause in &self.causes {
+            write!(f, "\n  {cause}")?;
+        }
+        if let Some(hint) = &self.hint {
+            write!(f, "\nhint: {hint}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,184 @@
+//! Reading what the user named: tasks, scenarios, folders of them; writing files whole or not at all.
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{Document, ObjectCard, Task, TaskKind};
+use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
+
+use crate::error::Failed;
+
+/// Largest file that is read as a document, bytes.
+const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
+
+/// Reads a text file, refusing what is too large or not text.
+pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, Failed> {
+    let unreadable = |error: &dyn std::error::Error| Failed::because(format!("cannot read {}", path.display()), error);
+    let file = fs::File::open(path).map_err(|error| {
+        unreadable(&error).hint("check the path; relative paths start at the current folder")
+    })?;
+    let mut bytes = Vec::new();
+    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(&error))?;
+    if bytes.len() as u64 > max_bytes {
+        return Err(Failed::new(format!("{} is larger than {} MiB", path.display(), max_bytes >> 20))
+            .hint("expected a small JSON document; is this the right file?"));
+    }
+    String::from_utf8(bytes).map_err(|error| unreadable(&error).hint("expected a text file in UTF-8"))
+}
+
+/// Reads a versioned document.
+pub fn read_document<T: Document>(path: &Path) -> Result<T, Failed> {
+    T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| {
+        Failed::because(format!("{} is no valid {} file", path.display(), T::SCHEMA), &error)
+            .hint(format!("expected a JSON object that starts with \"schema\": \"{}\"", T::SCHEMA))
+    })
+}
+
+/// Files named by the user; a folder stands for its `*.json`, sorted by name.
+pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failed> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let entries = fs::read_dir(path)
+            .map_err(|error| Failed::because(format!("cannot list {}", path.display()), &error))?;
+        let mut inside: Vec<PathBuf> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| path.extension().is_some_and(|extension| extension == "json"))
+            .collect();
+        inside.sort();
+        if inside.is_empty() {
+            return Err(Failed::new(format!("no *.json in {}", path.display())).hint("name task files or their folder"));
+        }
+        files.append(&mut inside);
+    }
+    Ok(files)
+}
+
+/// Reads tasks from task documents and recorded answers; an answer that is rejected is an error.
+pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, Failed> {
+    let mut tasks: Vec<Task> = Vec::new();
+    for path in expand(paths)? {
+        let task = read_task(&path)?;
+        if let Some(twin) = tasks.iter().find(|other| other.id == task.id) {
+            return Err(Failed::new(format!("two tasks are called `{}` (the second: {})", twin.id, path.display()))
+                .hint("task ids name folders and files, so they must differ"));
+        }
+        tasks.push(task);
+    }
+    Ok(tasks)
+}
+
+/// Reads one task from a task document or a recorded answer.
+pub fn read_task(path: &Path) -> Result<Task, Failed> {
+    let text = read_text(path, MAX_DOCUMENT_BYTES)?;
+    let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| {
+        Failed::because(format!("{} is not JSON", path.display()), &error)
+            .hint("expected a task document or a recorded answer; see `genmanip task check --help`")
+    })?;
+    if value.get("schema").is_some() {
+        return Task::from_value(value).map_err(|error| {
+            Failed::because(format!("{} is no valid {} file", path.display(), Task::SCHEMA), &error)
+        });
+    }
+    let report = check_recorded(path, &text)?;
+    report.task.ok_or_else(|| {
+        let flaws: Vec<String> = report.flaws.iter().map(|flaw| format!("{}: {}", flaw.kind.name(), flaw.message)).collect();
+        Failed::new(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
+            .hint(format!("see `genmanip task check {}`", path.display()))
+    })
+}
+
+/// Judges a recorded-answer file.
+pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
+    let recorded = RecordedAnswer::from_json(text).map_err(|error| {
+        Failed::because(format!("{} is no recorded answer", path.display()), &error)
+            .hint("expected {task_type, objects, num_objects, response}; for a bare answer give --objects UID,UID,…")
+    })?;
+    let request = TaskRequest {
+        id: stem(path),
+        kind: recorded.task_type,
+        offered: offered(&recorded.objects)?,
+        min_objects: recorded.num_objects,
+        source: format!("recorded answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
+    };
+    Ok(check_answer(&recorded.response, &request))
+}
+
+/// Judges a bare answer.
+pub fn check_bare(
+    path: &Path,
+    objects: &[String],
+    kind: &str,
+    min_objects: usize,
+) -> Result<AnswerReport, Failed> {
+    let kinds = TaskKind::ALL.map(TaskKind::name).join(", ");
+    let kind = TaskKind::ALL
+        .into_iter()
+        .find(|known| known.name() == kind)
+        .ok_or_else(|| Failed::new(format!("unknown kind `{kind}`")).hint(format!("kinds are {kinds}")))?;
+    let request = TaskRequest {
+        id: stem(path),
+        kind,
+        offered: offered(objects)?,
+        min_objects,
+        source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
+    };
+    // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
+    let file = fs::File::open(path)
+        .map_err(|error| Failed::because(format!("cannot read {}", path.display()), &error))?;
+    let mut bytes = Vec::new();
+    file.take(MAX_ANSWER_BYTES as u64 + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| Failed::because(format!("cannot read {}", path.display()), &error))?;
+    Ok(check_answer(&String::from_utf8_lossy(&bytes), &request))
+}
+
+fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, Failed> {
+    let catalogue = Catalogue::builtin();
+    uids.iter()
+        .map(|uid| {
+            catalogue.card(uid).cloned().ok_or_else(|| {
+                Failed::new(format!("object `{uid}` is not in the catalogue"))
+                    .hint("uids are three digits, 001 to 064")
+            })
+        })
+        .collect()
+}
+
+/// The name of a file without its extension, as id.
+pub fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Writes a file aside and renames it into place, so that it is whole or not there.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failed> {
+    let failed = |error: &dyn std::error::Error| {
+        Failed::because(format!("cannot write {}", path.display()), error)
+            .hint("check that the folder exists, is writable and the disk is not full")
+    };
+    if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        fs::create_dir_all(parent).map_err(|error| failed(&error))?;
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let aside = path.with_file_name(format!(".{name}.partial"));
+    let written = (|| {
+        let mut file = fs::File::create(&aside)?;
+        std::io::Write::write_all(&mut file, bytes)?;
+        file.sync_all()?;
+        fs::rename(&aside, path)
+    })();
+    written.map_err(|error: std::io::Error| {
+        let _ = fs::remove_file(&aside);
+        failed(&error)
+    })
+}
+
+/// Number of workers the user asked for, or all cores.
+pub fn workers(asked: Option<usize>) -> usize {
+    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1)
+}

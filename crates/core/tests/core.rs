@@ -1,0 +1,130 @@
+//! The vocabulary as files: round trips, refusals, seeds, projections.
+
+use genmanip_core::glam::{DQuat, DVec2, DVec3};
+use genmanip_core::{Aabb, Camera, Document, Intrinsics, Piece, Pose, Scenario, Seed, Shape, Task};
+use proptest::prelude::*;
+
+fn task_text() -> String {
+    include_str!("../testdata/task.json").to_owned()
+}
+
+/// One door for every broken file: what the message must contain.
+fn check_refused(text: &str, expected: &str) {
+    let message = Task::from_json(text).expect_err("must be refused").to_string();
+    assert!(message.contains(expected), "message `{message}` does not contain `{expected}`");
+}
+
+#[test]
+fn a_task_survives_the_file() {
+    let task = Task::from_json(&task_text()).unwrap();
+    assert_eq!(Task::from_json(&task.to_json()).unwrap(), task);
+    assert_eq!(task.to_json(), Task::from_json(&task.to_json()).unwrap().to_json());
+    assert!(task.to_json().starts_with("{\n  \"schema\": \"genmanip.task/1\""));
+}
+
+#[test]
+fn broken_files_are_refused_with_the_place() {
+    let good = task_text();
+    check_refused("{", "line 1");
+    check_refused("[]", "expected an object");
+    check_refused(&good.replace("genmanip.task/1", "genmanip.task/7"), "genmanip.task/7");
+    check_refused(&good.replace("\"pick_and_place\"", "\"juggling\""), "$.kind");
+    check_refused(&good.replace("\"relation\": \"top\"", "\"relation\": \"above\""), "$.goal");
+    check_refused(&good.replace("0.072", "NaN"), "not JSON");
+    check_refused(&good.replace("0.072", "null"), "$.objects[0].size_m");
+}
+
+#[test]
+fn poses_refuse_what_is_not_a_rotation() {
+    for (text, expected) in [
+        (r#"{"position_m":[0,0,0],"orientation_wxyz":[1,1,0,0]}"#, "length"),
+        (r#"{"position_m":[0,0,null],"orientation_wxyz":[1,0,0,0]}"#, "null"),
+        (r#"{"position_m":[0,0,1e999],"orientation_wxyz":[1,0,0,0]}"#, "out of range"),
+        (r#"{"position_m":[0,0],"orientation_wxyz":[1,0,0,0]}"#, "length 2"),
+    ] {
+        let message = serde_json::from_str::<Pose>(text).unwrap_err().to_string();
+        assert!(message.contains(expected), "{text}: {message}");
+    }
+}
+
+#[test]
+fn seeds_are_labelled_and_stay_exact_in_json() {
+    let seed = Seed::new(7).fork("episode").fork_index(3);
+    assert_eq!(seed.value(), 6_577_676_365_128_076);
+    assert!(seed.value() < 1 << 53);
+    assert_ne!(seed, Seed::new(7).fork("episode").fork_index(4));
+}
+
+#[test]
+fn schemas_on_disk_are_those_of_the_types() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../schemas");
+    for (name, schema) in [
+        ("task", schemars::schema_for!(Task)),
+        ("scenario", schemars::schema_for!(Scenario)),
+        ("result", schemars::schema_for!(genmanip_core::EpisodeResult)),
+    ] {
+        let path = folder.join(format!("{name}.schema.json"));
+        let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
+        if std::env::var_os("GENMANIP_UPDATE_SCHEMAS").is_some() {
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(&path, &text).unwrap();
+        }
+        let stored = std::fs::read_to_string(&path).unwrap_or_default();
+        assert!(stored == text, "schemas/{name}.schema.json is stale: run the tests with GENMANIP_UPDATE_SCHEMAS=1");
+    }
+}
+
+#[test]
+fn the_default_rig_sees_the_middle_of_the_table() {
+    for camera in Camera::default_rig().iter().filter(|camera| camera.name != "wrist") {
+        let point = camera.mount_from_camera.inverse().transform_point(DVec3::new(0.5, 0.0, 0.0));
+        let pixel = camera.intrinsics.project(point).unwrap();
+        assert!((pixel - DVec2::new(256.0, 144.0)).length() < 60.0, "{}: {pixel}", camera.name);
+    }
+}
+
+fn any_pose() -> impl Strategy<Value = Pose> {
+    (prop::array::uniform3(-2.0..2.0), prop::array::uniform4(-1.0..1.0_f64))
+        .prop_filter("needs a direction", |(_, q)| q.iter().map(|v| v * v).sum::<f64>() > 0.01)
+        .prop_map(|(p, [x, y, z, w])| Pose::new(DVec3::from_array(p), DQuat::from_xyzw(x, y, z, w)))
+}
+
+proptest! {
+    #[test]
+    fn inverse_undoes(pose in any_pose(), point in prop::array::uniform3(-3.0..3.0)) {
+        let point = DVec3::from_array(point);
+        prop_assert!((pose.inverse().transform_point(pose.transform_point(point)) - point).length() < 1e-12);
+    }
+
+    #[test]
+    fn poses_survive_the_file_bit_for_bit(pose in any_pose()) {
+        let text = serde_json::to_string(&pose).unwrap();
+        prop_assert_eq!(serde_json::from_str::<Pose>(&text).unwrap(), pose);
+    }
+
+    #[test]
+    fn euler_angles_are_about_fixed_axes(pose in any_pose()) {
+        let [x, y, z] = pose.to_fixed_xyz_euler();
+        let rebuilt = DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x);
+        prop_assert!(rebuilt.dot(pose.rotation).abs() > 1.0 - 1e-9);
+    }
+
+    #[test]
+    fn bounds_hold_every_corner(pose in any_pose(), half in prop::array::uniform3(0.01..0.3)) {
+        let half = DVec3::from_array(half);
+        let bounds = Aabb::from_pieces(&pose, [&Piece::at(DVec3::ZERO, Shape::Box { half_extents: half })]);
+        for corner in 0..8 {
+            let sign = |bit: i32| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            let point = pose.transform_point(half * DVec3::new(sign(0), sign(1), sign(2)));
+            prop_assert!(point.cmpge(bounds.min - 1e-12).all() && point.cmple(bounds.max + 1e-12).all());
+        }
+    }
+
+    #[test]
+    fn resizing_keeps_pixels_where_they_were(u in 0.0..511.0, v in 0.0..287.0, depth in 0.1..5.0) {
+        let k = Intrinsics::from_vertical_fov(512, 288, 0.8);
+        let half = k.resized(256, 144);
+        let pixel = half.project(k.unproject(DVec2::new(u, v), depth)).unwrap();
+        prop_assert!((pixel - (DVec2::new(u, v) + 0.5) * 0.5 + 0.5).length() < 1e-9);
+    }
+}

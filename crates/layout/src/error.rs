@@ -1,0 +1,82 @@
+//! Why a layout cannot be made.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use genmanip_assets::AssetError;
+use genmanip_core::Atom;
+
+/// Why a task has no layout.
+#[derive(Debug, thiserror::Error)]
+pub enum LayoutError {
+    /// An object is not in the catalogue or cannot be built.
+    #[error(transparent)]
+    UnknownObject(#[from] AssetError),
+    /// The graph names an object that is not among its nodes.
+    #[error("edge `{edge}` names {uid}, which is no node of the scene graph")]
+    NotANode {
+        /// The edge in words.
+        edge: String,
+        /// The object.
+        uid: String,
+    },
+    /// Every attempt was rejected.
+    #[error("no layout for task {task} in {restarts} attempts: {rejections}")]
+    Infeasible {
+        /// Id of the task.
+        task: String,
+        /// Number of whole layouts tried.
+        restarts: usize,
+        /// What stood in the way, by reason.
+        rejections: Rejections,
+    },
+}
+
+/// Counted reasons, the edges that conflict named.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Rejections {
+    reasons: BTreeMap<String, usize>,
+    edges: BTreeMap<String, usize>,
+}
+
+impl Rejections {
+    /// Counts a rejection.
+    pub fn count(&mut self, reason: impl Into<String>) {
+        *self.reasons.entry(reason.into()).or_default() += 1;
+    }
+
+    /// Counts a rejection caused by one edge.
+    pub fn count_edge(&mut self, reason: &str, edge: &Atom) {
+        self.count(reason);
+        *self.edges.entry(edge.to_string()).or_default() += 1;
+    }
+
+    /// Reasons with their counts, most frequent first.
+    pub fn reasons(&self) -> Vec<(&str, usize)> {
+        ranked(&self.reasons)
+    }
+
+    /// Edges that caused rejections, most frequent first.
+    pub fn conflicting_edges(&self) -> Vec<(&str, usize)> {
+        ranked(&self.edges)
+    }
+}
+
+impl fmt::Display for Rejections {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let list = |entries: Vec<(&str, usize)>| {
+            entries.iter().take(4).map(|(name, count)| format!("{name} ({count}×)")).collect::<Vec<_>>().join(", ")
+        };
+        write!(f, "{}", list(self.reasons()))?;
+        if !self.edges.is_empty() {
+            write!(f, "; edges in conflict: {}", list(self.conflicting_edges()))?;
+        }
+        Ok(())
+    }
+}
+
+fn ranked(counts: &BTreeMap<String, usize>) -> Vec<(&str, usize)> {
+    let mut entries: Vec<_> = counts.iter().map(|(name, &count)| (name.as_str(), count)).collect();
+    entries.sort_by_key(|&(name, count)| (std::cmp::Reverse(count), name));
+    entries
+}

@@ -1,0 +1,62 @@
+//! Every default of the layout on one screen.
+
+use serde::{Deserialize, Serialize};
+
+/// How layouts are searched and what they must satisfy.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LayoutSettings {
+    /// Whole layouts tried before the task is refused.
+    pub max_restarts: usize,
+    /// Candidate poses per object within one layout.
+    pub candidates_per_object: usize,
+    /// Smallest gap between the footprints of objects that stand on the same support, metres; room for a finger.
+    pub min_gap_m: f64,
+    /// Largest gap to aim at for a related pair, metres; the relation itself allows 0.15.
+    pub max_gap_m: f64,
+    /// How far inside its threshold a relation must hold when an object is placed, metres;
+    /// settling may eat some of it.
+    pub relation_margin_m: f64,
+    /// Nearest and farthest distance of a moved object from the robot's axis, metres.
+    pub reach_m: [f64; 2],
+    /// Area for objects, metres from the robot's base: nearest and farthest x.
+    pub x_m: [f64; 2],
+    /// Area for objects: rightmost and leftmost y, metres.
+    pub y_m: [f64; 2],
+    /// Height from which supported objects are let down, metres.
+    pub drop_m: f64,
+    /// Longest settling, simulated seconds.
+    pub settle_s: f64,
+    /// Largest displacement of an object while settling, metres.
+    pub max_settle_shift_m: f64,
+    /// Largest tilt of an object while settling, radians.
+    pub max_settle_tilt_rad: f64,
+    /// Deepest penetration accepted after settling, metres.
+    pub max_penetration_m: f64,
+    /// Fewest pixels of each task object in at least one camera.
+    pub min_pixels: usize,
+    /// Smallest visible share of each task object in that camera.
+    pub min_visible_share: f64,
+}
+
+impl Default for LayoutSettings {
+    fn default() -> Self {
+        Self {
+            max_restarts: 200,
+            candidates_per_object: 60,
+            min_gap_m: 0.03,
+            max_gap_m: 0.10,
+            relation_margin_m: 0.01,
+            reach_m: [0.32, 0.70],
+            x_m: [0.26, 0.78],
+            y_m: [-0.42, 0.42],
+            drop_m: 0.002,
+            settle_s: 2.0,
+            max_settle_shift_m: 0.03,
+            max_settle_tilt_rad: 0.6,
+            max_penetration_m: 0.001,
+            min_pixels: 100,
+            min_visible_share: 0.3,
+        }
+    }
+}

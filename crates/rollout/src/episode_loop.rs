@@ -1,0 +1,210 @@
+//! The one loop: observe, act, step, record; settle; judge.
+
+use genmanip_core::{
+    ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, Observation, Policy,
+    PolicyError, PolicySpec, PrivilegedState, Seed,
+};
+use genmanip_scene::relations::judge_goal;
+use genmanip_sim::Sim;
+use std::sync::Arc;
+
+use crate::{RolloutError, RolloutSettings, Stage};
+
+/// Runs one episode and judges it.
+///
+/// The policy acts until it says it is finished, gives up or the horizon ends; then the last command is held for
+/// `settle_s` and the goal is judged on posed geometry, nothing held and nothing moving.
+///
+/// # Errors
+/// Only for defects: a spec that cannot be served, or a simulation that becomes unstable.
+/// A policy that fails is a result, not an error.
+pub fn run_episode(
+    stage: &Stage,
+    policy: &mut dyn Policy,
+    id: &str,
+    seed: Seed,
+    settings: &RolloutSettings,
+) -> Result<Episode, RolloutError> {
+    let spec = policy.spec();
+    let repeat = check_spec(&spec, stage)?;
+    let mut recording = Recording::new(stage, settings);
+    let horizon = (settings.horizon_s * stage.control_rate_hz()).round() as usize;
+    let start = EpisodeStart {
+        instruction: stage.scenario.task.instruction.clone(),
+        seed: seed.fork("policy"),
+        cameras: stage.scenario.cameras.iter().filter(|c| spec.cameras.contains(&c.name)).cloned().collect(),
+        scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
+    };
+
+    let mut failure = policy.reset(&start).err().map(as_failure);
+    while failure.is_none() {
+        if recording.frames.len() >= horizon {
+            failure = Some(Failure {
+                cause: FailureCause::Timeout,
+                evidence: format!("not finished after {} s", settings.horizon_s),
+            });
+            break;
+        }
+        let chunk = match policy.act(&recording.observe(&spec)) {
+            Ok(chunk) => chunk,
+            Err(error) => {
+                failure = Some(as_failure(error));
+                break;
+            }
+        };
+        if chunk.actions.is_empty() && !chunk.finished {
+            failure = Some(Failure { cause: FailureCause::Policy, evidence: "returned no action".into() });
+            break;
+        }
+        let count = if spec.execute_steps == 0 { usize::MAX } else { spec.execute_steps };
+        for action in chunk.actions.iter().take(count).take(horizon - recording.frames.len()) {
+            for _ in 0..repeat {
+                recording.step(action)?;
+            }
+        }
+        if chunk.finished {
+            break;
+        }
+    }
+    recording.settle()?;
+    Ok(recording.finish(id, seed, &spec, failure))
+}
+
+/// How many control steps one action lasts; refuses what this loop cannot serve.
+fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
+    let refuse = |reason: String| Err(RolloutError::Spec { policy: spec.name.clone(), reason });
+    let control_rate_hz = stage.control_rate_hz();
+    let repeat = control_rate_hz / spec.rate_hz;
+    if !(repeat >= 1.0 && repeat.fract() == 0.0) {
+        return refuse(format!("rate {} Hz does not divide the control rate of {control_rate_hz} Hz", spec.rate_hz));
+    }
+    if spec.action.space != ActionSpace::JointPosition || spec.action.gripper != "width_m" {
+        return refuse("expected native actions: absolute joint positions and the gripper width in metres".into());
+    }
+    if let Some(key) = spec.state_keys.iter().find(|key| *key != "observation.state") {
+        return refuse(format!("unknown state key `{key}`, there is `observation.state`"));
+    }
+    if let Some(camera) = spec.cameras.first() {
+        let known = stage.scenario.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
+        return refuse(format!(
+            "camera `{camera}` would have to be rendered in the loop, which comes with learned policies; the \
+             scenario's cameras are {known}"
+        ));
+    }
+    Ok(repeat as usize)
+}
+
+fn as_failure(error: PolicyError) -> Failure {
+    match error {
+        PolicyError::GaveUp(failure) => failure,
+        PolicyError::Unsuited(reason) => Failure { cause: FailureCause::Policy, evidence: reason },
+    }
+}
+
+struct Recording<'a> {
+    stage: &'a Stage,
+    settings: &'a RolloutSettings,
+    sim: Sim,
+    initial_state: Vec<f64>,
+    frames: Vec<Frame>,
+    success_once: bool,
+}
+
+impl<'a> Recording<'a> {
+    fn new(stage: &'a Stage, settings: &'a RolloutSettings) -> Self {
+        let sim = Sim::new(Arc::clone(&stage.scene));
+        let initial_state = sim.state();
+        Self { stage, settings, sim, initial_state, frames: Vec::new(), success_once: false }
+    }
+
+    fn observe(&mut self, spec: &PolicySpec) -> Observation {
+        let mut state = self.sim.joint_positions();
+        state.push(self.sim.gripper_width());
+        Observation {
+            time_s: self.frames.len() as f64 / self.stage.control_rate_hz(),
+            state: [("observation.state".to_owned(), state)].into(),
+            images: Default::default(),
+            privileged: spec
+                .privileged
+                .then(|| PrivilegedState { objects: self.sim.object_states(), grasped: self.sim.grasped() }),
+        }
+    }
+
+    fn step(&mut self, action: &[f32]) -> Result<(), RolloutError> {
+        self.frames.push(self.sim.control_step(action)?);
+        if self.frames.len().is_multiple_of(self.settings.judge_every) && !self.success_once {
+            self.success_once = self.judge().success;
+        }
+        Ok(())
+    }
+
+    fn settle(&mut self) -> Result<(), RolloutError> {
+        let command = match self.frames.last() {
+            Some(frame) => frame.command.clone(),
+            None => self.home_command(),
+        };
+        for _ in 0..(self.settings.settle_s * self.stage.control_rate_hz()).round() as usize {
+            self.step(&command)?;
+        }
+        Ok(())
+    }
+
+    fn home_command(&self) -> Vec<f32> {
+        let arm = self.stage.scenario.robot_home.iter().map(|&q| q as f32);
+        arm.chain([self.stage.robot.gripper.max_width as f32]).collect()
+    }
+
+    fn judge(&mut self) -> GoalVerdict {
+        let states = self.sim.object_states();
+        let rest = Stage::rest(&states, self.sim.grasped(), self.settings);
+        judge_goal(&self.stage.posed(&states), &self.stage.scenario.task.goal, &rest, &self.stage.relations)
+    }
+
+    fn finish(mut self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {
+        let verdict = self.judge();
+        let success = verdict.success;
+        let failure = (!success).then(|| failure.unwrap_or_else(|| missed(&verdict)));
+        let path = self.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
+        let result = EpisodeResult {
+            id: id.into(),
+            scenario_id: self.stage.scenario.id.clone(),
+            task_id: self.stage.scenario.task.id.clone(),
+            policy: spec.name.clone(),
+            oracle: spec.privileged,
+            seed,
+            success,
+            success_once: self.success_once || success,
+            verdict,
+            failure,
+            duration_s: self.frames.len() as f64 / self.stage.control_rate_hz(),
+            horizon_s: self.settings.horizon_s,
+            control_rate_hz: self.stage.control_rate_hz(),
+            frames: self.frames.len(),
+            tcp_path_m: path,
+            max_stray_contact_n: self.frames.iter().map(|frame| frame.stray_contact_n).fold(0.0, f64::max),
+            engine: genmanip_sim::engine_version(),
+            genmanip_version: env!("CARGO_PKG_VERSION").into(),
+        };
+        Episode {
+            scenario: (*self.stage.scenario).clone(),
+            result,
+            initial_state: self.initial_state,
+            final_state: self.sim.state(),
+            frames: self.frames,
+        }
+    }
+}
+
+/// The atom that is farthest from holding in the best alternative.
+fn missed(verdict: &GoalVerdict) -> Failure {
+    let worst = verdict
+        .best()
+        .into_iter()
+        .flatten()
+        .filter(|atom| !atom.holds)
+        .min_by(|a, b| a.margin.total_cmp(&b.margin));
+    Failure {
+        cause: FailureCause::GoalMissed,
+        evidence: worst.map_or("the goal does not hold".into(), |atom| format!("{}: {}", atom.atom, atom.explanation)),
+    }
+}

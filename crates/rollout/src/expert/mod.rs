@@ -1,0 +1,239 @@
+//! The expert: pick and place from simulator truth, for every relation of a goal.
+//!
+//! It is a [`Policy`] like any other, only privileged: it reads where objects are, never moves them.
+//! Each call returns one phase as commands – pick, or carry and place, or go home – and the next call looks at
+//! what came of it: an object that was not lifted is picked again another way, an atom that does not hold is
+//! tried again, and when nothing is left to try the expert gives up with the cause and its evidence.
+
+mod commands;
+mod goal_pose;
+mod pick;
+mod place;
+mod settings;
+mod subgoals;
+mod surroundings;
+
+pub use goal_pose::GoalPose;
+pub use settings::ExpertSettings;
+pub use subgoals::Move;
+
+use std::sync::Arc;
+
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{
+    Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, Pose,
+    PrivilegedState, Seed,
+};
+use genmanip_motion::{Allowed, Planner, PlannerSettings, Surroundings};
+use genmanip_scene::relations::{PosedScene, judge_atom};
+
+use crate::{RolloutError, Stage};
+
+/// Solves tasks from simulator truth; results made with it say `oracle`.
+pub struct Expert {
+    stage: Stage,
+    planner: Planner,
+    settings: ExpertSettings,
+    seed: Seed,
+    /// Alternatives not yet given up, the current one last.
+    plans: Vec<Vec<Move>>,
+    /// Picks begun so far; every one gets its own stream.
+    picks: u64,
+    /// Picks begun for the current move.
+    tries: usize,
+    phase: Phase,
+    /// Orientation of each object at the start, in which it is put down again.
+    upright: Vec<DQuat>,
+    last_failure: Option<Failure>,
+    /// Surface points with normals of each object, in its frame.
+    surfaces: Vec<Vec<(DVec3, DVec3)>>,
+}
+
+enum Phase {
+    /// Nothing in the hand.
+    Free,
+    /// A pick was executed.
+    Picked { step: Move, open_width: f64, taken_from: GoalPose },
+    /// Everything was done and the arm was sent home.
+    Home,
+}
+
+/// The arm and the fingers as they are.
+struct Hand {
+    arm: Vec<f64>,
+    /// Present opening.
+    width: f64,
+    /// Opening to let go with.
+    open_width: f64,
+}
+
+impl Expert {
+    /// An expert for the episodes of one stage.
+    ///
+    /// # Errors
+    /// When the robot's kinematics or collision pieces are broken.
+    pub fn new(stage: &Stage, settings: ExpertSettings) -> Result<Self, RolloutError> {
+        let planner = Planner::new(Arc::clone(&stage.robot), PlannerSettings::default())?;
+        let points = planner.settings().grasp.surface_points;
+        let surfaces = stage.models.iter().map(|model| surroundings::surface(model, points)).collect();
+        Ok(Self {
+            planner,
+            surfaces,
+            stage: stage.clone(),
+            settings,
+            seed: Seed::new(0),
+            plans: Vec::new(),
+            picks: 0,
+            tries: 0,
+            phase: Phase::Free,
+            upright: Vec::new(),
+            last_failure: None,
+        })
+    }
+
+    /// Whether an object has a hollow that things may fall into.
+    fn is_hollow(&self, object: usize) -> bool {
+        self.stage.models.get(object).is_some_and(|model| !model.cavity.is_empty())
+    }
+
+    /// The first move of the current alternative whose atoms do not all hold.
+    fn next_move(&self, scene: &PosedScene) -> Option<Move> {
+        let plan = self.plans.last()?;
+        plan.iter()
+            .find(|step| step.atoms.iter().any(|atom| !judge_atom(scene, atom, &self.stage.relations).holds))
+            .cloned()
+    }
+
+    fn pick(&mut self, scene: &PosedScene, arm: &[f64]) -> Result<ActionChunk, PolicyError> {
+        loop {
+            let Some(step) = self.next_move(scene) else {
+                self.phase = Phase::Home;
+                return Ok(ActionChunk { actions: self.go_home(scene, arm), finished: true });
+            };
+            self.picks += 1;
+            self.tries += 1;
+            let seed = self.seed.fork("pick").fork_index(self.picks);
+            let failure = if self.tries > self.settings.tries_per_move {
+                self.last_failure.clone()
+            } else {
+                match pick::plan(self, scene, &step, arm, seed) {
+                    Ok(pick) => {
+                        let taken_from = self.taken_from(scene, step.object);
+                        self.phase = Phase::Picked { step, open_width: pick.open_width, taken_from };
+                        return Ok(ActionChunk { actions: pick.commands, finished: false });
+                    }
+                    Err(failure) => {
+                        self.last_failure = Some(failure);
+                        continue;
+                    }
+                }
+            };
+            // This alternative is exhausted; the next one starts afresh.
+            self.plans.pop();
+            self.tries = 0;
+            if self.plans.is_empty() {
+                return Err(PolicyError::GaveUp(failure.unwrap_or_else(|| Failure {
+                    cause: FailureCause::NoGoalPose,
+                    evidence: "no alternative of the goal can be served by pick and place".into(),
+                })));
+            }
+        }
+    }
+
+    /// Where an object is now, as a place to put it back to.
+    fn taken_from(&self, scene: &PosedScene, object: usize) -> GoalPose {
+        let world_from_object = scene.objects().nth(object).map_or(Pose::IDENTITY, |object| object.pose);
+        let bounds = scene.bounds(object).unwrap_or(Aabb::EMPTY);
+        GoalPose { world_from_object, support: None, bounds }
+    }
+
+    fn place(
+        &mut self,
+        scene: &PosedScene,
+        truth: &PrivilegedState,
+        hand: &Hand,
+        step: &Move,
+        taken_from: &GoalPose,
+    ) -> Result<ActionChunk, PolicyError> {
+        if truth.grasped != Some(step.object) {
+            let name = self.stage.name(step.object);
+            self.last_failure = Some(Failure {
+                cause: FailureCause::Slipped,
+                evidence: format!("{name} was not in the hand after lifting (pick {})", self.picks),
+            });
+            let actions = commands::fingers(&hand.arm, hand.width, hand.open_width, self.settings.open_steps);
+            return Ok(ActionChunk { actions, finished: false });
+        }
+        let seed = self.seed.fork("place").fork_index(self.picks);
+        let planned = place::plan(self, scene, step, hand, seed).or_else(|failure| {
+            // Put it back rather than drop it, and try another way.
+            self.last_failure = Some(failure);
+            place::put_back(self, scene, step.object, taken_from, hand, seed)
+        });
+        match planned {
+            Ok(actions) => Ok(ActionChunk { actions, finished: false }),
+            Err(failure) => Err(PolicyError::GaveUp(self.last_failure.clone().unwrap_or(failure))),
+        }
+    }
+
+    fn go_home(&self, scene: &PosedScene, arm: &[f64]) -> Vec<Vec<f32>> {
+        let world = surroundings::world(scene, None);
+        let width = self.stage.robot.gripper.max_width;
+        let around =
+            Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
+        let home = std::slice::from_ref(&self.stage.robot.home);
+        match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
+            Ok(path) => commands::follow(&self.planner, &path, width, self.settings.empty_speed),
+            Err(_) => commands::wait(arm, width, self.settings.rest_steps),
+        }
+    }
+}
+
+impl Policy for Expert {
+    fn spec(&self) -> PolicySpec {
+        PolicySpec {
+            name: "expert".into(),
+            cameras: Vec::new(),
+            state_keys: vec!["observation.state".into()],
+            action: ActionSpec::native(60.0),
+            rate_hz: 60.0,
+            execute_steps: 0,
+            privileged: true,
+        }
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        let scenario = start.scenario.as_ref().ok_or_else(|| PolicyError::Unsuited("needs the scenario".into()))?;
+        self.seed = start.seed;
+        self.plans = subgoals::plans(&scenario.task.goal, scenario, start.seed);
+        self.plans.reverse();
+        self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
+        (self.picks, self.tries, self.phase, self.last_failure) = (0, 0, Phase::Free, None);
+        if self.plans.is_empty() {
+            return Err(PolicyError::Unsuited("no alternative of the goal can be served by pick and place".into()));
+        }
+        Ok(())
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let truth = observation
+            .privileged
+            .as_ref()
+            .ok_or_else(|| PolicyError::Unsuited("needs simulator truth".into()))?
+            .clone();
+        let state = observation
+            .state
+            .get("observation.state")
+            .ok_or_else(|| PolicyError::Unsuited("needs `observation.state`".into()))?;
+        let (arm, width) = state.split_at(self.stage.robot.arm_dof().min(state.len()));
+        let scene = self.stage.posed(&truth.objects);
+        match std::mem::replace(&mut self.phase, Phase::Free) {
+            Phase::Free => self.pick(&scene, arm),
+            Phase::Picked { step, open_width, taken_from } => {
+                let hand = Hand { arm: arm.to_vec(), width: width.iter().sum(), open_width };
+                self.place(&scene, &truth, &hand, &step, &taken_from)
+            }
+            Phase::Home => Ok(ActionChunk { actions: Vec::new(), finished: true }),
+        }
+    }
+}

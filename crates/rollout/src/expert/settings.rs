@@ -1,0 +1,70 @@
+//! Every default of the expert on one screen.
+
+use serde::{Deserialize, Serialize};
+
+/// How the expert searches and moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExpertSettings {
+    /// Goal poses kept per move.
+    pub goal_poses: usize,
+    /// Goal poses drawn per move.
+    pub goal_pose_draws: usize,
+    /// How far inside its threshold a direction must hold at a goal pose, metres.
+    pub goal_margin_m: f64,
+    /// Free space around a goal pose, metres.
+    pub goal_clearance_m: f64,
+    /// Grasp candidates looked at per pick.
+    pub grasps: usize,
+    /// Grasps for which motions are planned before a pick is given up.
+    pub planned_grasps: usize,
+    /// Picks tried per move before the expert gives up.
+    pub tries_per_move: usize,
+    /// How far before the grasp the straight approach starts, metres.
+    pub approach_m: f64,
+    /// How far a grasped object is lifted straight up, metres.
+    pub lift_m: f64,
+    /// Room the open fingers leave on both sides together, metres.
+    pub finger_clearance_m: f64,
+    /// Heights above the resting place at which the object may be released, metres, lowest first.
+    pub release_heights_m: Vec<f64>,
+    /// Greatest of these for objects that are set down on something open, metres; hollows allow all.
+    pub max_open_release_m: f64,
+    /// Share of the robot's speed and acceleration limits with an empty hand.
+    pub empty_speed: f64,
+    /// Share of the robot's speed and acceleration limits with something in the hand.
+    pub loaded_speed: f64,
+    /// Share for the last straight centimetres.
+    pub careful_speed: f64,
+    /// Control steps for closing the fingers and building up the grip.
+    pub close_steps: usize,
+    /// Control steps for opening the fingers.
+    pub open_steps: usize,
+    /// Control steps to wait for the arm to come to rest before the fingers move.
+    pub rest_steps: usize,
+}
+
+impl Default for ExpertSettings {
+    fn default() -> Self {
+        Self {
+            goal_poses: 10,
+            goal_pose_draws: 400,
+            goal_margin_m: 0.012,
+            goal_clearance_m: 0.015,
+            grasps: 80,
+            planned_grasps: 12,
+            tries_per_move: 4,
+            approach_m: 0.09,
+            lift_m: 0.10,
+            finger_clearance_m: 0.024,
+            release_heights_m: vec![0.003, 0.015, 0.03, 0.05, 0.08, 0.12],
+            max_open_release_m: 0.015,
+            empty_speed: 0.55,
+            loaded_speed: 0.35,
+            careful_speed: 0.2,
+            close_steps: 24,
+            open_steps: 18,
+            rest_steps: 12,
+        }
+    }
+}

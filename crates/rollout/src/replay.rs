@@ -1,0 +1,42 @@
+//! Recorded commands applied open loop in a fresh simulation.
+
+use std::sync::Arc;
+
+use genmanip_core::Episode;
+use genmanip_sim::Sim;
+
+use crate::{RolloutError, Stage};
+
+/// What a replay shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReplayCheck {
+    /// The final state is the recorded one, bit for bit.
+    pub identical: bool,
+    /// Largest difference between the final states, mixed units; 0 when identical.
+    pub largest_difference: f64,
+    /// Number of control steps replayed.
+    pub frames: usize,
+}
+
+/// Restores the recorded initial state, applies every recorded command and compares the final state by its bits.
+///
+/// # Errors
+/// When the simulation becomes unstable or the recorded state does not fit the scene.
+pub fn check(stage: &Stage, episode: &Episode) -> Result<ReplayCheck, RolloutError> {
+    let mut sim = Sim::new(Arc::clone(&stage.scene));
+    sim.set_state(&episode.initial_state)?;
+    for frame in &episode.frames {
+        sim.control_step(&frame.command)?;
+    }
+    let state = sim.state();
+    let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    Ok(ReplayCheck {
+        identical: bits(&state) == bits(&episode.final_state),
+        largest_difference: state
+            .iter()
+            .zip(&episode.final_state)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max),
+        frames: episode.frames.len(),
+    })
+}

@@ -1,0 +1,146 @@
+//! A scenario made ready: models built, physics compiled.
+
+use std::sync::Arc;
+
+use genmanip_assets::{AssetError, Catalogue};
+use genmanip_core::{ObjectModel, ObjectState, RobotModel, Scenario};
+use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
+use genmanip_sim::{Scene, SceneObject, SimError, SimSettings};
+
+use crate::RolloutSettings;
+
+/// Everything immutable that episodes of one scenario share.
+#[derive(Clone)]
+pub struct Stage {
+    /// The scenario.
+    pub scenario: Arc<Scenario>,
+    /// Models of its objects, in its order.
+    pub models: Vec<Arc<ObjectModel>>,
+    /// The robot.
+    pub robot: Arc<RobotModel>,
+    /// Compiled physics.
+    pub scene: Arc<Scene>,
+    /// How relations are judged.
+    pub relations: RelationSettings,
+    /// The scene at the start as relations see it; its shapes are shared by all later ones.
+    posed: PosedScene,
+}
+
+/// Why an episode could not be run or replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum RolloutError {
+    /// An object is unknown or its physics have changed.
+    #[error(transparent)]
+    Asset(#[from] AssetError),
+    /// The simulation refused or blew up.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// The robot cannot be planned for.
+    #[error(transparent)]
+    Robot(#[from] genmanip_motion::RobotError),
+    /// The scenario names a robot that does not exist.
+    #[error("scenario {scenario} wants robot `{got}`, expected `{expected}`")]
+    UnknownRobot {
+        /// Id of the scenario.
+        scenario: String,
+        /// The robot there is.
+        expected: String,
+        /// The robot it names.
+        got: String,
+    },
+    /// The policy asks for what this loop does not serve.
+    #[error("policy `{policy}` cannot be served: {reason}")]
+    Spec {
+        /// Name of the policy.
+        policy: String,
+        /// What does not fit.
+        reason: String,
+    },
+    /// A picture could not be made or encoded.
+    #[error("images of episode {episode}: {reason}")]
+    Images {
+        /// Id of the episode.
+        episode: String,
+        /// What went wrong.
+        reason: String,
+    },
+    /// The episode store failed.
+    #[error(transparent)]
+    Store(#[from] genmanip_data::DataError),
+}
+
+impl Stage {
+    /// Builds the models, checks that their physics are those the scenario was made with, and compiles the scene.
+    ///
+    /// # Errors
+    /// When an object is unknown or changed, or the physics engine refuses the scene.
+    pub fn open(
+        scenario: Arc<Scenario>,
+        catalogue: &Catalogue,
+        robot: &Arc<RobotModel>,
+        sim: &SimSettings,
+    ) -> Result<Self, RolloutError> {
+        if scenario.robot != robot.name {
+            return Err(RolloutError::UnknownRobot {
+                scenario: scenario.id.clone(),
+                expected: robot.name.clone(),
+                got: scenario.robot.clone(),
+            });
+        }
+        let models =
+            scenario.objects.iter().map(|placed| catalogue.instance(placed)).collect::<Result<Vec<_>, _>>()?;
+        let objects: Vec<SceneObject> = scenario
+            .objects
+            .iter()
+            .zip(&models)
+            .map(|(placed, model)| SceneObject {
+                name: placed.uid.clone(),
+                model: Arc::clone(model),
+                pose: placed.pose,
+                joint_positions: placed.joint_positions.clone(),
+            })
+            .collect();
+        let scene = Arc::new(Scene::compile(robot, &objects, sim)?);
+        let posed = objects.into_iter().map(|object| PosedObject {
+            uid: object.name,
+            model: object.model,
+            pose: object.pose,
+            joint_positions: object.joint_positions,
+        });
+        let posed = PosedScene::new(posed.collect(), &mut ShapeCache::default());
+        let relations = RelationSettings::default();
+        Ok(Self { scenario, models, robot: Arc::clone(robot), scene, relations, posed })
+    }
+
+    /// The scene as relations see it, from simulator truth.
+    pub fn posed(&self, states: &[ObjectState]) -> PosedScene {
+        let mut scene = self.posed.clone();
+        for (index, state) in states.iter().enumerate() {
+            scene.set_pose(index, state.pose, &state.joint_positions);
+        }
+        scene
+    }
+
+    /// What is held or moving, so that it satisfies nothing.
+    pub fn rest(states: &[ObjectState], grasped: Option<usize>, settings: &RolloutSettings) -> Rest {
+        Rest {
+            held: grasped,
+            moving: states
+                .iter()
+                .map(|state| {
+                    state.speed > settings.rest_speed || state.angular_speed > settings.rest_angular_speed
+                })
+                .collect(),
+        }
+    }
+
+    /// Control steps per second.
+    pub fn control_rate_hz(&self) -> f64 {
+        f64::from(self.scene.settings().control_rate_hz)
+    }
+
+    /// Name of an object for people.
+    pub fn name(&self, object: usize) -> &str {
+        self.models.get(object).map_or("?", |model| &model.card.name)
+    }
+}

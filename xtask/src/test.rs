@@ -1,0 +1,200 @@
+//! `cargo xtask test`: everything CI runs, cheapest first, stopping at the first failure, with the time of each phase.
+
+use crate::problem::{Problem, Result};
+use crate::process::{self, Workspace};
+use crate::{setup, tidy};
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// What a phase came to, when it did not fail.
+enum Outcome {
+    Passed(String),
+    /// With the reason; never silently.
+    Skipped(String),
+}
+
+type Phase = fn(&Workspace) -> Result<Outcome>;
+
+/// In this order: what fails in seconds comes before what takes minutes, and the tests' own lines come last.
+const PHASES: [(&str, Phase); 10] = [
+    ("setup", set_up),
+    ("fmt", |w| {
+        let hint = "run `cargo fmt --all`".to_owned();
+        cargo(w, &["fmt", "--all", "--check"]).map_err(|problem| Problem { hint, ..problem })
+    }),
+    ("tidy", |w| tidy::run(&w.root).map(|()| passed())),
+    ("deny", |w| if_installed(w, "cargo-deny", &["check", "licenses", "bans", "sources"])),
+    ("typos", |w| if_installed(w, "typos", &[])),
+    ("clippy", |w| cargo(w, &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"])),
+    ("doc", documentation),
+    // The tests' own build, so that nothing is built twice with another choice of features.
+    ("build", |w| cargo(w, &["test", "--release", "--workspace", "--no-run"])),
+    ("link check", link_check),
+    ("test", tests),
+];
+
+/// All phases, or those named; prints the table whether they pass or not.
+pub fn run(workspace: &Workspace, chosen: &[String]) -> Result {
+    let names: Vec<&str> = PHASES.iter().map(|(name, _)| *name).collect();
+    if let Some(wrong) = chosen.iter().find(|name| !names.contains(&name.as_str())) {
+        return Err(Problem {
+            what: format!("there is no phase `{wrong}`"),
+            expected: names.join(", "),
+            hint: "without a name all phases run".into(),
+        });
+    }
+    let mut table = Vec::new();
+    let mut result = Ok(());
+    for (name, phase) in PHASES.iter().filter(|(name, _)| chosen.is_empty() || chosen.iter().any(|c| c == name)) {
+        eprintln!("\n== {name}");
+        let start = Instant::now();
+        let outcome = phase(workspace);
+        let said = match &outcome {
+            Ok(Outcome::Passed(note)) => note.clone(),
+            Ok(Outcome::Skipped(reason)) => format!("skipped: {reason}"),
+            Err(_) => "FAILED".into(),
+        };
+        table.push((*name, start.elapsed(), said));
+        if let Err(problem) = outcome {
+            result = Err(Problem { what: format!("phase `{name}`: {}", problem.what), ..problem });
+            break;
+        }
+    }
+    println!("\n{}", render(&table));
+    result
+}
+
+fn passed() -> Outcome {
+    Outcome::Passed("ok".into())
+}
+
+fn in_ci() -> bool {
+    std::env::var("CI").is_ok_and(|value| value == "true" || value == "1")
+}
+
+/// The simulator is needed by everybody; without the Python environment the tests that need it say so and skip, but in
+/// CI a skip would hide that the independent reader never ran.
+fn set_up(workspace: &Workspace) -> Result<Outcome> {
+    setup::simulator(workspace)?;
+    match setup::python_environment(workspace) {
+        Ok(_) => Ok(passed()),
+        Err(problem) if in_ci() => Err(problem),
+        Err(problem) => {
+            eprintln!("{problem}");
+            Ok(Outcome::Skipped("no Python environment, so tests of exported datasets skip; a failure in CI".into()))
+        }
+    }
+}
+
+fn cargo(workspace: &Workspace, args: &[&str]) -> Result<Outcome> {
+    process::visible(&mut with_python(workspace, workspace.cargo(args.iter().copied()))).map(|()| passed())
+}
+
+/// Tests find the independent reader through this variable, which is unset when there is none.
+fn with_python(workspace: &Workspace, mut command: Command) -> Command {
+    let python = workspace.root.join(".python/bin/python");
+    if python.exists() {
+        command.env("GENMANIP_PYTHON", python);
+    }
+    command
+}
+
+fn if_installed(workspace: &Workspace, program: &str, args: &[&str]) -> Result<Outcome> {
+    if process::output(workspace.command(program).arg("--version")).is_err() {
+        return Ok(Outcome::Skipped(format!("{program} is not installed")));
+    }
+    process::visible(workspace.command(program).args(args)).map(|()| passed())
+}
+
+fn documentation(workspace: &Workspace) -> Result<Outcome> {
+    let mut cargo = workspace.cargo(["doc", "--release", "--workspace", "--no-deps", "--quiet"]);
+    process::visible(cargo.env("RUSTDOCFLAGS", "-D warnings")).map(|()| passed())
+}
+
+/// The program finds the simulator by itself: `command` has removed the library path that cargo would give it.
+/// Tests and doctests show the same under cargo, which adds no folder outside of the target folder.
+fn link_check(workspace: &Workspace) -> Result<Outcome> {
+    process::visible(&mut workspace.cargo(["build", "--release"]))?;
+    process::visible(with_python(workspace, workspace.command(workspace.genmanip()?)).arg("doctor"))?;
+    Ok(passed())
+}
+
+/// Unit, integration and documentation tests; adds up what they report, since cargo itself never does.
+fn tests(workspace: &Workspace) -> Result<Outcome> {
+    let mut command = with_python(workspace, workspace.cargo(["test", "--release", "--workspace"]));
+    let line = process::shown(&command);
+    eprintln!("$ {line}");
+    let mut child = command.stdout(Stdio::piped()).spawn().map_err(|error| process::cannot_start(&line, &error))?;
+    let mut tally = Tally::default();
+    for text in child.stdout.take().into_iter().flat_map(|out| BufReader::new(out).split(b'\n')).map_while(|l| l.ok()) {
+        let text = String::from_utf8_lossy(&text);
+        println!("{text}");
+        tally.add(&text);
+    }
+    let status = child.wait().map_err(|error| process::cannot_start(&line, &error))?;
+    println!("\n{} passed, {} failed, {} skipped", tally.passed, tally.failed, tally.skipped);
+    if !status.success() {
+        return Err(process::failed(&line, &status.to_string(), ""));
+    }
+    Ok(Outcome::Passed(format!("{} passed, {} ignored", tally.passed, tally.skipped)))
+}
+
+/// Sums of cargo's `test result:` lines.
+#[derive(Default, Debug, PartialEq)]
+struct Tally {
+    passed: u64,
+    failed: u64,
+    skipped: u64,
+}
+
+impl Tally {
+    fn add(&mut self, line: &str) {
+        let Some(counts) = line.strip_prefix("test result: ").and_then(|rest| rest.split_once(". ")) else {
+            return;
+        };
+        for count in counts.1.split("; ") {
+            let mut words = count.split_whitespace();
+            let number = words.next().and_then(|word| word.parse::<u64>().ok()).unwrap_or(0);
+            match words.next() {
+                Some("passed") => self.passed += number,
+                Some("failed") => self.failed += number,
+                Some("ignored") => self.skipped += number,
+                _ => {}
+            }
+        }
+    }
+}
+
+fn render(table: &[(&str, Duration, String)]) -> String {
+    let mut text = format!("{:<12} {:>8}  result\n", "phase", "seconds");
+    for (name, time, said) in table {
+        text += &format!("{name:<12} {:>8.1}  {said}\n", time.as_secs_f64());
+    }
+    let total: Duration = table.iter().map(|(_, time, _)| *time).sum();
+    text + &format!("{:<12} {:>8.1}", "total", total.as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_added_up() {
+        let mut tally = Tally::default();
+        for line in [
+            "test a ... ok",
+            "test result: ok. 12 passed; 0 failed; 1 ignored; 0 measured; 3 filtered out; finished in 0.02s",
+            "test result: FAILED. 2 passed; 1 failed; 0 ignored; 0 measured; 0 filtered out; finished in 0.02s",
+        ] {
+            tally.add(line);
+        }
+        assert_eq!(tally, Tally { passed: 14, failed: 1, skipped: 1 });
+    }
+
+    #[test]
+    fn the_table_names_phase_time_and_result() {
+        let table = [("fmt", Duration::from_millis(1250), "ok".to_owned())];
+        assert_eq!(render(&table), "phase         seconds  result\nfmt               1.2  ok\ntotal             1.2");
+    }
+}
