@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::*;
 
 fn catalogue() -> Vec<ObjectCard> {
-    serde_json::from_str(include_str!("../../testdata/catalog.json")).unwrap()
+    genmanip_assets::Catalogue::builtin().cards().to_vec()
 }
 
 fn recorded() -> Vec<(String, RecordedAnswer)> {

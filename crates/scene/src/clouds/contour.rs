@@ -8,6 +8,7 @@ use std::collections::{BTreeSet, VecDeque};
 
 use glam::{DVec2, DVec3};
 
+use super::tree::Tree;
 use crate::planar::Polygon;
 
 /// An edge is dug when the point is nearer to one of its ends than its length over this.
@@ -30,15 +31,58 @@ impl Contour {
         Some(Self { corners: dig(&hull, Grid::new(flat, &hull)) })
     }
 
-    /// Whether a point is inside, or closer to the outline than `reach`.
-    pub fn reaches(&self, point: DVec2, reach: f64) -> bool {
+    /// The points inside, or closer to the outline than `reach`.
+    pub fn crop(&self, tree: &Tree, reach: f64) -> Vec<DVec3> {
+        let mut kept = Vec::new();
+        let edges: Vec<usize> = (0..self.corners.len()).collect();
+        self.crop_node(tree, 0, &edges, reach, &mut kept);
+        kept
+    }
+
+    /// Crops one node, given the edges that may be in reach of it.
+    fn crop_node(&self, tree: &Tree, index: usize, edges: &[usize], reach: f64, kept: &mut Vec<DVec3>) {
+        let node = &tree.nodes[index];
+        let center = ((node.min + node.max) * 0.5).truncate();
+        let radius = ((node.max - node.min) * 0.5).truncate().length() + 1e-12;
+        let points = &tree.points[node.start..node.end];
+        let mut in_reach = Vec::new();
+        for &edge in edges {
+            let distance = self.edge_distance_squared(edge, center).sqrt();
+            if distance + radius < reach {
+                kept.extend_from_slice(points);
+                return;
+            }
+            if distance - radius < reach {
+                in_reach.push(edge);
+            }
+        }
+        match node.children {
+            _ if in_reach.is_empty() => {
+                if self.surrounds(center) {
+                    kept.extend_from_slice(points);
+                }
+            }
+            Some((left, right)) => {
+                self.crop_node(tree, left, &in_reach, reach, kept);
+                self.crop_node(tree, right, &in_reach, reach, kept);
+            }
+            None => kept.extend(points.iter().copied().filter(|point| {
+                let place = point.truncate();
+                in_reach.iter().any(|&edge| self.edge_distance_squared(edge, place) < reach * reach)
+                    || self.surrounds(place)
+            })),
+        }
+    }
+
+    fn edge_distance_squared(&self, edge: usize, point: DVec2) -> f64 {
+        segment_distance_squared(point, self.corners[edge], self.corners[(edge + 1) % self.corners.len()])
+    }
+
+    /// Whether a ray from the point crosses the outline an odd number of times.
+    fn surrounds(&self, point: DVec2) -> bool {
         let mut inside = false;
-        let limit = reach * reach;
         for (index, &a) in self.corners.iter().enumerate() {
             let b = self.corners[(index + 1) % self.corners.len()];
-            if segment_distance_squared(point, a, b) < limit {
-                return true;
-            }
             if (a.y > point.y) != (b.y > point.y) && point.x < (b.x - a.x) * (point.y - a.y) / (b.y - a.y) + a.x {
                 inside = !inside;
             }
@@ -82,8 +126,8 @@ impl Grid {
         ((place.x as usize).min(self.columns - 1), (place.y as usize).min(self.rows - 1))
     }
 
-    /// Points within a distance of a segment, with their squared distances.
-    fn near(&self, a: DVec2, b: DVec2, limit_squared: f64) -> Vec<(f64, usize)> {
+    /// Points within a distance of a segment that are wanted, the nearest first, with their squared distances.
+    fn near(&self, a: DVec2, b: DVec2, limit_squared: f64, wanted: impl Fn(f64, DVec2) -> bool) -> Vec<(f64, usize)> {
         let reach = DVec2::splat(limit_squared.sqrt());
         let (left, bottom) = self.cell_of(a.min(b) - reach);
         let (right, top) = self.cell_of(a.max(b) + reach);
@@ -99,7 +143,7 @@ impl Grid {
                 }
                 for &index in list {
                     let distance = segment_distance_squared(self.points[index], a, b);
-                    if distance <= limit_squared {
+                    if distance <= limit_squared && wanted(distance, self.points[index]) {
                         found.push((distance, index));
                     }
                 }
@@ -131,12 +175,12 @@ fn dig(hull: &[DVec2], mut grid: Grid) -> Vec<DVec2> {
         let c = ring[next].0;
         let limit = (b - c).length_squared() / (CONCAVITY * CONCAVITY);
         let (a, d) = (ring[previous].0, ring[ring[next].2].0);
-        let candidate = grid.near(b, c, limit).into_iter().find(|&(distance, index)| {
+        let nearest_here = |distance: f64, point: DVec2| {
+            distance < segment_distance_squared(point, a, b) && distance < segment_distance_squared(point, c, d)
+        };
+        let candidate = grid.near(b, c, limit, nearest_here).into_iter().find(|&(_, index)| {
             let point = grid.points[index];
-            distance < segment_distance_squared(point, a, b)
-                && distance < segment_distance_squared(point, c, d)
-                && crosses_nothing(&ring, b, point)
-                && crosses_nothing(&ring, c, point)
+            crosses_nothing(&ring, b, point) && crosses_nothing(&ring, c, point)
         });
         let Some((_, index)) = candidate else { continue };
         let point = grid.points[index];

@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 
 use glam::DVec3;
 
+use super::tree::Tree;
 use crate::hull::Hull;
 
 /// Tolerance of the half-space tests, metres: points on the surface count.
@@ -23,54 +24,102 @@ pub(crate) struct Enclosure {
 }
 
 impl Enclosure {
-    pub fn new(points: &[DVec3]) -> Self {
-        let mut outer = Vec::new();
-        let mut extremes = Vec::new();
-        for direction in directions() {
-            let mut best = (f64::NEG_INFINITY, DVec3::ZERO);
-            for &point in points {
-                let along = direction.dot(point);
-                if along > best.0 {
-                    best = (along, point);
-                }
-            }
-            outer.push((direction, best.0 + TOLERANCE));
-            extremes.push(best.1);
-        }
+    pub fn new(tree: &Tree) -> Self {
+        let supports: Vec<(DVec3, DVec3)> =
+            directions().map(|direction| (direction, tree.farthest(direction))).collect();
+        let outer = supports.iter().map(|(direction, point)| (*direction, direction.dot(*point) + TOLERANCE)).collect();
+        let extremes: Vec<DVec3> = supports.iter().map(|(_, point)| *point).collect();
         Self { outer, inner: Hull::of(&extremes).planes(TOLERANCE), exact: OnceLock::new() }
     }
 
     /// Whether at least `needed` of the points lie in the hull of `own`, the cloud this was made from.
-    pub fn holds(&self, points: &[DVec3], own: &[DVec3], needed: usize) -> bool {
+    pub fn holds(&self, points: &Tree, own: &[DVec3], needed: usize) -> bool {
         if self.inner.is_empty() && is_flat(own) {
             return false;
         }
-        let (mut sure, mut open) = (0, Vec::new());
-        for (seen, &point) in points.iter().enumerate() {
-            if sure + open.len() + (points.len() - seen) < needed {
-                return false;
-            }
-            if !self.outer.iter().all(|(normal, distance)| normal.dot(point) <= *distance) {
-                continue;
-            }
-            if within(&self.inner, point) {
-                sure += 1;
-            } else {
-                open.push(point);
-            }
-            if sure >= needed {
-                return true;
-            }
-        }
-        if sure + open.len() < needed {
-            return false;
+        let outer: Vec<usize> = (0..self.outer.len()).collect();
+        let inner: Vec<usize> = (0..self.inner.len()).collect();
+        let mut count = Count { sure: 0, open: Vec::new(), left: points.points.len(), needed };
+        self.count(points, 0, &outer, &inner, &mut count);
+        if count.sure >= needed || count.sure + count.open.len() < needed {
+            return count.sure >= needed;
         }
         let exact = self.exact.get_or_init(|| {
             let outside: Vec<DVec3> =
                 own.iter().copied().filter(|&point| !strictly_within(&self.inner, point)).collect();
             Hull::of(&outside).planes(TOLERANCE)
         });
-        sure + open.iter().filter(|&&point| within(exact, point)).count() >= needed
+        count.sure + count.open.iter().filter(|&&point| within(exact, point)).count() >= needed
+    }
+
+    /// Counts the points of a node, given the outer planes that cross its parent and the inner ones not known to hold.
+    fn count(&self, tree: &Tree, index: usize, outer: &[usize], inner: &[usize], count: &mut Count) {
+        if count.decided() {
+            return;
+        }
+        let node = &tree.nodes[index];
+        let (center, half) = ((node.min + node.max) * 0.5, (node.max - node.min) * 0.5);
+        // Signed distance of the box's middle from a plane, and how far the box reaches along the normal.
+        let place = |(normal, distance): &(DVec3, f64)| (normal.dot(center) - distance, normal.abs().dot(half) + 1e-12);
+        let size = node.end - node.start;
+        let mut crossed = Vec::new();
+        for &plane in outer {
+            let (middle, reach) = place(&self.outer[plane]);
+            if middle > reach {
+                count.left -= size;
+                return;
+            }
+            if middle > -reach {
+                crossed.push(plane);
+            }
+        }
+        let unknown: Vec<usize> = inner
+            .iter()
+            .copied()
+            .filter(|&plane| {
+                let (middle, reach) = place(&self.inner[plane]);
+                middle > -reach
+            })
+            .collect();
+        if unknown.is_empty() && !self.inner.is_empty() {
+            count.left -= size;
+            count.sure += size;
+        } else if let Some((left, right)) = node.children {
+            self.count(tree, left, &crossed, &unknown, count);
+            self.count(tree, right, &crossed, &unknown, count);
+        } else {
+            let beyond = |planes: &[(DVec3, f64)], list: &[usize], point: DVec3| {
+                list.iter().any(|&plane| planes[plane].0.dot(point) > planes[plane].1)
+            };
+            count.left -= size;
+            for &point in &tree.points[node.start..node.end] {
+                if beyond(&self.outer, &crossed, point) {
+                    continue;
+                }
+                if self.inner.is_empty() || beyond(&self.inner, &unknown, point) {
+                    count.open.push(point);
+                } else {
+                    count.sure += 1;
+                }
+            }
+        }
+    }
+}
+
+/// Points counted so far.
+struct Count {
+    /// In the inner polytope.
+    sure: usize,
+    /// Between the two polytopes.
+    open: Vec<DVec3>,
+    /// Not looked at yet.
+    left: usize,
+    needed: usize,
+}
+
+impl Count {
+    fn decided(&self) -> bool {
+        self.sure >= self.needed || self.sure + self.open.len() + self.left < self.needed
     }
 }
 

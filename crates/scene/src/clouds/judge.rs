@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::tree::Tree;
 use super::{Cloud, CloudLabel, Profile};
 
 /// Distance in the plane up to which objects are close, with the originals' tolerance of 1 %.
@@ -160,7 +162,8 @@ impl CloudLabel {
 }
 
 fn close(target: &Cloud, anchor: &Cloud) -> bool {
-    target.tree().has_pair_within(anchor.tree(), CLOSE_M, false)
+    let apart = (target.min - anchor.max).max(anchor.min - target.max).max(DVec3::ZERO).truncate();
+    apart.length() <= CLOSE_M && target.tree().has_pair_within(anchor.tree(), CLOSE_M, false)
 }
 
 fn touching(target: &Cloud, anchor: &Cloud) -> bool {
@@ -168,13 +171,13 @@ fn touching(target: &Cloud, anchor: &Cloud) -> bool {
 }
 
 fn contains(profile: Profile, outer: &Cloud, inner: &Cloud) -> bool {
-    outer.enclosure().holds(&inner.points, &outer.points, profile.needed(inner.points.len()))
+    outer.enclosure().holds(inner.tree(), &outer.points, profile.needed(inner.points.len()))
 }
 
 /// Whether the bounds overlap enough and the heights match for the upper cloud to be on the lower one.
 fn supported(profile: Profile, upper: &Cloud, lower: &Cloud) -> bool {
     let area = |cloud: &Cloud| (cloud.max.x - cloud.min.x) * (cloud.max.y - cloud.min.y);
-    let common = (upper.max.min(lower.max) - upper.min.max(lower.min)).max(glam::DVec3::ZERO);
+    let common = (upper.max.min(lower.max) - upper.min.max(lower.min)).max(DVec3::ZERO);
     let (upper_area, lower_area) = (area(upper), area(lower));
     if upper_area == 0.0 || lower_area == 0.0 {
         return false;
@@ -207,11 +210,14 @@ fn between(profile: Profile, target: &Cloud, anchor: &Cloud, second: &Cloud) -> 
 /// The originals' second chance for `on`: against the part of the anchor under the target's widened outline.
 fn on_cropped(profile: Profile, target: &Cloud, anchor: &Cloud) -> bool {
     // The part has smaller bounds than the whole, so what the whole cannot support the part cannot either.
-    let common = (target.max.min(anchor.max) - target.min.max(anchor.min)).max(glam::DVec3::ZERO);
-    let area = (target.max.x - target.min.x) * (target.max.y - target.min.y);
-    if area == 0.0
-        || common.x * common.y / area <= profile.supported_ratio()
+    let area = |size: DVec3| size.x.max(0.0) * size.y.max(0.0);
+    let common = |reach: f64| (target.max + reach).min(anchor.max) - (target.min - reach).max(anchor.min);
+    let target_area = area(target.max - target.min);
+    if target_area == 0.0
+        || area(common(0.0)) / target_area <= profile.supported_ratio()
+        || target_area / area(common(CROP_M)) >= profile.area_ratio()
         || target.min.z - anchor.max.z > TOUCHING_M
+        || rises_too_high(target, anchor)
     {
         return false;
     }
@@ -222,18 +228,18 @@ fn on_cropped(profile: Profile, target: &Cloud, anchor: &Cloud) -> bool {
         && (profile == Profile::GenManip09 || !(contains(profile, &part, target) || contains(profile, target, &part)))
 }
 
+/// Whether some point of the anchor that is too high for the target to rest there is surely under its widened outline.
+fn rises_too_high(target: &Cloud, anchor: &Cloud) -> bool {
+    let high: Vec<DVec3> =
+        anchor.points.iter().copied().filter(|point| point.z > target.min.z + TOUCHING_M + 1e-9).collect();
+    !high.is_empty() && target.tree().has_pair_within(&Tree::new(&high), CROP_M * 0.99, false)
+}
+
 /// The points of the anchor under the target's outline widened by 5 cm; `None` when there are none.
-pub(super) fn crop(target: &Cloud, anchor: &Cloud) -> Option<Cloud> {
-    let contour = target.contour()?;
-    let (low, high) = (target.min.truncate() - CROP_M, target.max.truncate() + CROP_M);
-    let kept: Vec<_> = anchor
-        .points
-        .iter()
-        .copied()
-        .filter(|point| {
-            let place = point.truncate();
-            place.cmpge(low).all() && place.cmple(high).all() && contour.reaches(place, CROP_M)
-        })
-        .collect();
+///
+/// The originals widen with polygons of 64 sides, here the corners are round (0.06 mm more), and points equally far from
+/// an edge may be dug in another order: 9 in 10 crops of the recorded cases have the same size, all the same verdict.
+fn crop(target: &Cloud, anchor: &Cloud) -> Option<Cloud> {
+    let kept = target.contour()?.crop(anchor.tree(), CROP_M);
     (!kept.is_empty()).then(|| Cloud::from_finite(kept))
 }

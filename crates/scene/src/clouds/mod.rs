@@ -11,6 +11,7 @@
 //! assert_eq!(labels(Profile::GenManip09, &row(0.0), &row(0.12), None), [CloudLabel::Left]);
 //! ```
 
+pub mod cases;
 mod contour;
 mod inside;
 mod judge;
@@ -134,7 +135,7 @@ impl Cloud {
     }
 
     pub(crate) fn enclosure(&self) -> &Enclosure {
-        self.enclosure.get_or_init(|| Enclosure::new(&self.points))
+        self.enclosure.get_or_init(|| Enclosure::new(self.tree()))
     }
 
     pub(crate) fn contour(&self) -> Option<&Contour> {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// Points per leaf.
-const LEAF: usize = 16;
+const LEAF: usize = 32;
 
 /// A balanced tree over the points of a cloud.
 #[derive(Debug)]
@@ -65,6 +65,34 @@ impl Tree {
             }
         }
         false
+    }
+
+    /// The farthest point along a direction.
+    pub fn farthest(&self, direction: DVec3) -> DVec3 {
+        let reach = |node: &Node| direction.dot(DVec3::select(direction.cmpge(DVec3::ZERO), node.max, node.min));
+        let mut best = (f64::NEG_INFINITY, DVec3::ZERO);
+        let mut stack = vec![0];
+        while let Some(index) = stack.pop() {
+            let node = &self.nodes[index];
+            if reach(node) <= best.0 {
+                continue;
+            }
+            match node.children {
+                Some((left, right)) if reach(&self.nodes[left]) > reach(&self.nodes[right]) => {
+                    stack.extend([right, left]);
+                }
+                Some((left, right)) => stack.extend([left, right]),
+                None => {
+                    for &point in &self.points[node.start..node.end] {
+                        let along = direction.dot(point);
+                        if along > best.0 {
+                            best = (along, point);
+                        }
+                    }
+                }
+            }
+        }
+        best.1
     }
 
     /// The nearer pair is looked at first.

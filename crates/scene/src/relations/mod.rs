@@ -12,6 +12,8 @@
 //!
 //! Curved outlines are polygons of 64 sides (error below 0.12 % of the radius); vertical gaps are exact to a micrometre.
 
+#[cfg(test)]
+mod catalogue_tests;
 mod contact;
 mod judge;
 mod pair;
