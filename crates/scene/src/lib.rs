@@ -1,1 +1,9 @@
-//! (filled below)
+//! From words to scenes and back: reading a language model's task, and judging how objects stand to each other.
+//!
+//! - [`answer`] turns the text a model sent into a valid [`genmanip_core::Task`], or says everything that is wrong with it.
+//! - [`relations`] judges relations and goals on exact posed geometry, and explains every verdict with numbers.
+//!
+//! Both are pure: values in, values out.
+
+pub mod answer;
+pub mod relations;

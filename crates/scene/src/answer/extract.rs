@@ -1,0 +1,174 @@
+//! Finds the answer's JSON object in what a model wrote around it.
+
+use serde_json::Value;
+
+use super::MAX_ANSWER_BYTES;
+use super::flaw::{Findings, FlawKind};
+use super::json::{Failure, Parsed, parse_object};
+
+/// Most code fences that are looked into.
+const MAX_FENCES: usize = 16;
+
+/// Most JSON values that are read; an answer has a few hundred.
+const MAX_VALUES: usize = 10_000;
+
+/// Keys of which an answer has at least one.
+const ANSWER_KEYS: [&str; 3] = ["instruction", "goal_conditions", "scene_graph"];
+
+/// The answer's object, out of code fences, prose and wrapping objects; `None` after noting why there is none.
+pub(super) fn find_answer(raw: &str, findings: &mut Findings) -> Option<Value> {
+    if raw.len() > MAX_ANSWER_BYTES {
+        findings.reject(
+            FlawKind::TooLarge,
+            "$",
+            format!("expected at most {MAX_ANSWER_BYTES} bytes, got {}", raw.len()),
+            "an answer needs a few kilobytes",
+        );
+        return None;
+    }
+    let fences = fenced_objects(raw);
+    let regions = if fences.is_empty() { vec![(0, raw.len())] } else { fences };
+    let mut answers: Vec<(usize, Parsed)> = Vec::new();
+    let mut failures: Vec<Failure> = Vec::new();
+    let mut other_objects = 0;
+    let mut budget = MAX_VALUES;
+    for (start, end) in regions {
+        scan(raw, start, end, &mut budget, |result| match result {
+            Ok(parsed) if looks_like_answer(&parsed.value) => answers.push((start, parsed)),
+            Ok(_) => other_objects += 1,
+            Err(failure) => failures.push(failure),
+        });
+    }
+    if answers.is_empty() {
+        note_failure(raw, &failures, other_objects, findings);
+        return None;
+    }
+    let (_, first) = answers.remove(0);
+    if answers.iter().any(|(_, other)| other.value != first.value) {
+        findings.reject(
+            FlawKind::SeveralAnswers,
+            "$",
+            format!("expected one answer, got {} different ones", answers.len() + 1),
+            "send the final JSON object only",
+        );
+        return None;
+    }
+    for (what, at) in &first.sloppy {
+        let message = format!("expected strict JSON, got a {what}");
+        findings.repair(FlawKind::SloppyJson, position(raw, *at), message, format!("read past: {what}"));
+    }
+    Some(unwrap(first.value, findings))
+}
+
+/// Contents of the code fences that begin with an object, as byte ranges.
+fn fenced_objects(raw: &str) -> Vec<(usize, usize)> {
+    let mut regions = Vec::new();
+    let mut at = 0;
+    while regions.len() < MAX_FENCES
+        && let Some(open) = raw[at..].find("```").map(|offset| at + offset + 3)
+    {
+        let info = raw[open..].bytes().take_while(|byte| byte.is_ascii_alphanumeric()).count();
+        let start = open + info;
+        let end = raw[start..].find("```").map_or(raw.len(), |offset| start + offset);
+        let content = raw[start..end].trim_start();
+        if content.starts_with(['{', '[']) || content.starts_with("//") || content.starts_with("/*") {
+            regions.push((start, end));
+        }
+        at = (end + 3).min(raw.len());
+    }
+    regions
+}
+
+/// Tries every `{` that is not inside an object already read; goes on behind the place where a try failed, so that
+/// the time is proportional to the text.
+fn scan(raw: &str, start: usize, end: usize, budget: &mut usize, mut found: impl FnMut(Result<Parsed, Failure>)) {
+    let text = &raw[..end];
+    let mut at = start;
+    while let Some(open) = text[at..].find('{').map(|offset| at + offset) {
+        // Every try costs something, so that a megabyte of braces is soon given up.
+        *budget = budget.saturating_sub(64);
+        let result = match *budget {
+            0 => Err(Failure::TooManyValues { at: open }),
+            _ => parse_object(text, open, budget),
+        };
+        let exhausted = matches!(result, Err(Failure::TooManyValues { .. }));
+        let next = match &result {
+            Ok(parsed) => parsed.end,
+            Err(failure) => failure.at().max(open + 1),
+        };
+        found(result);
+        if exhausted {
+            return;
+        }
+        at = (next..=end).find(|&index| text.is_char_boundary(index)).unwrap_or(end);
+    }
+}
+
+fn looks_like_answer(value: &Value) -> bool {
+    let has_key = |value: &Value| ANSWER_KEYS.iter().any(|key| value.get(key).is_some());
+    has_key(value) || wrapped(value).is_some_and(has_key)
+}
+
+/// The only value of an object with one key.
+fn wrapped(value: &Value) -> Option<&Value> {
+    value.as_object().filter(|map| map.len() == 1).and_then(|map| map.values().next())
+}
+
+/// Takes the answer out of an object like `{"task": {…}}`.
+fn unwrap(value: Value, findings: &mut Findings) -> Value {
+    if ANSWER_KEYS.iter().any(|key| value.get(key).is_some()) {
+        return value;
+    }
+    match wrapped(&value) {
+        Some(inner) => {
+            let key = value.as_object().and_then(|map| map.keys().next()).cloned().unwrap_or_default();
+            let message = format!("expected the answer's keys, got the single key `{key}`");
+            findings.repair(FlawKind::WrongNesting, "$", message, format!("took the object under `{key}`"));
+            inner.clone()
+        }
+        None => value,
+    }
+}
+
+fn note_failure(raw: &str, failures: &[Failure], other_objects: usize, findings: &mut Findings) {
+    let again = "send one complete JSON object";
+    // The try that got farthest says most about what was meant.
+    match failures.iter().max_by_key(|failure| failure.at()) {
+        Some(Failure::Truncated { at }) => findings.reject(
+            FlawKind::TruncatedJson,
+            position(raw, *at),
+            "expected the object to be closed, got the end of the text",
+            again,
+        ),
+        Some(Failure::Malformed { at, message }) => {
+            findings.reject(FlawKind::MalformedJson, position(raw, *at), message, again);
+        }
+        Some(Failure::DuplicateKey { at, key }) => findings.reject(
+            FlawKind::DuplicateKey,
+            position(raw, *at),
+            format!("key `{key}` occurs twice with different values"),
+            again,
+        ),
+        Some(Failure::TooManyValues { at }) => findings.reject(
+            FlawKind::TooLarge,
+            position(raw, *at),
+            format!("expected at most {MAX_VALUES} JSON values, got more"),
+            again,
+        ),
+        None if other_objects > 0 => findings.reject(
+            FlawKind::MissingField,
+            "$",
+            format!("expected the keys {ANSWER_KEYS:?}, got an object with none of them"),
+            again,
+        ),
+        None => findings.reject(FlawKind::NoJson, "$", "expected a JSON object, got none", again),
+    }
+}
+
+/// Line and column for people, both from 1.
+fn position(raw: &str, at: usize) -> String {
+    let before = raw.get(..at).unwrap_or(raw);
+    let line = before.bytes().filter(|&byte| byte == b'\n').count() + 1;
+    let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
+    format!("line {line}, column {column}")
+}

@@ -1,0 +1,448 @@
+//! Turns names, uids, positions and states into what they stand for.
+
+use std::collections::BTreeSet;
+
+use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Task};
+
+use super::TaskRequest;
+use super::decode::{RawAnswer, RawCondition, RawEdge, RawNode, RawObject};
+use super::flaw::{Findings, FlawKind};
+
+/// A resolved answer; objects are indices into the offered cards. Parts that could not be resolved are left out,
+/// each with its flaw, so that the rules can still look at the rest.
+pub(super) struct Draft {
+    pub instruction: String,
+    pub description: String,
+    pub alternatives: Vec<Vec<Condition>>,
+    pub edges: Vec<Edge>,
+    pub nodes: Vec<Node>,
+    /// Number of conditions per alternative as written, also of those left out.
+    pub written_conditions: Vec<usize>,
+    /// Number of nodes as written, also of those left out.
+    pub written_nodes: usize,
+    /// Whether an edge was left out because of an object nobody offered.
+    pub lost_edges: bool,
+    /// Objects of edges that were dropped because they name the table: those edges did say where the object stands.
+    pub on_table: Vec<usize>,
+}
+
+/// A condition that tests exactly one thing.
+pub(super) struct Condition {
+    pub subject: usize,
+    pub test: Test,
+    /// State given beside a relation; harmless when it is the initial one.
+    pub beside: Option<String>,
+    pub path: String,
+}
+
+/// What a condition tests.
+#[derive(Clone, PartialEq)]
+pub(super) enum Test {
+    Relation(Relation, usize),
+    State(String),
+}
+
+/// A relation of the initial graph.
+pub(super) struct Edge {
+    pub subject: usize,
+    pub relation: Relation,
+    pub reference: usize,
+    pub path: String,
+}
+
+/// An object of the initial graph.
+pub(super) struct Node {
+    pub object: usize,
+    pub state: Option<String>,
+    pub path: String,
+}
+
+impl Draft {
+    /// The task; `None` when something essential could not be resolved.
+    pub fn into_task(self, request: &TaskRequest) -> Option<Task> {
+        let uid = |index: usize| request.offered.get(index).map(|card| card.uid.clone());
+        let atom = |condition: &Condition| match &condition.test {
+            Test::Relation(relation, reference) => Some(Atom::Relation {
+                subject: uid(condition.subject)?,
+                relation: *relation,
+                reference: uid(*reference)?,
+                second_reference: None,
+            }),
+            Test::State(state) => Some(Atom::State { object: uid(condition.subject)?, state: state.clone() }),
+        };
+        let alternatives = self
+            .alternatives
+            .iter()
+            .map(|conjunction| conjunction.iter().map(atom).collect::<Option<Vec<_>>>())
+            .collect::<Option<Vec<_>>>()?;
+        let edges = self.edges.iter().map(|edge| {
+            Some(GraphEdge {
+                subject: uid(edge.subject)?,
+                relation: edge.relation,
+                reference: uid(edge.reference)?,
+                second_reference: None,
+            })
+        });
+        let nodes = self
+            .nodes
+            .iter()
+            .map(|node| Some(GraphNode { uid: uid(node.object)?, state: node.state.clone() }))
+            .collect::<Option<Vec<_>>>()?;
+        Some(Task {
+            id: request.id.clone(),
+            kind: request.kind,
+            instruction: self.instruction,
+            goal: Goal { alternatives },
+            scene_graph: SceneGraph { description: self.description, nodes, edges: edges.collect::<Option<Vec<_>>>()? },
+            objects: self.nodes.iter().filter_map(|node| request.offered.get(node.object).cloned()).collect(),
+            source: request.source.clone(),
+        })
+    }
+}
+
+/// Resolves every part of an answer.
+pub(super) fn resolve(answer: RawAnswer, offered: &[ObjectCard], findings: &mut Findings) -> Draft {
+    let mut resolver = Resolver { offered, seen: BTreeSet::new(), findings };
+    let written_conditions = answer.alternatives.iter().map(Vec::len).collect();
+    let alternatives = answer
+        .alternatives
+        .iter()
+        .map(|conjunction| conjunction.iter().filter_map(|raw| resolver.condition(raw)).collect())
+        .collect();
+    let mut draft = Draft {
+        instruction: answer.instruction,
+        description: answer.description,
+        alternatives,
+        edges: Vec::new(),
+        nodes: answer.nodes.iter().filter_map(|raw| resolver.node(raw)).collect(),
+        written_conditions,
+        written_nodes: answer.nodes.len(),
+        lost_edges: false,
+        on_table: Vec::new(),
+    };
+    for raw in &answer.edges {
+        match resolver.edge(raw) {
+            EdgeReading::Edge(edge) => draft.edges.push(edge),
+            EdgeReading::OnTable(objects) => draft.on_table.extend(objects),
+            EdgeReading::Dropped => {}
+            EdgeReading::Unreadable => draft.lost_edges = true,
+        }
+    }
+    draft
+}
+
+/// What a written object stands for.
+enum Named {
+    Object(usize),
+    Table,
+    Absent,
+    /// Something wrong that is already noted.
+    Unreadable,
+}
+
+/// What a written edge stands for.
+enum EdgeReading {
+    Edge(Edge),
+    OnTable(Vec<usize>),
+    Dropped,
+    Unreadable,
+}
+
+struct Resolver<'a> {
+    offered: &'a [ObjectCard],
+    /// Flaws of objects already noted, so that one wrong uid is one flaw however often it is used.
+    seen: BTreeSet<(FlawKind, String)>,
+    findings: &'a mut Findings,
+}
+
+impl Resolver<'_> {
+    fn condition(&mut self, raw: &RawCondition) -> Option<Condition> {
+        let subject = self.object(&raw.subject);
+        let reference = self.object(&raw.reference);
+        let relation = raw.position.as_deref().map(|word| self.relation(word, &raw.path));
+        let incomplete = |findings: &mut Findings, message: &str| {
+            let hint = "a condition is a relation (obj1, position, obj2) or a state (obj1, obj1_state)";
+            findings.reject(FlawKind::IncompleteCondition, raw.path.as_str(), message, hint);
+        };
+        let subject = match subject {
+            Named::Object(index) => index,
+            Named::Unreadable => return None,
+            Named::Absent => {
+                incomplete(self.findings, "expected an object in obj1, got none");
+                return None;
+            }
+            Named::Table => return self.goal_on_table(&raw.subject.path),
+        };
+        let mut beside = None;
+        let test = match (relation, reference, &raw.state) {
+            (Some(None), ..) | (_, Named::Unreadable, _) => return None,
+            (_, Named::Table, _) => return self.goal_on_table(&raw.reference.path),
+            (Some(Some(relation)), Named::Object(reference), state) => {
+                if let Some(state) = state {
+                    beside = Some(self.state(subject, state, &raw.path)?);
+                }
+                Test::Relation(relation, reference)
+            }
+            (None, Named::Absent, Some(state)) => Test::State(self.state(subject, state, &raw.path)?),
+            (None, Named::Absent, None) => {
+                incomplete(self.findings, "expected a relation or a state, got neither");
+                return None;
+            }
+            (Some(Some(_)), Named::Absent, _) => {
+                incomplete(self.findings, "expected an object in obj2 for the position, got none");
+                return None;
+            }
+            (None, Named::Object(_), _) => {
+                incomplete(self.findings, "expected a position for obj2, got none");
+                return None;
+            }
+        };
+        Some(Condition { subject, test, beside, path: raw.path.clone() })
+    }
+
+    fn edge(&mut self, raw: &RawEdge) -> EdgeReading {
+        let subject = self.object(&raw.subject);
+        let reference = self.object(&raw.reference);
+        if matches!(subject, Named::Table) || matches!(reference, Named::Table) {
+            let message = "expected two objects, got an edge to the table";
+            self.findings.repair(
+                FlawKind::EdgeOnTable,
+                raw.path.as_str(),
+                message,
+                "dropped: objects stand on the table",
+            );
+            let objects = [subject, reference].into_iter().filter_map(|named| match named {
+                Named::Object(index) => Some(index),
+                _ => None,
+            });
+            return EdgeReading::OnTable(objects.collect());
+        }
+        if matches!(subject, Named::Absent) || matches!(reference, Named::Absent) {
+            let message = "expected two objects, got an edge with \"none\"";
+            self.findings.repair(FlawKind::MissingEdgeObject, raw.path.as_str(), message, "dropped");
+            return EdgeReading::Dropped;
+        }
+        let Some(position) = raw.position.as_deref() else {
+            let message = "expected a position, got none";
+            self.findings.reject(FlawKind::MissingRelation, raw.path.as_str(), message, relation_words());
+            return EdgeReading::Unreadable;
+        };
+        match (subject, self.relation(position, &raw.path), reference) {
+            (Named::Object(subject), Some(relation), Named::Object(reference)) => {
+                EdgeReading::Edge(Edge { subject, relation, reference, path: raw.path.clone() })
+            }
+            _ => EdgeReading::Unreadable,
+        }
+    }
+
+    fn node(&mut self, raw: &RawNode) -> Option<Node> {
+        let object = match self.object(&raw.object) {
+            Named::Object(index) => index,
+            Named::Absent => {
+                let message = "expected a uid, got none";
+                self.findings.reject(FlawKind::MissingUid, raw.object.path.as_str(), message, "");
+                return None;
+            }
+            Named::Table => {
+                let message = "expected an object, got the table";
+                self.findings.repair(
+                    FlawKind::EdgeOnTable,
+                    raw.path.as_str(),
+                    message,
+                    "dropped: the table is always there",
+                );
+                return None;
+            }
+            Named::Unreadable => return None,
+        };
+        // A wrong state is noted; the node still stands for its object.
+        let state =
+            raw.state.as_ref().map(|state| self.state(object, state, &raw.path).unwrap_or_else(|| state.clone()));
+        Some(Node { object, state, path: raw.path.clone() })
+    }
+
+    fn object(&mut self, raw: &RawObject) -> Named {
+        let Some(uid) = raw.uid.as_deref() else {
+            return self.object_by_name(raw);
+        };
+        let exact = self.offered.iter().position(|card| card.uid == uid);
+        let index = match exact.or_else(|| self.respelt_uid(uid)) {
+            Some(index) => index,
+            None if is_table(uid) || raw.name.as_deref().is_some_and(is_table) => return Named::Table,
+            None => {
+                if self.first_time(FlawKind::UnknownUid, uid) {
+                    let offered: Vec<&str> = self.offered.iter().map(|card| card.uid.as_str()).collect();
+                    let named = raw.name.as_deref().map_or(String::new(), |name| format!(" (`{}`)", shortened(name)));
+                    let message =
+                        format!("expected one of the offered uids {offered:?}, got `{}`{named}", shortened(uid));
+                    self.findings.reject(FlawKind::UnknownUid, raw.path.as_str(), message, "use offered objects only");
+                }
+                return Named::Unreadable;
+            }
+        };
+        if exact.is_none() && self.first_time(FlawKind::UidSpelling, uid) {
+            let meant = &self.offered[index].uid;
+            let message = format!("expected an offered uid, got `{}`", shortened(uid));
+            self.findings.repair(FlawKind::UidSpelling, raw.path.as_str(), message, format!("read as `{meant}`"));
+        }
+        self.check_name(raw, index)
+    }
+
+    /// An object without a uid: certain only if exactly one offered object has this very name.
+    fn object_by_name(&mut self, raw: &RawObject) -> Named {
+        let Some(name) = raw.name.as_deref() else {
+            return Named::Absent;
+        };
+        let named: Vec<usize> =
+            (0..self.offered.len()).filter(|&index| same_name(&self.offered[index].name, name)).collect();
+        match named.as_slice() {
+            [index] => {
+                let message = format!("expected the uid of `{}`, got none", shortened(name));
+                let what = format!("read as `{}`", self.offered[*index].uid);
+                self.findings.repair(FlawKind::MissingUid, raw.path.as_str(), message, what);
+                Named::Object(*index)
+            }
+            _ if is_table(name) => Named::Table,
+            _ => {
+                let message = format!("expected the uid of `{}`, got none", shortened(name));
+                self.findings.reject(
+                    FlawKind::MissingUid,
+                    raw.path.as_str(),
+                    message,
+                    "the uid decides which object is meant",
+                );
+                Named::Unreadable
+            }
+        }
+    }
+
+    /// Names may be shortened or reworded, but not be exactly another object's.
+    fn check_name(&mut self, raw: &RawObject, index: usize) -> Named {
+        let card = &self.offered[index];
+        let Some(name) = raw.name.as_deref().filter(|name| !same_name(&card.name, name)) else {
+            return Named::Object(index);
+        };
+        let Some(other) = self.offered.iter().find(|other| same_name(&other.name, name)) else {
+            return Named::Object(index);
+        };
+        let message =
+            format!("expected `{}` for uid `{}`, got `{name}`, which is `{}`", card.name, card.uid, other.uid);
+        if self.first_time(FlawKind::UidNameMismatch, &format!("{}\u{0}{}", card.uid, other.uid)) {
+            self.findings.reject(FlawKind::UidNameMismatch, raw.path.as_str(), message, "name and uid must agree");
+        }
+        Named::Unreadable
+    }
+
+    /// An offered uid written in another case, without its leading zeros, or with O for 0; only if it is the only one.
+    fn respelt_uid(&self, uid: &str) -> Option<usize> {
+        let canonical = |text: &str| {
+            let text: String = text.trim().to_ascii_lowercase();
+            let digits = text.replace('o', "0");
+            if !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()) {
+                let bare = digits.trim_start_matches('0');
+                return if bare.is_empty() { "0".to_owned() } else { bare.to_owned() };
+            }
+            text
+        };
+        let wanted = canonical(uid);
+        let mut matches = (0..self.offered.len()).filter(|&index| canonical(&self.offered[index].uid) == wanted);
+        matches.next().filter(|_| matches.next().is_none())
+    }
+
+    fn relation(&mut self, word: &str, path: &str) -> Option<Relation> {
+        let path = format!("{path}.position");
+        if let Some(relation) = RELATIONS.iter().copied().find(|relation| relation.name() == word) {
+            return Some(relation);
+        }
+        let plain = word.to_ascii_lowercase().replace(['_', '-'], " ");
+        let plain = plain.split_whitespace().collect::<Vec<_>>().join(" ");
+        match RELATIONS.iter().copied().find(|relation| relation.name() == plain).or_else(|| reworded(&plain)) {
+            Some(relation) => {
+                let message = format!("expected {}, got `{}`", relation_words(), shortened(word));
+                let what = format!("read as `{}`", relation.name());
+                self.findings.repair(FlawKind::RelationSpelling, path, message, what);
+                Some(relation)
+            }
+            None => {
+                let message = format!("expected {}, got `{}`", relation_words(), shortened(word));
+                self.findings.reject(FlawKind::UnknownRelation, path, message, "");
+                None
+            }
+        }
+    }
+
+    fn state(&mut self, object: usize, state: &str, path: &str) -> Option<String> {
+        let card = &self.offered[object];
+        if card.states.iter().any(|known| known == state) {
+            return Some(state.to_owned());
+        }
+        let plain = |text: &str| text.to_ascii_lowercase().replace([' ', '-'], "_");
+        let mut meant = card.states.iter().filter(|known| plain(known) == plain(state));
+        if let (Some(known), None) = (meant.next(), meant.next()) {
+            let message = format!("expected one of {:?}, got `{}`", card.states, shortened(state));
+            self.findings.repair(FlawKind::StateSpelling, path, message, format!("read as `{known}`"));
+            return Some(known.clone());
+        }
+        if self.first_time(FlawKind::UnknownState, &format!("{object}\u{0}{state}")) {
+            let expected = if card.states.is_empty() { "none".into() } else { format!("one of {:?}", card.states) };
+            let message =
+                format!("expected {expected} as state of `{}` ({}), got `{}`", card.uid, card.name, shortened(state));
+            self.findings.reject(FlawKind::UnknownState, path, message, "states come from the object's own list");
+        }
+        None
+    }
+
+    fn goal_on_table(&mut self, path: &str) -> Option<Condition> {
+        let message = "expected an offered object, got the table";
+        self.findings.reject(FlawKind::GoalOnTable, path, message, "say where through another object");
+        None
+    }
+
+    fn first_time(&mut self, kind: FlawKind, what: &str) -> bool {
+        self.seen.insert((kind, what.to_owned()))
+    }
+}
+
+/// The words of the format.
+const RELATIONS: [Relation; 8] = [
+    Relation::Front,
+    Relation::Back,
+    Relation::Left,
+    Relation::Right,
+    Relation::Near,
+    Relation::Top,
+    Relation::On,
+    Relation::In,
+];
+
+fn relation_words() -> String {
+    format!("one of {:?}", RELATIONS.map(Relation::name))
+}
+
+/// Longer wordings with one reading; every prompt states that front is the far side.
+fn reworded(plain: &str) -> Option<Relation> {
+    Some(match plain {
+        "in front" | "in front of" | "front of" => Relation::Front,
+        "behind" | "in back of" | "back of" => Relation::Back,
+        "left of" | "to the left" | "to the left of" | "on the left of" => Relation::Left,
+        "right of" | "to the right" | "to the right of" | "on the right of" => Relation::Right,
+        "on top" | "on top of" | "top of" => Relation::Top,
+        "inside" | "into" | "inside of" => Relation::In,
+        "onto" | "upon" => Relation::On,
+        _ => return None,
+    })
+}
+
+fn is_table(name: &str) -> bool {
+    let name = name.trim().to_ascii_lowercase();
+    matches!(name.strip_prefix("the ").unwrap_or(&name), "table" | "tabletop" | "table top" | "desk" | "surface")
+}
+
+fn same_name(one: &str, other: &str) -> bool {
+    one.trim().eq_ignore_ascii_case(other.trim())
+}
+
+/// The beginning of a text, for messages.
+fn shortened(text: &str) -> String {
+    if text.chars().count() <= 60 { text.to_owned() } else { text.chars().take(57).chain("...".chars()).collect() }
+}

@@ -1,0 +1,175 @@
+//! Rules of the goal.
+
+use std::collections::BTreeSet;
+
+use genmanip_core::Relation;
+
+use super::consistency::{Link, contradictions};
+use super::graph::object_name;
+use crate::answer::TaskRequest;
+use crate::answer::flaw::{Findings, FlawKind};
+use crate::answer::resolve::{Condition, Draft, Test};
+
+/// Checks every condition by itself and every conjunction for consistency.
+pub(super) fn check(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
+    check_not_empty(draft, findings);
+    let mut missing = BTreeSet::new();
+    let mut fixed = BTreeSet::new();
+    for condition in draft.alternatives.iter().flatten() {
+        check_condition(condition, draft, request, findings);
+        for object in objects(condition) {
+            if !draft.nodes.iter().any(|node| node.object == object) && missing.insert(object) {
+                let message = format!("expected a node for {}, got none", object_name(request, object));
+                findings.reject(
+                    FlawKind::MissingNode,
+                    condition.path.as_str(),
+                    message,
+                    "the goal uses objects of the scene",
+                );
+            }
+        }
+        let moves = matches!(condition.test, Test::Relation(..)) && holds(condition, draft).is_none();
+        if moves && !request.offered[condition.subject].can_grasp && fixed.insert(condition.subject) {
+            let message =
+                format!("expected an object that the hand can carry, got {}", object_name(request, condition.subject));
+            let hint = "obj1 is the object that moves; choose one with can_grasp";
+            findings.reject(FlawKind::NotGraspable, condition.path.as_str(), message, hint);
+        }
+    }
+    for (index, conjunction) in draft.alternatives.iter().enumerate() {
+        check_consistency(index, conjunction, request, findings);
+    }
+}
+
+/// No alternative may hold in the initial graph, also not seen from the other object.
+pub(super) fn check_not_satisfied(draft: &Draft, findings: &mut Findings) {
+    for (index, conjunction) in draft.alternatives.iter().enumerate() {
+        if conjunction.is_empty() || conjunction.len() < draft.written_conditions[index] {
+            continue;
+        }
+        let Some(views) = conjunction.iter().map(|condition| holds(condition, draft)).collect::<Option<Vec<_>>>()
+        else {
+            continue;
+        };
+        let path = format!("$.goal_conditions[{index}]");
+        let hint = "the goal must be false before the robot moves";
+        if views.contains(&View::Inverted) {
+            let message = "this alternative holds initially, seen from the other object";
+            findings.reject(FlawKind::CircularGoal, path, message, hint);
+        } else {
+            let message = "this alternative holds initially";
+            findings.reject(FlawKind::GoalAlreadySatisfied, path, message, hint);
+        }
+    }
+}
+
+/// How an initial edge tells that a condition holds.
+#[derive(Clone, Copy, PartialEq)]
+enum View {
+    Direct,
+    Inverted,
+}
+
+/// Whether the initial graph says that a condition holds.
+fn holds(condition: &Condition, draft: &Draft) -> Option<View> {
+    let (relation, reference) = match &condition.test {
+        Test::State(state) => {
+            let node = draft.nodes.iter().find(|node| node.object == condition.subject)?;
+            return (node.state.as_ref() == Some(state)).then_some(View::Direct);
+        }
+        Test::Relation(relation, reference) => (*relation, *reference),
+    };
+    let direct = draft.edges.iter().any(|edge| {
+        (edge.subject, edge.reference) == (condition.subject, reference) && implies(edge.relation, relation)
+    });
+    let inverted = || {
+        draft.edges.iter().any(|edge| {
+            (edge.reference, edge.subject) == (condition.subject, reference)
+                && edge.relation.inverse().is_some_and(|inverse| implies(inverse, relation))
+        })
+    };
+    if direct { Some(View::Direct) } else { inverted().then_some(View::Inverted) }
+}
+
+/// Whether an edge makes a condition true: neighbours in any direction are near, and `top` accepts on and in.
+fn implies(edge: Relation, condition: Relation) -> bool {
+    let neighbour = matches!(edge, Relation::Front | Relation::Back | Relation::Left | Relation::Right);
+    edge == condition || (condition == Relation::Near && neighbour) || (condition == Relation::Top && edge.is_support())
+}
+
+fn objects(condition: &Condition) -> impl Iterator<Item = usize> {
+    let reference = match condition.test {
+        Test::Relation(_, reference) => Some(reference),
+        Test::State(_) => None,
+    };
+    std::iter::once(condition.subject).chain(reference)
+}
+
+fn check_not_empty(draft: &Draft, findings: &mut Findings) {
+    if draft.written_conditions.is_empty() {
+        findings.reject(FlawKind::EmptyGoal, "$.goal_conditions", "expected at least one alternative, got none", "");
+    }
+    for (index, _) in draft.written_conditions.iter().enumerate().filter(|(_, count)| **count == 0) {
+        let path = format!("$.goal_conditions[{index}]");
+        findings.reject(
+            FlawKind::EmptyGoal,
+            path,
+            "expected at least one condition, got none",
+            "an empty list is always true",
+        );
+    }
+}
+
+fn check_condition(condition: &Condition, draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
+    let name = |index| object_name(request, index);
+    let path = condition.path.as_str();
+    let initial = draft.nodes.iter().find(|node| node.object == condition.subject).map(|node| &node.state);
+    match &condition.test {
+        Test::State(_) if initial.is_some_and(Option::is_none) => {
+            let message = format!("expected an initial state in the node of {}, got none", name(condition.subject));
+            findings.reject(FlawKind::MissingState, path, message, "a goal on a state needs another one to start from");
+        }
+        Test::Relation(_, reference) if *reference == condition.subject => {
+            let message = format!("expected two different objects, got {} twice", name(*reference));
+            findings.reject(FlawKind::SelfRelation, path, message, "");
+        }
+        Test::Relation(Relation::In, reference) if !request.offered[*reference].is_container => {
+            let message = format!("expected a container, got {}", name(*reference));
+            findings.reject(FlawKind::NotAContainer, path, message, "use `on` or another object");
+        }
+        _ => {}
+    }
+    if let Some(state) = &condition.beside
+        && initial.and_then(Option::as_ref) != Some(state)
+    {
+        let message = format!("expected one relation or one state, got a relation and the state `{state}`");
+        findings.reject(FlawKind::MixedCondition, path, message, "write two conditions in the same list");
+    }
+}
+
+fn check_consistency(index: usize, conjunction: &[Condition], request: &TaskRequest, findings: &mut Findings) {
+    let links: Vec<Link> = conjunction
+        .iter()
+        .filter_map(|condition| match condition.test {
+            Test::Relation(relation, reference) if reference != condition.subject => {
+                Some(Link { subject: condition.subject, relation, reference })
+            }
+            _ => None,
+        })
+        .collect();
+    let path = format!("$.goal_conditions[{index}]");
+    for message in contradictions(&links, |object| object_name(request, object)) {
+        findings.reject(FlawKind::ContradictoryGoal, path.as_str(), message, "this alternative can never hold");
+    }
+    let mut states = BTreeSet::new();
+    let mut objects = BTreeSet::new();
+    for condition in conjunction {
+        if let Test::State(state) = &condition.test
+            && states.insert((condition.subject, state))
+            && !objects.insert(condition.subject)
+        {
+            let message = format!("expected one state of {}, got several", object_name(request, condition.subject));
+            findings.reject(FlawKind::ContradictoryGoal, path.as_str(), message, "states exclude each other");
+        }
+    }
+}

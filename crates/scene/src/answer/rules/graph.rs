@@ -1,0 +1,103 @@
+//! Rules of the initial graph.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::Relation;
+
+use super::consistency::{Link, contradictions};
+use crate::answer::TaskRequest;
+use crate::answer::flaw::{Findings, FlawKind};
+use crate::answer::resolve::Draft;
+
+/// Checks nodes and edges one by one and drops repeated nodes.
+pub(super) fn check(mut draft: Draft, request: &TaskRequest, findings: &mut Findings) -> Draft {
+    drop_repeated_nodes(&mut draft, request, findings);
+    let name = |index: usize| object_name(request, index);
+    for edge in &draft.edges {
+        if edge.subject == edge.reference {
+            let message = format!("expected two different objects, got {} twice", name(edge.subject));
+            findings.reject(FlawKind::SelfRelation, edge.path.as_str(), message, "");
+        }
+        if edge.relation == Relation::In && !request.offered[edge.reference].is_container {
+            let message = format!("expected a container, got {}", name(edge.reference));
+            findings.reject(FlawKind::NotAContainer, edge.path.as_str(), message, "use `on` or another object");
+        }
+    }
+    check_nodes_of_edges(&draft, request, findings);
+    check_edges_of_nodes(&draft, request, findings);
+    if draft.written_nodes < request.min_objects {
+        let message = format!("expected at least {} nodes, got {}", request.min_objects, draft.written_nodes);
+        findings.reject(FlawKind::TooFewObjects, "$.scene_graph.nodes", message, "choose more of the offered objects");
+    }
+    draft
+}
+
+/// Notes the edges that cannot hold together; true when there are none.
+pub(super) fn check_consistency(draft: &Draft, request: &TaskRequest, findings: &mut Findings) -> bool {
+    let links: Vec<Link> = draft
+        .edges
+        .iter()
+        .filter(|edge| edge.subject != edge.reference)
+        .map(|edge| Link { subject: edge.subject, relation: edge.relation, reference: edge.reference })
+        .collect();
+    let found = contradictions(&links, |index| object_name(request, index));
+    for message in &found {
+        let hint = "remove or change one of these edges";
+        findings.reject(FlawKind::ContradictoryEdges, "$.scene_graph.edges", message.as_str(), hint);
+    }
+    found.is_empty()
+}
+
+/// `007 (Porcelain Plate)`.
+pub(super) fn object_name(request: &TaskRequest, index: usize) -> String {
+    request.offered.get(index).map_or_else(String::new, |card| format!("{} ({})", card.uid, card.name))
+}
+
+fn drop_repeated_nodes(draft: &mut Draft, request: &TaskRequest, findings: &mut Findings) {
+    let mut states: BTreeMap<usize, Option<String>> = BTreeMap::new();
+    draft.nodes.retain(|node| {
+        let Some(state) = states.get(&node.object) else {
+            states.insert(node.object, node.state.clone());
+            return true;
+        };
+        let message = format!("expected one node per object, got another for {}", object_name(request, node.object));
+        if *state == node.state {
+            findings.repair(FlawKind::DuplicateNode, node.path.as_str(), message, "dropped the repetition");
+        } else {
+            let message = format!("{message} in another state");
+            findings.reject(FlawKind::DuplicateNode, node.path.as_str(), message, "");
+        }
+        draft.written_nodes -= 1;
+        false
+    });
+}
+
+fn check_nodes_of_edges(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
+    let mut missing: BTreeMap<usize, &str> = BTreeMap::new();
+    for edge in &draft.edges {
+        for object in [edge.subject, edge.reference] {
+            if !draft.nodes.iter().any(|node| node.object == object) {
+                missing.entry(object).or_insert(&edge.path);
+            }
+        }
+    }
+    for (object, path) in missing {
+        let message = format!("expected a node for {}, got none", object_name(request, object));
+        findings.reject(FlawKind::MissingNode, path, message, "every object of an edge is a node");
+    }
+}
+
+/// An object whose only edge said that it stands on the table has been placed; one without any edge has not.
+fn check_edges_of_nodes(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
+    if draft.lost_edges {
+        return;
+    }
+    let has_edge = |object| {
+        draft.on_table.contains(&object)
+            || draft.edges.iter().any(|edge| edge.subject == object || edge.reference == object)
+    };
+    for node in draft.nodes.iter().filter(|node| !has_edge(node.object)) {
+        let message = format!("expected an edge for {}, got none", object_name(request, node.object));
+        findings.reject(FlawKind::IsolatedObject, node.path.as_str(), message, "every chosen object is in an edge");
+    }
+}

@@ -1,0 +1,57 @@
+//! Every rule of the format, on a resolved answer.
+
+mod consistency;
+mod goal;
+mod graph;
+
+use genmanip_core::TaskKind;
+
+use super::TaskRequest;
+use super::flaw::{Findings, FlawKind};
+use super::resolve::{Draft, Test};
+
+/// Longest instruction, words counted by white space.
+const MAX_WORDS: usize = 30;
+
+/// Notes every violation and returns the draft with its repairs made.
+pub(super) fn check(draft: Draft, request: &TaskRequest, findings: &mut Findings) -> Draft {
+    check_instruction(&draft, findings);
+    let draft = graph::check(draft, request, findings);
+    let graph_is_consistent = graph::check_consistency(&draft, request, findings);
+    goal::check(&draft, request, findings);
+    if graph_is_consistent {
+        // What a contradictory graph implies means nothing.
+        goal::check_not_satisfied(&draft, findings);
+    }
+    check_kind(&draft, request.kind, findings);
+    draft
+}
+
+fn check_instruction(draft: &Draft, findings: &mut Findings) {
+    let words = draft.instruction.split_whitespace().count();
+    if words == 0 {
+        findings.reject(FlawKind::EmptyInstruction, "$.instruction", "expected a sentence, got none", "");
+    } else if words > MAX_WORDS {
+        let message = format!("expected at most {MAX_WORDS} words, got {words}");
+        findings.reject(FlawKind::InstructionTooLong, "$.instruction", message, "words are counted by white space");
+    }
+}
+
+/// Articulated tasks change a state; all others but long ones are pick-and-place only.
+fn check_kind(draft: &Draft, kind: TaskKind, findings: &mut Findings) {
+    for (index, conjunction) in draft.alternatives.iter().enumerate() {
+        if conjunction.len() < draft.written_conditions[index] || conjunction.is_empty() {
+            continue;
+        }
+        let states = conjunction.iter().filter(|condition| matches!(condition.test, Test::State(_))).count();
+        let (expected, got) = match kind {
+            TaskKind::Articulated if states == 0 => ("a condition on a state", "relations only"),
+            TaskKind::LongHorizon if conjunction.len() < 2 => ("two or more conditions", "one"),
+            TaskKind::Articulated | TaskKind::LongHorizon => continue,
+            _ if states > 0 => ("relations only", "a condition on a state"),
+            _ => continue,
+        };
+        let message = format!("expected {expected} in the goal of a task of kind {}, got {got}", kind.name());
+        findings.reject(FlawKind::WrongKind, format!("$.goal_conditions[{index}]"), message, "");
+    }
+}
