@@ -142,14 +142,23 @@ impl std::fmt::Display for NearestCassette {
 }
 
 impl ChatError {
+    /// Whether other questions will probably fail for the same reason.
+    pub(crate) fn is_service_trouble(&self) -> bool {
+        !matches!(self, Self::NoText { .. } | Self::Declined { .. } | Self::CassetteMiss { .. } | Self::Cassette { .. })
+    }
+
     /// What to do about it.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Unreachable { .. } => "start the server, or correct `base_url` in the settings",
             Self::Timeout { .. } => "raise `total_timeout_s`, or choose a faster model",
             Self::CutOff { .. } => "try again; if it stays so, look at the server's log",
-            Self::Status { status: 401 | 403, .. } => "the variable named in `api_key_env` must hold a key of this server",
-            Self::Status { status: 404, .. } => "`base_url` ends in `/v1` with most servers; `model` must be one it has",
+            Self::Status { status: 401 | 403, .. } => {
+                "the variable named in `api_key_env` must hold a key of this server"
+            }
+            Self::Status { status: 404, .. } => {
+                "`base_url` ends in `/v1` with most servers; `model` must be one it has"
+            }
             Self::Status { status: 400 | 422, .. } => "look at `parameters` and `model` in the settings",
             Self::Status { status: 300..=399, .. } => "write the address it redirects to into `base_url`",
             Self::Status { .. } => "the server has trouble of its own; try again later",

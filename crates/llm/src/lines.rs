@@ -11,7 +11,11 @@ enum Text {
 
 /// One line as a string, several as a list.
 pub(crate) fn serialize<S: Serializer>(text: &str, serializer: S) -> Result<S::Ok, S::Error> {
-    if text.contains('\n') { text.split('\n').collect::<Vec<_>>().serialize(serializer) } else { text.serialize(serializer) }
+    if text.contains('\n') {
+        text.split('\n').collect::<Vec<_>>().serialize(serializer)
+    } else {
+        text.serialize(serializer)
+    }
 }
 
 /// Either form.

@@ -79,9 +79,9 @@ impl Default for ServerSettings {
             max_retries: 4,                              // 1 + 2 + 4 + 8 s: outlasts a short overload
             first_backoff_s: 1.0,
             max_backoff_s: 30.0,
-            max_retry_after_s: 60.0,          // limits per minute are common, limits per day not worth waiting for
+            max_retry_after_s: 60.0, // limits per minute are common, limits per day not worth waiting for
             structure: Structure::JsonSchema, // falls back by itself
-            parameters: Map::new(),           // some models refuse any; the server's defaults are sensible
+            parameters: Map::new(),  // some models refuse any; the server's defaults are sensible
         }
     }
 }
@@ -177,7 +177,7 @@ impl LlmSettings {
 }
 
 impl ServerSettings {
-    fn check(&self) -> Result<(), SettingsError> {
+    pub(crate) fn check(&self) -> Result<(), SettingsError> {
         let invalid = |field, expected: &str| Err(SettingsError::Invalid { field, expected: expected.into() });
         let Some((scheme, rest)) = self.base_url.split_once("://") else {
             return invalid("server.base_url", "an address that begins with http:// or https://");
