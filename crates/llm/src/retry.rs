@@ -74,7 +74,7 @@ mod tests {
             (Some("inf"), None),
             (Some("soon"), None),
             (Some("Sun, 06 Nov 1994 08:50:00 GMT"), Some(23.0)),
-            (Some("Mon, 01 Mar 2004 08:49:37 GMT"), Some(294_105_600.0)),
+            (Some("Mon, 01 Mar 2004 08:49:37 GMT"), Some(294_019_200.0)),
             (Some("Sun, 06 Nov 1994 08:00:00 GMT"), Some(0.0)),
             (Some("Sun, 06 Foo 1994 08:00:00 GMT"), None),
             (Some("Sun, 99 Nov 99999999999999999999 08:00:00 GMT"), None),

@@ -239,11 +239,13 @@ impl ServerSettings {
     }
 }
 
-/// Parsers quote values in double quotes (`invalid type: string "…"`); names of fields stand in backticks.
+/// The parser's message without what was written: it quotes values (`string "…"`) and wrong choices (`` variant `…` ``).
 fn without_values(message: &str) -> String {
-    let parts: Vec<&str> = message.split('"').collect();
-    if parts.len() < 3 {
-        return message.lines().next().unwrap_or_default().to_owned();
-    }
-    format!("{}(value hidden){}", parts[0], parts[parts.len() - 1])
+    let line = message.lines().next().unwrap_or_default();
+    let hidden = |before: &str, quote: char| {
+        let (start, rest) = line.split_once(before)?;
+        let (_, end) = rest.rsplit_once(quote).filter(|_| quote == '"').or_else(|| rest.split_once(quote))?;
+        Some(format!("{start}(value hidden){end}"))
+    };
+    hidden("\"", '"').or_else(|| hidden("variant `", '`')).unwrap_or_else(|| line.to_owned())
 }

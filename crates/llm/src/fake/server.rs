@@ -35,6 +35,13 @@ pub enum Behaviour {
         /// Whether `Content-Length` says so.
         announced: bool,
     },
+    /// Send one byte of an endless JSON text at a time.
+    Drip {
+        /// Bytes to send.
+        bytes: usize,
+        /// Pause before each.
+        every: Duration,
+    },
     /// Hang up without a word.
     HangUp,
 }
@@ -206,6 +213,15 @@ fn behave(behaviour: Behaviour, mut stream: TcpStream, shared: &Shared) -> io::R
                 stream.write_all(&piece[..count])?;
                 shared.bytes_sent.fetch_add(count as u64, Ordering::SeqCst);
             }
+        }
+        Behaviour::Drip { bytes, every } => {
+            write!(stream, "HTTP/1.1 200 OK\r\ncontent-type: {json}\r\nconnection: close\r\n\r\n")?;
+            for _ in 0..bytes {
+                std::thread::sleep(every);
+                stream.write_all(b" ")?;
+                shared.bytes_sent.fetch_add(1, Ordering::SeqCst);
+            }
+            Ok(())
         }
         Behaviour::HangUp => Ok(()),
     }
