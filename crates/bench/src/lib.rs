@@ -1,1 +1,21 @@
-//! (filled below)
+//! What came out: drawings of tasks and layouts, statistics of results, and the report people read.
+//!
+//! Everything here is a pure function from plain values to text; no file is read or written, nothing is simulated.
+//!
+//! - [`drawing`]: the scene graph and the top view of a layout as SVG.
+//! - [`statistics`]: rates and means with confidence intervals, summaries per policy, paired comparisons.
+//! - [`evaluation`]: the results of one policy on one suite as a versioned file.
+//! - [`report`]: one self-contained HTML page.
+
+pub mod drawing;
+pub mod evaluation;
+mod markup;
+pub mod report;
+pub mod statistics;
+
+pub use drawing::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, Svg, graph_svg, layout_svg};
+pub use evaluation::{EvaluationError, EvaluationReport, suite_hash};
+pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
+pub use statistics::{
+    PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,
+};

@@ -4,7 +4,10 @@ mod args;
 mod commands;
 mod error;
 mod inputs;
+mod pictures;
 mod printer;
+mod run_folder;
+mod stop;
 
 use clap::Parser;
 

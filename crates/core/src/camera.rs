@@ -76,21 +76,22 @@ impl Camera {
     /// `static` and `wrist` for data and policies; all 512×288.
     pub fn default_rig() -> Vec<Self> {
         let wide = Intrinsics::from_vertical_fov(512, 288, 42_f64.to_radians());
-        let table = DVec3::new(0.52, 0.0, 0.02);
+        let table = DVec3::new(0.46, 0.0, 0.16);
+        let tilt = 20_f64.to_radians();
         vec![
-            Self::looking_at("overview", DVec3::new(1.45, 0.0, 0.95), table, wide),
-            Self::looking_at("left", DVec3::new(0.75, 1.0, 0.75), table, wide),
-            Self::looking_at("right", DVec3::new(0.75, -1.0, 0.75), table, wide),
-            Self::looking_at("static", DVec3::new(1.30, 0.42, 0.72), DVec3::new(0.48, 0.0, 0.08), wide),
+            Self::looking_at("overview", DVec3::new(1.52, 0.0, 1.05), table, wide),
+            Self::looking_at("left", DVec3::new(0.85, 1.12, 0.85), table, wide),
+            Self::looking_at("right", DVec3::new(0.85, -1.12, 0.85), table, wide),
+            Self::looking_at("static", DVec3::new(1.36, 0.50, 0.86), DVec3::new(0.45, 0.0, 0.17), wide),
             Self {
                 name: "wrist".into(),
                 mount: CameraMount::Hand,
                 // In front of the hand, tilted so that the pads are at the lower edge of the image.
                 mount_from_camera: Pose::from_axes(
                     DVec3::new(0.075, 0.0, 0.02),
-                    DVec3::NEG_Y,
-                    DVec3::new(-(12_f64.to_radians().cos()), 0.0, -(12_f64.to_radians().sin())),
-                    DVec3::new(-(12_f64.to_radians().sin()), 0.0, 12_f64.to_radians().cos()),
+                    DVec3::Y,
+                    DVec3::new(-tilt.cos(), 0.0, -tilt.sin()),
+                    DVec3::new(-tilt.sin(), 0.0, tilt.cos()),
                 ),
                 intrinsics: Intrinsics::from_vertical_fov(512, 288, 58_f64.to_radians()),
             },

@@ -1,1 +1,33 @@
-//! (filled below)
+//! Recorded data: the native episode store, camera tracks, and export to LeRobotDataset v3.0.
+//!
+//! The store is the truth; every other format is a pure function of it.
+//!
+//! ```no_run
+//! use genmanip_data::{EpisodeStore, Selection, lerobot};
+//! # fn main() -> Result<(), genmanip_data::DataError> {
+//! # let robot: genmanip_core::RobotModel = unimplemented!();
+//! let store = EpisodeStore::open("out/episodes")?;
+//! let settings = lerobot::LerobotSettings::default();
+//! let report = lerobot::export(&store, &Selection::Verified, &robot, &settings, "out/dataset".as_ref())?;
+//! assert_eq!(report.episodes, store.ids()?.len());
+//! # Ok(())
+//! # }
+//! ```
+
+mod aside;
+pub mod depth;
+mod error;
+mod frames;
+pub mod images;
+pub mod lerobot;
+mod manifest;
+pub mod store;
+mod table;
+pub mod video;
+mod yuv;
+
+pub use error::DataError;
+pub use images::{CameraTrack, ColorHistogram, TrackRecorder};
+pub use lerobot::{LerobotSettings, Selection};
+pub use store::{Attachment, EpisodeStore};
+pub use video::{EncodedVideo, VideoEncoder, VideoSettings};

@@ -14,15 +14,18 @@ mod reach;
 mod settings;
 mod visibility;
 
-pub use audit::{LayoutAudit, audit};
+pub use audit::{AuditError, LayoutAudit, audit};
 pub use error::{LayoutError, Rejections};
+pub use placement::let_down;
 pub use settings::LayoutSettings;
 
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{Camera, ObjectModel, PlacedObject, RobotModel, Scenario, Seed, Task, Workspace};
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, judge_edges, judge_goal};
+use genmanip_scene::relations::{
+    PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal,
+};
 
 /// Lays a task out.
 ///
@@ -48,47 +51,40 @@ pub fn lay_out(
     let plan = order::PlacementPlan::new(task, &models)?;
     let mut rejections = Rejections::default();
 
+    let context = placement::Context { task, models: &models, plan: &plan, settings, relations: &relations };
+    let mut shapes = ShapeCache::default();
     for restart in 0..settings.max_restarts {
         let attempt = seed.fork("layout").fork_index(restart as u64);
-        let Some(placed) = placement::place_all(&plan, task, &models, attempt, settings, &relations, &mut rejections)
-        else {
-            continue;
-        };
-        let settled = match audit::settle(&placed, settings) {
-            Ok(settled) => settled,
-            Err(reason) => {
-                rejections.count(reason);
-                continue;
-            }
-        };
-        let scene = PosedScene::new(settled);
-        if let Some(edge) = judge_edges(&scene, &task.scene_graph.edges, &relations).iter().find(|v| !v.holds) {
-            rejections.count_edge("an edge of the graph does not hold after settling", &edge.atom);
+        let Some(mut scene) = placement::place_all(&context, attempt, &mut shapes, &mut rejections) else { continue };
+        if let Err(reason) = audit::settle(&mut scene, settings) {
+            rejections.count(reason);
             continue;
         }
-        if judge_goal(&scene, &task.goal, &Rest::at_rest(scene.objects().len()), &relations).success {
+        let broken = judge_edges(&scene, &task.scene_graph, &relations).into_iter().find(|verdict| !verdict.holds);
+        if let Some(verdict) = broken {
+            rejections.count_edge("an edge does not hold after settling", &verdict.atom);
+            continue;
+        }
+        if judge_goal(&scene, &task.goal, &Rest::default(), &relations).success {
             rejections.count("the goal holds already");
             continue;
         }
-        if let Some(reason) = reach::unreachable(task, &scene, robot, settings) {
+        let reach = reach::unreachable(task, &scene, robot);
+        if let Some(reason) = reach.or_else(|| visibility::hidden(&scene, robot, settings)) {
             rejections.count(reason);
             continue;
         }
-        if let Some(reason) = visibility::hidden(&scene, robot, settings) {
-            rejections.count(reason);
-            continue;
-        }
-        return Ok(scenario(task, seed, restart, &scene, robot));
+        return Ok(scenario(task, seed, &scene, robot));
     }
     Err(LayoutError::Infeasible { task: task.id.clone(), restarts: settings.max_restarts, rejections })
 }
 
-fn scenario(task: &Task, seed: Seed, _restart: usize, scene: &PosedScene, robot: &RobotModel) -> Scenario {
+fn scenario(task: &Task, seed: Seed, scene: &PosedScene, robot: &RobotModel) -> Scenario {
     Scenario {
         id: format!("{}-{seed}", task.id),
         task: task.clone(),
         seed,
-        objects: scene.objects().iter().map(placed_object).collect(),
+        objects: scene.objects().map(placed_object).collect(),
         robot: robot.name.clone(),
         robot_home: robot.home.clone(),
         cameras: Camera::default_rig(),

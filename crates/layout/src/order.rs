@@ -92,6 +92,13 @@ impl PlacementPlan {
     }
 }
 
+impl PlacementPlan {
+    /// What an object stands on or lies in; `None` for the table.
+    pub fn support_of(&self, object: usize) -> Option<usize> {
+        self.steps.iter().find(|step| step.object == object)?.support
+    }
+}
+
 fn half(object: usize, models: &[Arc<ObjectModel>]) -> DVec2 {
     models[object].card.size_m.truncate() * 0.5
 }

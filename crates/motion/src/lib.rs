@@ -1,1 +1,28 @@
-//! (filled below)
+//! Motion of a robot arm: kinematics, collision, planning, timing and grasp candidates.
+//!
+//! Robot and world are arguments; nothing here knows a simulator, a catalogue or a file.
+//! [`Planner`] is the door to everything; the modules can also be used alone.
+//! Frames: world = robot base; tcp = midpoint between the pads, z = approach, y = closing.
+
+mod chain;
+mod collision;
+pub mod grasp;
+mod ik;
+mod linear;
+mod path;
+mod plan;
+mod planner;
+mod rigid;
+mod timing;
+
+#[cfg(test)]
+mod test_robot;
+
+pub use chain::{Chain, ModelError};
+pub use collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, World};
+pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper, ReachSettings, ReachableGrasp};
+pub use ik::{IkSettings, InverseKinematics};
+pub use path::Path;
+pub use plan::{PlanError, PlanSettings, StraightSettings};
+pub use planner::{Planner, PlannerSettings, Surroundings};
+pub use timing::{MotionLimits, TimingSettings, Trajectory, parametrize};

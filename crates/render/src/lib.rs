@@ -1,1 +1,41 @@
-//! (filled below)
+//! Pictures of posed bodies: colour, metric depth, instance ids and normals from a CPU, without GL, GPU or display.
+//!
+//! A visibility-buffer rasteriser: triangles write only *which* surface a sample sees and how near it is;
+//! every visible sample is then shaded once from its triangle.
+//! Depth and ids therefore cost a fraction of a colour image, and they never depend on whether colour was asked for.
+//!
+//! ```text
+//! RobotModel + ObjectModels + Environment ──► RenderAssets (immutable, shared by all frames and threads)
+//! joint positions + object poses          ──► FrameState   (world_from_link of every body)
+//! FrameState × Camera × Channels = ViewJob ──► Renderer ──► FrameBuffers ──► encode
+//! ```
+//!
+//! One [`Renderer`] per worker thread; an image is drawn by one thread, and the same job gives the same bytes.
+//! Light, exposure, background and table colour are data ([`RenderVariation`]): recorded episodes are drawn again with others.
+
+pub mod assets;
+pub mod encode;
+pub mod environment;
+pub mod error;
+pub mod job;
+pub mod renderer;
+pub mod variation;
+
+mod occlusion;
+mod raster;
+mod resolve;
+mod shade;
+mod shadow;
+mod sky;
+mod texture;
+mod view;
+
+#[cfg(test)]
+mod tests;
+
+pub use assets::RenderAssets;
+pub use environment::Environment;
+pub use error::RenderError;
+pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
+pub use renderer::Renderer;
+pub use variation::RenderVariation;

@@ -5,7 +5,7 @@ use genmanip_core::{
     PolicyError, PolicySpec, PrivilegedState, Seed,
 };
 use genmanip_scene::relations::judge_goal;
-use genmanip_sim::{CONTROL_RATE_HZ, Sim};
+use genmanip_sim::Sim;
 use std::sync::Arc;
 
 use crate::{RolloutError, RolloutSettings, Stage};
@@ -28,7 +28,7 @@ pub fn run_episode(
     let spec = policy.spec();
     let repeat = check_spec(&spec, stage)?;
     let mut recording = Recording::new(stage, settings);
-    let horizon = (settings.horizon_s * CONTROL_RATE_HZ).round() as usize;
+    let horizon = (settings.horizon_s * stage.control_rate_hz()).round() as usize;
     let start = EpisodeStart {
         instruction: stage.scenario.task.instruction.clone(),
         seed: seed.fork("policy"),
@@ -73,9 +73,10 @@ pub fn run_episode(
 /// How many control steps one action lasts; refuses what this loop cannot serve.
 fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
     let refuse = |reason: String| Err(RolloutError::Spec { policy: spec.name.clone(), reason });
-    let repeat = CONTROL_RATE_HZ / spec.rate_hz;
+    let control_rate_hz = stage.control_rate_hz();
+    let repeat = control_rate_hz / spec.rate_hz;
     if !(repeat >= 1.0 && repeat.fract() == 0.0) {
-        return refuse(format!("rate {} Hz does not divide the control rate of {CONTROL_RATE_HZ} Hz", spec.rate_hz));
+        return refuse(format!("rate {} Hz does not divide the control rate of {control_rate_hz} Hz", spec.rate_hz));
     }
     if spec.action.space != ActionSpace::JointPosition || spec.action.gripper != "width_m" {
         return refuse("expected native actions: absolute joint positions and the gripper width in metres".into());
@@ -116,11 +117,11 @@ impl<'a> Recording<'a> {
         Self { stage, settings, sim, initial_state, frames: Vec::new(), success_once: false }
     }
 
-    fn observe(&self, spec: &PolicySpec) -> Observation {
+    fn observe(&mut self, spec: &PolicySpec) -> Observation {
         let mut state = self.sim.joint_positions();
         state.push(self.sim.gripper_width());
         Observation {
-            time_s: self.frames.len() as f64 / CONTROL_RATE_HZ,
+            time_s: self.frames.len() as f64 / self.stage.control_rate_hz(),
             state: [("observation.state".to_owned(), state)].into(),
             images: Default::default(),
             privileged: spec
@@ -142,7 +143,7 @@ impl<'a> Recording<'a> {
             Some(frame) => frame.command.clone(),
             None => self.home_command(),
         };
-        for _ in 0..(self.settings.settle_s * CONTROL_RATE_HZ).round() as usize {
+        for _ in 0..(self.settings.settle_s * self.stage.control_rate_hz()).round() as usize {
             self.step(&command)?;
         }
         Ok(())
@@ -153,13 +154,13 @@ impl<'a> Recording<'a> {
         arm.chain([self.stage.robot.gripper.max_width as f32]).collect()
     }
 
-    fn judge(&self) -> GoalVerdict {
+    fn judge(&mut self) -> GoalVerdict {
         let states = self.sim.object_states();
         let rest = Stage::rest(&states, self.sim.grasped(), self.settings);
         judge_goal(&self.stage.posed(&states), &self.stage.scenario.task.goal, &rest, &self.stage.relations)
     }
 
-    fn finish(self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {
+    fn finish(mut self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {
         let verdict = self.judge();
         let success = verdict.success;
         let failure = (!success).then(|| failure.unwrap_or_else(|| missed(&verdict)));
@@ -175,9 +176,9 @@ impl<'a> Recording<'a> {
             success_once: self.success_once || success,
             verdict,
             failure,
-            duration_s: self.frames.len() as f64 / CONTROL_RATE_HZ,
+            duration_s: self.frames.len() as f64 / self.stage.control_rate_hz(),
             horizon_s: self.settings.horizon_s,
-            control_rate_hz: CONTROL_RATE_HZ,
+            control_rate_hz: self.stage.control_rate_hz(),
             frames: self.frames.len(),
             tcp_path_m: path,
             max_stray_contact_n: self.frames.iter().map(|frame| frame.stray_contact_n).fold(0.0, f64::max),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_assets::{AssetError, Catalogue};
 use genmanip_core::{ObjectModel, ObjectState, RobotModel, Scenario};
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest};
+use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError, SimSettings};
 
 use crate::RolloutSettings;
@@ -22,6 +22,8 @@ pub struct Stage {
     pub scene: Arc<Scene>,
     /// How relations are judged.
     pub relations: RelationSettings,
+    /// The scene at the start as relations see it; its shapes are shared by all later ones.
+    posed: PosedScene,
 }
 
 /// Why an episode could not be run or replayed.
@@ -33,6 +35,9 @@ pub enum RolloutError {
     /// The simulation refused or blew up.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// The robot cannot be planned for.
+    #[error(transparent)]
+    Robot(#[from] genmanip_motion::RobotError),
     /// The scenario names a robot that does not exist.
     #[error("scenario {scenario} wants robot `{got}`, expected `{expected}`")]
     UnknownRobot {
@@ -61,7 +66,7 @@ pub enum RolloutError {
     },
     /// The episode store failed.
     #[error(transparent)]
-    Store(#[from] genmanip_data::store::StoreError),
+    Store(#[from] genmanip_data::DataError),
 }
 
 impl Stage {
@@ -95,19 +100,25 @@ impl Stage {
                 joint_positions: placed.joint_positions.clone(),
             })
             .collect();
-        let scene = Arc::new(Scene::compile(Some(robot), &objects, sim)?);
-        Ok(Self { scenario, models, robot: Arc::clone(robot), scene, relations: RelationSettings::default() })
+        let scene = Arc::new(Scene::compile(robot, &objects, sim)?);
+        let posed = objects.into_iter().map(|object| PosedObject {
+            uid: object.name,
+            model: object.model,
+            pose: object.pose,
+            joint_positions: object.joint_positions,
+        });
+        let posed = PosedScene::new(posed.collect(), &mut ShapeCache::default());
+        let relations = RelationSettings::default();
+        Ok(Self { scenario, models, robot: Arc::clone(robot), scene, relations, posed })
     }
 
     /// The scene as relations see it, from simulator truth.
     pub fn posed(&self, states: &[ObjectState]) -> PosedScene {
-        PosedScene::new(
-            self.models
-                .iter()
-                .zip(states)
-                .map(|(model, state)| PosedObject::new(Arc::clone(model), state.pose, state.joint_positions.clone()))
-                .collect(),
-        )
+        let mut scene = self.posed.clone();
+        for (index, state) in states.iter().enumerate() {
+            scene.set_pose(index, state.pose, &state.joint_positions);
+        }
+        scene
     }
 
     /// What is held or moving, so that it satisfies nothing.
@@ -121,6 +132,11 @@ impl Stage {
                 })
                 .collect(),
         }
+    }
+
+    /// Control steps per second.
+    pub fn control_rate_hz(&self) -> f64 {
+        f64::from(self.scene.settings().control_rate_hz)
     }
 
     /// Name of an object for people.

@@ -2,8 +2,12 @@
 //!
 //! - [`answer`] turns the text a model sent into a valid [`genmanip_core::Task`], or says everything that is wrong with it.
 //! - [`relations`] judges relations and goals on exact posed geometry, and explains every verdict with numbers.
+//! - [`clouds`] reproduces the verdicts of two released evaluators on point clouds.
 //!
-//! Both are pure: values in, values out.
+//! All are pure: values in, values out.
 
 pub mod answer;
+pub mod clouds;
+mod hull;
+mod planar;
 pub mod relations;

@@ -1,1 +1,38 @@
-//! (filled below)
+//! Physics: MJCF from robots and objects, a compiled [`Scene`], its changing [`Sim`] state, and control at 60 Hz.
+//!
+//! This is the only crate that talks to a simulator (MuJoCo through `mujoco-rs`).
+//! A [`Scene`] is immutable and shared between threads; everything that changes lives in a [`Sim`] and can be saved
+//! and restored byte for byte.
+//!
+//! Physics is honest: objects are free bodies, held by friction between the finger pads alone.
+//! The arm's motors carry the arm against gravity within the published torque limits.
+//!
+//! Deliberately absent: rendering, sensors, welds, mocap bodies, and the engine's sleeping of resting bodies
+//! (sleep is not part of the saved state and hides contacts).
+
+mod contact;
+mod drive;
+mod error;
+mod mjcf;
+mod scene;
+mod settings;
+mod settle;
+mod sim;
+#[cfg(test)]
+mod tests;
+mod xml;
+
+pub use contact::{BodyId, ContactReport};
+pub use error::SimError;
+pub use scene::{Scene, SceneObject};
+pub use settings::SimSettings;
+pub use settle::{SettleReport, SettleSettings};
+pub use sim::Sim;
+
+/// The version this crate is tuned and tested with; another one gives other bytes.
+const ENGINE: &str = "mujoco 3.17.0";
+
+/// Name and version of the physics engine, as stored with every result: `mujoco 3.17.0`.
+pub fn engine_version() -> String {
+    format!("mujoco {}", mujoco_rs::mujoco_version())
+}

@@ -2,8 +2,6 @@
 
 use genmanip_motion::{Path, Planner};
 
-use super::ExpertSettings;
-
 /// A path at a share of the robot's limits, with a constant gripper width.
 pub(super) fn follow(planner: &Planner, path: &Path, width: f64, speed: f64) -> Vec<Vec<f32>> {
     planner.time(path, speed).configs.iter().map(|arm| command(arm, width)).collect()
@@ -23,11 +21,6 @@ pub(super) fn fingers(arm: &[f64], from: f64, to: f64, steps: usize) -> Vec<Vec<
             command(arm, from + (to - from) * t)
         })
         .collect()
-}
-
-/// Opens where the arm is.
-pub(super) fn open_here(arm: &[f64], width: f64, settings: &ExpertSettings) -> Vec<Vec<f32>> {
-    fingers(arm, 0.0, width, settings.open_steps)
 }
 
 fn command(arm: &[f64], width: f64) -> Vec<f32> {

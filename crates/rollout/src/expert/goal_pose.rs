@@ -1,15 +1,15 @@
 //! Where the moved object may end: poses drawn at random and kept when every atom of the move would hold.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
-use genmanip_core::{Atom, Pose, Relation, Seed, Workspace};
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, judge_atom, placement_window};
+use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Workspace};
+use genmanip_layout::let_down;
+use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, judge_atom, measure_pair, placement_window};
 use rand::{Rng, RngExt};
 
-use super::subgoals::{Move, references};
 use super::ExpertSettings;
+use super::subgoals::{Move, references};
 
 /// A place for the object and what will carry it there.
 #[derive(Clone, Debug)]
@@ -18,12 +18,14 @@ pub struct GoalPose {
     pub world_from_object: Pose,
     /// Index of the object it will rest on or in; `None` for the table.
     pub support: Option<usize>,
+    /// Bounds of the object there.
+    pub bounds: Aabb,
 }
 
 /// Up to `settings.goal_poses` places, the ones with the largest margins first.
 ///
-/// Every atom of the move holds there by `settings.goal_margin_m`, atoms that hold already for other objects are
-/// not this function's concern; nothing but the support is nearer than `settings.goal_clearance_m`.
+/// Every atom of the move holds there, directions by `settings.goal_margin_m`;
+/// nothing but what carries the object is nearer in the plane than `settings.goal_clearance_m`.
 pub fn sample(
     scene: &PosedScene,
     step: &Move,
@@ -34,25 +36,23 @@ pub fn sample(
     seed: Seed,
 ) -> Vec<GoalPose> {
     let rng = &mut seed.rng();
-    let object = &scene.objects()[step.object];
+    let mut after = scene.clone();
     let support = step.atoms.iter().find_map(|atom| support_of(atom, scene));
     let mut found: Vec<(f64, GoalPose)> = Vec::new();
     for draw in 0..settings.goal_pose_draws {
         // The present heading first: most things need not be turned.
         let turn = if draw % 2 == 0 { 0.0 } else { rng.random_range(0.0..TAU) };
         let rotation = DQuat::from_rotation_z(turn) * upright;
-        let Some(goal) = candidate(scene, object, step, support, rotation, workspace, relations, rng) else {
-            continue;
-        };
-        let placed = PosedObject::new(Arc::clone(&object.model), goal.world_from_object, object.joint_positions.clone());
-        if !is_free(scene, &placed, step.object, support, settings) {
+        if !propose(scene, &mut after, step, support, rotation, workspace, relations, rng)
+            || !is_free(&after, step.object, support, relations, settings)
+        {
             continue;
         }
-        let after = scene.with(step.object, placed);
         let verdicts: Vec<_> = step.atoms.iter().map(|atom| judge_atom(&after, atom, relations)).collect();
-        if verdicts.iter().all(|verdict| verdict.holds && verdict.margin >= margin(&verdict.atom, settings)) {
+        let holds = verdicts.iter().all(|verdict| verdict.holds && verdict.margin >= margin(&verdict.atom, settings));
+        if let (true, Some(posed), Some(bounds)) = (holds, after.objects().nth(step.object), after.bounds(step.object)) {
             let worst = verdicts.iter().map(|verdict| verdict.margin).fold(f64::INFINITY, f64::min);
-            found.push((worst, goal));
+            found.push((worst, GoalPose { world_from_object: posed.pose, support, bounds }));
             if found.len() >= settings.goal_poses {
                 break;
             }
@@ -62,7 +62,7 @@ pub fn sample(
     found.into_iter().map(|(_, goal)| goal).collect()
 }
 
-/// Directions and nearness must hold with room to spare; containment has its own measure.
+/// Directions and nearness must hold with room to spare; support and containment have their own measure.
 fn margin(atom: &Atom, settings: &ExpertSettings) -> f64 {
     match atom {
         Atom::Relation { relation, .. } if !relation.is_support() => settings.goal_margin_m,
@@ -77,85 +77,80 @@ fn support_of(atom: &Atom, scene: &PosedScene) -> Option<usize> {
     }
 }
 
+/// Puts the object at a candidate pose; false when there is none.
 #[allow(clippy::too_many_arguments)] // read-only context of one draw
-fn candidate(
+fn propose(
     scene: &PosedScene,
-    object: &PosedObject,
+    after: &mut PosedScene,
     step: &Move,
     support: Option<usize>,
     rotation: DQuat,
     workspace: &Workspace,
     relations: &RelationSettings,
     rng: &mut impl Rng,
-) -> Option<GoalPose> {
-    let turned = Pose { position: DVec3::ZERO, rotation };
-    let bounds = object.model.world_bounds(&turned, &object.joint_positions);
+) -> bool {
+    let Some(object) = scene.objects().nth(step.object) else { return false };
+    let bounds = object.model.world_bounds(&Pose { position: DVec3::ZERO, rotation }, &object.joint_positions);
     let (half, offset) = (bounds.size().truncate() * 0.5, bounds.center().truncate());
-    if let Some(support) = support {
-        let carrier = &scene.objects()[support];
-        let center = over(carrier, half, rng);
-        let over = Pose { position: (center - offset).extend(0.0), rotation };
-        let world_from_object = lowered(object, &over, carrier);
-        return Some(GoalPose { world_from_object, support: Some(support) });
+    let at = |center: DVec2, bottom: f64| Pose { position: (center - offset).extend(bottom - bounds.min.z), rotation };
+    if let Some(carrier) = support {
+        let Some((posed, outer)) = scene.objects().nth(carrier).zip(scene.bounds(carrier)) else { return false };
+        let center = point_over(posed, &outer, half, rng);
+        after.set_pose(step.object, at(center, outer.max.z + 0.01), &object.joint_positions);
+        return let_down(after, step.object, carrier, 0.0005, relations);
     }
     let mut low = DVec2::new(workspace.x[0], workspace.y[0]) + half;
     let mut high = DVec2::new(workspace.x[1], workspace.y[1]) - half;
     for atom in &step.atoms {
         let Atom::Relation { relation, .. } = atom else { continue };
+        // Between lies near both; the judge decides.
+        let relation = if *relation == Relation::Between { Relation::Near } else { *relation };
         for reference in references(atom) {
-            let anchor = scene.objects().get(scene.index_of(reference)?)?;
-            let relation = if *relation == Relation::Between { Relation::Near } else { *relation };
-            let window = placement_window(relation, &anchor.bounds(), bounds.size(), relations)?;
+            let Some(anchor) = scene.index_of(reference).and_then(|index| scene.bounds(index)) else { return false };
+            let Some(window) = placement_window(relation, &anchor, bounds.size(), relations) else { return false };
             low = low.max(DVec2::new(window.x[0], window.y[0]));
             high = high.min(DVec2::new(window.x[1], window.y[1]));
         }
     }
     if low.cmpgt(high).any() {
-        return None;
+        return false;
     }
-    let draw = DVec2::new(rng.random(), rng.random());
-    let center = low + (high - low) * draw;
-    let position = (center - offset).extend(-bounds.min.z);
-    Some(GoalPose { world_from_object: Pose { position, rotation }, support: None })
+    let share = DVec2::new(rng.random(), rng.random());
+    after.set_pose(step.object, at(low + (high - low) * share, 0.0), &object.joint_positions);
+    true
 }
 
-/// A point above the carrier: near the middle of what it offers.
-fn over(carrier: &PosedObject, half: DVec2, rng: &mut impl Rng) -> DVec2 {
-    let bounds = carrier.hollow_bounds().unwrap_or_else(|| carrier.bounds());
-    let slack = (bounds.size().truncate() * 0.5 - half - DVec2::splat(0.01)).max(DVec2::splat(0.004));
-    let slack = slack.min(if carrier.hollow_bounds().is_some() { DVec2::splat(1.0) } else { DVec2::splat(0.02) });
-    bounds.center().truncate()
-        + DVec2::new(slack.x * rng.random_range(-1.0..1.0), slack.y * rng.random_range(-1.0..1.0)) * 0.8
+/// A point above the carrier: anywhere in its hollow, or near the middle of its top.
+fn point_over(carrier: &PosedObject, outer: &Aabb, half: DVec2, rng: &mut impl Rng) -> DVec2 {
+    let hollow = (!carrier.model.cavity.is_empty())
+        .then(|| Aabb::from_pieces(&carrier.pose, &carrier.model.cavity));
+    let area = hollow.as_ref().unwrap_or(outer);
+    let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(0.01)).max(DVec2::splat(0.003));
+    let slack = if hollow.is_some() { slack } else { slack.min(DVec2::splat(0.02)) };
+    area.center().truncate() + slack * 0.8 * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0))
 }
 
-/// The object let down along z until it touches its carrier, by bisection over exact distances.
-fn lowered(object: &PosedObject, over: &Pose, carrier: &PosedObject) -> Pose {
-    let at = |z: f64| Pose { position: over.position.with_z(z), ..*over };
-    let touches = |z: f64| {
-        PosedObject::new(Arc::clone(&object.model), at(z), object.joint_positions.clone()).distance(carrier) <= 0.0
-    };
-    let depth = object.model.world_bounds(&at(0.0), &object.joint_positions).min.z;
-    let (mut low, mut high) = (carrier.bounds().min.z - depth, carrier.bounds().max.z - depth + 0.002);
-    for _ in 0..14 {
-        let middle = (low + high) / 2.0;
-        if touches(middle) { low = middle } else { high = middle }
-    }
-    at(high + 0.0005)
-}
-
+/// Whether nothing but its carrier, and what that stands on, is near the object in the plane.
 fn is_free(
-    scene: &PosedScene,
-    placed: &PosedObject,
+    after: &PosedScene,
     moved: usize,
     support: Option<usize>,
+    relations: &RelationSettings,
     settings: &ExpertSettings,
 ) -> bool {
-    scene.objects().iter().enumerate().all(|(index, other)| {
-        if index == moved || Some(index) == support {
+    let Some(bounds) = after.bounds(moved) else { return false };
+    after.objects().enumerate().all(|(index, other)| {
+        // Whatever lies wholly below the object is what its carrier stands on.
+        let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + 0.002);
+        if index == moved || Some(index) == support || (support.is_some() && below) {
             return true;
         }
-        let carries_support = support.is_some_and(|support| scene.objects()[support].distance(other) < 0.002);
-        let needed = if carries_support { 0.002 } else { settings.goal_clearance_m };
-        placed.distance(other) >= needed
+        let holds_carrier = support.is_some_and(|carrier| {
+            other.model.card.is_container
+                && measure_pair(after, carrier, index, relations).is_some_and(|pair| pair.gap_m == 0.0)
+        });
+        holds_carrier
+            || measure_pair(after, moved, index, relations)
+                .is_some_and(|pair| pair.gap_m >= settings.goal_clearance_m)
     })
 }

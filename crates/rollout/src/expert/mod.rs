@@ -19,15 +19,15 @@ pub use subgoals::Move;
 
 use std::sync::Arc;
 
-use genmanip_core::glam::DQuat;
+use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{
-    ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
+    Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, Pose,
     PrivilegedState, Seed,
 };
-use genmanip_motion::Planner;
+use genmanip_motion::{Allowed, Planner, PlannerSettings, Surroundings};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
-use crate::Stage;
+use crate::{RolloutError, Stage};
 
 /// Solves tasks from simulator truth; results made with it say `oracle`.
 pub struct Expert {
@@ -45,22 +45,40 @@ pub struct Expert {
     /// Orientation of each object at the start, in which it is put down again.
     upright: Vec<DQuat>,
     last_failure: Option<Failure>,
+    /// Surface points with normals of each object, in its frame.
+    surfaces: Vec<Vec<(DVec3, DVec3)>>,
 }
 
 enum Phase {
     /// Nothing in the hand.
     Free,
     /// A pick was executed.
-    Picked { step: Move, width: f64 },
+    Picked { step: Move, open_width: f64, taken_from: GoalPose },
     /// Everything was done and the arm was sent home.
     Home,
 }
 
+/// The arm and the fingers as they are.
+struct Hand {
+    arm: Vec<f64>,
+    /// Present opening.
+    width: f64,
+    /// Opening to let go with.
+    open_width: f64,
+}
+
 impl Expert {
     /// An expert for the episodes of one stage.
-    pub fn new(stage: &Stage, settings: ExpertSettings) -> Self {
-        Self {
-            planner: Planner::new(Arc::clone(&stage.robot)),
+    ///
+    /// # Errors
+    /// When the robot's kinematics or collision pieces are broken.
+    pub fn new(stage: &Stage, settings: ExpertSettings) -> Result<Self, RolloutError> {
+        let planner = Planner::new(Arc::clone(&stage.robot), PlannerSettings::default())?;
+        let points = planner.settings().grasp.surface_points;
+        let surfaces = stage.models.iter().map(|model| surroundings::surface(model, points)).collect();
+        Ok(Self {
+            planner,
+            surfaces,
             stage: stage.clone(),
             settings,
             seed: Seed::new(0),
@@ -70,7 +88,12 @@ impl Expert {
             phase: Phase::Free,
             upright: Vec::new(),
             last_failure: None,
-        }
+        })
+    }
+
+    /// Whether an object has a hollow that things may fall into.
+    fn is_hollow(&self, object: usize) -> bool {
+        self.stage.models.get(object).is_some_and(|model| !model.cavity.is_empty())
     }
 
     /// The first move of the current alternative whose atoms do not all hold.
@@ -95,7 +118,8 @@ impl Expert {
             } else {
                 match pick::plan(self, scene, &step, arm, seed) {
                     Ok(pick) => {
-                        self.phase = Phase::Picked { step, width: pick.open_width };
+                        let taken_from = self.taken_from(scene, step.object);
+                        self.phase = Phase::Picked { step, open_width: pick.open_width, taken_from };
                         return Ok(ActionChunk { actions: pick.commands, finished: false });
                     }
                     Err(failure) => {
@@ -116,45 +140,49 @@ impl Expert {
         }
     }
 
+    /// Where an object is now, as a place to put it back to.
+    fn taken_from(&self, scene: &PosedScene, object: usize) -> GoalPose {
+        let world_from_object = scene.objects().nth(object).map_or(Pose::IDENTITY, |object| object.pose);
+        let bounds = scene.bounds(object).unwrap_or(Aabb::EMPTY);
+        GoalPose { world_from_object, support: None, bounds }
+    }
+
     fn place(
         &mut self,
         scene: &PosedScene,
         truth: &PrivilegedState,
-        arm: &[f64],
+        hand: &Hand,
         step: &Move,
-        open_width: f64,
+        taken_from: &GoalPose,
     ) -> Result<ActionChunk, PolicyError> {
-        self.phase = Phase::Free;
         if truth.grasped != Some(step.object) {
             let name = self.stage.name(step.object);
             self.last_failure = Some(Failure {
                 cause: FailureCause::Slipped,
                 evidence: format!("{name} was not in the hand after lifting (pick {})", self.picks),
             });
-            return Ok(ActionChunk { actions: commands::open_here(arm, open_width, &self.settings), finished: false });
+            let actions = commands::fingers(&hand.arm, hand.width, hand.open_width, self.settings.open_steps);
+            return Ok(ActionChunk { actions, finished: false });
         }
         let seed = self.seed.fork("place").fork_index(self.picks);
-        match place::plan(self, scene, step, arm, seed) {
+        let planned = place::plan(self, scene, step, hand, seed).or_else(|failure| {
+            // Put it back rather than drop it, and try another way.
+            self.last_failure = Some(failure);
+            place::put_back(self, scene, step.object, taken_from, hand, seed)
+        });
+        match planned {
             Ok(actions) => Ok(ActionChunk { actions, finished: false }),
-            Err(failure) => {
-                // Put it back where it came from rather than drop it: open low above the table.
-                self.last_failure = Some(failure);
-                match place::put_back(self, scene, step, arm) {
-                    Some(actions) => Ok(ActionChunk { actions, finished: false }),
-                    None => Err(PolicyError::GaveUp(self.last_failure.clone().unwrap_or_else(|| Failure {
-                        cause: FailureCause::Planning,
-                        evidence: "cannot put the object back".into(),
-                    }))),
-                }
-            }
+            Err(failure) => Err(PolicyError::GaveUp(self.last_failure.clone().unwrap_or(failure))),
         }
     }
 
     fn go_home(&self, scene: &PosedScene, arm: &[f64]) -> Vec<Vec<f32>> {
-        let world = surroundings::world(&self.stage, scene, None);
+        let world = surroundings::world(scene, None);
         let width = self.stage.robot.gripper.max_width;
+        let around =
+            Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
-        match self.planner.plan_joint(&world, arm, home, None, width, self.seed.fork("home")) {
+        match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
             Ok(path) => commands::follow(&self.planner, &path, width, self.settings.empty_speed),
             Err(_) => commands::wait(arm, width, self.settings.rest_steps),
         }
@@ -197,11 +225,14 @@ impl Policy for Expert {
             .state
             .get("observation.state")
             .ok_or_else(|| PolicyError::Unsuited("needs `observation.state`".into()))?;
-        let arm = state[..self.stage.robot.arm_dof()].to_vec();
+        let (arm, width) = state.split_at(self.stage.robot.arm_dof().min(state.len()));
         let scene = self.stage.posed(&truth.objects);
         match std::mem::replace(&mut self.phase, Phase::Free) {
-            Phase::Free => self.pick(&scene, &arm),
-            Phase::Picked { step, width } => self.place(&scene, &truth, &arm, &step, width),
+            Phase::Free => self.pick(&scene, arm),
+            Phase::Picked { step, open_width, taken_from } => {
+                let hand = Hand { arm: arm.to_vec(), width: width.iter().sum(), open_width };
+                self.place(&scene, &truth, &hand, &step, &taken_from)
+            }
             Phase::Home => Ok(ActionChunk { actions: Vec::new(), finished: true }),
         }
     }

@@ -1,6 +1,6 @@
 //! Reads a language model's task (a ToSG answer) exactly as it was sent.
 //!
-//! The steps, each in a module of its own: find the JSON object in the text ([`extract`]), read it forgivingly
+//! The steps, each in a module of its own: find the JSON object in the text (`extract`), read it forgivingly
 //! (`json`), give it the shape of the format (`decode`), turn names into offered objects (`resolve`), and check
 //! every rule of the format (`rules`).
 //! Only what has exactly one reading is repaired; everything else is reported, all of it at once, so that the model
@@ -31,6 +31,7 @@ mod resolve;
 mod rules;
 #[cfg(test)]
 mod tests;
+mod words;
 
 use genmanip_core::{ObjectCard, Task, TaskKind};
 use schemars::JsonSchema;

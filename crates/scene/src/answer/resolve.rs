@@ -7,6 +7,7 @@ use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, Scen
 use super::TaskRequest;
 use super::decode::{RawAnswer, RawCondition, RawEdge, RawNode, RawObject};
 use super::flaw::{Findings, FlawKind};
+use super::words::{RELATIONS, is_table, relation_words, reworded, same_name, shortened};
 
 /// A resolved answer; objects are indices into the offered cards. Parts that could not be resolved are left out,
 /// each with its flaw, so that the rules can still look at the rest.
@@ -401,48 +402,4 @@ impl Resolver<'_> {
     fn first_time(&mut self, kind: FlawKind, what: &str) -> bool {
         self.seen.insert((kind, what.to_owned()))
     }
-}
-
-/// The words of the format.
-const RELATIONS: [Relation; 8] = [
-    Relation::Front,
-    Relation::Back,
-    Relation::Left,
-    Relation::Right,
-    Relation::Near,
-    Relation::Top,
-    Relation::On,
-    Relation::In,
-];
-
-fn relation_words() -> String {
-    format!("one of {:?}", RELATIONS.map(Relation::name))
-}
-
-/// Longer wordings with one reading; every prompt states that front is the far side.
-fn reworded(plain: &str) -> Option<Relation> {
-    Some(match plain {
-        "in front" | "in front of" | "front of" => Relation::Front,
-        "behind" | "in back of" | "back of" => Relation::Back,
-        "left of" | "to the left" | "to the left of" | "on the left of" => Relation::Left,
-        "right of" | "to the right" | "to the right of" | "on the right of" => Relation::Right,
-        "on top" | "on top of" | "top of" => Relation::Top,
-        "inside" | "into" | "inside of" => Relation::In,
-        "onto" | "upon" => Relation::On,
-        _ => return None,
-    })
-}
-
-fn is_table(name: &str) -> bool {
-    let name = name.trim().to_ascii_lowercase();
-    matches!(name.strip_prefix("the ").unwrap_or(&name), "table" | "tabletop" | "table top" | "desk" | "surface")
-}
-
-fn same_name(one: &str, other: &str) -> bool {
-    one.trim().eq_ignore_ascii_case(other.trim())
-}
-
-/// The beginning of a text, for messages.
-fn shortened(text: &str) -> String {
-    if text.chars().count() <= 60 { text.to_owned() } else { text.chars().take(57).chain("...".chars()).collect() }
 }

@@ -1,1 +1,34 @@
-//! Relations.
+//! How objects stand to each other, judged on exact posed geometry (profile `seed`).
+//!
+//! [`PosedScene`] holds objects at their poses; [`judge_atom`], [`judge_goal`] and [`judge_edges`] say what holds,
+//! with every measured quantity, its threshold and the margin; [`label_pair`] names how two objects stand to each other.
+//!
+//! Bodies are the exact convex pieces of the object models, not boxes around them:
+//! - *distance in the plane* is the shortest distance between the projections of the pieces;
+//! - *resting on* is the vertical gap between the pieces where the projections overlap, so that a mug on a saucer is on
+//!   it although the saucer's rim is higher than the place where they touch;
+//! - *inside* is the share of an object's surface points in the other's cavity, or in its convex hull if the model
+//!   knows no cavity.
+//!
+//! Curved outlines are polygons of 64 sides (error below 0.12 % of the radius); vertical gaps are exact to a micrometre.
+
+mod contact;
+mod judge;
+mod pair;
+mod requirement;
+mod scene;
+mod settings;
+mod shape;
+mod solid;
+mod state;
+#[cfg(test)]
+mod tests;
+mod window;
+
+pub use judge::{Rest, judge_atom, judge_edges, judge_goal, judge_states};
+pub use pair::{Contact, Label, PairGeometry, PairVerdict, label_pair, measure_pair};
+pub use scene::{PosedObject, PosedScene};
+pub use settings::RelationSettings;
+pub use shape::{ObjectShape, ShapeCache};
+pub use state::joint_state;
+pub use window::{Window, placement_window};

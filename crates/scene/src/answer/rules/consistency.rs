@@ -4,6 +4,7 @@
 //! a cycle of two. And a pair stands in one way to each other: left/right needs overlap along x only, front/back
 //! along y only, and a carried object is neither beside nor near its carrier.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use genmanip_core::Relation;
@@ -123,8 +124,8 @@ fn shortest_cycle(next: &BTreeMap<usize, BTreeSet<usize>>, start: usize) -> Opti
                 cycle.reverse();
                 return Some(cycle);
             }
-            if !from.contains_key(&other) {
-                from.insert(other, object);
+            if let Entry::Vacant(entry) = from.entry(other) {
+                entry.insert(object);
                 queue.push_back(other);
             }
         }

@@ -1,0 +1,130 @@
+//! The catalogue: cards for all objects, models on demand.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use genmanip_core::{ObjectCard, ObjectModel, PlacedObject, Seed};
+
+use crate::AssetError;
+use crate::recipe::Recipe;
+
+const CARDS: &str = include_str!("../data/catalog.json");
+const RECIPES: &str = include_str!("../data/recipes.json");
+
+/// Objects by uid. Models are built when first asked for and kept.
+#[derive(Debug)]
+pub struct Catalogue {
+    cards: Vec<ObjectCard>,
+    recipes: BTreeMap<String, Recipe>,
+    models: Mutex<BTreeMap<String, Arc<ObjectModel>>>,
+}
+
+impl Catalogue {
+    /// The objects that come with the program.
+    ///
+    /// # Panics
+    /// Never in a tested build: the data files are compiled in.
+    pub fn builtin() -> &'static Self {
+        static BUILTIN: OnceLock<Catalogue> = OnceLock::new();
+        BUILTIN.get_or_init(|| Self::from_json(CARDS, RECIPES).expect("built-in data files are tested"))
+    }
+
+    /// A catalogue from a list of cards and a table uid → [`Recipe`], both JSON.
+    ///
+    /// # Errors
+    /// [`AssetError::Data`] with the place of the mistake.
+    pub fn from_json(cards: &str, recipes: &str) -> Result<Self, AssetError> {
+        Ok(Self {
+            cards: read("cards", cards)?,
+            recipes: read("recipes", recipes)?,
+            models: Mutex::new(BTreeMap::new()),
+        })
+    }
+
+    /// All cards, by uid.
+    pub fn cards(&self) -> &[ObjectCard] {
+        &self.cards
+    }
+
+    /// The card of an object.
+    pub fn card(&self, uid: &str) -> Option<&ObjectCard> {
+        self.cards.iter().find(|card| card.uid == uid)
+    }
+
+    /// The model of an object; the same `Arc` every time.
+    ///
+    /// # Errors
+    /// [`AssetError::UnknownUid`] or [`AssetError::NotYetGenerated`].
+    pub fn build(&self, uid: &str) -> Result<Arc<ObjectModel>, AssetError> {
+        let card = self
+            .card(uid)
+            .ok_or_else(|| AssetError::UnknownUid { got: uid.to_owned(), near: self.near_misses(uid) })?;
+        let recipe = self.recipes.get(uid).ok_or_else(|| AssetError::NotYetGenerated {
+            uid: uid.to_owned(),
+            name: card.name.clone(),
+            missing: self.without_recipe(),
+        })?;
+        let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
+        let model = models.entry(uid.to_owned()).or_insert_with(|| Arc::new(recipe.build(card, seed_of(uid))));
+        Ok(Arc::clone(model))
+    }
+
+    /// The model of an object of a scenario, provided that its physics are the ones the scenario was made with.
+    ///
+    /// # Errors
+    /// As [`Catalogue::build`], and [`AssetError::Mismatch`] naming the field that differs.
+    pub fn instance(&self, placed: &PlacedObject) -> Result<Arc<ObjectModel>, AssetError> {
+        let model = self.build(&placed.uid)?;
+        let fields = [
+            ("family", placed.family.clone(), model.family.clone()),
+            ("seed", placed.seed.to_string(), model.seed.to_string()),
+            ("generator version", placed.generator_version.to_string(), model.generator_version.to_string()),
+            ("physics hash", placed.physics_hash.clone(), model.physics_hash()),
+        ];
+        for (what, expected, got) in fields {
+            if expected != got {
+                return Err(AssetError::Mismatch { uid: placed.uid.clone(), what, expected, got });
+            }
+        }
+        Ok(model)
+    }
+
+    fn without_recipe(&self) -> Vec<String> {
+        let missing = self.cards.iter().filter(|card| !self.recipes.contains_key(&card.uid));
+        missing.map(|card| card.uid.clone()).collect()
+    }
+
+    /// Up to three `uid (name)`: names that contain the text or share a word with it, then uids that look alike.
+    fn near_misses(&self, text: &str) -> Vec<String> {
+        let wanted = text.to_lowercase();
+        let mut scored: Vec<(usize, &ObjectCard)> = self
+            .cards
+            .iter()
+            .filter_map(|card| {
+                let name = card.name.to_lowercase();
+                let shares_word = wanted.split_whitespace().any(|word| word.len() > 2 && name.contains(word));
+                let same_number = wanted.trim_start_matches('0') == card.uid.trim_start_matches('0');
+                let typos = card.uid.chars().zip(wanted.chars()).filter(|(a, b)| a != b).count();
+                match () {
+                    () if same_number || name == wanted => Some((0, card)),
+                    () if shares_word => Some((1, card)),
+                    () if wanted.len() == card.uid.len() && typos == 1 => Some((2, card)),
+                    () => None,
+                }
+            })
+            .collect();
+        scored.sort_by_key(|(score, _)| *score);
+        scored.iter().take(3).map(|(_, card)| format!("{} ({})", card.uid, card.name)).collect()
+    }
+}
+
+/// Built-in objects use their number as seed, so that the seed in a scenario says something.
+fn seed_of(uid: &str) -> Seed {
+    uid.parse().map_or_else(|_| Seed::new(0).fork(uid), Seed::new)
+}
+
+pub(crate) fn read<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, AssetError> {
+    let mut reader = serde_json::Deserializer::from_str(text);
+    serde_path_to_error::deserialize(&mut reader)
+        .map_err(|error| AssetError::Data { file: file.to_owned(), message: error.to_string() })
+}

@@ -1,0 +1,44 @@
+//! Why an object cannot be had.
+
+/// Errors of the catalogue.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AssetError {
+    /// No such object.
+    #[error("no object has uid \"{got}\"; near misses: {}", if near.is_empty() { "none".into() } else { near.join(", ") })]
+    UnknownUid {
+        /// What was asked for.
+        got: String,
+        /// Uids and names that look alike, best first.
+        near: Vec<String>,
+    },
+    /// The card exists, the generator does not know the object yet.
+    #[error("object {uid} ({name}) has no generator yet; without one are {}", missing.join(", "))]
+    NotYetGenerated {
+        /// What was asked for.
+        uid: String,
+        /// Its name.
+        name: String,
+        /// All uids without a generator.
+        missing: Vec<String>,
+    },
+    /// A scenario was made with other physics than this version of the generator makes.
+    #[error("object {uid}: expected {what} {expected}, got {got}; the scenario was made by another generator version")]
+    Mismatch {
+        /// Uid of the object.
+        uid: String,
+        /// Which field differs.
+        what: &'static str,
+        /// What the scenario names.
+        expected: String,
+        /// What the catalogue makes.
+        got: String,
+    },
+    /// A data file that cannot be read.
+    #[error("{file}: {message}")]
+    Data {
+        /// Which file.
+        file: String,
+        /// What is wrong and where.
+        message: String,
+    },
+}

@@ -1,0 +1,92 @@
+//! Finishes: material and painted texture, as written in a recipe.
+
+use std::sync::Arc;
+
+use genmanip_core::{Material, Seed};
+use serde::{Deserialize, Deserializer};
+
+use crate::paint::{Canvas, Paint};
+
+/// How a surface looks.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Finish {
+    /// Ground colour.
+    pub color: Color,
+    /// 0 mirror, 1 chalk.
+    #[serde(default = "default_roughness")]
+    pub rough: f32,
+    /// Bare metal.
+    #[serde(default)]
+    pub metal: bool,
+    /// 1 opaque; below, a thin translucent wall.
+    #[serde(default = "one")]
+    pub opacity: f32,
+    /// Index of refraction.
+    #[serde(default = "default_ior")]
+    pub ior: f32,
+    /// Painted over the ground colour, in this order; without any there is no texture.
+    #[serde(default)]
+    pub paint: Vec<Paint>,
+    /// Width of the painted area over its height, so that discs are round.
+    #[serde(default = "one")]
+    pub aspect: f32,
+    /// Width and height of the texture.
+    #[serde(default = "default_pixels")]
+    pub pixels: [u32; 2],
+}
+
+/// An sRGB colour, written `#rrggbb`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Color(pub [f32; 3]);
+
+/// Metallic share of worn, fingerprinted metal; a perfect mirror would show nothing of itself in an empty room.
+const HOUSEHOLD_METAL: f32 = 0.7;
+
+impl Finish {
+    /// The material, its texture painted with chance from `seed`.
+    pub fn material(&self, seed: Seed) -> Material {
+        let texture = (!self.paint.is_empty()).then(|| {
+            let mut canvas = Canvas::new(self.pixels, self.aspect, self.color);
+            for (index, paint) in self.paint.iter().enumerate() {
+                canvas.apply(paint, seed.fork_index(index as u64));
+            }
+            Arc::new(canvas.into_texture())
+        });
+        Material {
+            base_color: if texture.is_some() { [1.0; 3] } else { self.color.0 },
+            roughness: self.rough,
+            metallic: if self.metal { HOUSEHOLD_METAL } else { 0.0 },
+            opacity: self.opacity,
+            ior: self.ior,
+            thin_walled: self.opacity < 1.0,
+            texture,
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Color {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let wrong = || serde::de::Error::custom(format!("expected a colour #rrggbb, got \"{text}\""));
+        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6).ok_or_else(wrong)?;
+        let value = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
+        Ok(Self([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0)))
+    }
+}
+
+fn default_roughness() -> f32 {
+    0.5
+}
+
+fn default_ior() -> f32 {
+    1.5
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+fn default_pixels() -> [u32; 2] {
+    [128, 128]
+}

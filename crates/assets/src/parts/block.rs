@@ -1,0 +1,181 @@
+use std::collections::BTreeMap;
+
+use genmanip_core::{Pose, Seed, TriMesh};
+use glam::{DQuat, DVec2, DVec3};
+use serde::Deserialize;
+
+use super::surface;
+use crate::finish::Finish;
+use crate::recipe::Draft;
+use crate::solid::Solid;
+use crate::surface::rounded_rectangle;
+
+/// A box, sharp or rounded, standing on the centre of its base: carton, book, cube, loaf.
+///
+/// Collision: an exact box up to 4 mm of rounding, else a hull of bevelled rings.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Block {
+    /// Name of the surface.
+    #[serde(default = "body")]
+    pub name: String,
+    /// Extent.
+    pub size: DVec3,
+    /// Centre of the base.
+    #[serde(default)]
+    pub at: DVec3,
+    /// Turned about the centre of the base: roll, pitch, yaw about fixed axes in degrees.
+    #[serde(default)]
+    pub turn_deg: [f64; 3],
+    /// Radius of the edges.
+    #[serde(default)]
+    pub round: f64,
+    /// Draw only.
+    #[serde(default)]
+    pub ghost: bool,
+    /// Look of all sides.
+    pub finish: Finish,
+    /// Look of single sides: front (-x), far (+x), left (+y), right (-y), top, bottom.
+    #[serde(default)]
+    pub faces: BTreeMap<Face, Finish>,
+}
+
+/// A side of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Face {
+    /// -x, towards the robot.
+    Front,
+    /// +x.
+    Far,
+    /// +y.
+    Left,
+    /// -y.
+    Right,
+    /// +z.
+    Top,
+    /// -z.
+    Bottom,
+}
+
+impl Face {
+    const ALL: [Self; 6] = [Self::Front, Self::Far, Self::Left, Self::Right, Self::Top, Self::Bottom];
+
+    /// Directions of the texture's u (right) and v (down) and of the outward normal.
+    fn axes(self) -> [DVec3; 3] {
+        let (u, v) = match self {
+            Self::Front => (DVec3::NEG_Y, DVec3::NEG_Z),
+            Self::Far => (DVec3::Y, DVec3::NEG_Z),
+            Self::Left => (DVec3::NEG_X, DVec3::NEG_Z),
+            Self::Right => (DVec3::X, DVec3::NEG_Z),
+            Self::Top => (DVec3::NEG_Y, DVec3::NEG_X),
+            Self::Bottom => (DVec3::NEG_Y, DVec3::X),
+        };
+        [u, v, v.cross(u)]
+    }
+}
+
+impl Block {
+    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+        let half = self.size / 2.0;
+        let [roll, pitch, yaw] = self.turn_deg.map(f64::to_radians);
+        let turn = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+        let object_from_block = Pose::new(self.at, turn) * Pose::from_position(DVec3::Z * half.z);
+        let round = self.round.min(half.min_element());
+        let mut plain = TriMesh::default();
+        for face in Face::ALL {
+            let mesh = face_mesh(face, half, round, &object_from_block);
+            match self.faces.get(&face) {
+                Some(finish) => {
+                    let name = format!("{}_{}", self.name, format!("{face:?}").to_lowercase());
+                    draft.visual.push(surface(&name, mesh, finish, seed.fork(&name)));
+                }
+                None => append(&mut plain, &mesh),
+            }
+        }
+        if !plain.triangles.is_empty() {
+            draft.visual.push(surface(&self.name, plain, &self.finish, seed));
+        }
+        if !self.ghost {
+            draft.solids.push(self.solid(&object_from_block));
+        }
+    }
+
+    fn solid(&self, object_from_block: &Pose) -> Solid {
+        let half = self.size / 2.0;
+        if self.round <= 0.004 {
+            return Solid::cuboid(*object_from_block, half);
+        }
+        let round = self.round.min(half.min_element());
+        let flat = DVec2::new(half.x, half.y);
+        let step = round * (1.0 - std::f64::consts::FRAC_1_SQRT_2);
+        let rings: Vec<Vec<DVec3>> = [
+            (round, -half.z),
+            (step, -half.z + step),
+            (0.0, -half.z + round),
+            (0.0, half.z - round),
+            (step, half.z - step),
+            (round, half.z),
+        ]
+        .into_iter()
+        .filter(|&(inset, z)| !(inset == 0.0 && z > 0.0 && half.z - round < 1e-4))
+        .map(|(inset, z)| {
+            let corner = (round - inset).max(round * 0.05);
+            let ring = rounded_rectangle(flat - inset, corner, z, 3);
+            ring.into_iter().map(|point| object_from_block.transform_point(point)).collect()
+        })
+        .collect();
+        Solid::loft(&rings)
+    }
+}
+
+/// One side with its share of the rounded edges; texture coordinates are flat over the whole side.
+fn face_mesh(face: Face, half: DVec3, round: f64, object_from_block: &Pose) -> TriMesh {
+    let [u, v, normal] = face.axes();
+    let (half_u, half_v, half_n) = (u.abs().dot(half), v.abs().dot(half), normal.abs().dot(half));
+    let knots = |extent: f64| {
+        if round <= 0.0 {
+            return vec![-extent, extent];
+        }
+        let core = extent - round;
+        // Equal angles over an eighth of a circle, seen from the middle of the rounding.
+        let bend = |i: usize| core + round * (std::f64::consts::FRAC_PI_4 * i as f64 / 3.0).tan();
+        let mut knots: Vec<f64> = (0..4).rev().map(|i| -bend(i)).collect();
+        knots.extend((0..4).map(bend));
+        knots
+    };
+    let (columns, rows) = (knots(half_u), knots(half_v));
+    let mut mesh = TriMesh::default();
+    for &b in &rows {
+        for &a in &columns {
+            let on_cube = u * a + v * b + normal * half_n;
+            let core = on_cube.clamp(-(half - round), half - round);
+            let direction = if round > 0.0 { (on_cube - core).normalize_or(normal) } else { normal };
+            let position = if round > 0.0 { core + direction * round } else { on_cube };
+            mesh.positions.push(object_from_block.transform_point(position).as_vec3());
+            mesh.normals.push(object_from_block.transform_vector(direction).as_vec3());
+            mesh.uvs.push(DVec2::new(0.5 + a / half_u / 2.0, 0.5 + b / half_v / 2.0).as_vec2());
+        }
+    }
+    let width = columns.len() as u32;
+    for row in 0..rows.len() as u32 - 1 {
+        for column in 0..width - 1 {
+            let i = row * width + column;
+            mesh.triangles.push([i, i + width, i + width + 1]);
+            mesh.triangles.push([i, i + width + 1, i + 1]);
+        }
+    }
+    mesh
+}
+
+fn append(mesh: &mut TriMesh, other: &TriMesh) {
+    let offset = mesh.positions.len() as u32;
+    mesh.positions.extend(&other.positions);
+    mesh.normals.extend(&other.normals);
+    mesh.uvs.extend(&other.uvs);
+    mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|index| index + offset)));
+}
+
+fn body() -> String {
+    "body".into()
+}

@@ -1,0 +1,87 @@
+use genmanip_core::{Pose, Seed, TriMesh};
+use glam::{DVec2, DVec3};
+use serde::Deserialize;
+
+use super::surface;
+use crate::finish::Finish;
+use crate::recipe::Draft;
+use crate::solid::Solid;
+use crate::surface::{from_rings, rounded_rectangle};
+
+/// A box without a lid: basket, cardboard box, tray.
+///
+/// Collision: a floor and four walls, exact boxes; cavity: the hollow up to the rim.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OpenBox {
+    /// Outer extent.
+    pub size: DVec3,
+    /// Thickness of the walls.
+    pub wall: f64,
+    /// Thickness of the floor.
+    pub floor: f64,
+    /// Radius of the upright edges, drawn only.
+    #[serde(default)]
+    pub corner: f64,
+    /// Look of the walls' outside; u runs once around.
+    pub outside: Finish,
+    /// Look of the inside walls.
+    pub inside: Finish,
+    /// Look of the floor.
+    pub bottom: Finish,
+}
+
+impl OpenBox {
+    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+        let half = DVec2::new(self.size.x, self.size.y) / 2.0;
+        let ring = |inset: f64, z: f64| rounded_rectangle(half - inset, (self.corner - inset).max(1e-4), z, 5);
+        let (top, wall, floor) = (self.size.z, self.wall, self.floor);
+        let lip = (wall * 0.3).min(0.0015);
+        let outside = from_rings(&[ring(0.0, 0.0), ring(0.0, top - lip)]);
+        let rim = from_rings(&[ring(0.0, top - lip), ring(lip, top), ring(wall - lip, top), ring(wall, top - lip)]);
+        let inside = from_rings(&[ring(wall, top - lip), ring(wall, floor)]);
+        let rim_finish = Finish { paint: Vec::new(), ..self.inside.clone() };
+        draft.visual.push(surface("outside", outside, &self.outside, seed.fork("outside")));
+        draft.visual.push(surface("rim", rim, &rim_finish, seed.fork("rim")));
+        draft.visual.push(surface("inside", inside, &self.inside, seed.fork("inside")));
+        draft.visual.push(surface("floor", fan(&ring(wall, floor), true), &self.bottom, seed.fork("floor")));
+        draft.visual.push(surface("underside", fan(&ring(0.0, 0.0), false), &self.bottom, seed.fork("floor")));
+        self.add_solids(draft);
+        let hollow = DVec3::new(half.x - wall, half.y - wall, (top - floor) / 2.0);
+        let center = Pose::from_position(DVec3::Z * (floor + hollow.z));
+        draft.cavity.push(Solid::cuboid(center, hollow).piece);
+    }
+
+    fn add_solids(&self, draft: &mut Draft) {
+        let half = self.size / 2.0;
+        let mut add = |center: DVec3, half: DVec3| {
+            draft.solids.push(Solid::cuboid(Pose::from_position(center), half));
+        };
+        add(DVec3::Z * (self.floor / 2.0), DVec3::new(half.x, half.y, self.floor / 2.0));
+        let (middle, half_height) = ((self.size.z + self.floor) / 2.0, (self.size.z - self.floor) / 2.0);
+        let thin = self.wall / 2.0;
+        for side in [-1.0, 1.0] {
+            add(DVec3::new(side * (half.x - thin), 0.0, middle), DVec3::new(thin, half.y, half_height));
+            add(DVec3::new(0.0, side * (half.y - thin), middle), DVec3::new(half.x - self.wall, thin, half_height));
+        }
+    }
+}
+
+/// A flat face over a convex ring; texture coordinates cover its bounds.
+fn fan(ring: &[DVec3], upward: bool) -> TriMesh {
+    let low = ring.iter().fold(DVec3::INFINITY, |low, point| low.min(*point));
+    let high = ring.iter().fold(DVec3::NEG_INFINITY, |high, point| high.max(*point));
+    let size = (high - low).max(DVec3::splat(1e-9));
+    let normal = if upward { DVec3::Z } else { DVec3::NEG_Z };
+    let mut mesh = TriMesh::default();
+    for point in ring {
+        let uv = (*point - low) / size;
+        mesh.positions.push(point.as_vec3());
+        mesh.normals.push(normal.as_vec3());
+        mesh.uvs.push(DVec2::new(1.0 - uv.y, 1.0 - uv.x).as_vec2());
+    }
+    for i in 1..ring.len() as u32 - 1 {
+        mesh.triangles.push(if upward { [0, i, i + 1] } else { [0, i + 1, i] });
+    }
+    mesh
+}

@@ -1,0 +1,74 @@
+use genmanip_core::Seed;
+use glam::{DVec2, DVec3};
+use serde::Deserialize;
+
+use super::surface;
+use crate::finish::Finish;
+use crate::recipe::Draft;
+use crate::solid::Solid;
+use crate::surface::from_rings;
+
+/// A convex polygon with thickness: gable of a carton, blade of a turner, jaw of a wrench.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Prism {
+    /// Name of the surface.
+    #[serde(default = "body")]
+    pub name: String,
+    /// Direction of the thickness; the polygon lies in the other two axes in cyclic order (x: yz, y: zx, z: xy).
+    pub axis: PrismAxis,
+    /// Corners, counter-clockwise seen against the axis.
+    pub polygon: Vec<[f64; 2]>,
+    /// Lower and upper end along the axis.
+    pub span: [f64; 2],
+    /// Scale of the polygon at the upper end about its mean, 1 for a straight prism.
+    #[serde(default = "one")]
+    pub taper: f64,
+    /// Draw only.
+    #[serde(default)]
+    pub ghost: bool,
+    /// Its look.
+    pub finish: Finish,
+}
+
+/// An axis of the object's frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PrismAxis {
+    /// Polygon in (y, z).
+    X,
+    /// Polygon in (z, x).
+    Y,
+    /// Polygon in (x, y).
+    Z,
+}
+
+impl Prism {
+    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+        let mean = self.polygon.iter().map(|&p| DVec2::from_array(p)).sum::<DVec2>() / self.polygon.len() as f64;
+        let ring = |height: f64, scale: f64| -> Vec<DVec3> {
+            let flat = self.polygon.iter().map(|&p| mean + (DVec2::from_array(p) - mean) * scale);
+            flat.map(|p| match self.axis {
+                PrismAxis::X => DVec3::new(height, p.x, p.y),
+                PrismAxis::Y => DVec3::new(p.y, height, p.x),
+                PrismAxis::Z => DVec3::new(p.x, p.y, height),
+            })
+            .collect()
+        };
+        let [low, high] = self.span;
+        let (bottom, top) = (ring(low, 1.0), ring(high, self.taper));
+        let rings = [ring(low, 0.0), bottom.clone(), top.clone(), ring(high, 0.0)];
+        draft.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
+        if !self.ghost {
+            draft.solids.push(Solid::loft(&[bottom, top]));
+        }
+    }
+}
+
+fn body() -> String {
+    "body".into()
+}
+
+fn one() -> f64 {
+    1.0
+}

@@ -1,0 +1,63 @@
+use std::f64::consts::TAU;
+
+use genmanip_core::Seed;
+use glam::DVec3;
+use serde::Deserialize;
+
+use super::surface;
+use crate::finish::Finish;
+use crate::recipe::Draft;
+use crate::solid::Solid;
+use crate::surface::{from_rings, smooth_curve};
+
+/// A ring lying flat around +z: doughnut, tape roll.
+///
+/// Collision: one convex sector of the cross-section after the other.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ring {
+    /// Name of the surface.
+    #[serde(default = "body")]
+    pub name: String,
+    /// Convex cross-section of (radius, height), counter-clockwise with the radius to the right.
+    pub section: Vec<[f64; 2]>,
+    /// Number of sectors, a multiple of four.
+    pub sectors: usize,
+    /// Draw the cross-section as a smooth closed curve.
+    #[serde(default)]
+    pub smooth: bool,
+    /// Draw only.
+    #[serde(default)]
+    pub ghost: bool,
+    /// Its look; u runs around the axis, v around the cross-section from its first point.
+    pub finish: Finish,
+}
+
+impl Ring {
+    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+        let mut outline: Vec<DVec3> = self.section.iter().map(|&[r, z]| DVec3::new(r, z, 0.0)).collect();
+        outline.extend(outline.first().copied());
+        let outline = smooth_curve(&outline, if self.smooth { 6 } else { 1 });
+        let columns = 48;
+        let turned = |p: &DVec3, angle: f64| DVec3::new(p.x * angle.cos(), p.x * angle.sin(), p.y);
+        let rows: Vec<Vec<DVec3>> = outline
+            .iter()
+            .map(|point| (0..columns).map(|i| turned(point, i as f64 / columns as f64 * TAU)).collect())
+            .collect();
+        draft.visual.push(surface(&self.name, from_rings(&rows), &self.finish, seed));
+        if self.ghost {
+            return;
+        }
+        for sector in 0..self.sectors {
+            let at = |step: usize| -> Vec<DVec3> {
+                let angle = step as f64 / self.sectors as f64 * TAU;
+                self.section.iter().map(|&[r, z]| turned(&DVec3::new(r, z, 0.0), angle)).collect()
+            };
+            draft.solids.push(Solid::loft(&[at(sector + 1), at(sector)]));
+        }
+    }
+}
+
+fn body() -> String {
+    "body".into()
+}

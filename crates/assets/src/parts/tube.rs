@@ -1,0 +1,92 @@
+use genmanip_core::Seed;
+use glam::{DVec2, DVec3};
+use serde::Deserialize;
+
+use super::surface;
+use crate::finish::Finish;
+use crate::recipe::Draft;
+use crate::solid::Solid;
+use crate::surface::{from_rings, smooth_curve, tube_rings};
+
+/// A tube swept along a path: handle, banana, stem, tine.
+///
+/// Collision: a capsule per segment where the tube is round, else a hull.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tube {
+    /// Name of the surface.
+    #[serde(default = "handle")]
+    pub name: String,
+    /// Stations of the centre line.
+    pub path: Vec<DVec3>,
+    /// Half widths, across and upright, one for all stations or one per station.
+    pub half_widths: Vec<[f64; 2]>,
+    /// Draw the path with its corners.
+    #[serde(default)]
+    pub straight: bool,
+    /// Draw only: too small to matter.
+    #[serde(default)]
+    pub ghost: bool,
+    /// Its look.
+    pub finish: Finish,
+}
+
+const SIDES: usize = 12;
+
+impl Tube {
+    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+        let steps = if self.straight { 1 } else { 6 };
+        let path = smooth_curve(&self.path, steps);
+        let widths: Vec<DVec3> = (0..self.path.len()).map(|i| self.half_width(i).extend(0.0)).collect();
+        let widths: Vec<DVec2> = smooth_curve(&widths, steps).into_iter().map(DVec3::truncate).collect();
+        let mut rings = tube_rings(&path, &widths, SIDES);
+        close_ends(&mut rings);
+        draft.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
+        if !self.ghost {
+            draft.solids.extend(self.solids());
+        }
+    }
+
+    fn half_width(&self, station: usize) -> DVec2 {
+        self.half_widths.get(station).or(self.half_widths.last()).map_or(DVec2::ZERO, |&w| DVec2::from_array(w))
+    }
+
+    fn solids(&self) -> Vec<Solid> {
+        let widths: Vec<DVec2> = (0..self.path.len()).map(|i| self.half_width(i)).collect();
+        let rings = tube_rings(&self.path, &widths, SIDES);
+        let last = self.path.len().saturating_sub(2);
+        (0..self.path.len().saturating_sub(1))
+            .map(|i| {
+                let (mut from, mut to) = (self.path[i], self.path[i + 1]);
+                let (a, b) = (widths[i], widths[i + 1]);
+                let round = (a.max_element().max(b.max_element())) / (a.min_element().min(b.min_element())) < 1.15;
+                let (radius, length) = ((a.x + a.y + b.x + b.y) / 4.0, from.distance(to));
+                let inset = (to - from).normalize_or_zero() * radius;
+                let ends = usize::from(i == 0) + usize::from(i == last);
+                if !round || length < 0.5 * radius + ends as f64 * radius {
+                    return Solid::loft(&rings[i..i + 2]);
+                }
+                if i == 0 {
+                    from += inset;
+                }
+                if i == last {
+                    to -= inset;
+                }
+                Solid::capsule(from, to, radius)
+            })
+            .collect()
+    }
+}
+
+/// Adds a shrunken and a pointed ring at both ends.
+fn close_ends(rings: &mut Vec<Vec<DVec3>>) {
+    let center = |ring: &[DVec3]| ring.iter().sum::<DVec3>() / ring.len().max(1) as f64;
+    if let (Some(first), Some(last)) = (rings.first().cloned(), rings.last().cloned()) {
+        rings.insert(0, vec![center(&first); first.len()]);
+        rings.push(vec![center(&last); last.len()]);
+    }
+}
+
+fn handle() -> String {
+    "handle".into()
+}

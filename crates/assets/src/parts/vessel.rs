@@ -1,0 +1,126 @@
+use std::f64::consts::TAU;
+
+use genmanip_core::Seed;
+use glam::{DVec2, DVec3};
+use serde::Deserialize;
+
+use super::surface;
+use crate::finish::Finish;
+use crate::recipe::Draft;
+use crate::solid::Solid;
+use crate::surface::{circle, from_rings, smooth_profile};
+
+/// A hollow body of revolution about +z, open at the top: mug, bowl, plate, pot, bin.
+///
+/// The wall lies between two profiles of (radius, height) with equally many points, from the base to the rim.
+/// Collision: one convex wedge per sector and profile segment, and a full base up to the first inner point.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Vessel {
+    /// Outer profile, base edge to rim.
+    pub outer: Vec<[f64; 2]>,
+    /// Inner profile, floor edge to rim.
+    pub inner: Vec<[f64; 2]>,
+    /// Number of collision wedges around, a multiple of four so that the size is exact.
+    pub sectors: usize,
+    /// What the outside is drawn with when it is finer than `outer`, base edge to rim.
+    #[serde(default)]
+    pub outline: Vec<[f64; 2]>,
+    /// Draw the profiles as smooth curves.
+    #[serde(default)]
+    pub smooth: bool,
+    /// Outside, from the centre of the base to the rim.
+    pub outside: Finish,
+    /// Inside, v = 0 at the centre of the floor, v = 1 at the rim.
+    pub inside: Finish,
+    /// Look of the rim; the inside's ground colour when absent.
+    #[serde(default)]
+    pub rim: Option<Finish>,
+    /// Where the centre of the base stands.
+    #[serde(default)]
+    pub at: DVec3,
+    /// Stretch along x and y, for oval vessels.
+    #[serde(default = "unstretched")]
+    pub stretch: DVec2,
+    /// How high things may lie and still count as in it; the rim when absent.
+    #[serde(default)]
+    pub cavity_top: Option<f64>,
+}
+
+impl Vessel {
+    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+        let rim_round = self.rim_thickness() / 2.0;
+        let curve = |points: &[[f64; 2]]| smooth_profile(points, if self.smooth { 6 } else { 1 });
+        let mut outside = vec![DVec2::new(0.0, self.outer[0][1])];
+        outside.extend(curve(if self.outline.is_empty() { &self.outer } else { &self.outline }));
+        let inner = curve(&self.inner);
+        let (rim_out, rim_in) = (outside[outside.len() - 1], inner[inner.len() - 1]);
+        let shoulder = (rim_round * 0.5).min(0.0015);
+        let last = outside.len() - 1;
+        outside[last].y -= shoulder;
+        let bevel = DVec2::new((rim_in.x - rim_out.x).signum() * shoulder, 0.0);
+        let mut rim = vec![outside[last], rim_out + bevel, rim_in - bevel];
+        let mut inside = inner;
+        let first_inside = inside.len() - 1;
+        inside[first_inside].y -= shoulder;
+        rim.push(inside[first_inside]);
+        inside.reverse();
+        inside.push(DVec2::new(0.0, self.inner[0][1]));
+        let sides = (self.sectors * 3).clamp(48, 72);
+        let revolve =
+            |profile: &[DVec2]| from_rings(&profile.iter().map(|&point| self.ring(point, sides)).collect::<Vec<_>>());
+        draft.visual.push(surface("outside", revolve(&outside), &self.outside, seed.fork("outside")));
+        draft.visual.push(surface("rim", revolve(&rim), &self.rim_finish(), seed.fork("rim")));
+        draft.visual.push(surface("inside", revolve(&inside), &self.inside, seed.fork("inside")));
+        self.add_solids(draft);
+        self.add_cavity(draft);
+    }
+
+    fn ring(&self, radius_height: DVec2, sides: usize) -> Vec<DVec3> {
+        circle(radius_height, sides, 0.0).into_iter().map(|point| self.placed(point)).collect()
+    }
+
+    fn placed(&self, point: DVec3) -> DVec3 {
+        self.at + point * self.stretch.extend(1.0)
+    }
+
+    fn rim_finish(&self) -> Finish {
+        self.rim.clone().unwrap_or_else(|| Finish { paint: Vec::new(), ..self.inside.clone() })
+    }
+
+    fn rim_thickness(&self) -> f64 {
+        let (out, inn) = (self.outer[self.outer.len() - 1], self.inner[self.inner.len() - 1]);
+        (out[0] - inn[0]).abs()
+    }
+
+    fn add_solids(&self, draft: &mut Draft) {
+        let base = [self.outer[0], self.inner[0]].map(|p| self.ring(DVec2::from_array(p), self.sectors));
+        draft.solids.push(Solid::loft(&base));
+        for (low, high) in self.outer.windows(2).zip(self.inner.windows(2)).map(|(o, i)| ((o[0], i[0]), (o[1], i[1]))) {
+            for sector in 0..self.sectors {
+                let section = |step: usize| {
+                    let angle = step as f64 / self.sectors as f64 * TAU;
+                    [low.0, high.0, high.1, low.1]
+                        .map(|[r, z]| self.placed(DVec3::new(r * angle.cos(), r * angle.sin(), z)))
+                        .to_vec()
+                };
+                draft.solids.push(Solid::loft(&[section(sector + 1), section(sector)]));
+            }
+        }
+    }
+
+    fn add_cavity(&self, draft: &mut Draft) {
+        let top = self.cavity_top.unwrap_or(f64::INFINITY);
+        let rings: Vec<_> = self
+            .inner
+            .iter()
+            .filter(|point| point[1] <= top + 1e-9)
+            .map(|&point| self.ring(DVec2::from_array(point), self.sectors))
+            .collect();
+        draft.cavity.push(Solid::loft(&rings).piece);
+    }
+}
+
+fn unstretched() -> DVec2 {
+    DVec2::ONE
+}

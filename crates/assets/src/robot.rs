@@ -1,0 +1,143 @@
+//! Robots from data: kinematics, limits and inertia as published, surfaces and collision bodies from parts.
+
+use std::sync::{Arc, OnceLock};
+
+use genmanip_core::{Gripper, MassProperties, Pose, RobotJoint, RobotLink, RobotModel, Seed};
+use glam::{DMat3, DQuat, DVec3};
+use serde::Deserialize;
+
+use crate::AssetError;
+use crate::catalogue::read;
+use crate::parts::Part;
+use crate::recipe::Draft;
+
+/// The Franka Emika Panda with its parallel hand; the same `Arc` every time.
+///
+/// Link frames, limits and torques: the maker's published figures (modified DH, joint axis = +z of its link).
+/// Masses and inertias: Gaz et al. 2019, "Dynamic Identification of the Franka Emika Panda Robot", link 0 and the hand
+/// as in the maker's robot description.
+/// The fingers' largest acceleration and jerk are not published; ours keep the planner honest about closing times.
+/// Shapes are our own, within a few millimetres of the robot's outline.
+///
+/// # Panics
+/// Never in a tested build: the data file is compiled in.
+pub fn panda() -> Arc<RobotModel> {
+    static PANDA: OnceLock<Arc<RobotModel>> = OnceLock::new();
+    let built = PANDA.get_or_init(|| {
+        Arc::new(robot_from_json(include_str!("../data/panda.json")).expect("built-in data files are tested"))
+    });
+    Arc::clone(built)
+}
+
+/// A robot from its data file.
+///
+/// # Errors
+/// [`AssetError::Data`] with the place of the mistake, also when a link refers to a later or missing one.
+pub fn robot_from_json(text: &str) -> Result<RobotModel, AssetError> {
+    let data: RobotData = read("robot", text)?;
+    let count = data.links.len();
+    let wrong = |message: String| AssetError::Data { file: "robot".into(), message };
+    for (index, link) in data.links.iter().enumerate() {
+        if link.parent.is_some_and(|parent| parent >= index) || (link.parent.is_none() && index > 0) {
+            return Err(wrong(format!("links[{index}].parent: expected an earlier link, got {:?}", link.parent)));
+        }
+    }
+    let arm_joints = data.links.iter().filter(|link| link.joint.is_some()).count().saturating_sub(2);
+    if data.home.len() != arm_joints {
+        return Err(wrong(format!("home: expected {arm_joints} positions, got {}", data.home.len())));
+    }
+    let named =
+        [data.hand].into_iter().chain(data.fingers).chain(data.never_colliding.iter().flat_map(|&(a, b)| [a, b]));
+    if let Some(index) = named.into_iter().find(|&index| index >= count) {
+        return Err(wrong(format!("expected the index of one of {count} links, got {index}")));
+    }
+    Ok(RobotModel {
+        name: data.name,
+        links: data.links.into_iter().enumerate().map(|(index, link)| link.build(index)).collect(),
+        hand: data.hand,
+        hand_from_tcp: Pose::from_position(DVec3::Z * data.hand_from_tcp_z),
+        gripper: Gripper {
+            fingers: data.fingers,
+            max_width: data.max_width,
+            max_force: data.max_force,
+            pad_size: data.pad_size,
+        },
+        home: data.home,
+        never_colliding: data.never_colliding,
+    })
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RobotData {
+    name: String,
+    links: Vec<LinkData>,
+    hand: usize,
+    hand_from_tcp_z: f64,
+    fingers: [usize; 2],
+    max_width: f64,
+    max_force: f64,
+    pad_size: DVec3,
+    home: Vec<f64>,
+    never_colliding: Vec<(usize, usize)>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LinkData {
+    name: String,
+    parent: Option<usize>,
+    /// Of the link's frame in the parent's frame.
+    position: DVec3,
+    /// About fixed x, y, z.
+    rpy_deg: [f64; 3],
+    joint: Option<JointData>,
+    mass_kg: f64,
+    center: DVec3,
+    /// xx, yy, zz, xy, xz, yz about the centre.
+    inertia: [f64; 6],
+    parts: Vec<Part>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct JointData {
+    name: String,
+    kind: genmanip_core::JointKind,
+    axis: DVec3,
+    lower: f64,
+    upper: f64,
+    max_velocity: f64,
+    max_acceleration: f64,
+    max_jerk: f64,
+    max_effort: f64,
+}
+
+impl LinkData {
+    fn build(self, index: usize) -> RobotLink {
+        let mut draft = Draft::default();
+        for (part_index, part) in self.parts.iter().enumerate() {
+            part.add_to(&mut draft, Seed::new(index as u64).fork_index(part_index as u64));
+        }
+        let [roll, pitch, yaw] = self.rpy_deg.map(f64::to_radians);
+        let turn = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+        let [xx, yy, zz, xy, xz, yz] = self.inertia;
+        let inertia = DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+        RobotLink {
+            name: self.name,
+            parent: self.parent,
+            parent_from_link: Pose::new(self.position, turn),
+            joint: self.joint.map(JointData::build),
+            visual: draft.visual,
+            pieces: draft.solids.into_iter().map(|solid| solid.piece).collect(),
+            mass: MassProperties { mass_kg: self.mass_kg, center: self.center, inertia },
+        }
+    }
+}
+
+impl JointData {
+    fn build(self) -> RobotJoint {
+        let Self { name, kind, axis, lower, upper, max_velocity, max_acceleration, max_jerk, max_effort } = self;
+        RobotJoint { name, kind, axis, lower, upper, max_velocity, max_acceleration, max_jerk, max_effort }
+    }
+}

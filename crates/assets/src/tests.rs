@@ -1,0 +1,288 @@
+//! Every object of the catalogue against its card.
+
+use genmanip_core::{Aabb, ObjectModel, Pose, Shape};
+use glam::{DMat3, DVec3};
+
+use crate::solid::{Moments, Solid};
+use crate::{AssetError, Catalogue};
+
+/// Runs a check on every object that has a generator and reports all that fail.
+fn check_all(check: impl Fn(&ObjectModel) -> Vec<String>) {
+    let catalogue = Catalogue::builtin();
+    let mut flaws = Vec::new();
+    for card in catalogue.cards().iter().filter(|card| !card.is_articulated) {
+        match catalogue.build(&card.uid) {
+            Ok(model) => {
+                flaws.extend(check(&model).into_iter().map(|flaw| format!("{} {}: {flaw}", card.uid, card.name)));
+            }
+            Err(error) => flaws.push(error.to_string()),
+        }
+    }
+    assert!(flaws.is_empty(), "{} flaws:\n{}", flaws.len(), flaws.join("\n"));
+}
+
+fn visual_bounds(model: &ObjectModel) -> Aabb {
+    let parts = model.links.iter().flat_map(|link| &link.visual);
+    Aabb::from_points(parts.flat_map(|part| {
+        part.mesh.positions.iter().map(|position| part.link_from_part.transform_point(position.as_dvec3()))
+    }))
+}
+
+#[test]
+fn sizes_are_those_of_the_cards() {
+    check_all(|model| {
+        let bounds = [("pieces", model.world_bounds(&Pose::IDENTITY, &[])), ("surface", visual_bounds(model))];
+        let mut flaws = Vec::new();
+        for (what, bounds) in bounds {
+            let excess = (bounds.size() - model.card.size_m).abs();
+            let allowed = (model.card.size_m * 0.03).min(DVec3::splat(0.002)).max(DVec3::splat(0.0004));
+            if excess.cmpgt(allowed).any() {
+                flaws.push(format!("{what} measure {}, card says {}", bounds.size(), model.card.size_m));
+            }
+            if bounds.min.z.abs() > 5e-4 {
+                flaws.push(format!("{what} start at z = {}", bounds.min.z));
+            }
+        }
+        flaws
+    });
+}
+
+#[test]
+fn lofts_are_convex_and_few() {
+    check_all(|model| {
+        let pieces = &model.links[0].pieces;
+        let mut flaws = Vec::new();
+        if pieces.is_empty() || pieces.len() > 48 {
+            flaws.push(format!("{} pieces", pieces.len()));
+        }
+        for (index, piece) in pieces.iter().chain(&model.cavity).enumerate() {
+            let Shape::Hull { points } = &piece.shape else { continue };
+            // A point that is no corner of the hull can be left out without changing it: every point must be extreme
+            // in some direction, up to the chord error of a bent tube.
+            let inside = points.iter().map(|&point| depth_in_hull(points, point)).fold(0.0, f64::max);
+            if inside > 4e-4 {
+                flaws.push(format!("piece {index} has a point {:.2} mm inside its hull", inside * 1e3));
+            }
+        }
+        flaws
+    });
+}
+
+/// How deep a point lies in the hull of others.
+fn depth_in_hull(points: &[DVec3], point: DVec3) -> f64 {
+    -largest_over_directions(|direction| {
+        -points.iter().map(|other| (*other - point).dot(direction)).fold(0.0, f64::max)
+    })
+}
+
+/// The largest value of a function of a unit vector: the best of a fine sphere, then of ever smaller caps around it.
+fn largest_over_directions(value: impl Fn(DVec3) -> f64) -> f64 {
+    let sphere = |i: u32| {
+        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 100.0;
+        let angle = 2.399_963 * f64::from(i);
+        DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z)
+    };
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
+    let mut best = axes
+        .chain((0..100).map(sphere))
+        .map(|d| (value(d), d))
+        .fold((f64::MIN, DVec3::Z), |best, next| if next.0 > best.0 { next } else { best });
+    for round in 0..30 {
+        let reach = 0.3 * 0.75f64.powi(round);
+        for i in 0..20 {
+            let direction = (best.1 + sphere((i * 5 + round as u32 * 37) % 100) * reach).normalize();
+            let next = value(direction);
+            if next > best.0 {
+                best = (next, direction);
+            }
+        }
+    }
+    best.0
+}
+
+#[test]
+fn mass_and_inertia_are_physical() {
+    check_all(|model| {
+        let mass = &model.links[0].mass;
+        let mut flaws = Vec::new();
+        if mass.mass_kg != model.card.mass_kg {
+            flaws.push(format!("mass {}", mass.mass_kg));
+        }
+        if (mass.inertia - mass.inertia.transpose()).to_cols_array().iter().any(|value| value.abs() > 1e-12) {
+            flaws.push("inertia is not symmetric".into());
+        }
+        let moments = eigenvalues(mass.inertia);
+        if moments[0] <= 0.0 || moments[0] + moments[1] < moments[2] * (1.0 - 1e-9) {
+            flaws.push(format!("principal moments {moments:?}"));
+        }
+        let bounds = model.world_bounds(&Pose::IDENTITY, &[]);
+        if mass.center.cmplt(bounds.min).any() || mass.center.cmpgt(bounds.max).any() {
+            flaws.push(format!("centre of mass {} outside", mass.center));
+        }
+        flaws
+    });
+}
+
+/// Ascending, of a symmetric matrix, by Jacobi rotations.
+fn eigenvalues(matrix: DMat3) -> [f64; 3] {
+    let mut m = matrix.to_cols_array_2d();
+    for _ in 0..30 {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let angle = 0.5 * (2.0 * m[p][q]).atan2(m[q][q] - m[p][p]);
+            let (s, c) = angle.sin_cos();
+            for row in &mut m {
+                (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+            }
+            for k in 0..3 {
+                (m[p][k], m[q][k]) = (c * m[p][k] - s * m[q][k], s * m[p][k] + c * m[q][k]);
+            }
+        }
+    }
+    let mut values = [m[0][0], m[1][1], m[2][2]];
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+#[test]
+fn resting_pose_is_stable() {
+    check_all(|model| {
+        // The centre of mass must stand inside what touches the table, by at least 0.8 mm.
+        let mass = &model.links[0].mass;
+        let reach = |direction: DVec3| {
+            let touching = model.links[0].pieces.iter().flat_map(|piece| {
+                let tilted = [0.0, 1e-3, -1e-3].map(|t| {
+                    let side = direction.cross(DVec3::Z) * t;
+                    piece.support(DVec3::NEG_Z + direction * 1e-3 + side)
+                });
+                tilted.into_iter().filter(|point| point.z < 1.2e-3)
+            });
+            touching.map(|point| (point - mass.center).dot(direction)).fold(f64::NEG_INFINITY, f64::max)
+        };
+        let worst = (0..16)
+            .map(|i| {
+                let angle = f64::from(i) / 16.0 * std::f64::consts::TAU;
+                reach(DVec3::new(angle.cos(), angle.sin(), 0.0))
+            })
+            .fold(f64::INFINITY, f64::min);
+        if worst < 0.0008 { vec![format!("tips over: margin {:.1} mm", worst * 1e3)] } else { Vec::new() }
+    });
+}
+
+#[test]
+fn hollow_objects_are_hollow() {
+    check_all(|model| {
+        let lidded = model.family == "teapot";
+        let mut flaws = Vec::new();
+        if model.cavity.is_empty() != (!model.card.is_container || lidded)
+            && !["spoon", "ladle"].contains(&&*model.family)
+        {
+            flaws.push(format!("container {} but {} cavities", model.card.is_container, model.cavity.len()));
+        }
+        for cavity in &model.cavity {
+            let center = cavity.link_from_piece.position;
+            for (index, piece) in model.links[0].pieces.iter().enumerate() {
+                let gap = separation(piece, center);
+                if gap <= 0.0 {
+                    flaws.push(format!("piece {index} fills the middle of the cavity"));
+                }
+            }
+        }
+        flaws
+    });
+}
+
+/// Separation of a point from a piece; positive when the point is outside.
+fn separation(piece: &genmanip_core::Piece, point: DVec3) -> f64 {
+    largest_over_directions(|direction| (point - piece.support(direction)).dot(direction))
+}
+
+#[test]
+fn surfaces_are_sound() {
+    check_all(|model| {
+        let mut flaws = Vec::new();
+        for part in &model.links[0].visual {
+            let mesh = &part.mesh;
+            let count = mesh.positions.len();
+            if count == 0 || mesh.normals.len() != count || mesh.uvs.len() != count {
+                flaws.push(format!("{}: {count} corners", part.name));
+            }
+            let agree = mesh.triangles.iter().filter(|triangle| {
+                let [a, b, c] = triangle.map(|index| mesh.positions[index as usize]);
+                let face = (b - a).cross(c - a);
+                triangle.iter().all(|&index| mesh.normals[index as usize].dot(face) >= -1e-9)
+            });
+            if agree.count() < mesh.triangles.len() * 98 / 100 {
+                flaws.push(format!("{}: normals against faces", part.name));
+            }
+        }
+        flaws
+    });
+}
+
+#[test]
+fn moments_of_known_bodies() {
+    let close = |a: &Moments, b: &Moments| {
+        assert!((a.volume - b.volume).abs() < 2e-3 * b.volume, "{a:?} {b:?}");
+        assert!((a.center - b.center).length() < 1e-4, "{a:?} {b:?}");
+        let size = b.second.x_axis.length() + b.second.y_axis.length();
+        assert!((a.second - b.second).to_cols_array().iter().all(|d| d.abs() < 5e-3 * size), "{a:?} {b:?}");
+    };
+    let center = DVec3::new(0.3, -0.2, 0.1);
+    let square = |z: f64| {
+        [(0.1, -0.2), (0.1, 0.2), (-0.1, 0.2), (-0.1, -0.2)].map(|(x, y)| center + DVec3::new(x, y, z)).to_vec()
+    };
+    let cuboid = Solid::cuboid(Pose::from_position(center), DVec3::new(0.1, 0.2, 0.3));
+    close(&Solid::loft(&[square(-0.3), square(0.3)]).moments, &cuboid.moments);
+    let ring = |z: f64| {
+        crate::surface::circle(glam::DVec2::new(0.1, z), 200, 0.0).into_iter().map(|p| p + center).collect::<Vec<_>>()
+    };
+    let cylinder = Solid::cylinder(center - DVec3::Z * 0.2, center + DVec3::Z * 0.2, 0.1);
+    close(&Solid::loft(&[ring(-0.2), ring(0.2)]).moments, &cylinder.moments);
+    let rings: Vec<_> = (0..=81)
+        .map(|i| {
+            let angle = std::f64::consts::PI * f64::from(i - i32::from(i > 40)) / 80.0;
+            let height = -0.1 * angle.cos() + if i > 40 { 0.2 } else { -0.2 };
+            crate::surface::circle(glam::DVec2::new(0.1 * angle.sin(), height), 120, 0.0)
+        })
+        .collect();
+    let capsule = Solid::capsule(DVec3::Z * -0.2, DVec3::Z * 0.2, 0.1);
+    close(&Solid::loft(&rings).moments, &capsule.moments);
+}
+
+#[test]
+fn unknown_and_missing_objects_say_what_exists() {
+    let catalogue = Catalogue::builtin();
+    let Err(AssetError::UnknownUid { near, .. }) = catalogue.build("Red Mugg") else { panic!("expected UnknownUid") };
+    assert_eq!(near.first().map(String::as_str), Some("001 (Red Mug)"));
+    assert!(matches!(catalogue.build(""), Err(AssetError::UnknownUid { .. })));
+    assert!(catalogue.build("999999999999999999999999").is_err());
+}
+
+#[test]
+fn broken_data_is_an_error_with_its_place() {
+    let card = |size: &str| {
+        Catalogue::builtin().cards().first().map(|card| {
+            let mut value = serde_json::to_value(card).unwrap();
+            value["size_m"] = serde_json::from_str(size).unwrap();
+            serde_json::json!([value]).to_string()
+        })
+    };
+    for (cards, recipes, place) in [
+        ("[{}]".to_owned(), "{}", "[0]"),
+        (card("\"big\"").unwrap(), "{}", "[0].size_m"),
+        ("[]".to_owned(), r#"{"001": {"family": "mug", "friction": 0.5, "parts": [{"blob": {}}]}}"#, "001.parts[0]"),
+    ] {
+        let error = Catalogue::from_json(&cards, recipes).unwrap_err().to_string();
+        assert!(error.contains(place), "{error} should name {place}");
+    }
+}
+
+#[test]
+fn same_uid_same_bytes() {
+    let text = |catalogue: &Catalogue| {
+        let models = catalogue.cards().iter().filter_map(|card| catalogue.build(&card.uid).ok());
+        models.map(|model| format!("{:?}", model.links)).collect::<Vec<_>>()
+    };
+    let fresh = || Catalogue::from_json(include_str!("../data/catalog.json"), include_str!("../data/recipes.json"));
+    assert!(text(&fresh().unwrap()) == text(&fresh().unwrap()));
+}

@@ -1,0 +1,293 @@
+//! The top of the page: what was run, how it went, and the index of tasks.
+
+use std::fmt::Write;
+
+use genmanip_core::{AttemptOutcome, TaskKind};
+
+use super::tables::{causes_text, mean_text, rate_bar, seconds_text, table};
+use super::{ImagePlan, ReportInput, TaskSection, chip, image, words};
+use crate::markup::escape;
+use crate::statistics::{PairedComparison, Rate, StatisticsSettings, SuiteSummary, failure_counts};
+
+pub(super) fn overview(input: &ReportInput, statistics: &StatisticsSettings, plan: ImagePlan) -> String {
+    let mut html = String::from("<header>\n");
+    let _ = writeln!(html, "<p class=\"kicker\">GenManip report</p>\n<h1>{}</h1>", escape(&input.title));
+    let _ = writeln!(html, "<p class=\"lead\">{}</p>", escape(&lead(input, statistics).replace(" %", "\u{a0}%")));
+    html += &tiles(input, statistics);
+    html += &warnings(input);
+    html += "</header>\n<section id=\"results\">\n<h2>Results</h2>\n";
+    html += &policies(&input.summaries, input.control.as_deref());
+    html += &comparisons(&input.comparisons);
+    html += &kinds(input, statistics);
+    html += "</section>\n<section id=\"tasks\">\n<h2>Tasks</h2>\n";
+    html += &index(&input.tasks, plan);
+    html += "</section>\n<section id=\"made\" class=\"two\">\n";
+    html += &provenance(input, plan);
+    html + "</section>\n"
+}
+
+fn lead(input: &ReportInput, statistics: &StatisticsSettings) -> String {
+    let rate = total_yield(&input.tasks, statistics);
+    let solved = input.tasks.iter().filter(|section| section.verified() > 0).count();
+    let (tasks, episodes) = (input.tasks.len(), input.summaries.iter().map(|s| s.success.trials).sum::<usize>());
+    format!(
+        "{}: {} gave {}, {rate}; {solved} of {tasks} tasks have at least one. {} evaluated in {}.",
+        plural(tasks, "task"),
+        plural(rate.trials, "attempt"),
+        plural(rate.successes, "verified demonstration"),
+        match input.summaries.len() {
+            1 => "1 policy was".into(),
+            count => format!("{count} policies were"),
+        },
+        plural(episodes, "episode"),
+    )
+}
+
+fn tiles(input: &ReportInput, statistics: &StatisticsSettings) -> String {
+    let rate = total_yield(&input.tasks, statistics);
+    let mut tiles = vec![tile(
+        "Verified demonstrations",
+        &format!("{} of {}", rate.successes, rate.trials),
+        "attempts, all counted",
+    )];
+    for summary in input.summaries.iter().take(4) {
+        let control = input.control.as_deref() == Some(&summary.policy);
+        let remark = match (control, summary.oracle) {
+            (true, _) => "control, must be 0",
+            (false, true) => "success at the end · oracle",
+            (false, false) => "success at the end",
+        };
+        tiles.push(tile(&words(&summary.policy), &format!("{:.0} %", 100.0 * summary.success.value), remark));
+    }
+    format!("<ul class=\"tiles\">\n{}</ul>\n", tiles.concat())
+}
+
+fn tile(label: &str, figure: &str, remark: &str) -> String {
+    let (label, figure, remark) = (escape(label), escape(figure), escape(remark));
+    format!(
+        "<li><span class=\"label\">{label}</span><strong>{figure}</strong><span class=\"muted\">{remark}</span></li>\n"
+    )
+}
+
+/// What must not be overlooked.
+fn warnings(input: &ReportInput) -> String {
+    let mut warnings = Vec::new();
+    let control = input.summaries.iter().find(|summary| input.control.as_deref() == Some(&summary.policy));
+    if let Some(summary) = control.filter(|summary| summary.success.successes > 0) {
+        warnings.push(format!(
+            "The control policy {} succeeded in {}: a goal holds without being worked for.",
+            summary.policy,
+            plural(summary.success.successes, "episode")
+        ));
+    }
+    let unsolved: Vec<&str> = input
+        .tasks
+        .iter()
+        .filter(|section| section.verified() == 0 && !section.attempts.is_empty())
+        .map(|section| section.task.id.as_str())
+        .collect();
+    if !unsolved.is_empty() {
+        warnings.push(format!("Without a verified demonstration: {}.", unsolved.join(", ")));
+    }
+    warnings.iter().map(|warning| format!("<p class=\"warning\">{}</p>\n", escape(warning))).collect()
+}
+
+fn policies(summaries: &[SuiteSummary], control: Option<&str>) -> String {
+    if summaries.is_empty() {
+        return "<p class=\"muted\">No policy was evaluated.</p>\n".into();
+    }
+    let with_spl = summaries.iter().any(|summary| summary.spl.is_some());
+    let rows: Vec<Vec<String>> = summaries
+        .iter()
+        .map(|summary| {
+            let mut name = escape(&words(&summary.policy));
+            if summary.oracle {
+                name += &chip("warn", "oracle");
+            }
+            if control == Some(&summary.policy) {
+                name += &chip("plain", "control");
+            }
+            let mut cells = vec![
+                name,
+                summary.success.trials.to_string(),
+                rate_bar(&summary.success),
+                format!("{:.1} %", 100.0 * summary.success_once.value),
+                mean_text(&summary.score, 2, ""),
+            ];
+            if with_spl {
+                cells.push(
+                    summary
+                        .spl
+                        .as_ref()
+                        .map_or("<span class=\"muted\">none</span>".into(), |spl| mean_text(spl, 2, "")),
+                );
+            }
+            cells.extend([
+                mean_text(&summary.tcp_path_m, 2, " m"),
+                mean_text(&summary.duration_s, 1, " s"),
+                format!("{} of {}", summary.collisions.successes, summary.collisions.trials),
+            ]);
+            cells
+        })
+        .collect();
+    let mut headings = vec!["Policy", "Episodes", "Success at end", "Once", "Score"];
+    if with_spl {
+        headings.push("SPL");
+    }
+    headings.extend(["Path", "Duration", "Collisions"]);
+    let mut html = String::from("<h3>Policies</h3>\n") + &table("figures", &headings, &rows);
+    let failures: Vec<String> = summaries
+        .iter()
+        .filter(|summary| !summary.failures.is_empty())
+        .map(|summary| format!("{}: {}.", escape(&words(&summary.policy)), causes_text(&summary.failures)))
+        .collect();
+    if !failures.is_empty() {
+        let _ = writeln!(html, "<p class=\"note\">Why episodes failed. {}</p>", failures.join(" "));
+    }
+    html += "<p class=\"note\">Success at end is the headline: judged after settling, nothing held or moving. \
+             Once: held at some moment. Bars carry 95 % Wilson intervals, means 95 % bootstrap intervals.</p>\n";
+    let kinds: Vec<TaskKind> = TaskKind::ALL
+        .into_iter()
+        .filter(|kind| summaries.iter().any(|s| s.kinds.iter().any(|k| k.kind == *kind)))
+        .collect();
+    let rows: Vec<Vec<String>> = kinds
+        .iter()
+        .map(|kind| {
+            let of_kind = |summary: &SuiteSummary| {
+                let found = summary.kinds.iter().find(|entry| entry.kind == *kind);
+                found.map_or("<span class=\"muted\">none</span>".into(), |entry| rate_bar(&entry.success))
+            };
+            std::iter::once(escape(&words(kind.name()))).chain(summaries.iter().map(of_kind)).collect()
+        })
+        .collect();
+    let names: Vec<String> = summaries.iter().map(|summary| words(&summary.policy)).collect();
+    let headings: Vec<&str> = std::iter::once("Kind").chain(names.iter().map(String::as_str)).collect();
+    html + "<h3>Success at end by kind of task</h3>\n" + &table("figures", &headings, &rows)
+}
+
+fn comparisons(comparisons: &[PairedComparison]) -> String {
+    let rows: Vec<Vec<String>> = comparisons
+        .iter()
+        .map(|pair| {
+            let points = |share: f64| format!("{:+.1}", 100.0 * share);
+            vec![
+                escape(&format!("{} against {}", words(&pair.first), words(&pair.second))),
+                pair.pairs.to_string(),
+                format!(
+                    "{} points <span class=\"ci\">{} to {}</span>",
+                    points(pair.difference.value),
+                    points(pair.difference.low),
+                    points(pair.difference.high)
+                ),
+                format!("{} / {}", pair.only_first, pair.only_second),
+                if pair.p_value < 1e-4 { "&lt; 0.0001".into() } else { format!("{:.4}", pair.p_value) },
+            ]
+        })
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let headings =
+        ["On the same episodes", "Pairs", "Difference in success", "Only first / only second", "p (exact McNemar)"];
+    String::from("<h3>Policies in pairs</h3>\n") + &table("figures", &headings, &rows)
+}
+
+fn kinds(input: &ReportInput, statistics: &StatisticsSettings) -> String {
+    let row = |name: String, sections: &[&TaskSection]| {
+        let attempts = || sections.iter().flat_map(|section| &section.attempts);
+        let causes = attempts().filter_map(|attempt| match &attempt.outcome {
+            AttemptOutcome::Verified => None,
+            AttemptOutcome::Failed(failure) => Some(failure.cause),
+        });
+        let rate = Rate::of(attempts().map(|attempt| attempt.outcome == AttemptOutcome::Verified), statistics);
+        vec![
+            name,
+            rate_bar(&rate),
+            format!("{} of {}", rate.successes, rate.trials),
+            sections.len().to_string(),
+            causes_text(&failure_counts(causes)),
+        ]
+    };
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for kind in TaskKind::ALL {
+        let sections: Vec<&TaskSection> = input.tasks.iter().filter(|section| section.task.kind == kind).collect();
+        if !sections.is_empty() {
+            rows.push(row(escape(&words(kind.name())), &sections));
+        }
+    }
+    rows.push(row("all kinds".into(), &input.tasks.iter().collect::<Vec<_>>()));
+    let headings = ["Kind", "Yield", "Verified attempts", "Tasks", "Why others failed"];
+    String::from("<h3>Yield of demonstrations</h3>\n") + &table("figures total", &headings, &rows)
+}
+
+fn index(tasks: &[TaskSection], plan: ImagePlan) -> String {
+    let cards: String = tasks
+        .iter()
+        .enumerate()
+        .map(|(index, section)| {
+            let picture = match section.thumbnail() {
+                Some(jpeg) if plan.thumbnails => image(jpeg, &format!("End of {}", section.task.id)),
+                _ => "<span class=\"blank\">no picture</span>".into(),
+            };
+            format!(
+                "<li><a href=\"#task-{}\">{picture}<span class=\"say\">{}</span></a><span class=\"chips\">{}{}</span></li>\n",
+                index + 1,
+                escape(&section.task.instruction),
+                chip("plain", &words(section.task.kind.name())),
+                yield_chip(section),
+            )
+        })
+        .collect();
+    format!("<ol class=\"index\">\n{cards}</ol>\n")
+}
+
+/// How many attempts were verified, coloured by whether any was.
+pub(super) fn yield_chip(section: &TaskSection) -> String {
+    let (verified, attempts) = (section.verified(), section.attempts.len());
+    let class = match verified {
+        0 if attempts > 0 => "bad",
+        0 => "plain",
+        verified if verified == attempts => "good",
+        _ => "fair",
+    };
+    chip(class, &format!("{verified} of {attempts} verified"))
+}
+
+fn provenance(input: &ReportInput, plan: ImagePlan) -> String {
+    let mut facts = vec![("made by".to_owned(), input.generated_by.clone()), ("seed".into(), input.seed.to_string())];
+    facts.extend(input.versions.iter().cloned());
+    let facts: String =
+        facts.iter().map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(value))).collect();
+    let mut html = format!("<div>\n<h2>How it was made</h2>\n<dl>\n{facts}</dl>\n");
+    if !input.commands.is_empty() {
+        let _ = writeln!(html, "<pre><code>{}</code></pre>", escape(&input.commands.join("\n")));
+    }
+    if !input.timings.is_empty() {
+        let rows: Vec<Vec<String>> = input
+            .timings
+            .iter()
+            .map(|timing| vec![escape(&timing.phase), escape(&seconds_text(timing.seconds))])
+            .collect();
+        html += &table("figures small", &["Phase", "Wall time"], &rows);
+    }
+    let mut notes = input.notes.clone();
+    match plan.film_step {
+        Some(1) => {}
+        Some(step) => {
+            notes.push(format!("Film strips show every {step}th of the given images, to keep this page small."))
+        }
+        None => notes.push("Film strips are left out, to keep this page small.".into()),
+    }
+    let notes: String = notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
+    html += "</div>\n<div>\n<h2>To know when reading</h2>\n";
+    html + &format!("<ul class=\"notes\">\n{notes}</ul>\n</div>\n")
+}
+
+fn total_yield(tasks: &[TaskSection], statistics: &StatisticsSettings) -> Rate {
+    let attempts = tasks.iter().flat_map(|section| &section.attempts);
+    Rate::of(attempts.map(|attempt| attempt.outcome == AttemptOutcome::Verified), statistics)
+}
+
+fn plural(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}

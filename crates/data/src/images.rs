@@ -1,0 +1,218 @@
+//! What a camera saw during an episode, drawn afterwards from the recorded states.
+//!
+//! In the store each track is three files of the group `images_<fps>hz`: `<camera>.json` (camera with K, pose per frame,
+//! lengths, colour statistics), `<camera>.h264`, and `<camera>.depth` (PNG files one after the other, empty without
+//! depth).
+
+use genmanip_core::{Camera, CameraMount, Document, DocumentError, Pose};
+use serde::{Deserialize, Serialize};
+
+use crate::depth::encode_depth_png;
+use crate::video::{self, EncodedVideo, VideoEncoder, VideoSettings};
+use crate::{Attachment, DataError, EpisodeStore};
+
+/// One camera's pictures of one episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraTrack {
+    /// The camera, with its intrinsics K.
+    pub camera: Camera,
+    /// Where it was: one pose per frame, or a single one for a camera fixed in the world.
+    pub world_from_camera: Vec<Pose>,
+    /// Colour.
+    pub video: EncodedVideo,
+    /// 16-bit PNG files in millimetres, one per frame; empty when depth was not wanted.
+    pub depth_png: Vec<Vec<u8>>,
+    /// How often each colour value occurs.
+    pub colors: ColorHistogram,
+}
+
+/// How often each 8-bit value occurs in each channel, on every fourth pixel of every fourth row.
+///
+/// Every statistic a data set needs follows from it exactly, and histograms of episodes add up.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ColorHistogram {
+    /// Red, green, blue; 256 counts each.
+    pub counts: [Vec<u64>; 3],
+}
+
+/// Encodes a camera's pictures as they are drawn, so that none has to be kept.
+pub struct TrackRecorder {
+    camera: Camera,
+    world_from_camera: Vec<Pose>,
+    video: VideoEncoder,
+    depth_png: Vec<Vec<u8>>,
+    colors: ColorHistogram,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct TrackFile {
+    camera: Camera,
+    fps: u32,
+    frames: usize,
+    world_from_camera: Vec<Pose>,
+    h264_bytes: Vec<usize>,
+    depth_png_bytes: Vec<usize>,
+    colors: ColorHistogram,
+}
+
+impl Document for TrackFile {
+    const SCHEMA: &'static str = "genmanip.camera_track/1";
+}
+
+impl TrackRecorder {
+    /// Starts a track at `fps` pictures per second.
+    ///
+    /// # Errors
+    /// See [`VideoEncoder::new`].
+    pub fn new(camera: &Camera, fps: u32, settings: &VideoSettings) -> Result<Self, DataError> {
+        Ok(Self {
+            camera: camera.clone(),
+            world_from_camera: Vec::new(),
+            video: VideoEncoder::new(camera.intrinsics.width, camera.intrinsics.height, fps, settings)?,
+            depth_png: Vec::new(),
+            colors: ColorHistogram::default(),
+        })
+    }
+
+    /// Appends a picture: 8-bit sRGB, depth in metres (0 where nothing was hit), both row by row.
+    ///
+    /// Depth is given for every picture of a track or for none.
+    ///
+    /// # Errors
+    /// When a size does not fit or an encoder fails.
+    pub fn push(&mut self, world_from_camera: Pose, rgb: &[u8], depth_m: Option<&[f32]>) -> Result<(), DataError> {
+        let (width, height) = (self.camera.intrinsics.width, self.camera.intrinsics.height);
+        self.video.push(rgb)?;
+        if let Some(depth_m) = depth_m {
+            self.depth_png.push(encode_depth_png(depth_m, width, height)?);
+        }
+        if self.camera.mount == CameraMount::Hand || self.world_from_camera.is_empty() {
+            self.world_from_camera.push(world_from_camera);
+        }
+        self.colors.add_image(rgb, width as usize);
+        Ok(())
+    }
+
+    /// The track.
+    ///
+    /// # Errors
+    /// When depth was given for some pictures only.
+    pub fn finish(self) -> Result<CameraTrack, DataError> {
+        let video = self.video.finish();
+        let depth = self.depth_png.len();
+        if depth != 0 && depth != video.frames.len() {
+            return Err(DataError::mismatch("depth images of a track", video.frames.len(), depth));
+        }
+        let Self { camera, world_from_camera, depth_png, colors, .. } = self;
+        Ok(CameraTrack { camera, world_from_camera, video, depth_png, colors })
+    }
+}
+
+impl CameraTrack {
+    /// `world_from_camera` of a frame.
+    pub fn pose_at(&self, frame: usize) -> Option<&Pose> {
+        self.world_from_camera.get(frame).or(match self.camera.mount {
+            CameraMount::World => self.world_from_camera.first(),
+            CameraMount::Hand => None,
+        })
+    }
+
+    /// The files of the track.
+    fn attachments(&self) -> [Attachment; 3] {
+        let file = TrackFile {
+            camera: self.camera.clone(),
+            fps: self.video.fps,
+            frames: self.video.frames.len(),
+            world_from_camera: self.world_from_camera.clone(),
+            h264_bytes: self.video.frame_bytes(),
+            depth_png_bytes: self.depth_png.iter().map(Vec::len).collect(),
+            colors: self.colors.clone(),
+        };
+        let name = |ending: &str| format!("{}.{ending}", self.camera.name);
+        [
+            Attachment { name: name("json"), bytes: file.to_json().into_bytes() },
+            Attachment { name: name("h264"), bytes: self.video.to_bytes() },
+            Attachment { name: name("depth"), bytes: self.depth_png.concat() },
+        ]
+    }
+}
+
+impl EpisodeStore {
+    /// Keeps the pictures of an episode; all tracks have one rate, and replace those of that rate.
+    ///
+    /// # Errors
+    /// When the rates differ, there is no track, or the store refuses.
+    pub fn attach_tracks(&self, id: &str, tracks: &[CameraTrack]) -> Result<(), DataError> {
+        let Some(fps) = tracks.first().map(|track| track.video.fps) else {
+            return Err(DataError::mismatch("tracks to attach", "at least one", 0));
+        };
+        if let Some(other) = tracks.iter().find(|track| track.video.fps != fps) {
+            return Err(DataError::mismatch("rate of the tracks", fps, other.video.fps));
+        }
+        let attachments: Vec<Attachment> = tracks.iter().flat_map(CameraTrack::attachments).collect();
+        self.attach(id, &image_group(fps), &attachments)
+    }
+
+    /// Whether pictures of an episode at a rate are kept for all the cameras named.
+    pub fn has_tracks(&self, id: &str, fps: u32, cameras: &[String]) -> bool {
+        let group = image_group(fps);
+        let folder = self.root().join(id).join(&group);
+        self.has_group(id, &group) && cameras.iter().all(|camera| folder.join(format!("{camera}.json")).is_file())
+    }
+
+    /// The pictures of one camera at a rate.
+    ///
+    /// # Errors
+    /// When they are not there or damaged.
+    pub fn read_track(&self, id: &str, fps: u32, camera: &str) -> Result<CameraTrack, DataError> {
+        let name = |ending: &str| format!("{}/{camera}.{ending}", image_group(fps));
+        let text = self.read_attachment(id, &name("json"))?;
+        let fail =
+            |source: DocumentError| DataError::Document { path: self.root().join(id).join(name("json")), source };
+        let file = TrackFile::from_json(&String::from_utf8_lossy(&text)).map_err(fail)?;
+        let frames = video::split(&self.read_attachment(id, &name("h264"))?, &file.h264_bytes)?;
+        let depth_png = video::split(&self.read_attachment(id, &name("depth"))?, &file.depth_png_bytes)?;
+        let (width, height) = (file.camera.intrinsics.width, file.camera.intrinsics.height);
+        Ok(CameraTrack {
+            camera: file.camera,
+            world_from_camera: file.world_from_camera,
+            video: EncodedVideo { width, height, fps: file.fps, frames },
+            depth_png,
+            colors: file.colors,
+        })
+    }
+}
+
+impl Default for ColorHistogram {
+    fn default() -> Self {
+        Self { counts: [vec![0; 256], vec![0; 256], vec![0; 256]] }
+    }
+}
+
+impl ColorHistogram {
+    /// Pixels and rows between samples.
+    const STRIDE: usize = 4;
+
+    fn add_image(&mut self, rgb: &[u8], width: usize) {
+        for row in rgb.chunks_exact(width * 3).step_by(Self::STRIDE) {
+            for pixel in row.chunks_exact(3).step_by(Self::STRIDE) {
+                for (counts, value) in self.counts.iter_mut().zip(pixel) {
+                    counts[usize::from(*value)] += 1;
+                }
+            }
+        }
+    }
+
+    /// Adds the counts of another histogram.
+    pub fn add(&mut self, other: &Self) {
+        for (counts, more) in self.counts.iter_mut().zip(&other.counts) {
+            for (count, more) in counts.iter_mut().zip(more) {
+                *count += more;
+            }
+        }
+    }
+}
+
+fn image_group(fps: u32) -> String {
+    format!("images_{fps}hz")
+}

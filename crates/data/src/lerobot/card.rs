@@ -1,0 +1,61 @@
+//! `README.md` of a data set, with the front matter that dataset hubs read.
+
+use super::LerobotSettings;
+
+/// The card of the main data set.
+pub(crate) fn color(name: &str, settings: &LerobotSettings) -> String {
+    let depth = if settings.depth {
+        format!("Depth images of the same frames are in the sibling data set `{name}-depth`.\n")
+    } else {
+        String::new()
+    };
+    let record = if settings.record {
+        "`extras/record` holds every episode as it was simulated: scenario, initial state, every 60 Hz command.\n\
+         `genmanip replay` reproduces an episode from it, byte for byte.\n"
+    } else {
+        ""
+    };
+    format!(
+        "{}# {name}\n\n\
+         Tabletop manipulation demonstrations, made in simulation by GenManip in Rust, in the LeRobotDataset v3.0 \
+         format.\n\
+         Each episode was made by an expert that reads the simulator's state, and was verified after settling; \
+         `success` in the episodes table says so.\n\n\
+         - `observation.state`: arm joint positions (rad) and gripper opening (m).\n\
+         - `action`: absolute joint targets (rad) and gripper opening (m), in force at the end of the frame's interval.\n\
+         - `observation.images.*`: RGB video at {} frames per second.\n\
+         - `ee.*`: the same as tool pose; rotations about the fixed x, y, z axes, R = Rz·Ry·Rx.\n\
+         - `sim.*`: simulator truth, not for policies.\n\
+         - `camera.*`: camera poses; intrinsics are in the episodes table.\n\n\
+         `meta/genmanip.json` says what every column means.\n\
+         The episodes table also holds seed, scenario, task, policy, engine and program version.\n{depth}{record}",
+        front_matter(),
+        settings.fps
+    )
+}
+
+/// The card of the depth data set.
+pub(crate) fn depth(name: &str) -> String {
+    format!(
+        "{}# {name}-depth\n\n\
+         Depth images of the data set `{name}`, with the same episode and frame indices.\n\
+         They are kept apart because training code takes every image column for an input of the policy.\n\n\
+         Each `observation.images.*_depth` is a 16-bit grey PNG: millimetres along the optical axis, 0 = nothing hit.\n",
+        front_matter()
+    )
+}
+
+fn front_matter() -> &'static str {
+    "---\n\
+     license: cc0-1.0\n\
+     task_categories:\n\
+     - robotics\n\
+     tags:\n\
+     - LeRobot\n\
+     - GenManip\n\
+     - simulation\n\
+     configs:\n\
+     - config_name: default\n\
+     \u{20} data_files: data/*/*.parquet\n\
+     ---\n\n"
+}

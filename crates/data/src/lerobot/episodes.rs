@@ -1,0 +1,138 @@
+//! The tables `meta/episodes` and `meta/tasks.parquet`.
+
+use std::path::Path;
+
+use arrow_array::types::{Float64Type, Int64Type};
+use serde_json::json;
+
+use super::stats::Stats;
+use super::writer::EpisodeFacts;
+use crate::DataError;
+use crate::table::{self, Columns, Purpose};
+
+/// One row of the episodes table.
+pub(crate) struct EpisodeEntry {
+    pub(crate) episode: usize,
+    /// Chunk and file of data, videos and of this row.
+    pub(crate) chunk: usize,
+    pub(crate) file: usize,
+    /// Index of the first frame in the data set.
+    pub(crate) from: usize,
+    pub(crate) length: usize,
+    pub(crate) videos: Vec<VideoSpan>,
+    pub(crate) stats: Vec<(String, Stats)>,
+    pub(crate) facts: EpisodeFacts,
+}
+
+/// Where an episode lies in a video file, and what its colours are.
+pub(crate) struct VideoSpan {
+    pub(crate) key: String,
+    pub(crate) from_s: f64,
+    pub(crate) to_s: f64,
+    pub(crate) stats: Stats,
+}
+
+/// The bytes of `meta/episodes/chunk-…/file-….parquet`; LeRobot's own columns first, ours last.
+pub(crate) fn episodes_table(entries: &[EpisodeEntry]) -> Result<Vec<u8>, DataError> {
+    let mut columns = Columns::default();
+    let integer = |value: fn(&EpisodeEntry) -> usize| {
+        entries.iter().map(move |entry| i64::try_from(value(entry)).unwrap_or(i64::MAX))
+    };
+    columns.i64("episode_index", integer(|entry| entry.episode));
+    columns.text_lists("tasks", &entries.iter().map(|entry| vec![entry.facts.instruction.clone()]).collect::<Vec<_>>());
+    columns.i64("length", integer(|entry| entry.length));
+    columns.i64("data/chunk_index", integer(|entry| entry.chunk));
+    columns.i64("data/file_index", integer(|entry| entry.file));
+    columns.i64("dataset_from_index", integer(|entry| entry.from));
+    columns.i64("dataset_to_index", integer(|entry| entry.from + entry.length));
+    for (place, span) in entries.first().iter().flat_map(|entry| &entry.videos).enumerate() {
+        let key = &span.key;
+        let seconds = |value: fn(&VideoSpan) -> f64| entries.iter().map(move |entry| value(&entry.videos[place]));
+        columns.i64(&format!("videos/{key}/chunk_index"), integer(|entry| entry.chunk));
+        columns.i64(&format!("videos/{key}/file_index"), integer(|entry| entry.file));
+        columns.f64(&format!("videos/{key}/from_timestamp"), seconds(|span| span.from_s));
+        columns.f64(&format!("videos/{key}/to_timestamp"), seconds(|span| span.to_s));
+    }
+    statistics(&mut columns, entries);
+    columns.i64("meta/episodes/chunk_index", integer(|entry| entry.chunk));
+    columns.i64("meta/episodes/file_index", integer(|entry| entry.file));
+    own_columns(&mut columns, entries);
+    table::to_parquet(Path::new("meta/episodes"), columns, Purpose::Dataset, None)
+}
+
+/// The bytes of `meta/tasks.parquet`: a pandas frame whose index is the sentence.
+///
+/// Without the `pandas` entry in the metadata, readers would take the row number for the sentence.
+pub(crate) fn tasks_table(tasks: &[String]) -> Result<Vec<u8>, DataError> {
+    let mut columns = Columns::default();
+    columns.i64("task_index", (0_i64..).take(tasks.len()));
+    columns.text("task", tasks);
+    let text = |name| json!({"name": name, "field_name": name, "pandas_type": "unicode", "numpy_type": "object", "metadata": null});
+    let pandas = json!({
+        "index_columns": ["task"],
+        "column_indexes": [{
+            "name": null, "field_name": null, "pandas_type": "unicode", "numpy_type": "object",
+            "metadata": {"encoding": "UTF-8"},
+        }],
+        "columns": [
+            {"name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64", "metadata": null},
+            text("task"),
+        ],
+        "creator": {"library": "genmanip", "version": env!("CARGO_PKG_VERSION")},
+        "pandas_version": "2.2.0",
+    });
+    table::to_parquet(Path::new("meta/tasks.parquet"), columns, Purpose::Dataset, Some(("pandas", pandas.to_string())))
+}
+
+/// Seed, scenario, outcome and versions of every episode, to filter by and to replay from.
+fn own_columns(columns: &mut Columns, entries: &[EpisodeEntry]) {
+    let facts = || entries.iter().map(|entry| &entry.facts);
+    let results = || facts().map(|facts| &facts.result);
+    columns.text("store_id", results().map(|result| &result.id));
+    columns.bool("success", results().map(|result| result.success));
+    columns.bool("success_once", results().map(|result| result.success_once));
+    columns.f64("score", results().map(|result| result.verdict.score));
+    let failure = |result: &genmanip_core::EpisodeResult| {
+        result.failure.as_ref().map_or(String::new(), |failure| failure.to_string())
+    };
+    columns.text("failure", results().map(failure));
+    columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
+    columns.text("scenario_id", results().map(|result| &result.scenario_id));
+    columns.text("task_id", results().map(|result| &result.task_id));
+    columns.text("task_kind", facts().map(|facts| facts.kind));
+    columns.text("policy", results().map(|result| &result.policy));
+    columns.bool("oracle", results().map(|result| result.oracle));
+    columns.text("engine", results().map(|result| &result.engine));
+    columns.text("genmanip_version", results().map(|result| &result.genmanip_version));
+    columns.text("scenario_json", facts().map(|facts| &facts.scenario_json));
+    for (place, (camera, _)) in entries.first().iter().flat_map(|entry| &entry.facts.cameras).enumerate() {
+        let k = facts().flat_map(|facts| facts.cameras[place].1).collect();
+        columns.vectors::<Float64Type>(&format!("camera.{camera}.fx_fy_cx_cy"), 4, k);
+    }
+}
+
+fn statistics(columns: &mut Columns, entries: &[EpisodeEntry]) {
+    let Some(first) = entries.first() else { return };
+    for (place, span) in first.videos.iter().enumerate() {
+        for (which, (name, _)) in span.stats.named.iter().enumerate() {
+            let rows: Vec<&[f64]> =
+                entries.iter().map(|entry| entry.videos[place].stats.named[which].1.as_slice()).collect();
+            columns.channel_lists(&format!("stats/{}/{name}", span.key), &rows);
+        }
+        counts(columns, &span.key, entries);
+    }
+    for (place, (key, stats)) in first.stats.iter().enumerate() {
+        for (which, (name, _)) in stats.named.iter().enumerate() {
+            let rows: Vec<&[f64]> =
+                entries.iter().map(|entry| entry.stats[place].1.named[which].1.as_slice()).collect();
+            columns.lists::<Float64Type>(&format!("stats/{key}/{name}"), &rows);
+        }
+        counts(columns, key, entries);
+    }
+}
+
+fn counts(columns: &mut Columns, key: &str, entries: &[EpisodeEntry]) {
+    let counts: Vec<i64> = entries.iter().map(|entry| i64::try_from(entry.length).unwrap_or(i64::MAX)).collect();
+    let rows: Vec<&[i64]> = counts.chunks(1).collect();
+    columns.lists::<Int64Type>(&format!("stats/{key}/count"), &rows);
+}

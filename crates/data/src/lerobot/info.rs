@@ -1,0 +1,73 @@
+//! `meta/info.json`, and `meta/genmanip.json`, which says what the columns mean.
+
+use serde_json::{Value, json};
+
+use super::LerobotSettings;
+
+/// LeRobot's limit of files per folder.
+pub(crate) const FILES_PER_CHUNK: usize = 1000;
+
+/// Sizes of a data set.
+pub(crate) struct Totals {
+    pub(crate) episodes: usize,
+    pub(crate) frames: usize,
+    pub(crate) tasks: usize,
+}
+
+/// `meta/info.json`.
+pub(crate) fn info(robot: &str, totals: &Totals, fps: u32, features: Value, has_video: bool) -> Value {
+    let video_path = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4";
+    json!({
+        "codebase_version": "v3.0",
+        "robot_type": robot,
+        "total_episodes": totals.episodes,
+        "total_frames": totals.frames,
+        "total_tasks": totals.tasks,
+        "chunks_size": FILES_PER_CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": fps,
+        "splits": {"train": format!("0:{}", totals.episodes)},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "video_path": if has_video { Value::from(video_path) } else { Value::Null },
+        "features": features,
+    })
+}
+
+/// `meta/genmanip.json`: frames, units and conventions of the columns.
+pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
+    json!({
+        "schema": "genmanip.dataset/1",
+        "genmanip_version": env!("CARGO_PKG_VERSION"),
+        "frame": "world = robot base: +x away from the robot, +y to its left, +z up; metres, radians, seconds",
+        "columns": {
+            "observation.state": "arm joint positions (rad), opening between the gripper pads (m), at the time of the frame",
+            "action": "absolute arm joint targets (rad) and opening width (m): the 60 Hz command in force at the end of \
+                       the frame's interval",
+            "ee.state": "tool position (m) and rotation (rad), opening width (m)",
+            "ee.action": "as ee.state, where the commanded joint positions would bring the tool",
+            "sim.joint_velocity": "rad/s, simulator truth",
+            "sim.joint_torque": "largest magnitude in the frame's interval, N·m, simulator truth",
+            "sim.grip_force": "largest in the frame's interval, N, sum over both fingers, simulator truth",
+            "sim.stray_contact_n": "largest contact force in the frame's interval between the robot and anything but the \
+                                    grasped object, N, simulator truth",
+            "sim.grasped": "both fingers touch one object, simulator truth",
+            "camera.<name>.world_from_camera": "position (m) and quaternion (w, x, y, z) of the optical frame: x right, y \
+                                                down, z forward",
+            "observation.images.<name>_depth": "depth data set: millimetres along the optical axis, 0 = nothing hit",
+        },
+        "rotation": "fixed_xyz_euler: about the fixed x, y, z axes in this order, R = Rz·Ry·Rx",
+        "gripper": "opening width in metres, 0 = closed",
+        "tool": "midpoint between the pads, z = approach, y = closing direction",
+        "colors": "H.264, BT.601 limited range",
+        "fps": settings.fps,
+        "statistics": "numbers exact over all frames; colours on every fourth pixel of every fourth row; none for depth",
+        "record": if settings.record { json!("extras/record, an episode store at 60 Hz") } else { Value::Null },
+    })
+}
+
+/// The card with a copy of `info.json` at its end.
+pub(crate) fn card_with_info(card: &str, info: &Value) -> String {
+    let info = serde_json::to_string_pretty(info).unwrap_or_default();
+    format!("{card}\n## Structure\n\n`meta/info.json`:\n\n```json\n{info}\n```\n")
+}

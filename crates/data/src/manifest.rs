@@ -1,0 +1,44 @@
+//! Sizes and hashes of files, checked whenever a file is read.
+
+use std::path::Path;
+
+use genmanip_core::Document;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::DataError;
+
+/// Size and hash of one file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct FileHash {
+    pub(crate) name: String,
+    pub(crate) bytes: usize,
+    pub(crate) sha256: String,
+}
+
+/// `files.json` of a group.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Manifest {
+    pub(crate) files: Vec<FileHash>,
+}
+
+impl Document for Manifest {
+    const SCHEMA: &'static str = "genmanip.files/1";
+}
+
+impl FileHash {
+    pub(crate) fn of(name: &str, bytes: &[u8]) -> Self {
+        let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        Self { name: name.into(), bytes: bytes.len(), sha256 }
+    }
+}
+
+/// Hands the bytes on when they are those that were written.
+pub(crate) fn check_bytes(path: &Path, expected: &FileHash, bytes: Vec<u8>) -> Result<Vec<u8>, DataError> {
+    let got = FileHash::of(&expected.name, &bytes);
+    if got == *expected {
+        return Ok(bytes);
+    }
+    let describe = |file: &FileHash| format!("{} bytes, sha256 {}", file.bytes, file.sha256);
+    Err(DataError::Damaged { path: path.into(), expected: describe(expected), got: describe(&got) })
+}

@@ -1,0 +1,359 @@
+//! The native episode store: the truth that every other format is derived from.
+//!
+//! ```text
+//! <root>/store.json                      what this folder is
+//! <root>/<episode id>/episode.json       result, and size and sha256 of the files beside it
+//! <root>/<episode id>/scenario.json      what it started from (absent when no scenario could be made)
+//! <root>/<episode id>/frames.parquet     60 Hz, columns in `frames.rs`
+//! <root>/<episode id>/initial_state.f64le, final_state.f64le   physics state, little-endian doubles
+//! <root>/<episode id>/<group>/…          made later, e.g. images_15hz; files.json in it holds the hashes
+//! ```
+//!
+//! An episode or a group is written aside, synced and renamed, so it is there whole or not at all.
+//! Equal episodes give equal bytes: nothing in a folder depends on time, machine or path.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use genmanip_core::{Document, Episode, EpisodeResult, Scenario};
+use serde::{Deserialize, Serialize};
+
+use crate::aside::{self, Aside};
+use crate::manifest::{FileHash, Manifest, check_bytes};
+use crate::{DataError, frames};
+
+const EPISODE: &str = "episode.json";
+const SCENARIO: &str = "scenario.json";
+const FRAMES: &str = "frames.parquet";
+const INITIAL_STATE: &str = "initial_state.f64le";
+const FINAL_STATE: &str = "final_state.f64le";
+const FILES: &str = "files.json";
+
+/// A folder of episodes. Cheap to clone; several threads may use one, each for episodes of its own.
+#[derive(Clone, Debug)]
+pub struct EpisodeStore {
+    root: PathBuf,
+}
+
+/// Bytes kept beside an episode.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Attachment {
+    /// File name, e.g. `static.h264`.
+    pub name: String,
+    /// Contents.
+    pub bytes: Vec<u8>,
+}
+
+/// `episode.json`: how an attempt went, and which files belong to it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct EpisodeRecord {
+    /// Whether the frames and states were kept; of a failed attempt often only the result is.
+    recorded: bool,
+    result: EpisodeResult,
+    files: Vec<FileHash>,
+}
+
+impl Document for EpisodeRecord {
+    const SCHEMA: &'static str = "genmanip.episode/1";
+}
+
+/// `store.json`.
+#[derive(Serialize, Deserialize)]
+struct StoreMark {
+    content: String,
+}
+
+impl Document for StoreMark {
+    const SCHEMA: &'static str = "genmanip.store/1";
+}
+
+impl EpisodeStore {
+    /// Opens a store, or makes an empty one in a folder that does not exist or is empty.
+    ///
+    /// # Errors
+    /// When the folder holds something else or cannot be written.
+    pub fn create(root: impl Into<PathBuf>) -> Result<Self, DataError> {
+        let root = root.into();
+        if root.join("store.json").exists() {
+            return Self::open(root);
+        }
+        fs::create_dir_all(&root).map_err(DataError::io("create the folder", &root))?;
+        if aside::names(&root)?.iter().any(|name| !name.starts_with('.')) {
+            return Err(DataError::NotAStore { path: root });
+        }
+        let mark = StoreMark { content: "one folder per episode".into() };
+        let partial = root.join(format!(".store.json.partial-{}", std::process::id()));
+        aside::write_synced(&partial, mark.to_json().as_bytes())?;
+        let path = root.join("store.json");
+        fs::rename(&partial, &path).map_err(DataError::io("rename", &path))?;
+        Ok(Self { root })
+    }
+
+    /// Opens an existing store.
+    ///
+    /// # Errors
+    /// When there is none, or it has another version.
+    pub fn open(root: impl Into<PathBuf>) -> Result<Self, DataError> {
+        let root = root.into();
+        let path = root.join("store.json");
+        match fs::read_to_string(&path) {
+            Ok(text) => StoreMark::from_json(&text).map_err(|source| DataError::Document { path, source })?,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Err(DataError::NotAStore { path: root });
+            }
+            Err(error) => return Err(DataError::io("read", &path)(error)),
+        };
+        Ok(Self { root })
+    }
+
+    /// The folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Ids of all attempts, recorded or not, sorted.
+    ///
+    /// # Errors
+    /// When the folder cannot be listed.
+    pub fn ids(&self) -> Result<Vec<String>, DataError> {
+        let names = aside::names(&self.root)?;
+        Ok(names.into_iter().filter(|name| !name.starts_with('.') && self.root.join(name).is_dir()).collect())
+    }
+
+    /// Whether an attempt with this id is there, recorded or not.
+    pub fn contains(&self, id: &str) -> bool {
+        check_name(id).is_ok() && self.root.join(id).join(EPISODE).is_file()
+    }
+
+    /// Adds a recorded episode under `episode.result.id`, with files of the caller's beside it.
+    ///
+    /// # Errors
+    /// When the id is taken or unfit, when something in the episode is inconsistent or could not be read back,
+    /// or when the disk refuses; the store is then unchanged.
+    pub fn write(&self, episode: &Episode, attachments: &[Attachment]) -> Result<(), DataError> {
+        let result = &episode.result;
+        if result.frames != episode.frames.len() {
+            let what = format!("frames of episode {}", result.id);
+            return Err(DataError::mismatch(what, result.frames, episode.frames.len()));
+        }
+        let file = |name: &str, bytes: Vec<u8>| Attachment { name: name.into(), bytes };
+        let mut files = vec![
+            file(SCENARIO, document_bytes(&episode.scenario, "scenario")?),
+            file(FRAMES, frames::to_bytes(&episode.frames, episode.scenario.objects.len())?),
+            file(INITIAL_STATE, frames::state_to_bytes(&episode.initial_state)),
+            file(FINAL_STATE, frames::state_to_bytes(&episode.final_state)),
+        ];
+        files.extend_from_slice(attachments);
+        self.write_record(result, true, &files)
+    }
+
+    /// Adds an attempt of which only the result is kept, so that it is counted and a resumed run skips it.
+    ///
+    /// # Errors
+    /// As [`EpisodeStore::write`].
+    pub fn write_result_only(&self, result: &EpisodeResult, scenario: Option<&Scenario>) -> Result<(), DataError> {
+        let scenario = scenario.map(|scenario| document_bytes(scenario, "scenario")).transpose()?;
+        let files: Vec<Attachment> =
+            scenario.into_iter().map(|bytes| Attachment { name: SCENARIO.into(), bytes }).collect();
+        self.write_record(result, false, &files)
+    }
+
+    /// How an attempt went.
+    ///
+    /// # Errors
+    /// When it is not there, damaged or unreadable.
+    pub fn read_result(&self, id: &str) -> Result<EpisodeResult, DataError> {
+        Ok(self.record(id)?.result)
+    }
+
+    /// Whether the frames of an attempt were kept.
+    ///
+    /// # Errors
+    /// As [`EpisodeStore::read_result`].
+    pub fn is_recorded(&self, id: &str) -> Result<bool, DataError> {
+        Ok(self.record(id)?.recorded)
+    }
+
+    /// What an attempt started from; `None` when no scenario could be made.
+    ///
+    /// # Errors
+    /// As [`EpisodeStore::read_result`].
+    pub fn read_scenario(&self, id: &str) -> Result<Option<Scenario>, DataError> {
+        let record = self.record(id)?;
+        if !record.files.iter().any(|file| file.name == SCENARIO) {
+            return Ok(None);
+        }
+        self.scenario(id, &record).map(Some)
+    }
+
+    /// A recorded episode, its files checked against their hashes.
+    ///
+    /// # Errors
+    /// When it is not there, was not recorded, or a file is missing or damaged.
+    pub fn read(&self, id: &str) -> Result<Episode, DataError> {
+        let record = self.record(id)?;
+        let folder = self.root.join(id);
+        if !record.recorded {
+            return Err(DataError::NotRecorded { path: folder });
+        }
+        let scenario = self.scenario(id, &record)?;
+        let state = |name| frames::state_from_bytes(&folder.join(name), &checked(&folder, &record.files, name)?);
+        let initial_state = state(INITIAL_STATE)?;
+        let final_state = state(FINAL_STATE)?;
+        let table = checked(&folder, &record.files, FRAMES)?;
+        let frames = frames::from_bytes(&folder.join(FRAMES), table, scenario.objects.len())?;
+        Ok(Episode { scenario, result: record.result, initial_state, final_state, frames })
+    }
+
+    /// Adds a group of files to an episode, e.g. the images drawn afterwards. A group of that name is replaced.
+    ///
+    /// # Errors
+    /// When the episode is not there or the disk refuses; the episode is then unchanged.
+    pub fn attach(&self, id: &str, group: &str, attachments: &[Attachment]) -> Result<(), DataError> {
+        check_name(group)?;
+        self.record(id)?;
+        let files = write_order(attachments)?;
+        let aside = Aside::replacing(&self.root.join(id).join(group))?;
+        for file in attachments {
+            aside.write(&file.name, &file.bytes)?;
+        }
+        aside.write(FILES, Manifest { files }.to_json().as_bytes())?;
+        aside.publish()
+    }
+
+    /// Whether an episode has a group of files.
+    pub fn has_group(&self, id: &str, group: &str) -> bool {
+        self.contains(id) && check_name(group).is_ok() && self.root.join(id).join(group).join(FILES).is_file()
+    }
+
+    /// One file beside an episode, checked against its hash: `notes.txt`, or `images_15hz/static.h264` in a group.
+    ///
+    /// # Errors
+    /// When the episode or the file is not there or is damaged.
+    pub fn read_attachment(&self, id: &str, name: &str) -> Result<Vec<u8>, DataError> {
+        let record = self.record(id)?;
+        let folder = self.root.join(id);
+        let missing = || DataError::NoAttachment { name: name.into(), path: folder.clone() };
+        let Some((group, file)) = name.split_once('/') else {
+            let known = record.files.iter().any(|file| file.name == name);
+            return if known { checked(&folder, &record.files, name) } else { Err(missing()) };
+        };
+        if check_name(file).is_err() || !self.has_group(id, group) {
+            return Err(missing());
+        }
+        let group = folder.join(group);
+        let manifest: Manifest = read_document(&group.join(FILES))?;
+        if !manifest.files.iter().any(|known| known.name == file) {
+            return Err(missing());
+        }
+        checked(&group, &manifest.files, file)
+    }
+
+    /// Removes what killed runs left behind; call it before this process writes anything. Returns what was removed.
+    ///
+    /// # Errors
+    /// When the folder cannot be listed or a leftover cannot be removed.
+    pub fn sweep_partial(&self) -> Result<Vec<String>, DataError> {
+        let mut removed = aside::sweep(&self.root)?;
+        for id in self.ids()? {
+            removed.extend(aside::sweep(&self.root.join(&id))?.into_iter().map(|name| format!("{id}/{name}")));
+        }
+        Ok(removed)
+    }
+
+    /// Copies the files of an attempt, without its groups, into another store.
+    pub(crate) fn copy_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
+        let record = self.record(id)?;
+        let folder = self.root.join(id);
+        for file in &record.files {
+            aside::write_synced(&into.join(&file.name), &checked(&folder, &record.files, &file.name)?)?;
+        }
+        aside::write_synced(&into.join(EPISODE), record.to_json().as_bytes())
+    }
+
+    fn write_record(&self, result: &EpisodeResult, recorded: bool, files: &[Attachment]) -> Result<(), DataError> {
+        check_name(&result.id)?;
+        let record = EpisodeRecord { recorded, result: result.clone(), files: write_order(files)? };
+        let document = document_bytes(&record, "result")?;
+        let aside = Aside::new(&self.root.join(&result.id))?;
+        for file in files {
+            aside.write(&file.name, &file.bytes)?;
+        }
+        aside.write(EPISODE, &document)?;
+        aside.publish()
+    }
+
+    fn record(&self, id: &str) -> Result<EpisodeRecord, DataError> {
+        if !self.contains(id) {
+            let near = near(&self.ids()?, id);
+            return Err(DataError::UnknownEpisode { id: id.into(), root: self.root.clone(), near });
+        }
+        let path = self.root.join(id).join(EPISODE);
+        let record: EpisodeRecord = read_document(&path)?;
+        if record.result.id != id {
+            return Err(DataError::mismatch(format!("id in {}", path.display()), id, record.result.id));
+        }
+        Ok(record)
+    }
+
+    fn scenario(&self, id: &str, record: &EpisodeRecord) -> Result<Scenario, DataError> {
+        let folder = self.root.join(id);
+        let bytes = checked(&folder, &record.files, SCENARIO)?;
+        parse(&folder.join(SCENARIO), &bytes)
+    }
+}
+
+fn check_name(name: &str) -> Result<(), DataError> {
+    let fit = |c: char| c.is_ascii_alphanumeric() || "-_.+=@".contains(c);
+    let good = (1..=200).contains(&name.len()) && name.chars().all(fit) && !name.starts_with('.');
+    if good { Ok(()) } else { Err(DataError::BadName { name: name.chars().take(80).collect() }) }
+}
+
+/// Hashes of files that are about to be written; names must be fit and different.
+fn write_order(files: &[Attachment]) -> Result<Vec<FileHash>, DataError> {
+    for (index, file) in files.iter().enumerate() {
+        check_name(&file.name)?;
+        let reserved = file.name == EPISODE || file.name == FILES;
+        if reserved || files[..index].iter().any(|other| other.name == file.name) {
+            return Err(DataError::Exists { path: PathBuf::from(&file.name) });
+        }
+    }
+    Ok(files.iter().map(|file| FileHash::of(&file.name, &file.bytes)).collect())
+}
+
+/// The text of a document, refused when it would be read back as something else (NaN, infinity).
+fn document_bytes<D: Document + PartialEq>(document: &D, what: &str) -> Result<Vec<u8>, DataError> {
+    let text = document.to_json();
+    let refuse = |why: String| Err(DataError::NotWritable { what: what.into(), why });
+    match D::from_json(&text) {
+        Ok(same) if same == *document => Ok(text.into_bytes()),
+        Ok(_) => refuse("a number changes when it is written and read".into()),
+        Err(error) => refuse(error.to_string()),
+    }
+}
+
+fn checked(folder: &Path, files: &[FileHash], name: &str) -> Result<Vec<u8>, DataError> {
+    let path = folder.join(name);
+    let bytes = fs::read(&path).map_err(DataError::io("read", &path))?;
+    match files.iter().find(|file| file.name == name) {
+        Some(expected) => check_bytes(&path, expected, bytes),
+        None => Err(DataError::NoAttachment { name: name.into(), path: folder.to_owned() }),
+    }
+}
+
+fn read_document<D: Document>(path: &Path) -> Result<D, DataError> {
+    let bytes = fs::read(path).map_err(DataError::io("read", path))?;
+    parse(path, &bytes)
+}
+
+fn parse<D: Document>(path: &Path, bytes: &[u8]) -> Result<D, DataError> {
+    D::from_json(&String::from_utf8_lossy(bytes)).map_err(|source| DataError::Document { path: path.into(), source })
+}
+
+/// Up to three ids that share the longest beginning with the one asked for.
+fn near(ids: &[String], asked: &str) -> Vec<String> {
+    let shared = |id: &str| id.bytes().zip(asked.bytes()).take_while(|(a, b)| a == b).count();
+    let mut near: Vec<&String> = ids.iter().filter(|id| shared(id) >= 3).collect();
+    near.sort_by_key(|id| std::cmp::Reverse(shared(id)));
+    near.into_iter().take(3).cloned().collect()
+}

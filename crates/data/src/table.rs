@@ -1,0 +1,218 @@
+//! Arrow columns and parquet files, so that the rest of the crate names a column and gives its numbers.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use arrow_array::types::{Float64Type, Int32Type, Int64Type};
+use arrow_array::{
+    Array, ArrayRef, ArrowPrimitiveType, BinaryArray, BooleanArray, FixedSizeListArray, ListArray, PrimitiveArray,
+    RecordBatch, StringArray, StructArray,
+};
+use arrow_buffer::OffsetBuffer;
+use arrow_schema::{DataType, Field, Schema};
+use parquet::arrow::ArrowWriter;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::basic::Compression;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+
+use crate::DataError;
+
+/// Columns under construction, in the order they are added; all have one entry per row.
+#[derive(Debug, Default)]
+pub(crate) struct Columns {
+    fields: Vec<Field>,
+    arrays: Vec<ArrayRef>,
+}
+
+impl Columns {
+    pub(crate) fn f64(&mut self, name: &str, values: impl IntoIterator<Item = f64>) {
+        self.push(name, Arc::new(PrimitiveArray::<Float64Type>::from_iter_values(values)), false);
+    }
+
+    pub(crate) fn i64(&mut self, name: &str, values: impl IntoIterator<Item = i64>) {
+        self.push(name, Arc::new(PrimitiveArray::<Int64Type>::from_iter_values(values)), false);
+    }
+
+    pub(crate) fn optional_i32(&mut self, name: &str, values: impl IntoIterator<Item = Option<i32>>) {
+        self.push(name, Arc::new(PrimitiveArray::<Int32Type>::from_iter(values)), true);
+    }
+
+    pub(crate) fn bool(&mut self, name: &str, values: impl IntoIterator<Item = bool>) {
+        let values: Vec<bool> = values.into_iter().collect();
+        self.push(name, Arc::new(BooleanArray::from(values)), false);
+    }
+
+    pub(crate) fn text<S: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = S>) {
+        self.push(name, Arc::new(StringArray::from_iter_values(values)), false);
+    }
+
+    /// Lists of any length.
+    pub(crate) fn lists<T: ArrowPrimitiveType>(&mut self, name: &str, rows: &[&[T::Native]]) {
+        let values = PrimitiveArray::<T>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
+        self.nested(name, Arc::new(values), rows.iter().map(|row| row.len()));
+    }
+
+    /// Lists of texts.
+    pub(crate) fn text_lists(&mut self, name: &str, rows: &[Vec<String>]) {
+        let values = StringArray::from_iter_values(rows.iter().flatten());
+        self.nested(name, Arc::new(values), rows.iter().map(Vec::len));
+    }
+
+    /// Lists of equal length; a length of one gives plain numbers.
+    pub(crate) fn vectors<T: ArrowPrimitiveType>(&mut self, name: &str, length: usize, values: Vec<T::Native>) {
+        let values: ArrayRef = Arc::new(PrimitiveArray::<T>::from_iter_values(values));
+        if length == 1 {
+            return self.push(name, values, false);
+        }
+        let item = Arc::new(Field::new("item", values.data_type().clone(), false));
+        let array = FixedSizeListArray::new(item, i32::try_from(length).unwrap_or(i32::MAX), values, None);
+        self.push(name, Arc::new(array), false);
+    }
+
+    /// Images as the `datasets` library stores them: a struct of the file's bytes and an unused path.
+    pub(crate) fn images(&mut self, name: &str, files: &[Vec<u8>]) {
+        let bytes: ArrayRef = Arc::new(BinaryArray::from_iter_values(files));
+        let paths: ArrayRef = Arc::new(StringArray::new_null(files.len()));
+        let array = StructArray::from(vec![
+            (Arc::new(Field::new("bytes", DataType::Binary, true)), bytes),
+            (Arc::new(Field::new("path", DataType::Utf8, true)), paths),
+        ]);
+        self.push(name, Arc::new(array), true);
+    }
+
+    /// `[C][1][1]`, the shape of an image statistic: every row holds one list of channels.
+    pub(crate) fn channel_lists(&mut self, name: &str, rows: &[&[f64]]) {
+        let ones = || std::iter::repeat_n(1, rows.iter().map(|row| row.len()).sum());
+        let values = PrimitiveArray::<Float64Type>::from_iter_values(rows.iter().flat_map(|row| row.iter().copied()));
+        let inner = list_of(Arc::new(values), ones());
+        let middle = list_of(inner, ones());
+        self.nested(name, middle, rows.iter().map(|row| row.len()));
+    }
+
+    pub(crate) fn batch(self) -> Result<RecordBatch, arrow_schema::ArrowError> {
+        RecordBatch::try_new(Arc::new(Schema::new(self.fields)), self.arrays)
+    }
+
+    fn nested(&mut self, name: &str, values: ArrayRef, lengths: impl IntoIterator<Item = usize>) {
+        self.push(name, list_of(values, lengths), false);
+    }
+
+    fn push(&mut self, name: &str, array: ArrayRef, nullable: bool) {
+        self.fields.push(Field::new(name, array.data_type().clone(), nullable));
+        self.arrays.push(array);
+    }
+}
+
+fn list_of(values: ArrayRef, lengths: impl IntoIterator<Item = usize>) -> ArrayRef {
+    let item = Arc::new(Field::new("item", values.data_type().clone(), false));
+    Arc::new(ListArray::new(item, OffsetBuffer::from_lengths(lengths), values, None))
+}
+
+/// What a table is written for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// The native store: no dictionary, which keeps every bit, -0.0 included.
+    Record,
+    /// Data sets: small, and with the range of each column per row group, by which readers find episodes.
+    Dataset,
+}
+
+/// Writes parquet: snappy, one row group per batch. Equal batches give equal bytes.
+#[derive(Debug)]
+pub(crate) struct TableWriter {
+    writer: ArrowWriter<Vec<u8>>,
+    path: std::path::PathBuf,
+}
+
+impl TableWriter {
+    /// `path` is only for messages.
+    pub(crate) fn new(path: &Path, schema: Arc<Schema>, purpose: Purpose) -> Result<Self, DataError> {
+        let properties = WriterProperties::builder()
+            .set_compression(Compression::SNAPPY)
+            .set_dictionary_enabled(purpose == Purpose::Dataset)
+            .set_statistics_enabled(match purpose {
+                Purpose::Record => EnabledStatistics::None,
+                Purpose::Dataset => EnabledStatistics::Chunk,
+            })
+            .set_max_row_group_row_count(None)
+            .set_created_by("genmanip".into())
+            .build();
+        let writer = ArrowWriter::try_new(Vec::new(), schema, Some(properties))
+            .map_err(|error| DataError::table(path, error))?;
+        Ok(Self { writer, path: path.to_owned() })
+    }
+
+    /// Appends a row group.
+    pub(crate) fn write(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
+        self.writer.write(batch).and_then(|()| self.writer.flush()).map_err(|error| DataError::table(&self.path, error))
+    }
+
+    /// The bytes of the file.
+    pub(crate) fn finish(self) -> Result<Vec<u8>, DataError> {
+        let path = self.path;
+        self.writer.into_inner().map_err(|error| DataError::table(&path, error))
+    }
+}
+
+/// The bytes of a parquet file with one row group; `metadata` goes into the schema.
+pub(crate) fn to_parquet(
+    path: &Path,
+    columns: Columns,
+    purpose: Purpose,
+    metadata: Option<(&str, String)>,
+) -> Result<Vec<u8>, DataError> {
+    let batch = columns.batch().map_err(|error| DataError::table(path, error))?;
+    // At most one entry, so the map has only one order.
+    let metadata: std::collections::HashMap<String, String> =
+        metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+    let schema = Arc::new(batch.schema().as_ref().clone().with_metadata(metadata));
+    let batch = batch.with_schema(Arc::clone(&schema)).map_err(|error| DataError::table(path, error))?;
+    let mut writer = TableWriter::new(path, schema, purpose)?;
+    writer.write(&batch)?;
+    writer.finish()
+}
+
+/// All rows of a parquet file.
+pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>) -> Result<RecordBatch, DataError> {
+    let fail = |error: &dyn std::fmt::Display| DataError::table(path, error);
+    let builder = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)).map_err(|error| fail(&error))?;
+    let rows = usize::try_from(builder.metadata().file_metadata().num_rows()).unwrap_or(0);
+    let schema = Arc::clone(builder.schema());
+    let mut reader = builder.with_batch_size(rows.max(1)).build().map_err(|error| fail(&error))?;
+    match reader.next() {
+        Some(batch) => batch.map_err(|error| fail(&error)),
+        None => Ok(RecordBatch::new_empty(schema)),
+    }
+}
+
+/// A column of a certain type, with an error that says what is there instead.
+pub(crate) fn column<'a, T: Array + 'static>(
+    path: &Path,
+    batch: &'a RecordBatch,
+    name: &str,
+) -> Result<&'a T, DataError> {
+    let column = batch.column_by_name(name).ok_or_else(|| DataError::table(path, format!("no column `{name}`")))?;
+    column.as_any().downcast_ref::<T>().ok_or_else(|| {
+        DataError::table(path, format!("column `{name}` is {}, which is not what it should be", column.data_type()))
+    })
+}
+
+/// The lists of a column, one per row.
+pub(crate) fn list_column<T: ArrowPrimitiveType>(
+    path: &Path,
+    batch: &RecordBatch,
+    name: &str,
+) -> Result<Vec<Vec<T::Native>>, DataError> {
+    let lists: &ListArray = column(path, batch, name)?;
+    lists
+        .iter()
+        .map(|row| {
+            let row = row.ok_or_else(|| DataError::table(path, format!("column `{name}` has an empty entry")))?;
+            let values = row
+                .as_any()
+                .downcast_ref::<PrimitiveArray<T>>()
+                .ok_or_else(|| DataError::table(path, format!("column `{name}` holds {}", row.data_type())))?;
+            Ok(values.values().to_vec())
+        })
+        .collect()
+}

@@ -1,0 +1,196 @@
+//! H.264 video: encoding by OpenH264, and joining encoded episodes into one MP4 without encoding again.
+//!
+//! Every byte is a function of the images and the settings: one thread, no frame skipping, no scene-change detection,
+//! time stamps from the frame index, creation time 0.
+
+#[cfg(test)]
+mod tests;
+
+use genmanip_core::Document;
+use muxide::api::{MuxerBuilder, VideoCodec};
+use openh264::encoder::{
+    BitRate, Encoder, EncoderConfig, FrameRate, IntraFramePeriod, QpRange, RateControlMode, UsageType, VuiConfig,
+};
+use openh264::{OpenH264API, Timestamp};
+use serde::{Deserialize, Serialize};
+
+use crate::{DataError, yuv};
+
+/// How images are encoded.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VideoSettings {
+    /// Every how many frames one stands alone. Default 2: training reads single frames at random places.
+    pub gop: u32,
+    /// Quantiser of every frame, 0 (finest) to 51. Default 22: more than 40 dB on rendered scenes.
+    /// Quality is constant and the size follows from the pictures, there is no rate control.
+    pub qp: u8,
+}
+
+impl Default for VideoSettings {
+    fn default() -> Self {
+        Self { gop: 2, qp: 22 }
+    }
+}
+
+impl Document for VideoSettings {
+    const SCHEMA: &'static str = "genmanip.video_settings/1";
+}
+
+/// An encoded video: H.264 Annex B, constant frame rate, BT.601 limited range, 4:2:0.
+///
+/// The first frame stands alone and carries the parameter sets, so videos of equal size, rate and settings can be
+/// joined by appending their frames.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EncodedVideo {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Frames per second.
+    pub fps: u32,
+    /// One access unit per image, start codes included.
+    pub frames: Vec<Vec<u8>>,
+}
+
+/// Encodes images one by one.
+pub struct VideoEncoder {
+    encoder: Encoder,
+    video: EncodedVideo,
+}
+
+impl VideoEncoder {
+    /// Starts a video.
+    ///
+    /// # Errors
+    /// When the size is odd, zero or larger than 3840×2160, or a setting is out of range.
+    pub fn new(width: u32, height: u32, fps: u32, settings: &VideoSettings) -> Result<Self, DataError> {
+        let even = |size: u32, most: u32| size > 0 && size.is_multiple_of(2) && size <= most;
+        if !even(width, 3840) || !even(height, 2160) {
+            return Err(DataError::mismatch("video size", "even, at most 3840×2160", format!("{width}×{height}")));
+        }
+        if !(1..=240).contains(&fps) {
+            return Err(DataError::mismatch("frames per second", "1 to 240", fps));
+        }
+        let VideoSettings { gop, qp } = *settings;
+        if gop == 0 || qp > 51 {
+            return Err(DataError::mismatch("video settings", "gop ≥ 1, qp ≤ 51", format!("{settings:?}")));
+        }
+        let config = EncoderConfig::new()
+            .usage_type(UsageType::CameraVideoRealTime)
+            // With equal limits this mode means a constant quantiser; `Off` would ignore the limits.
+            .rate_control_mode(RateControlMode::Bufferbased)
+            .qp(QpRange::new(qp, qp))
+            // Chooses the level in the parameter sets, nothing else.
+            .bitrate(BitRate::from_bps(8_000_000))
+            .max_frame_rate(FrameRate::from_hz(fps as f32))
+            .intra_frame_period(IntraFramePeriod::from_num_frames(gop))
+            .skip_frames(false)
+            .num_threads(1)
+            .scene_change_detect(false)
+            .background_detection(false)
+            .adaptive_quantization(false)
+            .vui(VuiConfig::bt601());
+        let encoder = Encoder::with_api_config(OpenH264API::from_source(), config).map_err(video_error)?;
+        Ok(Self { encoder, video: EncodedVideo { width, height, fps, frames: Vec::new() } })
+    }
+
+    /// Appends an image: 8-bit sRGB, row by row.
+    ///
+    /// # Errors
+    /// When the image has another size or the encoder fails.
+    pub fn push(&mut self, rgb: &[u8]) -> Result<(), DataError> {
+        let EncodedVideo { width, height, fps, ref frames } = self.video;
+        let (width, height) = (width as usize, height as usize);
+        if rgb.len() != width * height * 3 {
+            return Err(DataError::mismatch("bytes of an image", width * height * 3, rgb.len()));
+        }
+        let index = frames.len();
+        let timestamp = Timestamp::from_millis(index as u64 * 1000 / u64::from(fps));
+        let image = yuv::from_rgb(rgb, width, height);
+        let frame = self.encoder.encode_at(&image, timestamp).map_err(video_error)?.to_vec();
+        if frame.is_empty() {
+            return Err(DataError::Video(format!("the encoder dropped frame {index}")));
+        }
+        self.video.frames.push(frame);
+        Ok(())
+    }
+
+    /// The video.
+    pub fn finish(self) -> EncodedVideo {
+        self.video
+    }
+}
+
+impl EncodedVideo {
+    /// All frames one after the other: a `.h264` file that players open.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.frames.concat()
+    }
+
+    /// Lengths of the frames, with which [`split`] finds them again.
+    pub fn frame_bytes(&self) -> Vec<usize> {
+        self.frames.iter().map(Vec::len).collect()
+    }
+}
+
+/// Cuts a file into pieces of the given lengths.
+///
+/// # Errors
+/// When the lengths do not add up to the file.
+pub fn split(bytes: &[u8], lengths: &[usize]) -> Result<Vec<Vec<u8>>, DataError> {
+    let total: usize = lengths.iter().sum();
+    if total != bytes.len() {
+        return Err(DataError::mismatch("sum of frame lengths", bytes.len(), total));
+    }
+    let mut rest = bytes;
+    Ok(lengths
+        .iter()
+        .map(|length| {
+            let (piece, tail) = rest.split_at(*length);
+            rest = tail;
+            piece.to_vec()
+        })
+        .collect())
+}
+
+/// Joins videos into one MP4 file (fast start, constant frame rate, time base 1/90000 s), in the given order.
+///
+/// # Errors
+/// When the videos differ in size or rate, when there is none, or when they pass 4 GB.
+pub fn mux_mp4<'a>(videos: impl IntoIterator<Item = &'a EncodedVideo>) -> Result<Vec<u8>, DataError> {
+    let mut videos = videos.into_iter().peekable();
+    let Some((width, height, fps)) = videos.peek().map(|video| (video.width, video.height, video.fps)) else {
+        return Err(DataError::Video("no video to write".into()));
+    };
+    let mut mp4 = Vec::new();
+    let mut muxer = MuxerBuilder::new(&mut mp4)
+        .video(VideoCodec::H264, width, height, f64::from(fps))
+        .with_fast_start(true)
+        .build()
+        .map_err(video_error)?;
+    let mut index = 0_u32;
+    for video in videos {
+        if (video.width, video.height, video.fps) != (width, height, fps) {
+            let describe = |w, h, fps| format!("{w}×{h} at {fps} fps");
+            let got = describe(video.width, video.height, video.fps);
+            return Err(DataError::mismatch("videos in one file", describe(width, height, fps), got));
+        }
+        for frame in &video.frames {
+            let time_s = f64::from(index) / f64::from(fps);
+            muxer.write_video(time_s, frame, is_keyframe(frame)).map_err(video_error)?;
+            index += 1;
+        }
+    }
+    muxer.finish().map_err(video_error)?;
+    Ok(mp4)
+}
+
+/// Whether an access unit holds an IDR slice (NAL unit type 5).
+fn is_keyframe(frame: &[u8]) -> bool {
+    frame.windows(4).any(|window| window[..3] == [0, 0, 1] && window[3] & 0x1f == 5)
+}
+
+fn video_error(error: impl ToString) -> DataError {
+    DataError::Video(error.to_string())
+}

@@ -1,0 +1,331 @@
+//! The crate from outside: stores that survive, exports that repeat, and a reader that is not ours.
+
+#![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
+
+mod synthetic;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use genmanip_core::{Document, Failure, FailureCause};
+use genmanip_data::lerobot::{self, ExportReport};
+use genmanip_data::{Attachment, DataError, EpisodeStore, LerobotSettings, Selection};
+use serde_json::{Value, json};
+use synthetic::{attach_pictures, episode, picture, result, robot, scenario};
+
+/// Control steps of the three exported episodes; the last is not a multiple of four.
+const STEPS: [usize; 3] = [48, 60, 37];
+
+/// Three verified episodes with pictures, one failed one, one attempt without frames.
+fn filled_store(root: &Path) -> EpisodeStore {
+    let store = EpisodeStore::create(root).unwrap();
+    for (number, steps) in STEPS.into_iter().enumerate() {
+        store.write(&episode(number, steps, true), &[]).unwrap();
+        attach_pictures(&store, number, steps, 15);
+    }
+    store.write(&episode(3, 20, false), &[]).unwrap();
+    let mut failed = result(4, 0, false);
+    failed.failure = Some(Failure { cause: FailureCause::NoGrasp, evidence: "0 of 64 candidates".into() });
+    store.write_result_only(&failed, Some(&scenario(4))).unwrap();
+    store
+}
+
+fn export(store: &EpisodeStore, target: &Path, settings: &LerobotSettings) -> Result<ExportReport, DataError> {
+    lerobot::export(store, &Selection::Verified, &robot(), settings, target)
+}
+
+/// Every file below a folder with its bytes.
+fn tree(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                files.insert(path.strip_prefix(root).unwrap().to_owned(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    files
+}
+
+#[test]
+fn store_keeps_every_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    for (number, steps) in STEPS.into_iter().enumerate() {
+        let written = episode(number, steps, true);
+        let read = store.read(&written.result.id).unwrap();
+        assert_eq!(read, written);
+        let bits = |episode: &genmanip_core::Episode| -> Vec<u64> {
+            let speeds = episode.frames.iter().flat_map(|frame| &frame.objects).map(|object| object.speed);
+            let tcp = episode.frames.iter().flat_map(|frame| frame.tcp.rotation.to_array());
+            episode.final_state.iter().copied().chain(speeds).chain(tcp).map(f64::to_bits).collect()
+        };
+        assert_eq!(bits(&read), bits(&written), "-0.0 and the last bits of quaternions included");
+    }
+    let ids = ["scenario-0-a0", "scenario-1-a0", "scenario-2-a0", "scenario-3-a0", "scenario-4-a0"];
+    assert_eq!(store.ids().unwrap(), ids);
+    assert!(!store.is_recorded("scenario-4-a0").unwrap());
+    assert_eq!(store.read_scenario("scenario-4-a0").unwrap(), Some(scenario(4)));
+
+    let again = filled_store(&folder.path().join("again"));
+    assert_eq!(tree(store.root()), tree(again.root()), "equal episodes, equal bytes");
+}
+
+#[test]
+fn attachments_and_tracks_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = EpisodeStore::create(folder.path().join("store")).unwrap();
+    let notes = Attachment { name: "notes.txt".into(), bytes: b"hello".to_vec() };
+    store.write(&episode(0, 9, true), &[notes]).unwrap();
+    let id = "scenario-0-a0";
+    assert_eq!(store.read_attachment(id, "notes.txt").unwrap(), b"hello");
+    assert!(!store.has_tracks(id, 15, &["static".into()]));
+    attach_pictures(&store, 0, 9, 15);
+    attach_pictures(&store, 0, 9, 15); // replaces
+    assert!(store.has_tracks(id, 15, &["static".into(), "wrist".into()]));
+    let track = store.read_track(id, 15, "wrist").unwrap();
+    assert_eq!((track.video.frames.len(), track.depth_png.len(), track.world_from_camera.len()), (3, 3, 3));
+    let (width, height, depth_mm) = genmanip_data::depth::decode_depth_png(&track.depth_png[2]).unwrap();
+    let (_, depth_m) = picture(0, 1, 2);
+    assert_eq!((width, height), (synthetic::WIDTH, synthetic::HEIGHT));
+    let expected: Vec<u16> = depth_m.into_iter().map(genmanip_data::depth::depth_to_mm).collect();
+    assert_eq!(depth_mm, expected);
+    assert!(store.sweep_partial().unwrap().is_empty());
+}
+
+#[test]
+fn half_written_is_never_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("store");
+    let store = filled_store(&root);
+    let before = store.ids().unwrap();
+    // What a killed run leaves: no process has this id.
+    let leftovers = [".scenario-9-a0.partial-4194999", "scenario-0-a0/.images_15hz.partial-4194999"];
+    for leftover in leftovers {
+        fs::create_dir(root.join(leftover)).unwrap();
+        fs::write(root.join(leftover).join("frames.parquet"), b"PAR1").unwrap();
+    }
+    // What another process is writing right now stays.
+    fs::create_dir(root.join(".other.partial-1")).unwrap();
+    assert_eq!(store.ids().unwrap(), before);
+    let removed = EpisodeStore::create(&root).unwrap().sweep_partial().unwrap();
+    assert_eq!(removed, leftovers);
+    assert!(root.join(".other.partial-1").exists());
+}
+
+#[test]
+fn killed_writer_leaves_only_whole_episodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("store");
+    let mut writer = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "write_until_killed", "--ignored"])
+        .env("GENMANIP_TEST_STORE", &root)
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let is_there = |id: &str| root.join(id).is_dir();
+    let in_time = (0..600).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        is_there("scenario-2-a0")
+    });
+    writer.kill().unwrap(); // SIGKILL
+    writer.wait().unwrap();
+    assert!(in_time, "the writer wrote nothing in 30 s");
+
+    let store = EpisodeStore::create(&root).unwrap();
+    store.sweep_partial().unwrap();
+    let cameras = ["static".to_owned(), "wrist".to_owned()];
+    let kept = store.ids().unwrap();
+    for id in &kept {
+        store.read(id).unwrap();
+        if store.has_tracks(id, 15, &cameras) {
+            store.read_track(id, 15, "wrist").unwrap();
+        }
+    }
+    // Going on where it ended gives what an uninterrupted run gives.
+    let whole = EpisodeStore::create(folder.path().join("whole")).unwrap();
+    for (number, store) in (0..kept.len() + 1).flat_map(|number| [(number, &store), (number, &whole)]) {
+        let id = format!("scenario-{number}-a0");
+        if !store.contains(&id) {
+            store.write(&episode(number, 40, true), &[]).unwrap();
+        }
+        if !store.has_tracks(&id, 15, &cameras) {
+            attach_pictures(store, number, 40, 15);
+        }
+    }
+    assert_eq!(tree(store.root()), tree(whole.root()));
+}
+
+#[test]
+#[ignore = "the process that killed_writer_leaves_only_whole_episodes kills"]
+fn write_until_killed() {
+    let Some(root) = std::env::var_os("GENMANIP_TEST_STORE") else { return };
+    let store = EpisodeStore::create(root).unwrap();
+    for number in 0..10_000 {
+        store.write(&episode(number, 40, true), &[]).unwrap();
+        attach_pictures(&store, number, 40, 15);
+    }
+}
+
+#[test]
+fn mistakes_are_named_and_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("store");
+    let store = filled_store(&root);
+    let before = tree(&root);
+    let check = |outcome: Result<(), DataError>, expected: &str| {
+        let message = outcome.unwrap_err().to_string();
+        assert!(message.contains(expected), "expected `{expected}` in `{message}`");
+        assert_eq!(tree(&root), before, "{message}");
+    };
+    check(store.write(&episode(0, 5, true), &[]), "already exists");
+    check(store.read("scenario-1-b0").map(drop), "near: scenario-1-a0");
+    check(store.read("scenario-4-a0").map(drop), "only the result");
+    check(store.read_track("scenario-3-a0", 15, "static").map(drop), "no images_15hz/static.json");
+    check(store.attach("scenario-0-a0", "../x", &[]), "cannot be a file name");
+    let mut other = episode(7, 5, true);
+    other.result.id = "..".into();
+    check(store.write(&other, &[]), "cannot be a file name");
+    let mut other = episode(7, 5, true);
+    other.frames[2].objects.clear();
+    check(store.write(&other, &[]), "objects in frame 2: expected 2, got 0");
+    let mut other = episode(7, 5, true);
+    other.result.tcp_path_m = f64::NAN;
+    check(store.write(&other, &[]), "would not be read back");
+    let mut other = episode(7, 5, true);
+    other.scenario.objects[0].pose.position.x = f64::NAN;
+    check(store.write(&other, &[]), "would not be read back");
+    check(EpisodeStore::open(folder.path()).map(drop), "not an episode store");
+    check(EpisodeStore::create("/proc/nowhere").map(drop), "cannot create the folder");
+
+    let target = folder.path().join("dataset");
+    let settings = |change: fn(&mut LerobotSettings)| {
+        let mut settings = LerobotSettings::default();
+        change(&mut settings);
+        settings
+    };
+    let all = |settings: &LerobotSettings| {
+        lerobot::export(&store, &Selection::Recorded, &robot(), settings, &target).map(drop)
+    };
+    check(all(&LerobotSettings::default()), "no images_15hz/static.json");
+    check(all(&settings(|settings| settings.fps = 25)), "a divisor of 60 Hz");
+    check(all(&settings(|settings| settings.cameras = vec!["left".into()])), "no images_15hz/left.json");
+    assert!(!target.exists() && fs::read_dir(folder.path()).unwrap().count() == 1, "no leftovers");
+
+    let frames = root.join("scenario-2-a0/frames.parquet");
+    let mut bytes = fs::read(&frames).unwrap();
+    bytes[100] ^= 1;
+    fs::write(&frames, bytes).unwrap();
+    let error = store.read("scenario-2-a0").unwrap_err();
+    assert!(matches!(error, DataError::Damaged { .. }) && error.hint().unwrap().contains("scenario-2-a0"), "{error}");
+}
+
+#[test]
+fn export_repeats_itself_and_replaces_only_when_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    let settings = LerobotSettings { episodes_per_file: 2, episodes_per_depth_file: 1, ..Default::default() };
+    let report = export(&store, &folder.path().join("a"), &settings).unwrap();
+    assert_eq!((report.episodes, report.frames), (3, 12 + 15 + 10));
+    export(&store, &folder.path().join("b"), &settings).unwrap();
+    let read = |name: &str| {
+        let mut files = tree(&folder.path().join(name));
+        files.remove(Path::new("README.md")); // holds the name
+        files
+    };
+    assert_eq!(read("a"), read("b"));
+    assert_eq!(read("a-depth"), read("b-depth"));
+
+    let error = export(&store, &folder.path().join("a"), &settings).unwrap_err();
+    assert!(matches!(error, DataError::Exists { .. }), "{error}");
+    let replace = LerobotSettings { replace: true, ..settings };
+    export(&store, &folder.path().join("a"), &replace).unwrap();
+    let error = export(&store, &folder.path().join("store"), &replace).unwrap_err();
+    assert!(matches!(error, DataError::Exists { .. }), "only a data set is ever replaced: {error}");
+
+    // The record carried along is a store again.
+    let record = EpisodeStore::open(folder.path().join("a/extras/record")).unwrap();
+    assert_eq!(record.read("scenario-1-a0").unwrap(), store.read("scenario-1-a0").unwrap());
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "no leftovers");
+}
+
+#[test]
+fn independent_reader_finds_what_was_written() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    let settings = LerobotSettings { episodes_per_file: 2, episodes_per_depth_file: 2, ..Default::default() };
+    export(&store, &folder.path().join("set"), &settings).unwrap();
+    fs::write(folder.path().join("expected.json"), expectations(&store, folder.path()).to_string()).unwrap();
+    let output = Command::new(python)
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/read_lerobot.py"))
+        .arg(folder.path().join("set"))
+        .arg("--expected")
+        .arg(folder.path().join("expected.json"))
+        .output()
+        .unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["episodes"], 3, "{summary}");
+    assert_eq!(summary["video_frames_decoded"], 2 * 37, "{summary}");
+    assert_eq!(summary["depth_frames_decoded"], 2 * 37, "{summary}");
+    let color_error = summary["largest_color_error"].as_f64().unwrap();
+    assert!(color_error < 3.0, "of 255, chroma subsampling of hard edges included: {summary}");
+}
+
+/// What the reader must find, said without any code of the exporter: numbers of chosen frames, and raw pictures.
+fn expectations(store: &EpisodeStore, folder: &Path) -> Value {
+    let mut frames = Vec::new();
+    let mut first = 0;
+    for (number, steps) in STEPS.into_iter().enumerate() {
+        let rows = steps.div_ceil(4);
+        let source = store.read(&result(number, steps, true).id).unwrap();
+        for row in [0, 1, rows / 2, rows - 1] {
+            let now = &source.frames[row * 4];
+            let last = &source.frames[(row * 4 + 3).min(steps - 1)];
+            let state: Vec<f64> = now.joint_position.iter().copied().chain([now.gripper_width]).collect();
+            let mut images = serde_json::Map::new();
+            for (camera, name) in ["static", "wrist"].into_iter().enumerate() {
+                let (rgb, depth_m) = picture(number, camera, row);
+                let file = |ending: &str| folder.join(format!("{number}-{row}-{name}.{ending}"));
+                fs::write(file("rgb"), rgb).unwrap();
+                let depth_mm = depth_m.iter().flat_map(|depth| ((depth * 1000.0).round() as u16).to_le_bytes());
+                fs::write(file("mm"), depth_mm.collect::<Vec<u8>>()).unwrap();
+                images.insert(name.into(), json!({"rgb": file("rgb"), "depth_mm": file("mm")}));
+            }
+            frames.push(json!({
+                "index": first + row, "episode": number, "row": row, "state": state, "action": last.command,
+                "task": source.scenario.task.instruction, "seed": source.result.seed.value(),
+                "scenario": source.scenario.to_value(), "images": images,
+            }));
+        }
+        first += rows;
+    }
+    json!({"frames": frames, "width": synthetic::WIDTH, "height": synthetic::HEIGHT})
+}
+
+/// The interpreter with pyarrow and av; CI must have one.
+fn python() -> Option<PathBuf> {
+    let made_by_setup = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../.python/bin/python");
+    let python = std::env::var_os("GENMANIP_PYTHON").map_or(made_by_setup, PathBuf::from);
+    let usable = Command::new(&python).args(["-c", "import pyarrow, av, numpy"]).output();
+    if usable.is_ok_and(|output| output.status.success()) {
+        return Some(python);
+    }
+    let message = format!("no Python with pyarrow, av and numpy at {}; `cargo xtask setup` makes it", python.display());
+    assert!(std::env::var("CI").as_deref() != Ok("true"), "{message}");
+    writeln_skip(&message);
+    None
+}
+
+#[allow(clippy::print_stderr)] // A test says why it is skipped.
+fn writeln_skip(message: &str) {
+    eprintln!("skipped: {message}");
+}

@@ -1,0 +1,100 @@
+//! Physics as the judge of a layout: settling it, and auditing one that was returned.
+
+use std::sync::Arc;
+
+use genmanip_core::Scenario;
+use genmanip_scene::relations::{PosedObject, PosedScene};
+use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError, SimSettings};
+
+use crate::LayoutSettings;
+
+/// Lets the objects come to rest without a robot; the reason when they do not, or fall over.
+pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Result<(), String> {
+    let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
+    let broken = |error: SimError| format!("physics refuses the layout: {error}");
+    let compiled = Scene::compile_without_robot(&objects, &SimSettings::default()).map_err(broken)?;
+    let mut sim = Sim::new(Arc::new(compiled));
+    let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
+    let report = sim.settle(&rest).map_err(broken)?;
+    let name = |index: usize| objects[index].model.card.name.as_str();
+    if !report.settled {
+        return Err("objects do not come to rest".into());
+    }
+    if let Some(index) = report.displacement.iter().position(|&shift| shift > settings.max_settle_shift_m) {
+        return Err(format!("{} slides or rolls while settling", name(index)));
+    }
+    if let Some(index) = report.rotation.iter().position(|&turn| turn > settings.max_settle_tilt_rad) {
+        return Err(format!("{} falls over while settling", name(index)));
+    }
+    if report.final_penetration > settings.max_penetration_m {
+        return Err("objects penetrate each other".into());
+    }
+    for (index, state) in sim.object_states().into_iter().enumerate() {
+        scene.set_pose(index, state.pose, &state.joint_positions);
+    }
+    Ok(())
+}
+
+fn scene_object(object: &PosedObject) -> SceneObject {
+    SceneObject {
+        name: object.uid.clone(),
+        model: Arc::clone(&object.model),
+        pose: object.pose,
+        joint_positions: object.joint_positions.clone(),
+    }
+}
+
+/// What a returned layout does when it is left alone in physics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayoutAudit {
+    /// Deepest penetration at the start, metres.
+    pub penetration_m: f64,
+    /// Farthest any object moved, metres.
+    pub drift_m: f64,
+}
+
+/// Leaves a scenario alone for some simulated seconds, sleep off, and measures penetration and drift.
+///
+/// # Errors
+/// When an object is unknown or physics refuses the scene.
+pub fn audit(
+    scenario: &Scenario,
+    catalogue: &genmanip_assets::Catalogue,
+    seconds: f64,
+) -> Result<LayoutAudit, AuditError> {
+    let objects = scenario
+        .objects
+        .iter()
+        .map(|placed| {
+            Ok(SceneObject {
+                name: placed.uid.clone(),
+                model: catalogue.instance(placed)?,
+                pose: placed.pose,
+                joint_positions: placed.joint_positions.clone(),
+            })
+        })
+        .collect::<Result<Vec<_>, AuditError>>()?;
+    let settings = SimSettings::default();
+    let steps = (seconds * f64::from(settings.physics_rate_hz)).round() as u32;
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&objects, &settings)?));
+    let penetration_m = sim.penetration();
+    let before = sim.object_states();
+    sim.advance(steps)?;
+    let drift_m = before
+        .iter()
+        .zip(sim.object_states())
+        .map(|(from, to)| from.pose.position.distance(to.pose.position))
+        .fold(0.0, f64::max);
+    Ok(LayoutAudit { penetration_m, drift_m })
+}
+
+/// Why a scenario cannot be audited.
+#[derive(Debug, thiserror::Error)]
+pub enum AuditError {
+    /// An object is unknown or its physics have changed.
+    #[error(transparent)]
+    Asset(#[from] genmanip_assets::AssetError),
+    /// Physics refuses the scene.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+}

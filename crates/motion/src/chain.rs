@@ -1,0 +1,269 @@
+//! The arm of a robot, compiled for speed: one moving frame per joint, its axis along z.
+
+use genmanip_core::{JointKind, Pose, RobotModel};
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::rigid::Rigid;
+
+/// A robot model that cannot be used for planning.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ModelError {
+    /// A parent comes after its child, or does not exist.
+    #[error("link {link} of robot {robot}: parent index {got} is not before the link itself (index {index})")]
+    ParentOrder {
+        /// Robot.
+        robot: String,
+        /// Link.
+        link: String,
+        /// Index of the link.
+        index: usize,
+        /// Index of its parent.
+        got: usize,
+    },
+    /// The home configuration does not name every arm joint.
+    #[error("robot {robot}: home holds {got} positions, expected one for each of its {expected} arm joints")]
+    HomeLength {
+        /// Robot.
+        robot: String,
+        /// Number of arm joints.
+        expected: usize,
+        /// Length of `home`.
+        got: usize,
+    },
+    /// A limit, axis or frame is not finite, empty, or of zero length.
+    #[error("robot {robot}, joint {joint}: {what}")]
+    BadJoint {
+        /// Robot.
+        robot: String,
+        /// Joint.
+        joint: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// An index of the hand or a finger names no link.
+    #[error("robot {robot}: {what} is link {got}, but there are {expected} links")]
+    NoSuchLink {
+        /// Robot.
+        robot: String,
+        /// `hand` or `finger`.
+        what: &'static str,
+        /// Number of links.
+        expected: usize,
+        /// The index.
+        got: usize,
+    },
+}
+
+/// Forward kinematics of a robot's arm.
+///
+/// Frame 0 is the base (= world); frame `k + 1` moves with arm joint `k`, its z axis along the joint's axis.
+/// Rigidly attached links are folded into the frame that carries them.
+#[derive(Clone, Debug)]
+pub struct Chain {
+    joints: Vec<ChainJoint>,
+    tcp_frame: usize,
+    frame_from_tcp: Rigid,
+    links: Vec<LinkPlace>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct ChainJoint {
+    pub(crate) parent_frame: usize,
+    pub(crate) parent_from_joint: Rigid,
+    pub(crate) slides: bool,
+    pub(crate) lower: f64,
+    pub(crate) upper: f64,
+}
+
+/// Where a link sits: its moving frame, its pose there with the gripper closed, and how an opening width moves it.
+#[derive(Clone, Debug)]
+struct LinkPlace {
+    frame: usize,
+    frame_from_link: Rigid,
+    per_width: DVec3,
+}
+
+impl Chain {
+    /// Compiles the arm of `robot`.
+    pub fn new(robot: &RobotModel) -> Result<Self, ModelError> {
+        check_indices(robot)?;
+        let mut joints: Vec<ChainJoint> = Vec::new();
+        let mut links: Vec<LinkPlace> = Vec::with_capacity(robot.links.len());
+        for (index, link) in robot.links.iter().enumerate() {
+            let base = LinkPlace { frame: 0, frame_from_link: Rigid::IDENTITY, per_width: DVec3::ZERO };
+            let parent = link.parent.and_then(|parent| links.get(parent)).cloned().unwrap_or(base);
+            let frame_from_link = parent.frame_from_link * Rigid::from(&link.parent_from_link);
+            links.push(match &link.joint {
+                None => LinkPlace { frame_from_link, ..parent },
+                Some(joint) if robot.gripper.fingers.contains(&index) => {
+                    LinkPlace { frame_from_link, per_width: frame_from_link.rotation * joint.axis * 0.5, ..parent }
+                }
+                Some(joint) => {
+                    check_joint(robot, joint)?;
+                    let link_from_joint = Rigid {
+                        rotation: DMat3::from_quat(DQuat::from_rotation_arc(DVec3::Z, joint.axis.normalize())),
+                        translation: DVec3::ZERO,
+                    };
+                    joints.push(ChainJoint {
+                        parent_frame: parent.frame,
+                        parent_from_joint: frame_from_link * link_from_joint,
+                        slides: joint.kind == JointKind::Prismatic,
+                        lower: joint.lower,
+                        upper: joint.upper,
+                    });
+                    LinkPlace {
+                        frame: joints.len(),
+                        frame_from_link: link_from_joint.inverse(),
+                        per_width: DVec3::ZERO,
+                    }
+                }
+            });
+        }
+        if robot.home.len() != joints.len() {
+            let (expected, got) = (joints.len(), robot.home.len());
+            return Err(ModelError::HomeLength { robot: robot.name.clone(), expected, got });
+        }
+        let hand = &links[robot.hand];
+        let (tcp_frame, frame_from_tcp) = (hand.frame, hand.frame_from_link * Rigid::from(&robot.hand_from_tcp));
+        Ok(Self { joints, tcp_frame, frame_from_tcp, links })
+    }
+
+    /// Number of arm joints.
+    pub fn dof(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Smallest position of each joint, rad or m.
+    pub fn lower(&self) -> impl Iterator<Item = f64> {
+        self.joints.iter().map(|joint| joint.lower)
+    }
+
+    /// Largest position of each joint, rad or m.
+    pub fn upper(&self) -> impl Iterator<Item = f64> {
+        self.joints.iter().map(|joint| joint.upper)
+    }
+
+    /// Smallest distance of a configuration to a joint limit; negative outside.
+    pub fn limit_margin(&self, config: &[f64]) -> f64 {
+        let margins = self.joints.iter().zip(config).map(|(joint, q)| (q - joint.lower).min(joint.upper - q));
+        margins.fold(f64::INFINITY, f64::min)
+    }
+
+    /// `world_from_tcp` at a configuration.
+    pub fn tcp_pose(&self, config: &[f64]) -> Pose {
+        self.tcp(&self.frames(config)).pose()
+    }
+
+    /// Columns of the geometric Jacobian of the tcp: linear velocity (m/s), then angular (rad/s), world axes,
+    /// per unit speed of each joint.
+    pub fn jacobian(&self, config: &[f64]) -> Vec<[f64; 6]> {
+        self.jacobian_at(&self.frames(config))
+    }
+
+    /// Yoshikawa's measure √det(J·Jᵀ): 0 at a singularity.
+    pub fn manipulability(&self, config: &[f64]) -> f64 {
+        let jacobian = self.jacobian(config);
+        let mut gram = [[0.0; 6]; 6];
+        for column in &jacobian {
+            for (row, a) in gram.iter_mut().zip(column) {
+                for (cell, b) in row.iter_mut().zip(column) {
+                    *cell += a * b;
+                }
+            }
+        }
+        crate::linear::determinant(gram).max(0.0).sqrt()
+    }
+
+    pub(crate) fn joints(&self) -> &[ChainJoint] {
+        &self.joints
+    }
+
+    /// The frame that carries the tcp, and `frame_from_tcp`.
+    pub(crate) fn tcp_mount(&self) -> (usize, Rigid) {
+        (self.tcp_frame, self.frame_from_tcp)
+    }
+
+    /// The frame that carries a link, and `frame_from_link` at an opening width.
+    pub(crate) fn link_mount(&self, link: usize, gripper_width: f64) -> (usize, Rigid) {
+        let place = &self.links[link];
+        let translation = place.frame_from_link.translation + place.per_width * gripper_width;
+        (place.frame, Rigid { translation, ..place.frame_from_link })
+    }
+
+    /// `world_from_frame` for every frame.
+    pub(crate) fn frames(&self, config: &[f64]) -> Vec<Rigid> {
+        let mut frames = Vec::with_capacity(self.joints.len() + 1);
+        self.frames_into(config, &mut frames);
+        frames
+    }
+
+    pub(crate) fn frames_into(&self, config: &[f64], frames: &mut Vec<Rigid>) {
+        frames.clear();
+        frames.push(Rigid::IDENTITY);
+        for (joint, &q) in self.joints.iter().zip(config) {
+            let rest = frames[joint.parent_frame] * joint.parent_from_joint;
+            frames.push(if joint.slides {
+                Rigid { translation: rest.translation + rest.rotation.z_axis * q, ..rest }
+            } else {
+                let (sin, cos) = q.sin_cos();
+                rest.turned_z(sin, cos)
+            });
+        }
+    }
+
+    pub(crate) fn tcp(&self, frames: &[Rigid]) -> Rigid {
+        frames[self.tcp_frame] * self.frame_from_tcp
+    }
+
+    pub(crate) fn jacobian_at(&self, frames: &[Rigid]) -> Vec<[f64; 6]> {
+        let tip = self.tcp(frames).translation;
+        let mut moves_tcp = vec![false; frames.len()];
+        let mut frame = self.tcp_frame;
+        while frame > 0 {
+            moves_tcp[frame] = true;
+            frame = self.joints[frame - 1].parent_frame;
+        }
+        let column = |(index, joint): (usize, &ChainJoint)| {
+            if !moves_tcp[index + 1] {
+                return [0.0; 6];
+            }
+            let axis = frames[index + 1].rotation.z_axis;
+            let (linear, angular) = if joint.slides {
+                (axis, DVec3::ZERO)
+            } else {
+                (axis.cross(tip - frames[index + 1].translation), axis)
+            };
+            [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
+        };
+        self.joints.iter().enumerate().map(column).collect()
+    }
+}
+
+fn check_indices(robot: &RobotModel) -> Result<(), ModelError> {
+    let count = robot.links.len();
+    let named = [("hand", robot.hand), ("finger", robot.gripper.fingers[0]), ("finger", robot.gripper.fingers[1])];
+    if let Some((what, got)) = named.into_iter().find(|(_, index)| *index >= count) {
+        return Err(ModelError::NoSuchLink { robot: robot.name.clone(), what, expected: count, got });
+    }
+    for (index, link) in robot.links.iter().enumerate() {
+        if let Some(got) = link.parent.filter(|parent| *parent >= index) {
+            let (robot, link) = (robot.name.clone(), link.name.clone());
+            return Err(ModelError::ParentOrder { robot, link, index, got });
+        }
+    }
+    Ok(())
+}
+
+fn check_joint(robot: &RobotModel, joint: &genmanip_core::RobotJoint) -> Result<(), ModelError> {
+    let bad = |what: String| Err(ModelError::BadJoint { robot: robot.name.clone(), joint: joint.name.clone(), what });
+    if !(joint.axis.is_finite() && joint.axis.length() > 1e-9) {
+        return bad(format!("axis {} has no direction", joint.axis));
+    }
+    if !(joint.lower.is_finite() && joint.upper.is_finite() && joint.lower <= joint.upper) {
+        return bad(format!("limits {}..{} are not an interval", joint.lower, joint.upper));
+    }
+    if !(joint.max_velocity > 0.0 && joint.max_acceleration > 0.0) {
+        return bad("velocity and acceleration limits must be positive".into());
+    }
+    Ok(())
+}

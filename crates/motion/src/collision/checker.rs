@@ -1,0 +1,387 @@
+//! Tests of configurations and of straight joint-space edges for one robot, world and carried object.
+
+use super::convex::{self, Ball, Convex, Separation};
+use super::robot_shape::{RobotShape, ball_around};
+use super::world::{Allowed, Attached, Part, World};
+use crate::rigid::Rigid;
+
+/// Two things that are too close.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CollisionReport {
+    /// The moving one: a link's name, or the attached object's.
+    pub part: String,
+    /// The other one: an obstacle's, a link's or the attached object's name.
+    pub other: String,
+    /// Distance between them; negative is the depth of penetration.
+    pub distance: f64,
+}
+
+impl std::fmt::Display for CollisionReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { part, other, distance } = self;
+        if *distance < 0.0 {
+            write!(f, "{part} is {:.1} mm inside {other}", -distance * 1e3)
+        } else {
+            write!(f, "{part} is {:.1} mm from {other}", distance * 1e3)
+        }
+    }
+}
+
+/// Collision tests for one query; cheap to make, holds everything in the shape the tests want.
+///
+/// The base (everything that no arm joint moves) is tested against moving links, not against the world:
+/// no motion of the arm could change the answer.
+#[derive(Clone, Debug)]
+pub struct Checker<'a> {
+    pub(super) robot: &'a RobotShape,
+    pub(super) bodies: Vec<Body<'a>>,
+    pub(super) obstacles: Vec<Target<'a>>,
+    /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed.
+    pub(super) obstacle_margin: Vec<Option<f64>>,
+    /// Pairs of bodies and the distance to keep.
+    pub(super) body_pairs: Vec<(usize, usize, f64)>,
+    /// Largest speed of any point of the robot per unit speed of each joint.
+    reach: Vec<f64>,
+}
+
+/// A link or the carried object, in the frame that moves it.
+#[derive(Clone, Debug)]
+pub(super) struct Body<'a> {
+    pub(super) part: Part,
+    pub(super) name: &'a str,
+    pub(super) frame: usize,
+    pub(super) frame_from_body: Rigid,
+    pub(super) pieces: &'a [Convex],
+    /// Ball around the body, in the moving frame.
+    pub(super) ball: Ball,
+}
+
+/// An obstacle with balls around it and around its pieces, in the world.
+#[derive(Clone, Debug)]
+pub(super) struct Target<'a> {
+    pub(super) name: &'a str,
+    pub(super) world_from_obstacle: Rigid,
+    pub(super) ball: Ball,
+    pub(super) pieces: Vec<TargetPiece<'a>>,
+}
+
+/// A piece of an obstacle.
+#[derive(Clone, Debug)]
+pub(super) struct TargetPiece<'a> {
+    pub(super) convex: &'a Convex,
+    pub(super) core_from_world: Rigid,
+}
+
+impl TargetPiece<'_> {
+    /// Whether a ball in the world certainly keeps `margin` from the piece.
+    pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
+        let reach = ball.radius + self.convex.radius + margin.max(0.0);
+        self.convex.core.distance_bound(self.core_from_world.point(ball.center)) > reach
+    }
+}
+
+impl<'a> Checker<'a> {
+    /// Prepares tests that keep `padding` metres from everything that is not allowed to touch.
+    pub fn new(
+        robot: &'a RobotShape,
+        world: &'a World,
+        attached: Option<&'a Attached>,
+        allowed: &Allowed,
+        gripper_width: f64,
+        padding: f64,
+    ) -> Self {
+        let bodies = bodies(robot, attached, gripper_width);
+        let obstacles: Vec<Target> = world.obstacles.iter().map(Target::new).collect();
+        let obstacle_margin = bodies
+            .iter()
+            .flat_map(|body| {
+                obstacles
+                    .iter()
+                    .map(|target| (body.frame > 0 && !allowed.contains(body.part, target.name)).then_some(padding))
+            })
+            .collect();
+        let body_pairs = body_pairs(robot, &bodies, padding);
+        let reach = reaches(robot, &bodies);
+        Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reach }
+    }
+
+    /// The arm's kinematics.
+    pub fn chain(&self) -> &'a crate::chain::Chain {
+        &self.robot.chain
+    }
+
+    /// The pair that violates its distance most, if any.
+    pub fn check(&self, config: &[f64]) -> Option<CollisionReport> {
+        let frames = self.robot.chain.frames(config);
+        let mut worst: Option<(f64, CollisionReport)> = None;
+        let mut note = |part: &str, other: &str, margin: f64, separation: Separation| {
+            let Separation::Within(distance) = separation else { return };
+            if distance < margin && worst.as_ref().is_none_or(|(violation, _)| distance - margin < *violation) {
+                let report = CollisionReport { part: part.to_owned(), other: other.to_owned(), distance };
+                worst = Some((distance - margin, report));
+            }
+        };
+        for (index, body) in self.bodies.iter().enumerate() {
+            let world_from_body = frames[body.frame] * body.frame_from_body;
+            for (target, margin) in self.obstacles.iter().zip(self.margins_of(index)) {
+                if let Some(margin) = *margin {
+                    note(body.name, target.name, margin, target.separation(body, &world_from_body, margin));
+                }
+            }
+        }
+        for &(first, second, margin) in &self.body_pairs {
+            let (a, b) = (&self.bodies[first], &self.bodies[second]);
+            let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
+            note(a.name, b.name, margin, bodies_separation(a, b, &world_from_a, &world_from_b, margin));
+        }
+        worst.map(|(_, report)| report)
+    }
+
+    /// Whether every pair keeps its distance.
+    pub fn is_free(&self, config: &[f64]) -> bool {
+        let frames = self.robot.chain.frames(config);
+        let world_from = |body: &Body| frames[body.frame] * body.frame_from_body;
+        for (index, body) in self.bodies.iter().enumerate() {
+            let ball = moved(&frames[body.frame], &body.ball);
+            for (target, margin) in self.obstacles.iter().zip(self.margins_of(index)) {
+                let Some(margin) = *margin else { continue };
+                if apart(&ball, &target.ball, margin) {
+                    continue;
+                }
+                if target.closer_than(body, &world_from(body), margin) {
+                    return false;
+                }
+            }
+        }
+        !self.body_pairs.iter().any(|&(first, second, margin)| {
+            let (a, b) = (&self.bodies[first], &self.bodies[second]);
+            !apart(&moved(&frames[a.frame], &a.ball), &moved(&frames[b.frame], &b.ball), margin)
+                && bodies_closer_than(a, b, &world_from(a), &world_from(b), margin)
+        })
+    }
+
+    /// Whether every state of the straight joint-space edge keeps its distances.
+    ///
+    /// States are so close together that no point of the robot moves more than `spacing` metres between them;
+    /// with `spacing` at most twice the padding, nothing can be touched in between either.
+    pub fn edge_is_free(&self, from: &[f64], to: &[f64], spacing: f64) -> bool {
+        let steps = self.edge_steps(from, to, spacing);
+        let mut config = vec![0.0; from.len()];
+        let mut stride = steps.next_power_of_two();
+        // Coarse first: 1/2, then 1/4 and 3/4, …; the first state is the caller's to test.
+        let mut state_is_free = |step: usize| {
+            let t = step as f64 / steps as f64;
+            for ((q, a), b) in config.iter_mut().zip(from).zip(to) {
+                *q = a + (b - a) * t;
+            }
+            self.is_free(&config)
+        };
+        if !state_is_free(steps) {
+            return false;
+        }
+        while stride > 1 {
+            let half = stride / 2;
+            if !(half..steps).step_by(stride).all(&mut state_is_free) {
+                return false;
+            }
+            stride = half;
+        }
+        true
+    }
+
+    /// Accepts `config` although pairs are closer than the padding: from now on such a pair keeps (nearly) the
+    /// distance it has there.
+    ///
+    /// Start and goal of a motion may be anywhere from touching on; fails with the pair that penetrates by more
+    /// than `tolerance`.
+    pub fn relax(&mut self, config: &[f64], tolerance: f64) -> Result<(), CollisionReport> {
+        let frames = self.robot.chain.frames(config);
+        let mut worst: Option<CollisionReport> = None;
+        let count = self.obstacles.len();
+        for (index, body) in self.bodies.iter().enumerate() {
+            let world_from_body = frames[body.frame] * body.frame_from_body;
+            for (target, slot) in self.obstacles.iter().zip(&mut self.obstacle_margin[index * count..]) {
+                let Some(margin) = slot else { continue };
+                if apart(&moved(&frames[body.frame], &body.ball), &target.ball, *margin) {
+                    continue;
+                }
+                if let Separation::Within(distance) = target.separation(body, &world_from_body, *margin) {
+                    *margin = margin.min(relaxed(distance));
+                    note_worst(&mut worst, body.name, target.name, distance);
+                }
+            }
+        }
+        for (first, second, margin) in &mut self.body_pairs {
+            let (a, b) = (&self.bodies[*first], &self.bodies[*second]);
+            let (world_from_a, world_from_b) =
+                (frames[a.frame] * a.frame_from_body, frames[b.frame] * b.frame_from_body);
+            if let Separation::Within(distance) = bodies_separation(a, b, &world_from_a, &world_from_b, *margin) {
+                *margin = margin.min(relaxed(distance));
+                note_worst(&mut worst, a.name, b.name, distance);
+            }
+        }
+        match worst {
+            Some(report) if report.distance < -tolerance => Err(report),
+            _ => Ok(()),
+        }
+    }
+
+    /// Number of equal steps in which no point of the robot moves more than `spacing`.
+    pub(crate) fn edge_steps(&self, from: &[f64], to: &[f64], spacing: f64) -> usize {
+        let motion: f64 = from.iter().zip(to).zip(&self.reach).map(|((a, b), reach)| (a - b).abs() * reach).sum();
+        ((motion / spacing).ceil() as usize).clamp(1, 1 << 20)
+    }
+
+    fn margins_of(&self, body: usize) -> &[Option<f64>] {
+        let count = self.obstacles.len();
+        &self.obstacle_margin[body * count..(body + 1) * count]
+    }
+}
+
+impl<'a> Target<'a> {
+    fn new(obstacle: &'a super::world::Obstacle) -> Self {
+        let world_from_obstacle = obstacle.world_from_obstacle;
+        let piece = |convex: &'a Convex| TargetPiece {
+            convex,
+            core_from_world: (world_from_obstacle * convex.owner_from_core).inverse(),
+        };
+        Self {
+            name: &obstacle.name,
+            world_from_obstacle,
+            ball: ball_around(obstacle.pieces.iter().map(|piece| moved(&world_from_obstacle, &piece.ball))),
+            pieces: obstacle.pieces.iter().map(piece).collect(),
+        }
+    }
+
+    fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> bool {
+        if margin <= 0.0 {
+            return matches!(self.separation(body, world_from_body, margin), Separation::Within(d) if d < margin);
+        }
+        body.pieces.iter().any(|piece| {
+            let ball = moved(world_from_body, &piece.ball);
+            self.pieces.iter().any(|other| {
+                !other.clear_of(&ball, margin)
+                    && convex::closer_than(other.convex, piece, &self.world_from_obstacle, world_from_body, margin)
+            })
+        })
+    }
+
+    fn separation(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> Separation {
+        let limit = margin.max(0.0);
+        let mut nearest = Separation::Beyond;
+        for piece in body.pieces {
+            let ball = moved(world_from_body, &piece.ball);
+            for other in &self.pieces {
+                if !other.clear_of(&ball, limit) {
+                    let found =
+                        convex::separation(other.convex, piece, &self.world_from_obstacle, world_from_body, limit);
+                    nearest = nearer(nearest, found);
+                }
+            }
+        }
+        nearest
+    }
+}
+
+fn bodies_closer_than(a: &Body, b: &Body, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
+    if margin <= 0.0 {
+        return matches!(bodies_separation(a, b, world_from_a, world_from_b, margin), Separation::Within(d) if d < margin);
+    }
+    a.pieces.iter().any(|piece| {
+        let ball = moved(world_from_a, &piece.ball);
+        b.pieces.iter().any(|other| {
+            !apart(&ball, &moved(world_from_b, &other.ball), margin)
+                && convex::closer_than(piece, other, world_from_a, world_from_b, margin)
+        })
+    })
+}
+
+fn bodies_separation(a: &Body, b: &Body, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> Separation {
+    let limit = margin.max(0.0);
+    let mut nearest = Separation::Beyond;
+    for piece in a.pieces {
+        let ball = moved(world_from_a, &piece.ball);
+        for other in b.pieces {
+            if !apart(&ball, &moved(world_from_b, &other.ball), limit) {
+                nearest = nearer(nearest, convex::separation(piece, other, world_from_a, world_from_b, limit));
+            }
+        }
+    }
+    nearest
+}
+
+fn bodies<'a>(robot: &'a RobotShape, attached: Option<&'a Attached>, gripper_width: f64) -> Vec<Body<'a>> {
+    let make = |part, name, frame, frame_from_body: Rigid, pieces: &'a [Convex]| {
+        let ball = ball_around(pieces.iter().map(|piece| moved(&frame_from_body, &piece.ball)));
+        Body { part, name, frame, frame_from_body, pieces, ball }
+    };
+    let links = robot.links.iter().enumerate().filter(|(_, link)| !link.pieces.is_empty()).map(|(index, link)| {
+        let (frame, frame_from_link) = robot.chain.link_mount(index, gripper_width);
+        make(Part::Link(index), link.name.as_str(), frame, frame_from_link, &link.pieces)
+    });
+    let carried = attached.map(|attached| {
+        let (frame, frame_from_tcp) = robot.chain.tcp_mount();
+        let frame_from_object = frame_from_tcp * attached.tcp_from_object;
+        make(Part::Attached, attached.name.as_str(), frame, frame_from_object, &attached.pieces)
+    });
+    links.chain(carried).collect()
+}
+
+fn body_pairs(robot: &RobotShape, bodies: &[Body], padding: f64) -> Vec<(usize, usize, f64)> {
+    let tested = |a: &Body, b: &Body| match (a.part, b.part) {
+        (Part::Link(a), Part::Link(b)) => robot.pairs.contains(&(a, b)),
+        (Part::Link(link), Part::Attached) => a.frame != b.frame && !robot.gripper_links.contains(&link),
+        _ => false,
+    };
+    let count = bodies.len();
+    (0..count)
+        .flat_map(|a| (a + 1..count).map(move |b| (a, b)))
+        .filter(|(a, b)| tested(&bodies[*a], &bodies[*b]))
+        .map(|(a, b)| (a, b, padding))
+        .collect()
+}
+
+/// For each joint the largest distance from its axis that any point behind it can have.
+fn reaches(robot: &RobotShape, bodies: &[Body]) -> Vec<f64> {
+    let joints = robot.chain.joints();
+    let mut reach = vec![0.0_f64; joints.len()];
+    for body in bodies {
+        let mut distance = body.ball.center.length() + body.ball.radius;
+        let mut frame = body.frame;
+        while frame > 0 {
+            let joint = &joints[frame - 1];
+            reach[frame - 1] = reach[frame - 1].max(if joint.slides { 1.0 } else { distance });
+            let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+            distance += joint.parent_from_joint.translation.length() + slide;
+            frame = joint.parent_frame;
+        }
+    }
+    reach
+}
+
+/// The distance a pair keeps that was found at `distance`, nearer than its padding.
+fn relaxed(distance: f64) -> f64 {
+    distance - (0.1 * distance.abs()).max(1e-4)
+}
+
+fn note_worst(worst: &mut Option<CollisionReport>, part: &str, other: &str, distance: f64) {
+    if worst.as_ref().is_none_or(|report| distance < report.distance) {
+        *worst = Some(CollisionReport { part: part.to_owned(), other: other.to_owned(), distance });
+    }
+}
+
+fn nearer(a: Separation, b: Separation) -> Separation {
+    match (a, b) {
+        (Separation::Within(a), Separation::Within(b)) => Separation::Within(a.min(b)),
+        (Separation::Beyond, found) | (found, Separation::Beyond) => found,
+    }
+}
+
+pub(super) fn moved(outer_from_inner: &Rigid, ball: &Ball) -> Ball {
+    Ball { center: outer_from_inner.point(ball.center), radius: ball.radius }
+}
+
+pub(super) fn apart(a: &Ball, b: &Ball, margin: f64) -> bool {
+    let reach = a.radius + b.radius + margin.max(0.0);
+    a.center.distance_squared(b.center) > reach * reach
+}

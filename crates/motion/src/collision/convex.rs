@@ -1,0 +1,233 @@
+//! Exact convex bodies: a polyhedral or curved core, rounded by a radius, and the distance between two of them.
+
+use genmanip_core::{Piece, Shape};
+use glam::{DQuat, DVec3};
+use parry3d_f64::math::{Pose as ParryPose, Rot3, Vector};
+use parry3d_f64::query::epa::EPA;
+use parry3d_f64::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
+use parry3d_f64::shape::SupportMap;
+
+use crate::rigid::Rigid;
+
+/// A piece of geometry that cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("collision piece {index} of {owner}: {what}")]
+pub struct GeometryError {
+    /// Object or link.
+    pub owner: String,
+    /// Index of the piece.
+    pub index: usize,
+    /// What is wrong with it.
+    pub what: String,
+}
+
+/// One convex body at its place in a link or an object.
+#[derive(Clone, Debug)]
+pub(crate) struct Convex {
+    pub(crate) core: Core,
+    /// Everything within this distance of the core belongs to the body.
+    pub(crate) radius: f64,
+    pub(crate) owner_from_core: Rigid,
+    /// Ball that holds the body, in the owner's frame.
+    pub(crate) ball: Ball,
+}
+
+/// Centre and radius.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ball {
+    pub(crate) center: DVec3,
+    pub(crate) radius: f64,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) enum Core {
+    Point,
+    /// Along z, of this half length.
+    Segment(f64),
+    Box(DVec3),
+    Cylinder {
+        radius: f64,
+        half_height: f64,
+    },
+    Ellipsoid(DVec3),
+    /// Corners, and the middle and half extents of their bounds.
+    Hull {
+        corners: Vec<DVec3>,
+        center: DVec3,
+        half: DVec3,
+    },
+}
+
+impl Convex {
+    pub(crate) fn new(owner: &str, index: usize, piece: &Piece) -> Result<Self, GeometryError> {
+        let bad = |what: String| Err(GeometryError { owner: owner.to_owned(), index, what });
+        let positive = |values: &[f64]| values.iter().all(|value| value.is_finite() && *value > 0.0);
+        let (core, radius, sizes) = match &piece.shape {
+            Shape::Box { half_extents } => (Core::Box(*half_extents), 0.0, half_extents.to_array().to_vec()),
+            Shape::Sphere { radius } => (Core::Point, *radius, vec![*radius]),
+            Shape::Ellipsoid { radii } => (Core::Ellipsoid(*radii), 0.0, radii.to_array().to_vec()),
+            Shape::Cylinder { radius, half_height } => {
+                let core = Core::Cylinder { radius: *radius, half_height: *half_height };
+                (core, 0.0, vec![*radius, *half_height])
+            }
+            Shape::Capsule { radius, half_length } => (Core::Segment(*half_length), *radius, vec![*radius]),
+            Shape::Hull { points } => {
+                if points.len() < 4 || !points.iter().all(|point| point.is_finite()) {
+                    return bad(format!("a hull needs at least 4 finite corners, got {}", points.len()));
+                }
+                (Core::hull(points.clone()), 0.0, vec![])
+            }
+        };
+        if !positive(&sizes) {
+            return bad(format!("sizes must be positive and finite, got {:?}", piece.shape));
+        }
+        let pose = &piece.link_from_piece;
+        if !(pose.position.is_finite() && pose.rotation.is_finite()) {
+            return bad("its pose holds a number that is not finite".into());
+        }
+        let owner_from_core = Rigid::from(pose);
+        let center = core.center();
+        let ball = Ball { center: owner_from_core.point(center), radius: core.bound_about(center) + radius };
+        Ok(Self { core, radius, owner_from_core, ball })
+    }
+
+    /// Farthest point along a direction in the owner's frame.
+    pub(crate) fn support(&self, direction: DVec3) -> DVec3 {
+        let local = self.owner_from_core.rotation.transpose() * direction;
+        self.owner_from_core.point(self.core.farthest(local)) + direction.normalize_or_zero() * self.radius
+    }
+}
+
+impl Core {
+    fn hull(corners: Vec<DVec3>) -> Self {
+        let bounds = genmanip_core::Aabb::from_points(corners.iter().copied());
+        Self::Hull { corners, center: bounds.center(), half: bounds.size() * 0.5 }
+    }
+
+    fn center(&self) -> DVec3 {
+        if let Self::Hull { center, .. } = self { *center } else { DVec3::ZERO }
+    }
+
+    /// A lower bound on the distance from a point to the core, exact but for hulls and ellipsoids (their boxes count).
+    pub(crate) fn distance_bound(&self, point: DVec3) -> f64 {
+        let to_box = |offset: DVec3, half: DVec3| (offset.abs() - half).max(DVec3::ZERO).length();
+        match self {
+            Self::Point => point.length(),
+            Self::Segment(half_length) => DVec3::new(point.x, point.y, (point.z.abs() - half_length).max(0.0)).length(),
+            Self::Box(half) | Self::Ellipsoid(half) => to_box(point, *half),
+            Self::Cylinder { radius, half_height } => {
+                let across = (point.x.hypot(point.y) - radius).max(0.0);
+                across.hypot((point.z.abs() - half_height).max(0.0))
+            }
+            Self::Hull { center, half, .. } => to_box(point - *center, *half),
+        }
+    }
+
+    fn bound_about(&self, center: DVec3) -> f64 {
+        match self {
+            Self::Point => 0.0,
+            Self::Segment(half_length) => *half_length,
+            Self::Box(half_extents) => half_extents.length(),
+            Self::Cylinder { radius, half_height } => radius.hypot(*half_height),
+            Self::Ellipsoid(radii) => radii.max_element(),
+            Self::Hull { corners, .. } => corners.iter().map(|point| point.distance(center)).fold(0.0, f64::max),
+        }
+    }
+}
+
+impl Core {
+    /// Farthest point along a direction.
+    fn farthest(&self, direction: DVec3) -> DVec3 {
+        match self {
+            Self::Point => DVec3::ZERO,
+            Self::Segment(half_length) => DVec3::new(0.0, 0.0, half_length.copysign(direction.z)),
+            Self::Box(half) => {
+                DVec3::new(half.x.copysign(direction.x), half.y.copysign(direction.y), half.z.copysign(direction.z))
+            }
+            Self::Cylinder { radius, half_height } => {
+                let across = direction.x.hypot(direction.y);
+                let scale = if across > 0.0 { radius / across } else { 0.0 };
+                DVec3::new(direction.x * scale, direction.y * scale, half_height.copysign(direction.z))
+            }
+            Self::Ellipsoid(radii) => *radii * (*radii * direction).normalize_or_zero(),
+            Self::Hull { corners, .. } => {
+                let mut best = (f64::NEG_INFINITY, 0);
+                for (index, point) in corners.iter().enumerate() {
+                    let along = point.dot(direction);
+                    if along > best.0 {
+                        best = (along, index);
+                    }
+                }
+                corners.get(best.1).copied().unwrap_or(DVec3::ZERO)
+            }
+        }
+    }
+}
+
+/// parry has its own release of glam; only numbers pass between the two.
+impl SupportMap for Core {
+    fn local_support_point(&self, direction: Vector) -> Vector {
+        Vector::from_array(self.farthest(DVec3::from_array(direction.to_array())).to_array())
+    }
+}
+
+/// How far two bodies are apart, as far as it was asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Separation {
+    /// More than the asked distance.
+    Beyond,
+    /// At this distance; negative is the depth by which they penetrate.
+    Within(f64),
+}
+
+/// Whether `b` comes within `margin` of `a`; `a_from_b` relates their owners' frames.
+pub(crate) fn closer_than(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
+    let pose = core_from_core(a, b, world_from_a, world_from_b);
+    let reach = margin + a.radius + b.radius;
+    let mut simplex = first_simplex(&pose, &a.core, &b.core);
+    match gjk::closest_points(&pose, &a.core, &b.core, reach.max(0.0), false, &mut simplex) {
+        GJKResult::NoIntersection(direction) => !separated(&pose, &a.core, &b.core, direction, reach),
+        _ => true,
+    }
+}
+
+/// The distance of two bodies if it is at most `limit`, with penetration depth.
+pub(crate) fn separation(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid, limit: f64) -> Separation {
+    let pose = core_from_core(a, b, world_from_a, world_from_b);
+    let rounding = a.radius + b.radius;
+    let mut simplex = first_simplex(&pose, &a.core, &b.core);
+    match gjk::closest_points(&pose, &a.core, &b.core, (limit + rounding).max(0.0), true, &mut simplex) {
+        GJKResult::ClosestPoints(p, q, _) => {
+            let distance = p.distance(q) - rounding;
+            if distance > limit { Separation::Beyond } else { Separation::Within(distance) }
+        }
+        GJKResult::NoIntersection(direction) if separated(&pose, &a.core, &b.core, direction, limit + rounding) => {
+            Separation::Beyond
+        }
+        _ => {
+            let depth = EPA::new()
+                .closest_points(&pose, &a.core, &b.core, &simplex)
+                .map_or(0.0, |(p, q, normal)| (q - p).dot(normal).min(0.0));
+            Separation::Within(depth - rounding)
+        }
+    }
+}
+
+/// GJK gives up after a number of steps with the same answer as for "far apart": believe it only with a witness.
+fn separated(pose: &ParryPose, a: &Core, b: &Core, direction: Vector, reach: f64) -> bool {
+    -direction.dot(CsoPoint::from_shapes(pose, a, b, direction).point) > reach
+}
+
+fn first_simplex(pose: &ParryPose, a: &Core, b: &Core) -> VoronoiSimplex {
+    let mut simplex = VoronoiSimplex::new();
+    let direction = pose.translation.try_normalize().unwrap_or(Vector::X);
+    simplex.reset(CsoPoint::from_shapes(pose, a, b, direction));
+    simplex
+}
+
+fn core_from_core(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid) -> ParryPose {
+    let (world_from_a, world_from_b) = (*world_from_a * a.owner_from_core, *world_from_b * b.owner_from_core);
+    let relative = world_from_a.inverse() * world_from_b;
+    let rotation = DQuat::from_mat3(&relative.rotation).to_array();
+    ParryPose::from_parts(Vector::from_array(relative.translation.to_array()), Rot3::from_array(rotation))
+}

@@ -1,0 +1,13 @@
+//! Collision: named obstacles, the robot's exact pieces, a carried object, and rules about who may touch whom.
+
+pub(crate) mod checker;
+pub(crate) mod convex;
+pub(crate) mod robot_shape;
+#[cfg(test)]
+mod tests;
+pub(crate) mod world;
+
+pub use checker::{Checker, CollisionReport};
+pub use convex::GeometryError;
+pub use robot_shape::{RobotError, RobotShape};
+pub use world::{Allowed, Attached, Part, World};

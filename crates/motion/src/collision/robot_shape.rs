@@ -1,0 +1,73 @@
+//! The robot's collision bodies, compiled once.
+
+use genmanip_core::RobotModel;
+use glam::DVec3;
+
+use super::convex::{Ball, Convex, GeometryError};
+use super::world::compile;
+use crate::chain::{Chain, ModelError};
+
+/// Exact convex bodies of a robot's links and the pairs of links that are tested against each other.
+#[derive(Clone, Debug)]
+pub struct RobotShape {
+    pub(crate) chain: Chain,
+    pub(crate) links: Vec<LinkShape>,
+    /// Pairs of links that may meet: not in the same moving frame, not declared as never colliding.
+    pub(crate) pairs: Vec<(usize, usize)>,
+    pub(crate) gripper_links: [usize; 3],
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct LinkShape {
+    pub(crate) name: String,
+    pub(crate) pieces: Vec<Convex>,
+}
+
+/// A robot model that cannot be compiled for collision checks.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RobotError {
+    /// Its kinematics are broken.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// One of its collision pieces is broken.
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+}
+
+impl RobotShape {
+    /// Compiles chain and pieces.
+    pub fn new(robot: &RobotModel) -> Result<Self, RobotError> {
+        let chain = Chain::new(robot)?;
+        let links = robot
+            .links
+            .iter()
+            .map(|link| Ok(LinkShape { name: link.name.clone(), pieces: compile(&link.name, &link.pieces)? }))
+            .collect::<Result<Vec<_>, GeometryError>>()?;
+        let frame = |link: usize| chain.link_mount(link, 0.0).0;
+        let never = |a: usize, b: usize| {
+            frame(a) == frame(b) || robot.never_colliding.iter().any(|pair| *pair == (a, b) || *pair == (b, a))
+        };
+        let count = links.len();
+        let pairs = (0..count)
+            .flat_map(|a| (a + 1..count).map(move |b| (a, b)))
+            .filter(|(a, b)| !links[*a].pieces.is_empty() && !links[*b].pieces.is_empty() && !never(*a, *b))
+            .collect();
+        let [left, right] = robot.gripper.fingers;
+        Ok(Self { chain, links, pairs, gripper_links: [robot.hand, left, right] })
+    }
+
+    /// The arm's kinematics.
+    pub fn chain(&self) -> &Chain {
+        &self.chain
+    }
+}
+
+/// A ball around balls: centred in the middle of their bounds, not the smallest possible.
+pub(crate) fn ball_around(balls: impl Iterator<Item = Ball> + Clone) -> Ball {
+    let bounds = balls.clone().fold(genmanip_core::Aabb::EMPTY, |bounds, ball| {
+        bounds.including(ball.center - DVec3::splat(ball.radius)).including(ball.center + DVec3::splat(ball.radius))
+    });
+    let center = bounds.center();
+    let radius = balls.map(|ball| ball.center.distance(center) + ball.radius).fold(0.0, f64::max);
+    Ball { center: if center.is_finite() { center } else { DVec3::ZERO }, radius }
+}

@@ -1,0 +1,149 @@
+//! What the robot must not touch, what it carries, and what it may touch after all.
+
+use genmanip_core::{Piece, Pose};
+
+use super::convex::{Convex, GeometryError};
+use crate::rigid::Rigid;
+
+/// Named obstacles in the world frame.
+///
+/// ```
+/// use genmanip_core::{Piece, Pose, Shape, glam::DVec3};
+/// use genmanip_motion::World;
+///
+/// let mut world = World::new();
+/// let slab = Piece::at(DVec3::new(0.0, 0.0, -0.02), Shape::Box { half_extents: DVec3::new(0.5, 0.5, 0.02) });
+/// world.add("table", &[slab], &Pose::from_position(DVec3::new(0.55, 0.0, 0.0)))?;
+/// assert_eq!(world.names().collect::<Vec<_>>(), ["table"]);
+/// # Ok::<(), genmanip_motion::GeometryError>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct World {
+    pub(crate) obstacles: Vec<Obstacle>,
+}
+
+/// One obstacle: convex pieces and where they are.
+#[derive(Clone, Debug)]
+pub(crate) struct Obstacle {
+    pub(crate) name: String,
+    pub(crate) pieces: Vec<Convex>,
+    pub(crate) world_from_obstacle: Rigid,
+}
+
+/// An object held by the gripper: it moves rigidly with the tcp.
+#[derive(Clone, Debug)]
+pub struct Attached {
+    pub(crate) name: String,
+    pub(crate) pieces: Vec<Convex>,
+    pub(crate) tcp_from_object: Rigid,
+}
+
+/// A thing that moves with the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Part {
+    /// A link, by its index in the robot model.
+    Link(usize),
+    /// The attached object.
+    Attached,
+}
+
+/// Pairs of a moving part and an obstacle that may touch and are not tested.
+///
+/// The grasped object may be touched by hand and fingers; a carried object may rest on its support.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Allowed {
+    pairs: Vec<(Part, String)>,
+}
+
+impl World {
+    /// A world without obstacles.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds an obstacle, or replaces the one of the same name; `pieces` are in the obstacle's own frame.
+    pub fn add(&mut self, name: &str, pieces: &[Piece], world_from_obstacle: &Pose) -> Result<(), GeometryError> {
+        let obstacle = Obstacle {
+            name: name.to_owned(),
+            pieces: compile(name, pieces)?,
+            world_from_obstacle: finite_pose(name, world_from_obstacle)?,
+        };
+        match self.obstacles.iter_mut().find(|other| other.name == name) {
+            Some(slot) => *slot = obstacle,
+            None => self.obstacles.push(obstacle),
+        }
+        Ok(())
+    }
+
+    /// Removes an obstacle; says whether there was one of this name.
+    pub fn remove(&mut self, name: &str) -> bool {
+        let before = self.obstacles.len();
+        self.obstacles.retain(|obstacle| obstacle.name != name);
+        self.obstacles.len() < before
+    }
+
+    /// Names in the order in which they were first added.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.obstacles.iter().map(|obstacle| obstacle.name.as_str())
+    }
+}
+
+impl Attached {
+    /// An object whose frame sits at `tcp_from_object` while it is held; `pieces` are in the object's frame.
+    pub fn new(name: &str, pieces: &[Piece], tcp_from_object: &Pose) -> Result<Self, GeometryError> {
+        Ok(Self {
+            name: name.to_owned(),
+            pieces: compile(name, pieces)?,
+            tcp_from_object: finite_pose(name, tcp_from_object)?,
+        })
+    }
+
+    /// Name of the object.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl Allowed {
+    /// Nothing may touch.
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// Also lets a moving part touch an obstacle.
+    #[must_use]
+    pub fn and(mut self, part: Part, obstacle: &str) -> Self {
+        self.pairs.push((part, obstacle.to_owned()));
+        self
+    }
+
+    /// Also lets the hand and both fingers touch an obstacle (the one about to be grasped or just released).
+    #[must_use]
+    pub fn and_gripper(self, robot: &genmanip_core::RobotModel, obstacle: &str) -> Self {
+        let [left, right] = robot.gripper.fingers;
+        [robot.hand, left, right].into_iter().fold(self, |allowed, link| allowed.and(Part::Link(link), obstacle))
+    }
+
+    /// Also lets the attached object touch an obstacle (its support).
+    #[must_use]
+    pub fn and_attached(self, obstacle: &str) -> Self {
+        self.and(Part::Attached, obstacle)
+    }
+
+    /// Whether a pair may touch.
+    pub fn contains(&self, part: Part, obstacle: &str) -> bool {
+        self.pairs.iter().any(|(other, name)| *other == part && name == obstacle)
+    }
+}
+
+pub(crate) fn compile(owner: &str, pieces: &[Piece]) -> Result<Vec<Convex>, GeometryError> {
+    pieces.iter().enumerate().map(|(index, piece)| Convex::new(owner, index, piece)).collect()
+}
+
+fn finite_pose(owner: &str, pose: &Pose) -> Result<Rigid, GeometryError> {
+    if pose.position.is_finite() && pose.rotation.is_finite() {
+        return Ok(Rigid::from(pose));
+    }
+    let what = "its pose holds a number that is not finite".to_owned();
+    Err(GeometryError { owner: owner.to_owned(), index: 0, what })
+}

@@ -1,0 +1,95 @@
+//! Which grasps the arm can carry out where the object is: reach, limits, and room among the neighbours.
+
+use genmanip_core::{Grasp, Pose};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::planner::{Planner, Surroundings};
+
+/// How candidates are tried in the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ReachSettings {
+    /// Length of the straight approach, m.
+    pub approach: f64,
+    /// Distance of the robot from obstacles at grasp and pre-grasp, m.
+    pub padding: f64,
+    /// Arm configurations tried per grasp.
+    pub configurations: usize,
+}
+
+impl Default for ReachSettings {
+    fn default() -> Self {
+        Self { approach: 0.08, padding: 0.001, configurations: 6 }
+    }
+}
+
+/// A grasp with the arm configurations to carry it out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReachableGrasp {
+    /// The grasp in the object's frame; perhaps turned by half a circle against the candidate it came from.
+    pub object_from_tcp: Grasp,
+    /// Pose of the tcp at the grasp.
+    pub world_from_tcp: Pose,
+    /// Opening while approaching, m.
+    pub opening: f64,
+    /// Arm configuration at the grasp.
+    pub config: Vec<f64>,
+    /// Arm configuration before the straight approach; same branch as `config`.
+    pub pregrasp: Vec<f64>,
+}
+
+/// The first `wanted` of `candidates` (object frame, in their order) that the arm reaches without touching anything
+/// but the target with its gripper, at grasp and pre-grasp.
+pub(crate) fn reachable(
+    planner: &Planner,
+    around: &Surroundings,
+    target: &str,
+    world_from_object: &Pose,
+    candidates: &[Grasp],
+    reference: &[f64],
+    wanted: usize,
+) -> Vec<ReachableGrasp> {
+    let try_one = |candidate: &Grasp| {
+        [candidate.clone(), candidate.flipped()]
+            .into_iter()
+            .filter_map(|grasp| carry_out(planner, around, target, world_from_object, grasp, reference))
+            .min_by(|a, b| {
+                let far = |grasp: &ReachableGrasp| crate::path::distance(&grasp.config, reference);
+                far(a).total_cmp(&far(b))
+            })
+    };
+    candidates.iter().filter_map(try_one).take(wanted).collect()
+}
+
+fn carry_out(
+    planner: &Planner,
+    around: &Surroundings,
+    target: &str,
+    world_from_object: &Pose,
+    grasp: Grasp,
+    reference: &[f64],
+) -> Option<ReachableGrasp> {
+    let settings = &planner.settings().reach;
+    let opening = planner.opening(&grasp);
+    let world_from_tcp = *world_from_object * grasp.pose;
+    let world_from_pregrasp = world_from_tcp * Pose::from_position(DVec3::Z * -settings.approach);
+    let touching = around.allowed.clone().and_gripper(planner.robot(), target);
+    let at_grasp = Surroundings { allowed: &touching, gripper_width: opening, ..*around };
+    let checker = planner.checker(&at_grasp, settings.padding);
+    let solutions = planner.ik(&world_from_tcp, reference);
+    solutions.into_iter().take(settings.configurations).find_map(|config| {
+        if !checker.is_free(&config) {
+            return None;
+        }
+        let pregrasp = planner.ik_near(&world_from_pregrasp, &config, 1.0)?;
+        let object_from_tcp = grasp.clone();
+        checker.is_free(&pregrasp).then_some(ReachableGrasp {
+            object_from_tcp,
+            world_from_tcp,
+            opening,
+            config,
+            pregrasp,
+        })
+    })
+}

@@ -1,0 +1,112 @@
+use genmanip_core::{
+    Piece, Pose, Seed, Shape,
+    glam::{DQuat, DVec3},
+};
+use rand::RngExt;
+
+use super::*;
+use crate::test_robot::test_panda;
+use crate::{Planner, PlannerSettings};
+
+/// Points on the outside of pieces: rays from far away against the exact solid.
+fn surface(pieces: &[Piece], count: usize) -> Vec<(DVec3, DVec3)> {
+    let solid = solid::Solid::new(pieces);
+    let mut rng = Seed::new(9).rng();
+    let mut points = Vec::new();
+    while points.len() < count {
+        let mut draw =
+            || DVec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0));
+        let (direction, through) = (draw().normalize(), draw() * 0.15);
+        let origin = through - direction;
+        for chord in solid.chords(origin, direction, 1e-6) {
+            points.push((origin + direction * chord.enter, chord.enter_normal));
+            points.push((origin + direction * chord.leave, chord.leave_normal));
+        }
+    }
+    points
+}
+
+fn wall(sides: usize, radius: f64, thickness: f64, height: f64) -> Vec<Piece> {
+    let width = radius * (std::f64::consts::PI / sides as f64).tan();
+    let ring = (0..sides).map(|side| {
+        let turn = DQuat::from_rotation_z(std::f64::consts::TAU * side as f64 / sides as f64);
+        let center = turn * DVec3::new(radius - thickness / 2.0, 0.0, height / 2.0);
+        let shape = Shape::Box { half_extents: DVec3::new(thickness / 2.0, width, height / 2.0) };
+        Piece { shape, link_from_piece: Pose::new(center, turn) }
+    });
+    let floor = Piece::at(DVec3::Z * 0.002, Shape::Cylinder { radius: radius - thickness, half_height: 0.002 });
+    ring.chain([floor]).collect()
+}
+
+fn box_of(size: DVec3) -> Vec<Piece> {
+    vec![Piece::at(DVec3::Z * size.z / 2.0, Shape::Box { half_extents: size / 2.0 })]
+}
+
+fn tube(radius: f64, height: f64) -> Vec<Piece> {
+    vec![Piece::at(DVec3::Z * height / 2.0, Shape::Cylinder { radius, half_height: height / 2.0 })]
+}
+
+fn lying_rod(radius: f64, length: f64) -> Vec<Piece> {
+    let pose = Pose::new(DVec3::Z * radius, DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2));
+    vec![Piece { shape: Shape::Cylinder { radius, half_height: length / 2.0 }, link_from_piece: pose }]
+}
+
+fn check(name: &str, pieces: &[Piece], expected: impl Fn(&[Grasp])) {
+    let planner = Planner::new(test_panda(), PlannerSettings::default()).unwrap();
+    let surface = surface(pieces, 3000);
+    let center = surface.iter().map(|(point, _)| *point).sum::<DVec3>() / surface.len() as f64;
+    let target = GraspTarget {
+        surface: &surface,
+        pieces,
+        center_of_mass: center,
+        world_from_object: Pose::from_position_yaw(DVec3::new(0.5, 0.1, 0.0), 0.7),
+        table_height: 0.0,
+    };
+    let grasps = planner.grasps(&target, Seed::new(1));
+    assert_eq!(grasps, planner.grasps(&target, Seed::new(1)), "{name}: not deterministic");
+    assert!(grasps.windows(2).all(|pair| pair[0].score >= pair[1].score), "{name}: not sorted");
+    let bench = assess::Bench::new(&target, planner.gripper(), &planner.settings().grasp).unwrap();
+    for grasp in &grasps {
+        assert!((0.0..=1.0).contains(&grasp.score) && grasp.width <= 0.076, "{name}: {grasp:?}");
+        assert!(bench.is_clear(grasp), "{name}: {grasp:?}");
+    }
+    expected(&grasps);
+}
+
+#[test]
+fn compact_and_tall_things_are_grasped() {
+    check("cube", &box_of(DVec3::splat(0.05)), |grasps| {
+        assert!(grasps.len() >= 5);
+        assert!((grasps[0].width - 0.05).abs() < 1.5e-3 && grasps[0].approach().z < -0.95, "{:?}", grasps[0]);
+        assert!((grasps[0].pose.position - DVec3::Z * 0.025).length() < 0.02, "{:?}", grasps[0]);
+    });
+    check("ball", &[Piece::at(DVec3::Z * 0.035, Shape::Sphere { radius: 0.035 })], |grasps| {
+        assert!(grasps.len() >= 5 && (grasps[0].width - 0.07).abs() < 2e-3, "{:?}", grasps[0]);
+    });
+    check("bottle", &tube(0.033, 0.24), |grasps| assert!(grasps.len() >= 5));
+    check("book on edge", &box_of(DVec3::new(0.2, 0.03, 0.25)), |grasps| assert!(grasps.len() >= 5));
+}
+
+#[test]
+fn thin_flat_things_are_grasped_just_above_the_table() {
+    check("pen", &lying_rod(0.005, 0.14), |grasps| {
+        assert!(grasps.len() >= 5, "{}", grasps.len());
+        assert!((grasps[0].width - 0.01).abs() < 2e-3 && grasps[0].approach().z < -0.9, "{:?}", grasps[0]);
+    });
+    check("knife", &box_of(DVec3::new(0.2, 0.018, 0.006)), |grasps| assert!(grasps.len() >= 5, "{}", grasps.len()));
+    check("book", &box_of(DVec3::new(0.2, 0.07, 0.03)), |grasps| assert!(grasps.len() >= 5, "{}", grasps.len()));
+}
+
+#[test]
+fn walls_are_grasped_at_the_rim() {
+    check("bowl", &wall(20, 0.075, 0.004, 0.06), |grasps| {
+        assert!(grasps.len() >= 5, "{}", grasps.len());
+        assert!(grasps.iter().all(|grasp| grasp.width < 0.012), "{:?}", grasps[0]);
+    });
+}
+
+#[test]
+fn what_does_not_fit_has_no_grasp() {
+    check("crate", &box_of(DVec3::new(0.1, 0.12, 0.09)), |grasps| assert!(grasps.is_empty(), "{grasps:?}"));
+    check("plate", &tube(0.1, 0.012), |grasps| assert!(grasps.is_empty(), "{grasps:?}"));
+}

@@ -1,0 +1,226 @@
+//! Inverse kinematics: every way the arm can bring its tcp to a pose, best first.
+
+mod franka;
+mod numeric;
+#[cfg(test)]
+mod tests;
+
+use genmanip_core::{Pose, Seed};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use crate::chain::Chain;
+use crate::rigid::Rigid;
+use franka::FrankaGeometry;
+
+/// How solutions are searched and ranked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct IkSettings {
+    /// Values of the free joint that the analytic solver tries, spread evenly over its range.
+    pub free_joint_values: usize,
+    /// Values tried when the coarse sweep found nothing (poses at the edge of reach).
+    pub fine_free_joint_values: usize,
+    /// Distance every joint keeps from its limits, rad or m.
+    pub limit_margin: f64,
+    /// Start configurations of the numeric solver.
+    pub numeric_starts: usize,
+    /// Steps of the numeric solver per start.
+    pub numeric_iterations: usize,
+    /// Largest error of a solution, m and rad.
+    pub tolerance: f64,
+    /// Solutions closer than this to a better one are dropped (largest joint difference, rad or m).
+    pub distinct: f64,
+    /// Solutions returned at most.
+    pub max_solutions: usize,
+    /// Weight of the distance to the reference configuration, per rad.
+    pub reference_weight: f64,
+    /// Weight of being near a joint limit (1 at the limit, 0 from 0.5 rad on), summed over the joints.
+    pub limit_weight: f64,
+    /// Weight of being near a singularity (1 at it, halved at manipulability 0.05).
+    pub singularity_weight: f64,
+}
+
+impl Default for IkSettings {
+    fn default() -> Self {
+        Self {
+            free_joint_values: 64,
+            fine_free_joint_values: 2048,
+            limit_margin: 0.02,
+            numeric_starts: 32,
+            numeric_iterations: 100,
+            tolerance: 1e-10,
+            distinct: 0.05,
+            max_solutions: 48,
+            reference_weight: 1.0,
+            limit_weight: 1.5,
+            singularity_weight: 1.0,
+        }
+    }
+}
+
+/// Inverse kinematics of one arm: analytic when its geometry is the Panda's, numeric otherwise.
+#[derive(Clone, Debug)]
+pub struct InverseKinematics {
+    chain: Chain,
+    franka: Option<FrankaGeometry>,
+    settings: IkSettings,
+}
+
+impl InverseKinematics {
+    /// Recognises the arm's geometry.
+    pub fn new(chain: Chain, settings: IkSettings) -> Self {
+        Self { franka: FrankaGeometry::of(&chain), chain, settings }
+    }
+
+    /// Whether the closed form is used.
+    pub fn is_analytic(&self) -> bool {
+        self.franka.is_some()
+    }
+
+    /// Configurations that bring the tcp to `world_from_tcp`, best first; empty when the pose is out of reach.
+    ///
+    /// `reference` is the configuration near which the arm would like to stay.
+    /// Every solution keeps the limit margin and is exact to the settings' tolerance.
+    pub fn solve(&self, world_from_tcp: &Pose, reference: &[f64]) -> Vec<Vec<f64>> {
+        if !(world_from_tcp.position.is_finite() && world_from_tcp.rotation.is_finite())
+            || reference.len() != self.chain.dof()
+        {
+            return Vec::new();
+        }
+        let wanted = Rigid::from(world_from_tcp);
+        let mut solutions = Vec::new();
+        if let Some(franka) = &self.franka {
+            solutions = self.sweep(franka, &wanted, reference, self.settings.free_joint_values);
+            if solutions.is_empty() && self.may_reach(&wanted) {
+                solutions = self.sweep(franka, &wanted, reference, self.settings.fine_free_joint_values);
+            }
+        }
+        if solutions.is_empty() && self.may_reach(&wanted) {
+            solutions = self.descend_from_many(&wanted, reference);
+        }
+        // Rounding near a singularity costs the closed form a few digits; a step of refinement brings them back.
+        let refine = |config: Vec<f64>| {
+            numeric::descend(&self.chain, &wanted, &config, self.settings.limit_margin, self.settings.tolerance, 10)
+        };
+        self.ranked(solutions, reference).into_iter().filter_map(refine).collect()
+    }
+
+    /// The solution that continues a motion: the free joint of `previous` is kept as far as possible.
+    ///
+    /// `None` when no solution lies within `max_step` (largest joint difference) of `previous`.
+    pub fn continue_from(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
+        let s = &self.settings;
+        let wanted = Rigid::from(world_from_tcp);
+        let solution = numeric::descend(
+            &self.chain,
+            &wanted,
+            previous,
+            s.limit_margin.min(0.005),
+            s.tolerance,
+            s.numeric_iterations,
+        )?;
+        (largest_difference(&solution, previous) <= max_step).then_some(solution)
+    }
+
+    /// All branches of the closed form for one value of the free joint (joint 7), inside the joint limits,
+    /// not refined; empty for an arm without closed form.
+    pub fn branches(&self, world_from_tcp: &Pose, free_joint: f64, reference: &[f64]) -> Vec<Vec<f64>> {
+        let Some(franka) = &self.franka else { return Vec::new() };
+        let mut found = Vec::new();
+        let joint1 = reference.first().copied().unwrap_or(0.0);
+        for config in franka.solve(&Rigid::from(world_from_tcp), free_joint, joint1).iter() {
+            found.extend(self.within_limits(config, self.settings.limit_margin));
+        }
+        found
+    }
+
+    fn sweep(&self, franka: &FrankaGeometry, wanted: &Rigid, reference: &[f64], values: usize) -> Vec<Vec<f64>> {
+        let Some(free) = self.chain.joints().last() else { return Vec::new() };
+        let margin = self.settings.limit_margin;
+        let (lower, upper) = (free.lower + margin, free.upper - margin);
+        let grid = (0..values).map(|k| lower + (upper - lower) * (k as f64 + 0.5) / values as f64);
+        let near = reference[reference.len() - 1].clamp(lower, upper.max(lower));
+        let mut solutions = Vec::new();
+        for joint7 in std::iter::once(near).chain(grid) {
+            for config in franka.solve(wanted, joint7, reference[0]).iter() {
+                solutions.extend(self.within_limits(config, margin));
+            }
+        }
+        solutions
+    }
+
+    fn descend_from_many(&self, wanted: &Rigid, reference: &[f64]) -> Vec<Vec<f64>> {
+        let s = &self.settings;
+        let mut rng = Seed::new(0).fork("inverse kinematics").rng();
+        let starts = (0..s.numeric_starts).map(|start| {
+            let draw = |joint: &crate::chain::ChainJoint| rng.random_range(joint.lower..=joint.upper);
+            if start == 0 { reference.to_vec() } else { self.chain.joints().iter().map(draw).collect() }
+        });
+        starts
+            .filter_map(|start| {
+                numeric::descend(&self.chain, wanted, &start, s.limit_margin, s.tolerance, s.numeric_iterations)
+            })
+            .collect()
+    }
+
+    /// Turns each angle by whole circles into its limits; `None` when one cannot be.
+    fn within_limits(&self, config: &[f64], margin: f64) -> Option<Vec<f64>> {
+        let turn = std::f64::consts::TAU;
+        let mut inside = Vec::with_capacity(config.len());
+        for (q, joint) in config.iter().zip(self.chain.joints()) {
+            let (lower, upper) = (joint.lower + margin, joint.upper - margin);
+            let q = q + ((lower - q) / turn).ceil() * turn;
+            if q.is_nan() || q > upper {
+                return None;
+            }
+            inside.push(q);
+        }
+        Some(inside)
+    }
+
+    /// A cheap test that spares the long search for poses far out of reach.
+    fn may_reach(&self, wanted: &Rigid) -> bool {
+        let joints = self.chain.joints();
+        let slide = |joint: &crate::chain::ChainJoint| {
+            if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 }
+        };
+        let first = joints.first().map_or(glam::DVec3::ZERO, |joint| joint.parent_from_joint.translation);
+        let links: f64 = joints.iter().skip(1).map(|joint| joint.parent_from_joint.translation.length()).sum();
+        let slides: f64 = joints.iter().map(slide).sum();
+        let reach = links + slides + self.chain.tcp_mount().1.translation.length();
+        (wanted.translation - first).length() <= reach + 1e-9
+    }
+
+    fn ranked(&self, solutions: Vec<Vec<f64>>, reference: &[f64]) -> Vec<Vec<f64>> {
+        let mut scored: Vec<(f64, Vec<f64>)> =
+            solutions.into_iter().map(|config| (self.cost(&config, reference), config)).collect();
+        scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut kept: Vec<Vec<f64>> = Vec::new();
+        for (_, config) in scored {
+            if kept.len() >= self.settings.max_solutions {
+                break;
+            }
+            if kept.iter().all(|other| largest_difference(other, &config) >= self.settings.distinct) {
+                kept.push(config);
+            }
+        }
+        kept
+    }
+
+    fn cost(&self, config: &[f64], reference: &[f64]) -> f64 {
+        let s = &self.settings;
+        let distance = crate::path::distance(config, reference);
+        let near_limits: f64 = config
+            .iter()
+            .zip(self.chain.joints())
+            .map(|(q, joint)| (1.0 - (q - joint.lower).min(joint.upper - q) / 0.5).max(0.0).powi(2))
+            .sum();
+        let singular = 0.05 / (0.05 + self.chain.manipulability(config));
+        s.reference_weight * distance + s.limit_weight * near_limits + s.singularity_weight * singular
+    }
+}
+
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}

@@ -1,0 +1,78 @@
+//! Numeric inverse kinematics for any arm: damped least squares (Nakamura and Hanafusa, 1986).
+
+use glam::DVec3;
+
+use crate::chain::Chain;
+use crate::linear;
+use crate::rigid::Rigid;
+
+/// Position (m) and rotation (rad) error from the current to the wanted tcp, world axes.
+pub(crate) fn tcp_error(current: &Rigid, wanted: &Rigid) -> [f64; 6] {
+    let linear = wanted.translation - current.translation;
+    let angular = rotation_vector(current, wanted);
+    [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
+}
+
+/// Walks from `config` towards the wanted tcp pose, never leaving the limits shrunk by `margin`.
+///
+/// Returns the configuration once position and rotation errors are below `tolerance` (m, rad),
+/// `None` when `iterations` steps did not get there.
+pub(crate) fn descend(
+    chain: &Chain,
+    wanted: &Rigid,
+    config: &[f64],
+    margin: f64,
+    tolerance: f64,
+    iterations: usize,
+) -> Option<Vec<f64>> {
+    let mut config = config.to_vec();
+    let mut frames = Vec::new();
+    for _ in 0..=iterations {
+        chain.frames_into(&config, &mut frames);
+        let error = tcp_error(&chain.tcp(&frames), wanted);
+        let size = error.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+        if size < tolerance {
+            return Some(config);
+        }
+        let jacobian = chain.jacobian_at(&frames);
+        let step = damped_step(&jacobian, &error, (0.1 * size).min(0.05).powi(2))?;
+        let largest = step.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+        let shorten = (0.3 / largest.max(1e-12)).min(1.0);
+        for ((q, step), joint) in config.iter_mut().zip(&step).zip(chain.joints()) {
+            let (lower, upper) = (joint.lower + margin, joint.upper - margin);
+            *q = if lower <= upper { (*q + step * shorten).clamp(lower, upper) } else { (lower + upper) / 2.0 };
+        }
+    }
+    None
+}
+
+/// Jᵀ(J·Jᵀ + damping·1)⁻¹ · error.
+fn damped_step(jacobian: &[[f64; 6]], error: &[f64; 6], damping: f64) -> Option<Vec<f64>> {
+    let mut gram = [[0.0; 6]; 6];
+    for column in jacobian {
+        for (row, a) in gram.iter_mut().zip(column) {
+            for (cell, b) in row.iter_mut().zip(column) {
+                *cell += a * b;
+            }
+        }
+    }
+    for (index, row) in gram.iter_mut().enumerate() {
+        row[index] += damping + 1e-12;
+    }
+    let weights = linear::solve(gram, *error)?;
+    Some(jacobian.iter().map(|column| column.iter().zip(&weights).map(|(a, b)| a * b).sum()).collect())
+}
+
+/// Axis times angle of the turn that leads from one orientation to the other, world axes.
+fn rotation_vector(current: &Rigid, wanted: &Rigid) -> DVec3 {
+    let (a, b) = (&current.rotation, &wanted.rotation);
+    let sine = (a.x_axis.cross(b.x_axis) + a.y_axis.cross(b.y_axis) + a.z_axis.cross(b.z_axis)) * 0.5;
+    let cosine = (a.x_axis.dot(b.x_axis) + a.y_axis.dot(b.y_axis) + a.z_axis.dot(b.z_axis) - 1.0) * 0.5;
+    let angle = sine.length().atan2(cosine);
+    match sine.try_normalize() {
+        Some(axis) => axis * angle,
+        // A turn by half a circle: any axis that makes progress will do.
+        None if cosine < 0.0 => a.x_axis * std::f64::consts::PI,
+        None => DVec3::ZERO,
+    }
+}

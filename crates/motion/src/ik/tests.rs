@@ -1,0 +1,136 @@
+use std::time::Instant;
+
+use genmanip_core::{Pose, Seed, glam::DVec3};
+use rand::{Rng, RngExt};
+
+use super::*;
+use crate::test_robot::test_panda;
+
+fn solver() -> (Chain, InverseKinematics) {
+    let chain = Chain::new(&test_panda()).unwrap();
+    (chain.clone(), InverseKinematics::new(chain, IkSettings::default()))
+}
+
+fn random_config(chain: &Chain, margin: f64, rng: &mut impl Rng) -> Vec<f64> {
+    let limits: Vec<_> = chain.lower().zip(chain.upper()).collect();
+    limits.into_iter().map(|(lower, upper)| rng.random_range(lower + margin..upper - margin)).collect()
+}
+
+fn error(chain: &Chain, config: &[f64], wanted: &Pose) -> (f64, f64) {
+    let reached = chain.tcp_pose(config);
+    (reached.position.distance(wanted.position), reached.angle_to(wanted))
+}
+
+#[test]
+fn every_reachable_pose_is_solved_exactly() {
+    let (chain, ik) = solver();
+    assert!(ik.is_analytic());
+    let home = test_panda().home.clone();
+    let mut rng = Seed::new(1).rng();
+    // 10 000 poses take a few seconds; a tenth of them per run, the rest with `--ignored`.
+    check_poses(&chain, &ik, &home, 1000, &mut rng);
+}
+
+#[test]
+#[ignore = "the full figure of 10 000 poses; takes seconds"]
+fn ten_thousand_reachable_poses_are_solved_exactly() {
+    let (chain, ik) = solver();
+    let home = test_panda().home.clone();
+    let start = Instant::now();
+    let mut rng = Seed::new(2).rng();
+    check_poses(&chain, &ik, &home, 10_000, &mut rng);
+    assert!(start.elapsed().as_secs() < 60);
+}
+
+fn check_poses(chain: &Chain, ik: &InverseKinematics, home: &[f64], count: usize, rng: &mut impl Rng) {
+    for index in 0..count {
+        let config = random_config(chain, 0.02, rng);
+        let wanted = chain.tcp_pose(&config);
+        let solutions = ik.solve(&wanted, home);
+        assert!(!solutions.is_empty(), "pose {index} of {config:?} has no solution");
+        for solution in &solutions {
+            let (position, _) = error(chain, solution, &wanted);
+            assert!(position < 1e-9, "pose {index}: error {position} m at {solution:?}");
+            assert!(chain.limit_margin(solution) >= 0.02 - 1e-9);
+        }
+    }
+}
+
+#[test]
+fn the_branches_hold_the_configuration_they_came_from() {
+    let (chain, ik) = solver();
+    let mut rng = Seed::new(3).rng();
+    for _ in 0..2000 {
+        let config = random_config(&chain, 0.02, &mut rng);
+        let branches = ik.branches(&chain.tcp_pose(&config), config[6], &config);
+        let nearest = branches.iter().map(|branch| largest_difference(branch, &config)).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-5, "{config:?} is {nearest} from the nearest of {} branches", branches.len());
+    }
+}
+
+#[test]
+fn the_first_solution_stays_near_the_reference() {
+    let (chain, ik) = solver();
+    let home = test_panda().home.clone();
+    let mut near_home = home.clone();
+    near_home[3] += 0.05;
+    let best = ik.solve(&chain.tcp_pose(&near_home), &home).remove(0);
+    assert!(largest_difference(&best, &home) < 0.3, "{best:?}");
+}
+
+#[test]
+fn poses_out_of_reach_have_no_solution() {
+    let (_, ik) = solver();
+    let home = test_panda().home.clone();
+    for position in [DVec3::new(2.0, 0.0, 0.5), DVec3::new(0.5, 0.0, 1.2), DVec3::splat(f64::NAN)] {
+        let pose = Pose { position, rotation: genmanip_core::glam::DQuat::IDENTITY };
+        assert_eq!(ik.solve(&pose, &home), Vec::<Vec<f64>>::new());
+    }
+}
+
+#[test]
+fn another_arm_is_solved_numerically() {
+    let mut robot = (*test_panda()).clone();
+    robot.links[5].parent_from_link.position.x += 0.02;
+    robot.links[5].parent_from_link.position.z += 0.02;
+    let chain = Chain::new(&robot).unwrap();
+    let ik = InverseKinematics::new(chain.clone(), IkSettings::default());
+    assert!(!ik.is_analytic());
+    let mut rng = Seed::new(4).rng();
+    for _ in 0..20 {
+        let wanted = chain.tcp_pose(&random_config(&chain, 0.2, &mut rng));
+        let solutions = ik.solve(&wanted, &robot.home);
+        assert!(!solutions.is_empty());
+        for solution in solutions {
+            assert!(error(&chain, &solution, &wanted).0 < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn jacobian_is_the_derivative_of_the_tcp() {
+    let (chain, _) = solver();
+    let config = random_config(&chain, 0.1, &mut Seed::new(5).rng());
+    let jacobian = chain.jacobian(&config);
+    for (joint, column) in jacobian.iter().enumerate() {
+        let step = 1e-6;
+        let (mut high, mut low) = (config.clone(), config.clone());
+        high[joint] += step;
+        low[joint] -= step;
+        let slope = (chain.tcp_pose(&high).position - chain.tcp_pose(&low).position) / (2.0 * step);
+        assert!((slope - DVec3::new(column[0], column[1], column[2])).length() < 1e-8);
+    }
+}
+
+#[test]
+fn a_broken_robot_is_refused() {
+    let mut robot = (*test_panda()).clone();
+    robot.home.pop();
+    assert_eq!(
+        Chain::new(&robot).unwrap_err().to_string(),
+        "robot test panda: home holds 6 positions, expected one for each of its 7 arm joints"
+    );
+    let mut robot = (*test_panda()).clone();
+    robot.links[3].parent = Some(7);
+    assert!(matches!(Chain::new(&robot), Err(crate::ModelError::ParentOrder { index: 3, got: 7, .. })));
+}

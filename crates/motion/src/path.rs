@@ -1,0 +1,190 @@
+//! Paths in joint space: straight edges with rounded corners, twice continuously differentiable.
+
+/// A path from rest to rest: straight edges between waypoints, corners rounded by quintic blends.
+///
+/// The blend at waypoint `i` leaves the edge `blends[i]` (rad) before it and joins the next edge as far behind it.
+/// A corner without blend (0) makes the robot stop there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Path {
+    waypoints: Vec<Vec<f64>>,
+    blends: Vec<f64>,
+}
+
+/// A point of a path: position and its first two derivatives along the path.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct CurvePoint {
+    pub(crate) position: Vec<f64>,
+    pub(crate) first: Vec<f64>,
+    pub(crate) second: Vec<f64>,
+}
+
+/// A stretch of a path.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Stretch {
+    /// From a point in a unit direction, so far.
+    Line { from: Vec<f64>, direction: Vec<f64>, length: f64 },
+    /// Around a corner: unit directions in and out, distance of either end from the corner.
+    Blend { corner: Vec<f64>, incoming: Vec<f64>, outgoing: Vec<f64>, radius: f64 },
+    /// The robot rests here and turns sharply.
+    Stop,
+}
+
+impl Path {
+    /// Straight edges with sharp corners; consecutive equal waypoints are merged.
+    pub fn polyline(waypoints: Vec<Vec<f64>>) -> Self {
+        let mut distinct: Vec<Vec<f64>> = Vec::with_capacity(waypoints.len());
+        for waypoint in waypoints {
+            if distinct.last().is_none_or(|last| distance(last, &waypoint) > 1e-9) {
+                distinct.push(waypoint);
+            }
+        }
+        Self { blends: vec![0.0; distinct.len()], waypoints: distinct }
+    }
+
+    /// Corners of the path, start and goal included.
+    pub fn waypoints(&self) -> &[Vec<f64>] {
+        &self.waypoints
+    }
+
+    /// Where the path starts; empty for an empty path.
+    pub fn start(&self) -> &[f64] {
+        self.waypoints.first().map_or(&[], Vec::as_slice)
+    }
+
+    /// Where the path ends; empty for an empty path.
+    pub fn goal(&self) -> &[f64] {
+        self.waypoints.last().map_or(&[], Vec::as_slice)
+    }
+
+    /// Sum of the Euclidean joint-space lengths of the edges, rad.
+    pub fn length(&self) -> f64 {
+        self.waypoints.windows(2).map(|edge| distance(&edge[0], &edge[1])).sum()
+    }
+
+    /// The path as dense states, neighbours at most `max_step` apart in every joint.
+    pub fn states(&self, max_step: f64) -> Vec<Vec<f64>> {
+        let mut states: Vec<Vec<f64>> = self.waypoints.first().cloned().into_iter().collect();
+        for stretch in self.stretches() {
+            let length = stretch.length();
+            let steps = (length / max_step.max(1e-6)).ceil() as usize;
+            states.extend((1..=steps).map(|k| stretch.at(length * k as f64 / steps as f64).position));
+        }
+        states
+    }
+
+    /// Rounds each corner as widely as `allowed` lets it, starting at `widest` and halving `halvings` times.
+    ///
+    /// `allowed` gets the states of a blend, its ends included.
+    pub(crate) fn round_corners(&mut self, widest: f64, halvings: usize, mut allowed: impl FnMut(&[Vec<f64>]) -> bool) {
+        for index in 1..self.waypoints.len().saturating_sub(1) {
+            let before = distance(&self.waypoints[index - 1], &self.waypoints[index]);
+            let after = distance(&self.waypoints[index], &self.waypoints[index + 1]);
+            let mut radius = widest.min(0.499 * before).min(0.499 * after);
+            self.blends[index] = 0.0;
+            for _ in 0..=halvings {
+                let blend = self.blend(index, radius);
+                let states: Vec<_> = (0..=8).map(|k| blend.at(blend.length() * f64::from(k) / 8.0).position).collect();
+                if allowed(&states) {
+                    self.blends[index] = radius;
+                    break;
+                }
+                radius *= 0.5;
+            }
+        }
+    }
+
+    /// The stretches in order.
+    pub(crate) fn stretches(&self) -> Vec<Stretch> {
+        let mut stretches = Vec::new();
+        for index in 1..self.waypoints.len() {
+            let (from, to) = (&self.waypoints[index - 1], &self.waypoints[index]);
+            let direction = direction(from, to);
+            let length = distance(from, to) - self.blends[index - 1] - self.blends[index];
+            let from = along(from, &direction, self.blends[index - 1]);
+            stretches.push(Stretch::Line { from, direction, length });
+            if index + 1 < self.waypoints.len() {
+                let radius = self.blends[index];
+                stretches.push(if radius > 0.0 { self.blend(index, radius) } else { Stretch::Stop });
+            }
+        }
+        stretches
+    }
+
+    fn blend(&self, index: usize, radius: f64) -> Stretch {
+        Stretch::Blend {
+            corner: self.waypoints[index].clone(),
+            incoming: direction(&self.waypoints[index - 1], &self.waypoints[index]),
+            outgoing: direction(&self.waypoints[index], &self.waypoints[index + 1]),
+            radius,
+        }
+    }
+}
+
+impl Stretch {
+    /// Length of its parameter; for lines the arc length.
+    pub(crate) fn length(&self) -> f64 {
+        match self {
+            Self::Line { length, .. } => *length,
+            Self::Blend { radius, .. } => 2.0 * radius,
+            Self::Stop => 0.0,
+        }
+    }
+
+    /// Position and derivatives at a parameter from 0 to the length.
+    pub(crate) fn at(&self, parameter: f64) -> CurvePoint {
+        let mut point = CurvePoint::default();
+        self.write(parameter, &mut point);
+        point
+    }
+
+    /// Like `at`, into storage that is used again.
+    pub(crate) fn write(&self, parameter: f64, point: &mut CurvePoint) {
+        point.position.clear();
+        point.first.clear();
+        point.second.clear();
+        match self {
+            Self::Line { from, direction, .. } => {
+                point.position.extend(from.iter().zip(direction).map(|(q, d)| q + d * parameter));
+                point.first.extend_from_slice(direction);
+                point.second.resize(from.len(), 0.0);
+            }
+            Self::Blend { corner, incoming, outgoing, radius } => {
+                // Bézier curve of degree five; control points on the two edges at 1, 0.6 and 0.2 radii from the
+                // corner: unit speed and no curvature at the ends, and exactly linear when the corner is straight.
+                let t = (parameter / (2.0 * radius)).clamp(0.0, 1.0);
+                let (leave, join) = (weights(1.0 - t), weights(t));
+                for ((q, u), v) in corner.iter().zip(incoming).zip(outgoing) {
+                    point.position.push(q + radius * (v * join[0] - u * leave[0]));
+                    point.first.push((v * join[1] + u * leave[1]) * 0.5);
+                    point.second.push((v * join[2] - u * leave[2]) * 0.25 / radius);
+                }
+            }
+            Self::Stop => {}
+        }
+    }
+}
+
+/// Weight of one edge of a blend and its first two derivatives by t:
+/// 2·B3 + 6·B4 + … = 0.2·C(5,3)t³(1-t)² + 0.6·C(5,4)t⁴(1-t) + t⁵.
+fn weights(t: f64) -> [f64; 3] {
+    // Expanded: 2t³ - 4t⁴ + 2t⁵ + 3t⁴ - 3t⁵ + t⁵ = 2t³ - t⁴.
+    [2.0 * t.powi(3) - t.powi(4), 6.0 * t * t - 4.0 * t.powi(3), 12.0 * t - 12.0 * t * t]
+}
+
+/// Euclidean distance of two configurations, rad.
+pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+pub(crate) fn lerp(a: &[f64], b: &[f64], t: f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + (b - a) * t).collect()
+}
+
+fn direction(from: &[f64], to: &[f64]) -> Vec<f64> {
+    let length = distance(from, to).max(1e-300);
+    from.iter().zip(to).map(|(a, b)| (b - a) / length).collect()
+}
+
+fn along(from: &[f64], direction: &[f64], length: f64) -> Vec<f64> {
+    from.iter().zip(direction).map(|(q, d)| q + d * length).collect()
+}

@@ -1,0 +1,144 @@
+use genmanip_core::{Piece, Pose, Seed, Shape, glam::DVec3};
+
+use crate::test_robot::test_panda;
+use crate::{Allowed, PlanError, Planner, PlannerSettings, Surroundings, World};
+
+fn planner() -> Planner {
+    Planner::new(test_panda(), PlannerSettings::default()).unwrap()
+}
+
+fn cuboid(center: DVec3, size: DVec3) -> Piece {
+    Piece::at(center, Shape::Box { half_extents: size / 2.0 })
+}
+
+/// A table and a wall across the straight way between the two sides.
+fn walled() -> World {
+    let mut world = World::new();
+    world.add("table", &[cuboid(DVec3::new(0.55, 0.0, -0.02), DVec3::new(0.7, 1.0, 0.04))], &Pose::IDENTITY).unwrap();
+    world.add("wall", &[cuboid(DVec3::new(0.55, 0.0, 0.2), DVec3::new(0.3, 0.03, 0.4))], &Pose::IDENTITY).unwrap();
+    world
+}
+
+fn down(position: DVec3) -> Pose {
+    Pose::new(position, genmanip_core::glam::DQuat::from_rotation_x(std::f64::consts::PI))
+}
+
+fn around<'a>(world: &'a World, allowed: &'a Allowed) -> Surroundings<'a> {
+    Surroundings { world, attached: None, allowed, gripper_width: 0.08 }
+}
+
+#[test]
+fn paths_go_around_a_wall_and_touch_nothing() {
+    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let around = around(&world, &allowed);
+    let home = planner.robot().home.clone();
+    let start = planner.ik(&down(DVec3::new(0.55, -0.25, 0.1)), &home).remove(0);
+    let goals = planner.ik(&down(DVec3::new(0.55, 0.25, 0.1)), &home);
+    let exact = planner.checker(&around, 0.0);
+    for seed in 0..5 {
+        let path = planner.plan_joint(&around, &start, &goals, Seed::new(seed)).unwrap();
+        assert_eq!(path.start(), start);
+        assert!(goals.iter().any(|goal| goal == path.goal()));
+        for state in path.states(0.005) {
+            assert!(exact.is_free(&state), "seed {seed}: {:?}", exact.check(&state));
+        }
+        let again = planner.plan_joint(&around, &start, &goals, Seed::new(seed)).unwrap();
+        assert_eq!(path, again);
+    }
+}
+
+#[test]
+fn failures_say_what_is_wrong() {
+    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let around = around(&world, &allowed);
+    let home = planner.robot().home.clone();
+    let inside_wall = planner.ik(&down(DVec3::new(0.55, 0.0, 0.2)), &home).remove(0);
+    type Case<'a> = (&'a [f64], Vec<Vec<f64>>, &'a str);
+    let cases: [Case; 6] = [
+        (&inside_wall, vec![home.clone()], "the start is in collision: "),
+        (&home, vec![inside_wall.clone()], "every goal is in collision; at the first, "),
+        (&home, vec![], "out of reach: no goal configuration was given"),
+        (&home[..5], vec![home.clone()], "start configuration: expected 7 finite joint positions"),
+        (&home, vec![vec![f64::NAN; 7]], "goal configuration: expected 7 finite joint positions"),
+        (&home, vec![vec![0.0; 7]], "goal configuration is 0.0698 rad outside the joint limits"),
+    ];
+    for (start, goals, message) in cases {
+        let error = planner.plan_joint(&around, start, &goals, Seed::new(1)).unwrap_err().to_string();
+        assert!(error.starts_with(message), "{error}");
+    }
+}
+
+#[test]
+fn a_closed_cage_exhausts_the_search() {
+    let settings = PlannerSettings {
+        plan: crate::PlanSettings { max_iterations: 300, ..Default::default() },
+        ..Default::default()
+    };
+    let planner = Planner::new(test_panda(), settings).unwrap();
+    let home = planner.robot().home.clone();
+    let tcp = planner.tcp_pose(&home).position;
+    let mut world = World::new();
+    for (name, side) in [("left", 1.0), ("right", -1.0)] {
+        let plate = cuboid(tcp + DVec3::Y * (0.16 * side), DVec3::new(2.0, 0.02, 2.0));
+        world.add(name, &[plate], &Pose::IDENTITY).unwrap();
+    }
+    let mut goal = home.clone();
+    goal[0] += 1.5;
+    let error = planner.plan_joint(&around(&world, &Allowed::none()), &home, &[goal], Seed::new(1)).unwrap_err();
+    assert!(matches!(error, PlanError::Exhausted { iterations: 300.. } | PlanError::GoalInCollision(_)), "{error}");
+}
+
+#[test]
+fn straight_lines_are_straight_or_say_where_they_end() {
+    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let around = around(&world, &allowed);
+    let home = planner.robot().home.clone();
+    let (high, low) = (down(DVec3::new(0.55, 0.25, 0.2)), down(DVec3::new(0.55, 0.25, 0.05)));
+    let start = planner.ik(&high, &home).remove(0);
+    let path = planner.straight(&around, &start, &low).unwrap();
+    for state in path.states(0.005) {
+        let tcp = planner.tcp_pose(&state);
+        let off = (tcp.position - high.position) * DVec3::new(1.0, 1.0, 0.0);
+        assert!(off.length() < 5e-4 && tcp.angle_to(&high) < 5e-3, "{off} {}", tcp.angle_to(&high));
+    }
+    assert!(planner.tcp_pose(path.goal()).position.distance(low.position) < 1e-9);
+
+    let blocked = planner.straight(&around, &start, &down(DVec3::new(0.55, -0.25, 0.2))).unwrap_err();
+    assert!(
+        matches!(&blocked, PlanError::Blocked { fraction, report }
+        if (0.2..0.6).contains(fraction) && report.other == "wall"),
+        "{blocked}"
+    );
+    let far = planner.straight(&around, &start, &down(DVec3::new(1.2, 0.25, 0.2))).unwrap_err();
+    assert!(matches!(far, PlanError::Unreachable { .. }), "{far}");
+}
+
+#[test]
+fn trajectories_obey_the_limits_and_rest_at_both_ends() {
+    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let around = around(&world, &allowed);
+    let home = planner.robot().home.clone();
+    let start = planner.ik(&down(DVec3::new(0.55, -0.25, 0.1)), &home).remove(0);
+    let goals = planner.ik(&down(DVec3::new(0.55, 0.25, 0.1)), &home);
+    let path = planner.plan_joint(&around, &start, &goals, Seed::new(1)).unwrap();
+    let exact = planner.checker(&around, 0.0);
+    let mut durations = Vec::new();
+    for speed in [1.0, 0.5, 0.2] {
+        let trajectory = planner.time(&path, speed);
+        let (q, dt) = (&trajectory.configs, trajectory.dt);
+        assert_eq!((q.first().unwrap().as_slice(), q.last().unwrap().as_slice()), (path.start(), path.goal()));
+        for (joint, limit) in planner.robot().arm_joints().enumerate() {
+            let at = |k: isize| q[k.clamp(0, q.len() as isize - 1) as usize][joint];
+            for k in -1..=q.len() as isize {
+                let velocity = (at(k + 1) - at(k)) / dt;
+                let acceleration = (at(k + 1) - 2.0 * at(k) + at(k - 1)) / (dt * dt);
+                assert!(velocity.abs() <= limit.max_velocity * speed, "joint {joint} at {k}: {velocity}");
+                assert!(acceleration.abs() <= limit.max_acceleration, "joint {joint} at {k}: {acceleration}");
+            }
+        }
+        assert!(q.iter().all(|state| exact.is_free(state)));
+        durations.push(trajectory.duration());
+    }
+    assert!(durations[0] < durations[1] && durations[1] < durations[2], "{durations:?}");
+    assert!(durations[0] > 0.5 && durations[0] < 4.0, "{durations:?}");
+}

@@ -1,0 +1,176 @@
+//! Everything motion, for one robot.
+
+use std::sync::Arc;
+
+use genmanip_core::{Grasp, Pose, RobotModel, Seed};
+use serde::{Deserialize, Serialize};
+
+use crate::collision::{Allowed, Attached, Checker, CollisionReport, RobotError, RobotShape, World};
+use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings, ReachableGrasp};
+use crate::ik::{IkSettings, InverseKinematics};
+use crate::path::Path;
+use crate::plan::{self, PlanError, PlanSettings, StraightSettings};
+use crate::timing::{self, MotionLimits, TimingSettings, Trajectory};
+
+/// Settings of all algorithms of a [`Planner`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PlannerSettings {
+    /// Inverse kinematics.
+    pub ik: IkSettings,
+    /// Joint-space planning.
+    pub plan: PlanSettings,
+    /// Straight lines of the tcp.
+    pub straight: StraightSettings,
+    /// Timing.
+    pub timing: TimingSettings,
+    /// Grasp candidates.
+    pub grasp: GraspSettings,
+    /// Grasps that the arm can carry out.
+    pub reach: ReachSettings,
+}
+
+/// What surrounds one motion: the world, what is carried, what may touch, and how far the gripper is open.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a> {
+    /// Obstacles.
+    pub world: &'a World,
+    /// The object held by the gripper.
+    pub attached: Option<&'a Attached>,
+    /// Pairs that may touch.
+    pub allowed: &'a Allowed,
+    /// Opening between the pads, m.
+    pub gripper_width: f64,
+}
+
+/// Kinematics, planning, timing and grasping for one robot; immutable, to be shared between threads.
+///
+/// ```no_run
+/// # use genmanip_core::{Pose, RobotModel, Seed};
+/// # use genmanip_motion::{Allowed, Planner, PlannerSettings, Surroundings, World};
+/// # fn go(robot: std::sync::Arc<RobotModel>, world: World, tcp: Pose) -> Result<(), Box<dyn std::error::Error>> {
+/// let planner = Planner::new(robot.clone(), PlannerSettings::default())?;
+/// let around = Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: 0.08 };
+/// let goals = planner.ik(&tcp, &robot.home);
+/// let path = planner.plan_joint(&around, &robot.home, &goals, Seed::new(1))?;
+/// let trajectory = planner.time(&path, 1.0);
+/// # Ok(()) }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Planner {
+    robot: Arc<RobotModel>,
+    settings: PlannerSettings,
+    shape: RobotShape,
+    ik: InverseKinematics,
+    gripper: Gripper,
+}
+
+impl Planner {
+    /// Compiles the robot; fails when its kinematics or collision pieces are broken.
+    pub fn new(robot: Arc<RobotModel>, settings: PlannerSettings) -> Result<Self, RobotError> {
+        let shape = RobotShape::new(&robot)?;
+        let ik = InverseKinematics::new(shape.chain().clone(), settings.ik.clone());
+        let gripper = Gripper::of(&robot, &shape);
+        Ok(Self { robot, settings, shape, ik, gripper })
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &Arc<RobotModel> {
+        &self.robot
+    }
+
+    /// The settings in force.
+    pub fn settings(&self) -> &PlannerSettings {
+        &self.settings
+    }
+
+    /// The gripper as the grasp generators see it.
+    pub fn gripper(&self) -> &Gripper {
+        &self.gripper
+    }
+
+    /// `world_from_tcp` at a configuration.
+    pub fn tcp_pose(&self, config: &[f64]) -> Pose {
+        self.shape.chain().tcp_pose(config)
+    }
+
+    /// Configurations that bring the tcp to `world_from_tcp`, best first; empty when it is out of reach.
+    pub fn ik(&self, world_from_tcp: &Pose, reference: &[f64]) -> Vec<Vec<f64>> {
+        self.ik.solve(world_from_tcp, reference)
+    }
+
+    /// The configuration nearest to `previous` that brings the tcp to `world_from_tcp`, on the same branch;
+    /// `None` when a joint would have to move by more than `max_step`.
+    pub fn ik_near(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
+        self.ik.continue_from(world_from_tcp, previous, max_step)
+    }
+
+    /// Collision tests at a distance of `padding` metres (0: contact only).
+    pub fn checker<'a>(&'a self, around: &Surroundings<'a>, padding: f64) -> Checker<'a> {
+        Checker::new(&self.shape, around.world, around.attached, around.allowed, around.gripper_width, padding)
+    }
+
+    /// The worst contact or penetration at a configuration, if any.
+    pub fn check(&self, around: &Surroundings, config: &[f64]) -> Option<CollisionReport> {
+        self.checker(around, 0.0).check(config)
+    }
+
+    /// A short, smooth, collision-free path from `start` to one of `goals`.
+    pub fn plan_joint(
+        &self,
+        around: &Surroundings,
+        start: &[f64],
+        goals: &[Vec<f64>],
+        seed: Seed,
+    ) -> Result<Path, PlanError> {
+        let mut checker = self.checker(around, self.settings.plan.padding);
+        plan::plan(&mut checker, &self.settings.plan, start, goals, seed.fork("plan"))
+    }
+
+    /// A path that moves the tcp straight (position linearly, rotation along the shortest turn) to `world_from_goal`.
+    pub fn straight(&self, around: &Surroundings, start: &[f64], world_from_goal: &Pose) -> Result<Path, PlanError> {
+        let mut checker = self.checker(around, self.settings.plan.padding);
+        let settings = &self.settings;
+        plan::straight_line(&mut checker, &self.ik, &settings.straight, &settings.plan, start, world_from_goal)
+    }
+
+    /// The fastest smooth trajectory along a path; `speed` in 0-1 scales the velocities (accelerations by its square).
+    pub fn time(&self, path: &Path, speed: f64) -> Trajectory {
+        let speed = if speed.is_finite() { speed.clamp(0.01, 1.0) } else { 1.0 };
+        let settings = &self.settings.timing;
+        let joints = || self.robot.arm_joints();
+        let limits = MotionLimits {
+            velocity: joints().map(|joint| joint.max_velocity * settings.velocity_fraction * speed).collect(),
+            acceleration: joints()
+                .map(|joint| joint.max_acceleration * settings.acceleration_fraction * speed * speed)
+                .collect(),
+        };
+        timing::parametrize(path, &limits, settings)
+    }
+
+    /// Grasp candidates on an object, best first, in the object's frame.
+    pub fn grasps(&self, target: &GraspTarget, seed: Seed) -> Vec<Grasp> {
+        grasp::candidates(target, &self.gripper, &self.settings.grasp, seed)
+    }
+    /// Opening with which a grasp is approached, m.
+    pub fn opening(&self, grasp: &Grasp) -> f64 {
+        self.gripper.opening_for(grasp, self.settings.grasp.opening_clearance)
+    }
+
+    /// The first `wanted` of `candidates` (object frame, in their order) that the arm can carry out where the object
+    /// is: grasp and pre-grasp are in reach, and the robot touches nothing there but `target` with its open gripper.
+    ///
+    /// `around` should hold the target as an obstacle of that name; its gripper width is replaced by the grasp's own.
+    /// The straight way between pre-grasp and grasp is not tested here: see [`Planner::straight`].
+    pub fn reachable_grasps(
+        &self,
+        around: &Surroundings,
+        target: &str,
+        world_from_object: &Pose,
+        candidates: &[Grasp],
+        reference: &[f64],
+        wanted: usize,
+    ) -> Vec<ReachableGrasp> {
+        grasp::reachable(self, around, target, world_from_object, candidates, reference, wanted)
+    }
+}

@@ -1,0 +1,177 @@
+//! Pictures as files, and pictures of other sizes.
+
+use std::io::Write;
+
+use png::{BitDepth, ColorType, Compression, Filter};
+
+/// Why a picture could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum EncodeError {
+    /// The buffer does not fit its size.
+    #[error("got {got} values for a picture of {width}×{height}, expected {expected}")]
+    Size {
+        /// Pixels per row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Values needed.
+        expected: usize,
+        /// Values given.
+        got: usize,
+    },
+    /// The PNG writer failed.
+    #[error("cannot write the PNG")]
+    Png(#[from] png::EncodingError),
+    /// The JPEG writer failed.
+    #[error("cannot write the JPEG")]
+    Jpeg(#[from] jpeg_encoder::EncodingError),
+}
+
+/// An 8-bit sRGB picture as PNG.
+///
+/// # Errors
+/// A buffer of the wrong size.
+pub fn png_rgb(width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    check_size(width, height, 3, rgb.len())?;
+    png(width, height, ColorType::Rgb, BitDepth::Eight, Filter::Adaptive, rgb)
+}
+
+/// Depth as 16-bit PNG in millimetres, rounded; 0 where nothing is seen or beyond 65.5 m.
+///
+/// # Errors
+/// A buffer of the wrong size.
+pub fn png_depth_mm(width: u32, height: u32, depth_m: &[f32]) -> Result<Vec<u8>, EncodeError> {
+    let millimetres: Vec<u16> = depth_m.iter().map(|&depth| depth_mm(depth)).collect();
+    png_u16(width, height, &millimetres)
+}
+
+/// A depth in whole millimetres; 0 when it is nothing, not finite or beyond 65.5 m.
+pub fn depth_mm(depth_m: f32) -> u16 {
+    let rounded = (depth_m * 1000.0).round();
+    if rounded > 0.0 && rounded <= f32::from(u16::MAX) { rounded as u16 } else { 0 }
+}
+
+/// Sixteen-bit values, e.g. instance ids, as grey PNG.
+///
+/// # Errors
+/// A buffer of the wrong size.
+pub fn png_u16(width: u32, height: u32, values: &[u16]) -> Result<Vec<u8>, EncodeError> {
+    check_size(width, height, 1, values.len())?;
+    let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_be_bytes()).collect();
+    // Depth is piecewise planar: the Paeth filter makes it ten times smaller than `Up` at the same speed.
+    png(width, height, ColorType::Grayscale, BitDepth::Sixteen, Filter::Paeth, &bytes)
+}
+
+/// An 8-bit sRGB picture as JPEG with full colour resolution at `quality` 90 and above, halved below.
+///
+/// # Errors
+/// A buffer of the wrong size, or more than 65535 pixels along a side.
+pub fn jpeg_rgb(width: u32, height: u32, rgb: &[u8], quality: u8) -> Result<Vec<u8>, EncodeError> {
+    check_size(width, height, 3, rgb.len())?;
+    let side = |pixels: u32| {
+        let (expected, got) = (usize::from(u16::MAX), pixels as usize);
+        u16::try_from(pixels).map_err(|_| EncodeError::Size { width, height, expected, got })
+    };
+    let mut bytes = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut bytes, quality.clamp(1, 100));
+    encoder.encode(rgb, side(width)?, side(height)?, jpeg_encoder::ColorType::Rgb)?;
+    Ok(bytes)
+}
+
+/// A picture at another size by averaging the area under each new pixel.
+///
+/// # Errors
+/// A buffer of the wrong size, or a size of nothing.
+pub fn resize_rgb(size: [u32; 2], rgb: &[u8], new_size: [u32; 2]) -> Result<Vec<u8>, EncodeError> {
+    check_size(size[0], size[1], 3, rgb.len())?;
+    check_not_empty(new_size)?;
+    let [width, height] = size.map(|side| side as usize);
+    let rows = spans(size[1], new_size[1]);
+    let columns = spans(size[0], new_size[0]);
+    let mut out = Vec::with_capacity(rows.len() * columns.len() * 3);
+    for row in &rows {
+        for column in &columns {
+            let (mut sum, mut total) = ([0.0_f32; 3], 0.0);
+            for (y, weight_y) in row.clone().into_weights(height) {
+                for (x, weight_x) in column.clone().into_weights(width) {
+                    let weight = weight_x * weight_y;
+                    let pixel = &rgb[(y * width + x) * 3..][..3];
+                    sum.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += f32::from(value) * weight);
+                    total += weight;
+                }
+            }
+            out.extend(sum.map(|value| (value / total + 0.5) as u8));
+        }
+    }
+    Ok(out)
+}
+
+/// Depth or ids at another size: each new pixel takes the value of the old pixel under its centre, never a mixture.
+///
+/// # Errors
+/// A buffer of the wrong size, or a size of nothing.
+pub fn resize_nearest<T: Copy>(size: [u32; 2], values: &[T], new_size: [u32; 2]) -> Result<Vec<T>, EncodeError> {
+    check_size(size[0], size[1], 1, values.len())?;
+    check_not_empty(new_size)?;
+    // Twice the coordinate of the new centre in old pixels, in whole numbers.
+    let source = |index: u32, axis: usize| {
+        let doubled = (2 * u64::from(index) + 1) * u64::from(size[axis]) / (2 * u64::from(new_size[axis]));
+        (doubled as usize).min(size[axis] as usize - 1)
+    };
+    let row = |y: u32| source(y, 1) * size[0] as usize;
+    Ok((0..new_size[1])
+        .flat_map(|y| (0..new_size[0]).map(move |x| (x, y)))
+        .map(|(x, y)| values[row(y) + source(x, 0)])
+        .collect())
+}
+
+/// An interval of old pixels, in pixel widths from the first border.
+#[derive(Clone)]
+struct Span {
+    start: f32,
+    end: f32,
+}
+
+impl Span {
+    /// Pixels the interval touches, with the length it covers of each.
+    fn into_weights(self, limit: usize) -> impl Iterator<Item = (usize, f32)> {
+        let first = self.start as usize;
+        let last = (self.end.ceil() as usize).min(limit);
+        (first..last).map(move |index| (index, self.end.min(index as f32 + 1.0) - self.start.max(index as f32)))
+    }
+}
+
+fn spans(old: u32, new: u32) -> Vec<Span> {
+    let scale = old as f32 / new as f32;
+    (0..new).map(|index| Span { start: index as f32 * scale, end: (index + 1) as f32 * scale }).collect()
+}
+
+fn png(
+    width: u32,
+    height: u32,
+    color: ColorType,
+    depth: BitDepth,
+    filter: Filter,
+    bytes: &[u8],
+) -> Result<Vec<u8>, EncodeError> {
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, width, height);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
+    encoder.set_compression(Compression::Fast);
+    encoder.set_filter(filter);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(bytes)?;
+    writer.finish()?;
+    out.flush().map_err(png::EncodingError::from)?;
+    Ok(out)
+}
+
+fn check_size(width: u32, height: u32, channels: usize, got: usize) -> Result<(), EncodeError> {
+    let expected = width as usize * height as usize * channels;
+    if expected == got && got > 0 { Ok(()) } else { Err(EncodeError::Size { width, height, expected, got }) }
+}
+
+fn check_not_empty([width, height]: [u32; 2]) -> Result<(), EncodeError> {
+    if width > 0 && height > 0 { Ok(()) } else { Err(EncodeError::Size { width, height, expected: 1, got: 0 }) }
+}

@@ -1,0 +1,251 @@
+//! Per pixel of the opaque surfaces: share of the key light and of the ambient light that arrives.
+//!
+//! Both are estimated at every other pixel, like the black fields of a chess board, with few taps whose pattern
+//! repeats every 4×4 pixels, then averaged over such a block without crossing from one surface to another.
+//! Ambient occlusion after McGuire et al., "Scalable Ambient Obscurance", 2012.
+
+use glam::{Vec2, Vec3A};
+
+use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::raster::Target;
+use crate::shadow::ShadowMap;
+use crate::variation::RenderVariation;
+use crate::view::{View, part_and_triangle};
+
+const TAPS: usize = 8;
+/// Largest radius of the ambient occlusion on the image, pixels.
+const MAX_REACH: f32 = 64.0;
+/// Pixels per side of a tile.
+const TILE: usize = 16;
+
+/// Arriving light per pixel.
+#[derive(Debug, Default)]
+pub(crate) struct Arrival {
+    width: usize,
+    height: usize,
+    /// Share of the key light, share of the ambient light.
+    shares: Vec<[f32; 2]>,
+    blurred: Vec<[f32; 2]>,
+    /// Depth per pixel, 0 where nothing is seen.
+    depth: Vec<f32>,
+    /// Part of the visibility id per pixel.
+    surface: Vec<u32>,
+    /// Per tile: whether nothing there can be darkened.
+    plain: Vec<bool>,
+}
+
+impl Arrival {
+    /// Estimates both shares for all pixels of `visible`, which has one sample per pixel.
+    pub fn estimate(
+        &mut self,
+        assets: &RenderAssets,
+        view: &View,
+        visible: &Target,
+        shadow: &ShadowMap,
+        variation: &RenderVariation,
+    ) {
+        (self.width, self.height) = (visible.width, visible.height);
+        self.depth.clear();
+        self.depth.extend(visible.nearness.iter().map(|&nearness| if nearness > 0.0 { 1.0 / nearness } else { 0.0 }));
+        self.surface.clear();
+        self.surface.extend(visible.ids.iter().map(|id| id >> TRIANGLE_BITS));
+        self.shares.clear();
+        self.shares.resize(visible.ids.len(), UNKNOWN);
+        let light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
+        let focal = view.lens.focal.x;
+        let nearest = visible.nearness.iter().copied().fold(0.0, f32::max);
+        let reach = (variation.occlusion_radius_m * focal * nearest).clamp(3.0, MAX_REACH);
+        self.find_plain_tiles(assets, reach as usize + 1);
+        let from_world = view.lens.turn.transpose();
+        let columns = self.width.div_ceil(TILE);
+        for y in 0..self.height {
+            for x in (y % 2..self.width).step_by(2) {
+                let pixel = y * self.width + x;
+                let Some((part, triangle)) = part_and_triangle(visible.ids[pixel]) else { continue };
+                let ray = view.lens.ray(x as f32, y as f32);
+                let point = ray * self.depth[pixel];
+                let normal = view.parts[part].world_from_body * Vec3A::from(assets.parts[part].faces[triangle].normal);
+                let in_camera = from_world * normal;
+                let flip = if in_camera.dot(ray) > 0.0 { -1.0 } else { 1.0 };
+                let pattern = PATTERN[y % 4][x % 4];
+                let key = if shadow.is_on() && flip * normal.dot(light) > -0.2 {
+                    shadow.visibility(view.lens.turn * point + view.lens.eye, normal * flip, pattern)
+                } else {
+                    1.0
+                };
+                let is_plain = self.plain[y / TILE * columns + x / TILE];
+                let ambient = if variation.occlusion_radius_m > 0.0 && !is_plain {
+                    self.ambient([x, y], point, in_camera * flip, focal, pattern, variation)
+                } else {
+                    1.0
+                };
+                self.shares[pixel] = [key, ambient];
+            }
+        }
+        self.blur();
+    }
+
+    /// Shares at a pixel for a sample of surface `part_code` (part index + 1) at a depth;
+    /// from the nearest neighbour of the same surface when the pixel's centre shows another one; `None` without any.
+    #[inline]
+    pub fn at(&self, x: usize, y: usize, part_code: u32, depth: f32) -> Option<[f32; 2]> {
+        let own = y * self.width + x;
+        let is_known = |pixel: usize| self.surface[pixel] == part_code && self.shares[pixel][0] >= 0.0;
+        if is_known(own) {
+            return Some(self.shares[own]);
+        }
+        let mut best = None;
+        let mut best_distance = 0.05 * depth;
+        for row in y.saturating_sub(1)..=(y + 1).min(self.height - 1) {
+            for column in x.saturating_sub(1)..=(x + 1).min(self.width - 1) {
+                let pixel = row * self.width + column;
+                let distance = (self.depth[pixel] - depth).abs();
+                if is_known(pixel) && distance < best_distance {
+                    (best, best_distance) = (Some(self.shares[pixel]), distance);
+                }
+            }
+        }
+        best
+    }
+
+    fn ambient(
+        &self,
+        [x, y]: [usize; 2],
+        point: Vec3A,
+        normal: Vec3A,
+        focal: f32,
+        pattern: usize,
+        variation: &RenderVariation,
+    ) -> f32 {
+        let radius = variation.occlusion_radius_m;
+        let reach = (radius * focal / point.z).clamp(3.0, MAX_REACH);
+        let taps = &tap_table()[pattern];
+        let steps: [[f32; 3]; TAPS] = std::array::from_fn(|tap| {
+            let tap = taps[tap];
+            let column = (x as i32 + nearest_integer(tap.x * reach)).clamp(0, self.width as i32 - 1);
+            let row = (y as i32 + nearest_integer(tap.y * reach)).clamp(0, self.height as i32 - 1);
+            let depth = self.depth[row as usize * self.width + column as usize];
+            [(column - x as i32) as f32, (row - y as i32) as f32, depth]
+        });
+        let bias = 0.001 + 0.002 * point.z;
+        let darkening: [f32; TAPS] = std::array::from_fn(|tap| {
+            let [dx, dy, depth] = steps[tap];
+            // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
+            let stretch = depth / point.z;
+            let toward_x = point.x * stretch + dx * depth / focal - point.x;
+            let toward_y = point.y * stretch + dy * depth / focal - point.y;
+            let toward_z = depth - point.z;
+            let square = toward_x * toward_x + toward_y * toward_y + toward_z * toward_z;
+            let near = positive(radius * radius - square);
+            let above = positive(toward_x * normal.x + toward_y * normal.y + toward_z * normal.z - bias);
+            near * near * near * above / (square + 1e-5)
+        });
+        let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
+        (1.0 - darkening.iter().sum::<f32>() * scale).max(0.15)
+    }
+
+    /// Tiles in whose surroundings only one convex part, or nothing, is seen: nothing can darken it there.
+    fn find_plain_tiles(&mut self, assets: &RenderAssets, reach: usize) {
+        let (columns, rows) = (self.width.div_ceil(TILE), self.height.div_ceil(TILE));
+        // The part code that fills a tile; `u32::MAX` when there are several or one that is not convex.
+        let join = |a: u32, b: u32| {
+            if a == b || b == 0 {
+                a
+            } else if a == 0 {
+                b
+            } else {
+                u32::MAX
+            }
+        };
+        let mut codes = vec![0; columns * rows];
+        for (y, row) in self.surface.chunks_exact(self.width).enumerate() {
+            for (tile, pixels) in codes[y / TILE * columns..][..columns].iter_mut().zip(row.chunks(TILE)) {
+                *tile = pixels.iter().fold(*tile, |code, &part| join(code, part));
+            }
+        }
+        let is_convex = |code: u32| code == 0 || assets.parts.get(code as usize - 1).is_some_and(|part| part.convex);
+        let around = reach.div_ceil(TILE);
+        self.plain.clear();
+        self.plain.extend((0..columns * rows).map(|tile| {
+            let (column, row) = (tile % columns, tile / columns);
+            let mut code = 0;
+            for row in row.saturating_sub(around)..=(row + around).min(rows - 1) {
+                for column in column.saturating_sub(around)..=(column + around).min(columns - 1) {
+                    code = join(code, codes[row * columns + column]);
+                }
+            }
+            is_convex(code)
+        }));
+    }
+
+    /// Box over 4×4 pixels (five taps, half weight at the ends) in both directions, within one surface.
+    fn blur(&mut self) {
+        self.blurred.clear();
+        self.blurred.resize(self.shares.len(), UNKNOWN);
+        for (step, is_row) in [(1, true), (self.width, false)] {
+            for y in 0..self.height {
+                for x in 0..self.width {
+                    let (at, end) = if is_row { (x, self.width) } else { (y, self.height) };
+                    self.blurred[y * self.width + x] = self.mean_around(y * self.width + x, at, end, step);
+                }
+            }
+            std::mem::swap(&mut self.shares, &mut self.blurred);
+        }
+    }
+
+    /// Weighted mean of the known shares along a line of pixels `step` apart; `at` of `end` is the place on the line.
+    #[inline]
+    fn mean_around(&self, pixel: usize, at: usize, end: usize, step: usize) -> [f32; 2] {
+        let (surface, depth) = (self.surface[pixel], self.depth[pixel]);
+        if surface == 0 {
+            return UNKNOWN;
+        }
+        let (mut key, mut ambient, mut total) = (0.0, 0.0, 0.0);
+        for (offset, weight) in [(-2_i32, 0.5_f32), (-1, 1.0), (0, 1.0), (1, 1.0), (2, 0.5)] {
+            let other = at as i32 + offset;
+            if other < 0 || other >= end as i32 {
+                continue;
+            }
+            let other = (pixel as i32 + offset * step as i32) as usize;
+            let shares = self.shares[other];
+            let is_known = shares[0] >= 0.0;
+            let is_same = self.surface[other] == surface && (self.depth[other] - depth).abs() < 0.02 * depth;
+            let weight = if is_known && is_same { weight } else { 0.0 };
+            key += weight * shares[0];
+            ambient += weight * shares[1];
+            total += weight;
+        }
+        if total > 0.0 { [key / total, ambient / total] } else { UNKNOWN }
+    }
+}
+
+/// Shares of a pixel that was not estimated.
+const UNKNOWN: [f32; 2] = [-1.0; 2];
+
+/// Order of the sixteen turns of the taps within a block: neighbours get far-apart turns.
+const PATTERN: [[usize; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
+
+/// Sixteen turned copies of a spiral on the unit disc.
+fn tap_table() -> &'static [[Vec2; TAPS]; 16] {
+    static TABLE: std::sync::OnceLock<[[Vec2; TAPS]; 16]> = std::sync::OnceLock::new();
+    TABLE.get_or_init(|| {
+        std::array::from_fn(|pattern| {
+            std::array::from_fn(|tap| {
+                let share = (tap as f32 + 0.5) / TAPS as f32;
+                Vec2::from_angle(std::f32::consts::TAU * (share * 3.0 + pattern as f32 / 16.0)) * share
+            })
+        })
+    })
+}
+
+/// Nearest integer of a small number without a call to the mathematics library.
+#[inline]
+fn nearest_integer(value: f32) -> i32 {
+    const SHIFT: f32 = 12_582_912.0;
+    (value + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
+}
+
+#[inline]
+fn positive(value: f32) -> f32 {
+    if value > 0.0 { value } else { 0.0 }
+}

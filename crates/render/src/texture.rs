@@ -1,0 +1,141 @@
+//! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
+
+use genmanip_core::Texture;
+use glam::{Vec2, Vec3A, Vec4};
+
+/// A texture and its smaller copies, linear colour.
+#[derive(Debug)]
+pub(crate) struct MipTexture {
+    levels: Vec<Level>,
+}
+
+#[derive(Debug)]
+struct Level {
+    width: usize,
+    height: usize,
+    /// 8-bit sRGB as it came, small enough to stay in the cache; the fourth byte is for alignment.
+    texels: Vec<[u8; 4]>,
+}
+
+impl MipTexture {
+    /// The pyramid of a texture; `None` when it has no pixels or their number does not match its size.
+    pub fn new(texture: &Texture) -> Option<Self> {
+        let (width, height) = (texture.width as usize, texture.height as usize);
+        if width == 0 || height == 0 || texture.rgb.len() != width * height * 3 {
+            return None;
+        }
+        let texels = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2], 0]).collect();
+        let mut levels = vec![Level { width, height, texels }];
+        while let Some(smaller) = levels.last().and_then(Level::halved) {
+            levels.push(smaller);
+        }
+        Some(Self { levels })
+    }
+
+    /// Number of texels per unit square of texture coordinates.
+    pub fn texels(&self) -> f32 {
+        (self.levels[0].width * self.levels[0].height) as f32
+    }
+
+    /// Linear colour at a texture coordinate, where a pixel covers about `texels_per_pixel` texels along one side.
+    pub fn sample(&self, uv: Vec2, texels_per_pixel: f32) -> Vec3A {
+        // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
+        let octave = ((texels_per_pixel.max(1.0) * 1.19).to_bits() >> 23) as usize - 127;
+        self.levels[octave.min(self.levels.len() - 1)].sample(uv)
+    }
+}
+
+impl Level {
+    /// Mixes the four nearest texels in sRGB, which is close enough to mixing light and needs one conversion.
+    fn sample(&self, uv: Vec2) -> Vec3A {
+        let (left, right, fx) = neighbours(uv.x, self.width);
+        let (top, bottom, fy) = neighbours(uv.y, self.height);
+        let (top, bottom) = (top * self.width, bottom * self.width);
+        let texel = |index: usize| Vec4::from_array(self.texels[index].map(f32::from));
+        let upper = texel(top + left).lerp(texel(top + right), fx);
+        let lower = texel(bottom + left).lerp(texel(bottom + right), fx);
+        let table = linear_table();
+        let linear = |value: f32| table[(value * 4.0 + 0.5) as i32 as usize & 1023];
+        let mixed = upper.lerp(lower, fy);
+        Vec3A::new(linear(mixed.x), linear(mixed.y), linear(mixed.z))
+    }
+
+    fn halved(&self) -> Option<Self> {
+        if self.width == 1 && self.height == 1 {
+            return None;
+        }
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let mut texels = Vec::with_capacity(width * height);
+        for y in 0..height {
+            for x in 0..width {
+                let at = |dx: usize, dy: usize| {
+                    let column = (2 * x + dx).min(self.width - 1);
+                    let row = (2 * y + dy).min(self.height - 1);
+                    let [r, g, b, _] = self.texels[row * self.width + column];
+                    linear_from_srgb8([r, g, b])
+                };
+                let [r, g, b] = srgb8_from_linear((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) * 0.25);
+                texels.push([r, g, b, 0]);
+            }
+        }
+        Some(Self { width, height, texels })
+    }
+}
+
+/// The two texels beside a texture coordinate that repeats, and how far it lies towards the second.
+#[inline]
+fn neighbours(coordinate: f32, count: usize) -> (usize, usize, f32) {
+    let place = (coordinate - floor(coordinate)) * count as i32 as f32 - 0.5;
+    let first = floor(place);
+    let share = place - first;
+    let first = first as i32;
+    let last = count as i32 - 1;
+    let second = if first >= last { 0 } else { first + 1 };
+    (if first < 0 { last } else { first.min(last) } as usize, second as usize, share)
+}
+
+/// Without a call to the mathematics library; for numbers below 2³¹.
+#[inline]
+fn floor(value: f32) -> f32 {
+    let truncated = value as i32 as f32;
+    if truncated > value { truncated - 1.0 } else { truncated }
+}
+
+/// Linear light of an 8-bit sRGB colour.
+#[inline]
+pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
+    let table = linear_table();
+    Vec3A::from_array(rgb.map(|code| table[code as usize * 4]))
+}
+
+/// 8-bit sRGB of linear light; clips.
+#[inline]
+pub(crate) fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
+    let table = srgb_table();
+    linear.to_array().map(|value| table[(value.clamp(0.0, 1.0) * 4095.0 + 0.5) as usize])
+}
+
+/// Linear light of an sRGB colour, 0-1.
+pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
+    Vec3A::from_array(rgb.map(|value| {
+        let value = value.clamp(0.0, 1.0);
+        if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+    }))
+}
+
+/// Linear light of quarters of 8-bit codes.
+fn linear_table() -> &'static [f32; 1024] {
+    static TABLE: std::sync::OnceLock<[f32; 1024]> = std::sync::OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|quarter| linear_from_srgb([quarter as f32 / 1020.0; 3]).x))
+}
+
+fn srgb_table() -> &'static [u8; 4096] {
+    static TABLE: std::sync::OnceLock<[u8; 4096]> = std::sync::OnceLock::new();
+    TABLE.get_or_init(|| {
+        std::array::from_fn(|index| {
+            let linear = index as f32 / 4095.0;
+            let srgb = if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+            (srgb * 255.0 + 0.5) as u8
+        })
+    })
+}

@@ -1,0 +1,61 @@
+//! What may differ between two drawings of the same episode: light, exposure, background, table.
+
+use serde::{Deserialize, Serialize};
+
+/// Light and look of a drawing. Colours are sRGB, 0-1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RenderVariation {
+    /// Direction from the scene towards the key light, world frame; any length.
+    pub light_direction: [f32; 3],
+    /// Colour of the key light.
+    pub light_color: [f32; 3],
+    /// Brightness of a white surface that faces the key light, before exposure.
+    pub light_intensity: f32,
+    /// Angular radius of the key light, radians: how soft its shadows are.
+    pub light_angular_radius: f32,
+    /// Colour of the light from above.
+    pub sky_color: [f32; 3],
+    /// Colour of the light reflected from below.
+    pub ground_color: [f32; 3],
+    /// Brightness of a white surface that faces the sky only, before exposure.
+    pub ambient_intensity: f32,
+    /// Everything is multiplied by this before the tone map.
+    pub exposure: f32,
+    /// Where nothing is seen; written as it is, neither lit nor tone mapped.
+    pub background: [u8; 3],
+    /// Multiplied with the table's own texture.
+    pub table_color: [f32; 3],
+    /// Radius of the ambient occlusion, metres; 0 switches it off.
+    pub occlusion_radius_m: f32,
+    /// Strength of the ambient occlusion, 0-2.
+    pub occlusion_strength: f32,
+    /// Pixels per side of the shadow map; 0 switches shadows off.
+    pub shadow_resolution: u32,
+    /// Centre of the ball in which things cast shadows, world frame, metres.
+    pub shadow_center: [f32; 3],
+    /// Radius of that ball, metres.
+    pub shadow_radius_m: f32,
+}
+
+impl Default for RenderVariation {
+    fn default() -> Self {
+        Self {
+            light_direction: [0.35, 0.50, 1.0], // over the left shoulder of the `static` camera
+            light_color: [1.0, 0.975, 0.94],    // a little warm
+            light_intensity: 0.62,              // with the ambient light a white sheet stays just below clipping
+            light_angular_radius: 0.075,        // a softbox: 8.6 degrees across
+            sky_color: [0.95, 0.975, 1.0],      // a little cool
+            ground_color: [0.80, 0.78, 0.75],   // light from the table
+            ambient_intensity: 0.42,            // shadows stay readable
+            exposure: 1.1,                      // a white sheet facing the light becomes sRGB 241
+            background: [255, 255, 255],        // the benchmark's plain white
+            table_color: [1.0, 1.0, 1.0],       // the texture as it is
+            occlusion_radius_m: 0.06,           // contact shadows of hand-sized things
+            occlusion_strength: 1.0,            // physically plausible
+            shadow_resolution: 1024,            // 2 mm per texel, finer than a pixel of the default cameras
+            shadow_center: [0.4, 0.0, 0.3],     // the arm and the table's usable area …
+            shadow_radius_m: 1.0,               // … fit into this ball
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! Collecting demonstrations: one attempt per (task, number), each on its own layout, by any number of workers.
+//!
+//! Attempt k of a task is a pure function of (task, seed, k): neither order nor worker matters,
+//! an interrupted run continues where it stopped and ends with the same bytes.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{
+    EpisodeResult, Failure, FailureCause, GoalVerdict, RobotModel, Scenario, Seed, Task,
+};
+use genmanip_data::EpisodeStore;
+use genmanip_layout::{LayoutSettings, lay_out};
+use genmanip_sim::SimSettings;
+use serde::{Deserialize, Serialize};
+
+use crate::expert::{Expert, ExpertSettings};
+use crate::images::{self, ImageSettings};
+use crate::{RolloutError, RolloutSettings, Stage, run_episode};
+
+/// What a run depends on besides its tasks.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CollectSettings {
+    /// Placement.
+    pub layout: LayoutSettings,
+    /// Physics.
+    pub sim: SimSettings,
+    /// The loop.
+    pub rollout: RolloutSettings,
+    /// The expert.
+    pub expert: ExpertSettings,
+    /// Pictures of verified episodes; `None` for none.
+    pub images: Option<ImageSettings>,
+}
+
+/// What every attempt needs and none changes.
+#[derive(Clone, Copy)]
+pub struct Resources<'a> {
+    /// Objects.
+    pub catalogue: &'a Catalogue,
+    /// The robot.
+    pub robot: &'a Arc<RobotModel>,
+}
+
+/// One attempt to be made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attempt<'a> {
+    /// The task.
+    pub task: &'a Task,
+    /// Number among the task's attempts.
+    pub number: u64,
+    /// Stream of this attempt.
+    pub seed: Seed,
+}
+
+impl<'a> Attempt<'a> {
+    /// All attempts of a run, task by task.
+    pub fn all(tasks: &'a [Task], per_task: usize, seed: Seed) -> Vec<Self> {
+        let of_task = |task: &'a Task| {
+            (0..per_task as u64).map(move |number| Self {
+                task,
+                number,
+                seed: seed.fork("attempt").fork(&task.id).fork_index(number),
+            })
+        };
+        tasks.iter().flat_map(of_task).collect()
+    }
+
+    /// Name of the attempt, of its scenario and of its episode folder.
+    pub fn id(&self) -> String {
+        format!("{}-{:03}", self.task.id, self.number)
+    }
+
+    /// The frozen layout of this attempt.
+    ///
+    /// # Errors
+    /// When the task cannot be laid out.
+    pub fn scenario(
+        &self,
+        resources: Resources,
+        settings: &LayoutSettings,
+    ) -> Result<Scenario, genmanip_layout::LayoutError> {
+        let scenario = lay_out(self.task, resources.catalogue, resources.robot, self.seed, settings)?;
+        Ok(Scenario { id: self.id(), ..scenario })
+    }
+}
+
+/// Makes every attempt that the store does not hold yet; `finished` hears of each as it ends,
+/// with the wall-clock seconds it took (0 for one that was there already).
+///
+/// Returns the results of all attempts in their order. When `stop` becomes true, attempts under way are finished
+/// and the rest is left for the next run; those are missing from the results.
+///
+/// # Errors
+/// The first defect of any attempt. A task that cannot be solved is a result, not an error.
+pub fn collect(
+    attempts: &[Attempt],
+    resources: Resources,
+    store: &EpisodeStore,
+    settings: &CollectSettings,
+    workers: usize,
+    stop: &AtomicBool,
+    finished: &(dyn Fn(&EpisodeResult, f64) + Sync),
+) -> Result<Vec<EpisodeResult>, RolloutError> {
+    store.sweep_partial()?;
+    in_parallel(attempts, workers, stop, &|attempt| {
+        let (id, started) = (attempt.id(), Instant::now());
+        let known = store.contains(&id);
+        let result = if known {
+            store.read_result(&id)?
+        } else {
+            make(attempt, resources, store, settings)?
+        };
+        if let Some(images) = &settings.images
+            && result.success
+            && !store.has_tracks(&id, images.fps, &images.cameras)
+        {
+            let episode = store.read(&id)?;
+            let stage =
+                Stage::open(Arc::new(episode.scenario.clone()), resources.catalogue, resources.robot, &settings.sim)?;
+            store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
+        }
+        finished(&result, if known { 0.0 } else { started.elapsed().as_secs_f64() });
+        Ok(result)
+    })
+}
+
+/// One attempt from layout to store.
+fn make(
+    attempt: &Attempt,
+    resources: Resources,
+    store: &EpisodeStore,
+    settings: &CollectSettings,
+) -> Result<EpisodeResult, RolloutError> {
+    let scenario = match attempt.scenario(resources, &settings.layout) {
+        Ok(scenario) => scenario,
+        Err(error) => {
+            let result = not_laid_out(attempt, &error, settings);
+            store.write_result_only(&result, None)?;
+            return Ok(result);
+        }
+    };
+    let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.robot, &settings.sim)?;
+    let mut expert = Expert::new(&stage, settings.expert.clone())?;
+    let episode = run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?;
+    store.write(&episode, &[])?;
+    Ok(episode.result)
+}
+
+fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, settings: &CollectSettings) -> EpisodeResult {
+    EpisodeResult {
+        id: attempt.id(),
+        scenario_id: String::new(),
+        task_id: attempt.task.id.clone(),
+        policy: "expert".into(),
+        oracle: true,
+        seed: attempt.seed,
+        success: false,
+        success_once: false,
+        verdict: GoalVerdict { score: 0.0, success: false, alternatives: Vec::new() },
+        failure: Some(Failure { cause: FailureCause::Layout, evidence: error.to_string() }),
+        duration_s: 0.0,
+        horizon_s: settings.rollout.horizon_s,
+        control_rate_hz: f64::from(settings.sim.control_rate_hz),
+        frames: 0,
+        tcp_path_m: 0.0,
+        max_stray_contact_n: 0.0,
+        engine: genmanip_sim::engine_version(),
+        genmanip_version: env!("CARGO_PKG_VERSION").into(),
+    }
+}
+
+/// Maps jobs over worker threads; results come back in the order of the jobs, stopped jobs are left out.
+pub(crate) fn in_parallel<J: Sync, R: Send>(
+    jobs: &[J],
+    workers: usize,
+    stop: &AtomicBool,
+    work: &(dyn Fn(&J) -> Result<R, RolloutError> + Sync),
+) -> Result<Vec<R>, RolloutError> {
+    let next = AtomicUsize::new(0);
+    let broken = AtomicBool::new(false);
+    let results: Mutex<Vec<(usize, Result<R, RolloutError>)>> = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..workers.clamp(1, jobs.len().max(1)) {
+            scope.spawn(|| {
+                while !stop.load(Ordering::Relaxed) && !broken.load(Ordering::Relaxed) {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(job) = jobs.get(index) else { break };
+                    let result = work(job);
+                    if result.is_err() {
+                        broken.store(true, Ordering::Relaxed);
+                    }
+                    results.lock().unwrap_or_else(PoisonError::into_inner).push((index, result));
+                }
+            });
+        }
+    });
+    let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}

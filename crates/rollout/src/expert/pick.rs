@@ -1,0 +1,188 @@
+//! Picking: a grasp that can be reached, that also works where the object is to go, and the motions to take it.
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
+use genmanip_motion::{Allowed, Attached, GraspTarget, PlanError, Surroundings, World};
+use genmanip_scene::relations::PosedScene;
+
+use super::goal_pose::{self, GoalPose};
+use super::subgoals::Move;
+use super::{Expert, commands, surroundings};
+
+/// A planned pick.
+pub(super) struct Pick {
+    /// Approach, close, lift.
+    pub commands: Vec<Vec<f32>>,
+    /// Opening with which the hand approaches and later lets go.
+    pub open_width: f64,
+}
+
+/// A grasp with an arm configuration that takes it.
+struct Candidate {
+    grasp: Grasp,
+    config: Vec<f64>,
+    open_width: f64,
+}
+
+/// Plans a pick, or says what stood in the way.
+pub(super) fn plan(
+    expert: &Expert,
+    scene: &PosedScene,
+    step: &Move,
+    arm: &[f64],
+    seed: Seed,
+) -> Result<Pick, Failure> {
+    let name = expert.stage.name(step.object);
+    let goals = goal_pose::sample(
+        scene,
+        step,
+        expert.upright[step.object],
+        &expert.stage.scenario.workspace,
+        &expert.stage.relations,
+        &expert.settings,
+        seed.fork("goal"),
+    );
+    if goals.is_empty() {
+        let evidence = format!("no free place for {name} where every condition on it holds");
+        return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
+    }
+    let free = surroundings::world(scene, Some(step.object));
+    let candidates = candidates(expert, scene, step, arm, &goals, &free, seed)?;
+    let mut problem = None;
+    for candidate in &candidates {
+        match motions(expert, scene, step, arm, candidate, &free, seed) {
+            Ok(commands) => return Ok(Pick { commands, open_width: candidate.open_width }),
+            Err(error) => problem = Some(error),
+        }
+    }
+    let evidence = format!(
+        "{} grasps of {name} can be reached, none by a free motion: {}",
+        candidates.len(),
+        problem.map_or_else(String::new, |error| error.to_string())
+    );
+    Err(Failure { cause: FailureCause::Planning, evidence })
+}
+
+/// Grasps, best first, that the arm can take here and let go of at some goal pose.
+fn candidates(
+    expert: &Expert,
+    scene: &PosedScene,
+    step: &Move,
+    arm: &[f64],
+    goals: &[GoalPose],
+    free: &World,
+    seed: Seed,
+) -> Result<Vec<Candidate>, Failure> {
+    let name = expert.stage.name(step.object);
+    let (planner, settings) = (&expert.planner, &expert.settings);
+    let grasps = grasps(expert, scene, step.object, seed);
+    if grasps.is_empty() {
+        let evidence = format!("{name} has no grasp that fits the hand as it lies");
+        return Err(Failure { cause: FailureCause::NoGrasp, evidence });
+    }
+    let Some(object) = scene.objects().nth(step.object) else { return Ok(Vec::new()) };
+    let nothing = Allowed::none();
+    let (mut out_of_reach, mut blocked, mut useless) = (0, 0, 0);
+    let mut candidates = Vec::new();
+    for grasp in grasps.iter().take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
+        let open_width = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
+        let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: open_width };
+        let checker = planner.checker(&around, 0.001);
+        let configs = planner.ik(&(object.pose * grasp.pose), arm);
+        if configs.is_empty() {
+            out_of_reach += 1;
+            continue;
+        }
+        let Some(config) = configs.into_iter().find(|config| checker.is_free(config)) else {
+            blocked += 1;
+            continue;
+        };
+        let works_at_goal = goals.iter().any(|goal| {
+            let raised = Pose { position: goal.world_from_object.position + DVec3::Z * 0.01, ..goal.world_from_object };
+            planner.ik(&(raised * grasp.pose), &config).iter().take(4).any(|config| checker.is_free(config))
+                || goal.support.is_some_and(|carrier| expert.is_hollow(carrier))
+                    && settings.release_heights_m.iter().any(|&height| {
+                        let raised = Pose {
+                            position: goal.world_from_object.position + DVec3::Z * height,
+                            ..goal.world_from_object
+                        };
+                        planner.ik(&(raised * grasp.pose), &config).iter().take(4).any(|c| checker.is_free(c))
+                    })
+        });
+        if !works_at_goal {
+            useless += 1;
+            continue;
+        }
+        candidates.push(Candidate { grasp, config, open_width });
+        if candidates.len() >= settings.planned_grasps {
+            break;
+        }
+    }
+    if candidates.is_empty() {
+        let cause = if out_of_reach >= blocked + useless { FailureCause::NoIk } else { FailureCause::NoGrasp };
+        let evidence = format!(
+            "no grasp of {name} works: {out_of_reach} out of reach, {blocked} blocked where it lies, {useless} of no use \
+             at the goal"
+        );
+        return Err(Failure { cause, evidence });
+    }
+    Ok(candidates)
+}
+
+fn grasps(expert: &Expert, scene: &PosedScene, index: usize, seed: Seed) -> Vec<Grasp> {
+    let Some((object, bounds)) = scene.objects().nth(index).zip(scene.bounds(index)) else { return Vec::new() };
+    let Some(link) = object.model.links.first() else { return Vec::new() };
+    let target = GraspTarget {
+        surface: &expert.surfaces[index],
+        pieces: &link.pieces,
+        center_of_mass: link.mass.center,
+        world_from_object: object.pose,
+        table_height: bounds.min.z,
+    };
+    expert.planner.grasps(&target, seed.fork("grasps"))
+}
+
+/// Free motion to the approach, straight in, close, straight up.
+fn motions(
+    expert: &Expert,
+    scene: &PosedScene,
+    step: &Move,
+    arm: &[f64],
+    candidate: &Candidate,
+    free: &World,
+    seed: Seed,
+) -> Result<Vec<Vec<f32>>, PlanError> {
+    let (planner, settings) = (&expert.planner, &expert.settings);
+    let Candidate { grasp, config, open_width } = candidate;
+    let Some(object) = scene.objects().nth(step.object) else { return Ok(Vec::new()) };
+    let occupied = surroundings::world(scene, None);
+    let touching = Allowed::none().and_gripper(&expert.stage.robot, &object.uid);
+    let nothing = Allowed::none();
+    let open = |allowed| Surroundings { world: &occupied, attached: None, allowed, gripper_width: *open_width };
+
+    let world_from_tcp = planner.tcp_pose(config);
+    let before = Pose { position: world_from_tcp.position - grasp_direction(&world_from_tcp) * settings.approach_m, ..world_from_tcp };
+    let approach = planner.straight(&open(&touching), config, &before)?.reversed();
+    let reach = planner.plan_joint(&open(&nothing), arm, &[approach.start().to_vec()], seed.fork("reach"))?;
+
+    let lifted = Pose { position: world_from_tcp.position + DVec3::Z * settings.lift_m, ..world_from_tcp };
+    let pieces = surroundings::pieces(object);
+    let attached = Attached::new(&object.uid, &pieces, &grasp.pose.inverse())
+        .map_err(|error| PlanError::Unreachable { what: error.to_string() })?;
+    let holding =
+        Surroundings { world: free, attached: Some(&attached), allowed: &nothing, gripper_width: grasp.width };
+    let lift = planner.straight(&holding, config, &lifted)?;
+
+    let mut commands = commands::follow(planner, &reach, *open_width, settings.empty_speed);
+    commands.extend(commands::follow(planner, &approach, *open_width, settings.careful_speed));
+    commands.extend(commands::wait(config, *open_width, settings.rest_steps));
+    commands.extend(commands::fingers(config, *open_width, 0.0, settings.close_steps));
+    commands.extend(commands::follow(planner, &lift, 0.0, settings.careful_speed));
+    commands.extend(commands::wait(lift.goal(), 0.0, settings.rest_steps));
+    Ok(commands)
+}
+
+/// Direction in which the hand moves towards what it grasps.
+pub(super) fn grasp_direction(world_from_tcp: &Pose) -> DVec3 {
+    world_from_tcp.transform_vector(DVec3::Z)
+}

@@ -1,0 +1,135 @@
+//! Placing: carrying what is in the hand to where its conditions hold, letting go, backing off.
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Failure, FailureCause, Pose, Seed};
+use genmanip_motion::{Allowed, Attached, PlanError, Surroundings, World};
+use genmanip_scene::relations::PosedScene;
+
+use super::goal_pose::{self, GoalPose};
+use super::subgoals::Move;
+use super::{Expert, Hand, commands, surroundings};
+
+/// Carries the held object to a place where every atom of the move holds.
+pub(super) fn plan(
+    expert: &Expert,
+    scene: &PosedScene,
+    step: &Move,
+    hand: &Hand,
+    seed: Seed,
+) -> Result<Vec<Vec<f32>>, Failure> {
+    let goals = goal_pose::sample(
+        scene,
+        step,
+        expert.upright[step.object],
+        &expert.stage.scenario.workspace,
+        &expert.stage.relations,
+        &expert.settings,
+        seed.fork("goal"),
+    );
+    if goals.is_empty() {
+        let name = expert.stage.name(step.object);
+        let evidence = format!("no free place for {name} where every condition on it holds");
+        return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
+    }
+    toward(expert, scene, step.object, hand, &goals, seed)
+}
+
+/// Puts the held object back where it was taken from.
+pub(super) fn put_back(
+    expert: &Expert,
+    scene: &PosedScene,
+    object: usize,
+    taken_from: &GoalPose,
+    hand: &Hand,
+    seed: Seed,
+) -> Result<Vec<Vec<f32>>, Failure> {
+    toward(expert, scene, object, hand, std::slice::from_ref(taken_from), seed.fork("back"))
+}
+
+fn toward(
+    expert: &Expert,
+    scene: &PosedScene,
+    object: usize,
+    hand: &Hand,
+    goals: &[GoalPose],
+    seed: Seed,
+) -> Result<Vec<Vec<f32>>, Failure> {
+    let free = surroundings::world(scene, Some(object));
+    let mut problem = None;
+    for (index, goal) in goals.iter().enumerate() {
+        for &height in &expert.settings.release_heights_m {
+            let hollow = goal.support.is_some_and(|carrier| expert.is_hollow(carrier));
+            if !hollow && height > expert.settings.max_open_release_m {
+                break;
+            }
+            match motions(expert, scene, object, hand, goal, height, &free, seed.fork_index(index as u64)) {
+                Ok(commands) => return Ok(commands),
+                Err(error) => problem = problem.or(Some(error)),
+            }
+        }
+    }
+    let name = expert.stage.name(object);
+    let reason = problem.map_or_else(|| "no goal".to_owned(), |error| error.to_string());
+    let evidence = format!("no free motion brings {name} to any of {} places: {reason}", goals.len());
+    Err(Failure { cause: FailureCause::Planning, evidence })
+}
+
+/// Free motion to above the place, straight down, let go, back off.
+#[allow(clippy::too_many_arguments)] // read-only context of one try
+fn motions(
+    expert: &Expert,
+    scene: &PosedScene,
+    object: usize,
+    hand: &Hand,
+    goal: &GoalPose,
+    height: f64,
+    free: &World,
+    seed: Seed,
+) -> Result<Vec<Vec<f32>>, PlanError> {
+    let (planner, settings) = (&expert.planner, &expert.settings);
+    let unusable = |error: genmanip_motion::GeometryError| PlanError::Unreachable { what: error.to_string() };
+    let Some(held) = scene.objects().nth(object) else { return Ok(Vec::new()) };
+    let pieces = surroundings::pieces(held);
+    let tcp_from_object = planner.tcp_pose(&hand.arm).inverse() * held.pose;
+    let attached = Attached::new(&held.uid, &pieces, &tcp_from_object).map_err(unusable)?;
+    let nothing = Allowed::none();
+    let carrying =
+        Surroundings { world: free, attached: Some(&attached), allowed: &nothing, gripper_width: hand.width };
+
+    let raised = |by: f64| Pose { position: goal.world_from_object.position + DVec3::Z * by, ..goal.world_from_object };
+    let tcp_at = |world_from_object: Pose| world_from_object * tcp_from_object.inverse();
+    let release = tcp_at(raised(height));
+    // High enough to come in over the rim of whatever receives the object.
+    let rim = goal.support.and_then(|carrier| scene.bounds(carrier)).map_or(0.0, |bounds| bounds.max.z);
+    let above = tcp_at(raised((rim + 0.03 - goal.bounds.min.z).max(settings.lift_m)));
+
+    // Once let go, the object is an obstacle for everything but the gripper.
+    let mut occupied = free.clone();
+    occupied.add(&held.uid, &pieces, &raised(height)).map_err(unusable)?;
+    let touching = Allowed::none().and_gripper(&expert.stage.robot, &held.uid);
+    let opened = Surroundings { world: &occupied, attached: None, allowed: &touching, gripper_width: hand.open_width };
+    let back = release.transform_vector(DVec3::NEG_Z) * settings.approach_m;
+    let retreated = Pose { position: release.position + back, ..release };
+
+    let mut problem = PlanError::Unreachable { what: "the place where to let go".into() };
+    for config in planner.ik(&release, &hand.arm).iter().take(4) {
+        let tried = (|| {
+            let lower = planner.straight(&carrying, config, &above)?.reversed();
+            let retreat = planner.straight(&opened, config, &retreated)?;
+            let carry = planner.plan_joint(&carrying, &hand.arm, &[lower.start().to_vec()], seed.fork("carry"))?;
+            Ok((carry, lower, retreat))
+        })();
+        match tried {
+            Ok((carry, lower, retreat)) => {
+                let mut commands = commands::follow(planner, &carry, 0.0, settings.loaded_speed);
+                commands.extend(commands::follow(planner, &lower, 0.0, settings.careful_speed));
+                commands.extend(commands::wait(config, 0.0, settings.rest_steps));
+                commands.extend(commands::fingers(config, hand.width, hand.open_width, settings.open_steps));
+                commands.extend(commands::follow(planner, &retreat, hand.open_width, settings.careful_speed));
+                return Ok(commands);
+            }
+            Err(error) => problem = error,
+        }
+    }
+    Err(problem)
+}

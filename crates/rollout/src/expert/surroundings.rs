@@ -1,0 +1,60 @@
+//! What the planner must keep clear of: the table and the objects where they are now.
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{ObjectModel, Piece, Seed, Shape};
+use genmanip_motion::World;
+use genmanip_scene::relations::{PosedObject, PosedScene};
+
+/// Name of the table among the obstacles.
+pub(super) const TABLE: &str = "table";
+
+/// The table and every object but one, exact pieces at their present poses, named by uid.
+pub(super) fn world(scene: &PosedScene, without: Option<usize>) -> World {
+    let mut world = World::new();
+    // Broad enough that the arm never reaches around it.
+    let slab = Piece::at(DVec3::new(0.55, 0.0, -0.05), Shape::Box { half_extents: DVec3::new(0.45, 0.8, 0.05) });
+    // The models' own pieces and finite poses are always accepted.
+    let _ = world.add(TABLE, &[slab], &genmanip_core::Pose::IDENTITY);
+    for (index, object) in scene.objects().enumerate() {
+        if Some(index) != without {
+            let _ = world.add(&object.uid, &pieces(object), &object.pose);
+        }
+    }
+    world
+}
+
+/// All pieces of an object in its own frame, joints as they are.
+pub(super) fn pieces(object: &PosedObject) -> Vec<Piece> {
+    let model = &object.model;
+    model
+        .links
+        .iter()
+        .zip(model.link_poses(&object.joint_positions))
+        .flat_map(|(link, object_from_link)| {
+            link.pieces.iter().map(move |piece| Piece {
+                shape: piece.shape.clone(),
+                link_from_piece: object_from_link * piece.link_from_piece,
+            })
+        })
+        .collect()
+}
+
+/// Points on the drawn surface of an object's first link with outward normals, in the object's frame.
+pub(super) fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
+    let Some(link) = model.links.first() else { return Vec::new() };
+    let areas: Vec<f64> = link
+        .visual
+        .iter()
+        .map(|part| part.mesh.corners().map(|[a, b, c]| (b - a).cross(c - a).length()).sum::<f64>())
+        .collect();
+    let total: f64 = areas.iter().sum();
+    let mut points = Vec::new();
+    for (index, (part, area)) in link.visual.iter().zip(&areas).enumerate() {
+        let share = (count as f64 * area / total.max(f64::MIN_POSITIVE)).round() as usize;
+        let rng = &mut Seed::new(0).fork("grasp surface").fork_index(index as u64).rng();
+        points.extend(part.mesh.sample_surface(share, rng).into_iter().map(|(point, normal)| {
+            (part.link_from_part.transform_point(point), part.link_from_part.transform_vector(normal))
+        }));
+    }
+    points
+}

@@ -1,0 +1,47 @@
+//! The words of the format and their other spellings.
+
+use genmanip_core::Relation;
+
+/// The words of the format.
+pub(super) const RELATIONS: [Relation; 8] = [
+    Relation::Front,
+    Relation::Back,
+    Relation::Left,
+    Relation::Right,
+    Relation::Near,
+    Relation::Top,
+    Relation::On,
+    Relation::In,
+];
+
+pub(super) fn relation_words() -> String {
+    format!("one of {:?}", RELATIONS.map(Relation::name))
+}
+
+/// Longer wordings with one reading; every prompt states that front is the far side.
+pub(super) fn reworded(plain: &str) -> Option<Relation> {
+    Some(match plain {
+        "in front" | "in front of" | "front of" => Relation::Front,
+        "behind" | "in back of" | "back of" => Relation::Back,
+        "left of" | "to the left" | "to the left of" | "on the left of" => Relation::Left,
+        "right of" | "to the right" | "to the right of" | "on the right of" => Relation::Right,
+        "on top" | "on top of" | "top of" => Relation::Top,
+        "inside" | "into" | "inside of" => Relation::In,
+        "onto" | "upon" => Relation::On,
+        _ => return None,
+    })
+}
+
+pub(super) fn is_table(name: &str) -> bool {
+    let name = name.trim().to_ascii_lowercase();
+    matches!(name.strip_prefix("the ").unwrap_or(&name), "table" | "tabletop" | "table top" | "desk" | "surface")
+}
+
+pub(super) fn same_name(one: &str, other: &str) -> bool {
+    one.trim().eq_ignore_ascii_case(other.trim())
+}
+
+/// The beginning of a text, for messages.
+pub(super) fn shortened(text: &str) -> String {
+    if text.chars().count() <= 60 { text.to_owned() } else { text.chars().take(57).chain("...".chars()).collect() }
+}

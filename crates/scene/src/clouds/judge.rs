@@ -1,0 +1,239 @@
+//! Labels and verdicts of the released evaluators.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Cloud, CloudLabel, Profile};
+
+/// Distance in the plane up to which objects are close, with the originals' tolerance of 1 %.
+const CLOSE_M: f64 = 0.15 * 1.01;
+/// Distance and height gap up to which objects touch, with the same tolerance.
+const TOUCHING_M: f64 = 0.1 * 1.01;
+/// How far the target's outline is widened before the anchor is cropped to it.
+const CROP_M: f64 = 0.05;
+/// Largest bend of the way for `between`, degrees.
+const BETWEEN_DEG: f64 = 45.0;
+
+/// A goal of the released evaluators: a disjunction of conjunctions.
+pub type CloudGoal = Vec<Vec<Subgoal>>;
+
+/// A relation of a goal.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Subgoal {
+    /// Uid of the target.
+    pub obj1_uid: String,
+    /// Uid of the anchor.
+    pub obj2_uid: String,
+    /// Word, e.g. `on`, `top`, `out of`.
+    pub position: String,
+    /// Uid of the second anchor of `between`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub another_obj2_uid: Option<String>,
+}
+
+impl Profile {
+    /// Share of the target's bounds over the anchor's that is more than this.
+    fn supported_ratio(self) -> f64 {
+        match self {
+            Self::GenManip09 => 0.7,
+            Self::Suite023 => 0.4,
+        }
+    }
+
+    /// Target's bounds over the anchor's, less than this.
+    fn area_ratio(self) -> f64 {
+        match self {
+            Self::GenManip09 => 1.5,
+            Self::Suite023 => 1.8,
+        }
+    }
+
+    /// Points that have to be in the hull for `in`.
+    fn needed(self, points: usize) -> usize {
+        match self {
+            Self::GenManip09 => points / 2 + 1,
+            Self::Suite023 => points.div_ceil(2),
+        }
+    }
+}
+
+/// The labels of a target and an anchor; with a second anchor only `between` is tested.
+pub fn labels(profile: Profile, target: &Cloud, anchor: &Cloud, second_anchor: Option<&Cloud>) -> Vec<CloudLabel> {
+    if let Some(second) = second_anchor {
+        return if between(profile, target, anchor, second) { vec![CloudLabel::Between] } else { Vec::new() };
+    }
+    let mut found = Vec::new();
+    if !close(target, anchor) {
+        return found;
+    }
+    if touching(target, anchor) {
+        if contains(profile, anchor, target) {
+            found.push(CloudLabel::In);
+        } else if contains(profile, target, anchor) {
+            found.push(CloudLabel::OutOf);
+        }
+        if profile == Profile::GenManip09 || found.is_empty() {
+            found.push(if supported(profile, target, anchor) {
+                CloudLabel::On
+            } else if supported(profile, anchor, target) {
+                CloudLabel::Below
+            } else {
+                CloudLabel::Near
+            });
+        }
+    }
+    if let Some(label) = direction(target, anchor)
+        && !found.contains(&label)
+    {
+        found.push(label);
+    }
+    found
+}
+
+/// Whether a word of a goal holds.
+pub fn subgoal(
+    profile: Profile,
+    position: &str,
+    target: &Cloud,
+    anchor: &Cloud,
+    second_anchor: Option<&Cloud>,
+) -> bool {
+    let found = || labels(profile, target, anchor, second_anchor);
+    if matches!(position, "top" | "on") {
+        let found = found();
+        return found.contains(&CloudLabel::On)
+            || found.contains(&CloudLabel::In)
+            || on_cropped(profile, target, anchor);
+    }
+    found().iter().any(|label| label.name() == position)
+}
+
+/// Fraction of true relations in the best conjunction; a uid without a cloud makes its relation false.
+pub fn goal_score(profile: Profile, goal: &CloudGoal, clouds: &BTreeMap<String, Cloud>) -> f64 {
+    let holds = |part: &Subgoal| {
+        let (Some(target), Some(anchor)) = (clouds.get(&part.obj1_uid), clouds.get(&part.obj2_uid)) else {
+            return false;
+        };
+        match &part.another_obj2_uid {
+            Some(uid) => {
+                clouds.get(uid).is_some_and(|second| subgoal(profile, &part.position, target, anchor, Some(second)))
+            }
+            None => subgoal(profile, &part.position, target, anchor, None),
+        }
+    };
+    goal.iter()
+        .map(|conjunction| {
+            // Added up in the originals' way, so that the last bit agrees.
+            let part = 1.0 / conjunction.len() as f64;
+            conjunction.iter().filter(|part| holds(part)).fold(0.0, |sum, _| sum + part)
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Whether joint positions (one list per instance) lie in the closed intervals of a status.
+pub fn articulation(positions: &[Vec<f64>], status: &[Vec<[f64; 2]>]) -> bool {
+    positions.len() == status.len()
+        && positions.iter().zip(status).all(|(positions, intervals)| {
+            positions.len() == intervals.len()
+                && positions.iter().zip(intervals).all(|(position, [low, high])| (*low..=*high).contains(position))
+        })
+}
+
+impl CloudLabel {
+    /// The word in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::In => "in",
+            Self::OutOf => "out of",
+            Self::On => "on",
+            Self::Below => "below",
+            Self::Near => "near",
+            Self::Left => "left",
+            Self::Right => "right",
+            Self::Front => "front",
+            Self::Back => "back",
+            Self::Between => "between",
+        }
+    }
+}
+
+fn close(target: &Cloud, anchor: &Cloud) -> bool {
+    target.tree().has_pair_within(anchor.tree(), CLOSE_M, false)
+}
+
+fn touching(target: &Cloud, anchor: &Cloud) -> bool {
+    target.tree().has_pair_within(anchor.tree(), TOUCHING_M, true)
+}
+
+fn contains(profile: Profile, outer: &Cloud, inner: &Cloud) -> bool {
+    outer.enclosure().holds(&inner.points, &outer.points, profile.needed(inner.points.len()))
+}
+
+/// Whether the bounds overlap enough and the heights match for the upper cloud to be on the lower one.
+fn supported(profile: Profile, upper: &Cloud, lower: &Cloud) -> bool {
+    let area = |cloud: &Cloud| (cloud.max.x - cloud.min.x) * (cloud.max.y - cloud.min.y);
+    let common = (upper.max.min(lower.max) - upper.min.max(lower.min)).max(glam::DVec3::ZERO);
+    let (upper_area, lower_area) = (area(upper), area(lower));
+    if upper_area == 0.0 || lower_area == 0.0 {
+        return false;
+    }
+    common.x * common.y / upper_area > profile.supported_ratio()
+        && (upper.min.z - lower.max.z).abs() <= TOUCHING_M
+        && upper_area / lower_area < profile.area_ratio()
+}
+
+fn direction(target: &Cloud, anchor: &Cloud) -> Option<CloudLabel> {
+    let overlaps = |axis: usize| target.min[axis] <= anchor.max[axis] && anchor.min[axis] <= target.max[axis];
+    match (overlaps(0), overlaps(1)) {
+        (true, true) => Some(CloudLabel::Near),
+        (true, false) => Some(if target.max.y < anchor.min.y { CloudLabel::Left } else { CloudLabel::Right }),
+        (false, true) => Some(if target.max.x < anchor.min.x { CloudLabel::Front } else { CloudLabel::Back }),
+        (false, false) => None,
+    }
+}
+
+fn between(profile: Profile, target: &Cloud, anchor: &Cloud, second: &Cloud) -> bool {
+    let (there, onward) = (target.mean - anchor.mean, second.mean - target.mean);
+    let mut cosine = (there / there.length()).dot(onward / onward.length());
+    if profile == Profile::Suite023 {
+        cosine = cosine.clamp(-1.0, 1.0);
+    }
+    // Equal places, and for V0.9 a cosine rounded above 1, give no number and no label.
+    cosine.acos().to_degrees() < BETWEEN_DEG
+}
+
+/// The originals' second chance for `on`: against the part of the anchor under the target's widened outline.
+fn on_cropped(profile: Profile, target: &Cloud, anchor: &Cloud) -> bool {
+    // The part has smaller bounds than the whole, so what the whole cannot support the part cannot either.
+    let common = (target.max.min(anchor.max) - target.min.max(anchor.min)).max(glam::DVec3::ZERO);
+    let area = (target.max.x - target.min.x) * (target.max.y - target.min.y);
+    if area == 0.0
+        || common.x * common.y / area <= profile.supported_ratio()
+        || target.min.z - anchor.max.z > TOUCHING_M
+    {
+        return false;
+    }
+    let Some(part) = crop(target, anchor) else { return false };
+    close(target, &part)
+        && touching(target, &part)
+        && supported(profile, target, &part)
+        && (profile == Profile::GenManip09 || !(contains(profile, &part, target) || contains(profile, target, &part)))
+}
+
+/// The points of the anchor under the target's outline widened by 5 cm; `None` when there are none.
+pub(super) fn crop(target: &Cloud, anchor: &Cloud) -> Option<Cloud> {
+    let contour = target.contour()?;
+    let (low, high) = (target.min.truncate() - CROP_M, target.max.truncate() + CROP_M);
+    let kept: Vec<_> = anchor
+        .points
+        .iter()
+        .copied()
+        .filter(|point| {
+            let place = point.truncate();
+            place.cmpge(low).all() && place.cmple(high).all() && contour.reaches(place, CROP_M)
+        })
+        .collect();
+    (!kept.is_empty()).then(|| Cloud::from_finite(kept))
+}

@@ -1,0 +1,101 @@
+//! A k-d tree with bounding boxes.
+
+use glam::DVec3;
+
+/// Points per leaf.
+const LEAF: usize = 16;
+
+/// A balanced tree over the points of a cloud.
+#[derive(Debug)]
+pub(crate) struct Tree {
+    pub points: Vec<DVec3>,
+    pub nodes: Vec<Node>,
+}
+
+/// A box around a run of points; inner nodes have two children.
+#[derive(Debug)]
+pub(crate) struct Node {
+    pub min: DVec3,
+    pub max: DVec3,
+    pub start: usize,
+    pub end: usize,
+    /// Left and right child.
+    pub children: Option<(usize, usize)>,
+}
+
+impl Tree {
+    pub fn new(points: &[DVec3]) -> Self {
+        let mut tree = Self { points: points.to_vec(), nodes: Vec::with_capacity(points.len() / 4 + 2) };
+        tree.split(0, points.len());
+        tree
+    }
+
+    /// Whether some point of this cloud and one of the other are at most so far apart; without `with_height` seen
+    /// from above.
+    pub fn has_pair_within(&self, other: &Self, distance: f64, with_height: bool) -> bool {
+        let mask = if with_height { DVec3::ONE } else { DVec3::new(1.0, 1.0, 0.0) };
+        let limit = distance * distance;
+        let mut stack = vec![(0, 0)];
+        while let Some((i, j)) = stack.pop() {
+            let (a, b) = (&self.nodes[i], &other.nodes[j]);
+            let apart = ((a.min - b.max).max(b.min - a.max).max(DVec3::ZERO) * mask).length_squared();
+            if apart > limit {
+                continue;
+            }
+            let farthest = ((a.max - b.min).max(b.max - a.min) * mask).length_squared();
+            if farthest <= limit {
+                return true;
+            }
+            match (a.children, b.children) {
+                (None, None) => {
+                    let found = self.points[a.start..a.end].iter().any(|&p| {
+                        other.points[b.start..b.end].iter().any(|&q| ((p - q) * mask).length_squared() <= limit)
+                    });
+                    if found {
+                        return true;
+                    }
+                }
+                (Some((left, right)), _) if b.children.is_none() || a.end - a.start >= b.end - b.start => {
+                    self.push_nearer_last(&mut stack, [(left, j), (right, j)], other, mask);
+                }
+                (_, Some((left, right))) => {
+                    self.push_nearer_last(&mut stack, [(i, left), (i, right)], other, mask);
+                }
+                (Some(_), None) => {}
+            }
+        }
+        false
+    }
+
+    /// The nearer pair is looked at first.
+    fn push_nearer_last(&self, stack: &mut Vec<(usize, usize)>, pairs: [(usize, usize); 2], other: &Self, mask: DVec3) {
+        let middle = |(i, j): (usize, usize)| {
+            let (a, b) = (&self.nodes[i], &other.nodes[j]);
+            ((a.min + a.max - b.min - b.max) * mask).length_squared()
+        };
+        let [first, second] = pairs;
+        if middle(first) < middle(second) {
+            stack.extend([second, first]);
+        } else {
+            stack.extend([first, second]);
+        }
+    }
+
+    fn split(&mut self, start: usize, end: usize) -> usize {
+        let points = &mut self.points[start..end];
+        let min = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let max = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let index = self.nodes.len();
+        self.nodes.push(Node { min, max, start, end, children: None });
+        if end - start > LEAF {
+            let size = max - min;
+            let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
+            let middle = (end - start) / 2;
+            self.points[start..end].select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
+            let left = self.split(start, start + middle);
+            let right = self.split(start + middle, end);
+            self.nodes[index].children = Some((left, right));
+        }
+        index
+    }
+}

@@ -1,0 +1,183 @@
+//! Judges conditions, goals and initial graphs.
+
+use genmanip_core::{Atom, AtomVerdict, Goal, GoalVerdict, Relation, SceneGraph};
+
+use super::pair::{Contact, PairGeometry, measure};
+use super::requirement::{Requirement, margin, verdict};
+use super::scene::Body;
+use super::state::state_requirements;
+use super::{PosedScene, RelationSettings};
+
+/// What is known besides poses: an object held by the gripper or not at rest satisfies nothing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Rest {
+    /// Index of the object in the gripper.
+    pub held: Option<usize>,
+    /// Per object, whether it moves; objects beyond the end are at rest.
+    pub moving: Vec<bool>,
+}
+
+impl Rest {
+    fn disturbed(&self, index: usize) -> Option<&'static str> {
+        if self.held == Some(index) {
+            return Some("out of the gripper");
+        }
+        self.moving.get(index).copied().unwrap_or(false).then_some("at rest")
+    }
+}
+
+/// Judges one condition on objects at rest.
+///
+/// A uid that is not in the scene is a condition that does not hold, and the explanation says so.
+pub fn judge_atom(scene: &PosedScene, atom: &Atom, settings: &RelationSettings) -> AtomVerdict {
+    judge(scene, atom, &Rest::default(), settings)
+}
+
+/// Judges a goal: every condition of every alternative.
+pub fn judge_goal(scene: &PosedScene, goal: &Goal, rest: &Rest, settings: &RelationSettings) -> GoalVerdict {
+    GoalVerdict::from_alternatives(
+        goal.alternatives
+            .iter()
+            .map(|conjunction| conjunction.iter().map(|atom| judge(scene, atom, rest, settings)).collect())
+            .collect(),
+    )
+}
+
+/// Judges every edge of an initial graph, in its order.
+pub fn judge_edges(scene: &PosedScene, graph: &SceneGraph, settings: &RelationSettings) -> Vec<AtomVerdict> {
+    graph.edges.iter().map(|edge| judge_atom(scene, &edge.atom(), settings)).collect()
+}
+
+/// Judges the state of every node of an initial graph that has one, in its order.
+pub fn judge_states(scene: &PosedScene, graph: &SceneGraph, settings: &RelationSettings) -> Vec<AtomVerdict> {
+    let atoms = graph
+        .nodes
+        .iter()
+        .filter_map(|node| Some(Atom::State { object: node.uid.clone(), state: node.state.clone()? }));
+    atoms.map(|atom| judge_atom(scene, &atom, settings)).collect()
+}
+
+fn judge(scene: &PosedScene, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
+    let (uids, word): (Vec<&str>, &str) = match atom {
+        Atom::State { object, state } => (vec![object], state),
+        Atom::Relation { subject, relation, reference, second_reference } => (
+            std::iter::once(subject).chain([reference]).chain(second_reference).map(String::as_str).collect(),
+            relation.name(),
+        ),
+    };
+    let Some(indices) = uids.iter().map(|uid| scene.index_of(uid)).collect::<Option<Vec<_>>>() else {
+        return verdict(atom, word, vec![Requirement::fact("in the scene", false)]);
+    };
+    let bodies: Vec<&Body> = indices.iter().map(|&index| &scene.bodies[index]).collect();
+    let mut requirements = match (atom, bodies.as_slice()) {
+        (Atom::State { state, .. }, [body]) => state_requirements(body, state, settings),
+        (Atom::Relation { relation: Relation::Between, .. }, [subject, one, other]) => {
+            between(subject, one, other, settings)
+        }
+        (Atom::Relation { relation: Relation::Between, .. }, _) => vec![Requirement::fact("two references", false)],
+        (Atom::Relation { relation, .. }, [subject, reference, ..]) if indices[0] != indices[1] => {
+            relation_requirements(*relation, &measure(subject, reference, settings), settings)
+        }
+        _ => vec![Requirement::fact("two different objects", false)],
+    };
+    let disturbed = indices.iter().find_map(|&index| rest.disturbed(index));
+    requirements.extend(disturbed.map(|what| Requirement::fact(what, false)));
+    verdict(atom, word, requirements)
+}
+
+/// What has to be true for A to stand in a relation to B.
+fn relation_requirements(relation: Relation, pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
+    let close = || Requirement::at_most("gap in the plane", pair.gap_m, settings.close_m);
+    // Bounds that overlap along one axis only have nothing in common in the plane, so the pair is neither in nor on.
+    let overlap_x = || Requirement::above("overlap along x", pair.overlap_x_m, 0.0);
+    let overlap_y = || Requirement::above("overlap along y", pair.overlap_y_m, 0.0);
+    let apart = |toward: f64, overlap: f64| {
+        // On the wrong side the way to the right one leads across the other object.
+        let clear = if toward > 0.0 { -overlap } else { -overlap.abs() - 2.0 * toward.abs() };
+        Requirement::at_least("clearance towards that side", clear, 0.0)
+    };
+    match relation {
+        Relation::Left => vec![close(), overlap_x(), apart(pair.offset.y, pair.overlap_y_m)],
+        Relation::Right => vec![close(), overlap_x(), apart(-pair.offset.y, pair.overlap_y_m)],
+        Relation::Front => vec![close(), overlap_y(), apart(pair.offset.x, pair.overlap_x_m)],
+        Relation::Back => vec![close(), overlap_y(), apart(-pair.offset.x, pair.overlap_x_m)],
+        Relation::On => on(pair, settings),
+        Relation::In => inside(pair, settings),
+        Relation::Top => {
+            let (on, inside) = (on(pair, settings), inside(pair, settings));
+            if margin(&inside) >= margin(&on) { inside } else { on }
+        }
+        Relation::Near => {
+            let mut requirements = vec![close()];
+            requirements.extend(
+                [inside(pair, settings), inside(&pair.swapped(), settings)]
+                    .map(|inside| Requirement::above("clearance from being inside", -margin(&inside), 0.0)),
+            );
+            requirements.extend(
+                [touching(pair, settings), touching(&pair.swapped(), settings)].map(|touching| {
+                    Requirement::above("clearance from resting on each other", -margin(&touching), 0.0)
+                }),
+            );
+            requirements
+        }
+        Relation::Between => vec![Requirement::fact("two references", false)],
+    }
+}
+
+/// A in B.
+fn inside(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
+    // When both hold, the smaller one is in the larger one.
+    let share = Requirement::above("share of the surface inside", pair.a_in_b, settings.inside_share).in_unit("1", 0.1);
+    let mut requirements = vec![share];
+    if pair.b_in_a > settings.inside_share {
+        requirements
+            .push(Requirement::at_most("share of the other inside it", pair.b_in_a, pair.a_in_b).in_unit("1", 0.1));
+    }
+    requirements
+}
+
+/// A rests on B and is not in it.
+fn on(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
+    let mut requirements = touching(pair, settings);
+    for (quantity, share) in
+        [("share of the surface inside", pair.a_in_b), ("share of the other inside it", pair.b_in_a)]
+    {
+        if share > 0.0 {
+            requirements.push(Requirement::at_most(quantity, share, settings.inside_share).in_unit("1", 0.1));
+        }
+    }
+    requirements
+}
+
+/// A touches B from above.
+fn touching(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
+    match pair.a_over_b {
+        Some(Contact { gap_m, rise_m }) => {
+            let mut requirements = vec![
+                Requirement::at_most("vertical gap", gap_m, settings.touching_gap_m),
+                Requirement::at_most("sinking", -gap_m, settings.sinking_m),
+                Requirement::above("height of its middle over the other's", rise_m, 0.0),
+            ];
+            if pair.swapped().a_rests_on_b(settings) {
+                requirements.push(Requirement::fact("the upper one", false));
+            }
+            requirements
+        }
+        None => {
+            let common = pair.overlap_x_m.min(pair.overlap_y_m).min(0.0);
+            vec![Requirement::above("overlap of the footprints", common.min(-pair.gap_m), 0.0)]
+        }
+    }
+}
+
+/// The subject stands on the way from one object to the other.
+fn between(subject: &Body, one: &Body, other: &Body, settings: &RelationSettings) -> Vec<Requirement> {
+    let (there, onward) = (subject.center - one.center, other.center - subject.center);
+    if there.length() == 0.0 || onward.length() == 0.0 {
+        return vec![Requirement::fact("three different places", false)];
+    }
+    let angle = there.angle_between(onward);
+    let below = Requirement::above("bend of the way under the limit", settings.between_angle_rad - angle, 0.0);
+    // A radian at the usual spacing of neighbours is about a decimetre.
+    vec![below.in_unit("rad", 0.1)]
+}

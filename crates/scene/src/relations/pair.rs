@@ -1,0 +1,278 @@
+//! How two objects stand to each other.
+
+use genmanip_core::Aabb;
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::contact::vertical_gap;
+use super::scene::Body;
+use super::{PosedScene, RelationSettings};
+
+/// How one object stands to another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Label {
+    /// Most of its surface is in the other's cavity.
+    In,
+    /// The other is in it.
+    OutOf,
+    /// It rests on the other.
+    On,
+    /// The other rests on it.
+    Beneath,
+    /// To the robot's left of it (+y).
+    Left,
+    /// To the robot's right of it (-y).
+    Right,
+    /// On the far side of it (+x).
+    Front,
+    /// On the robot's side of it (-x).
+    Back,
+    /// Close in the plane, none of the above.
+    Near,
+}
+
+impl Label {
+    /// The label seen from the other object.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        match self {
+            Self::In => Self::OutOf,
+            Self::OutOf => Self::In,
+            Self::On => Self::Beneath,
+            Self::Beneath => Self::On,
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+            Self::Front => Self::Back,
+            Self::Back => Self::Front,
+            Self::Near => Self::Near,
+        }
+    }
+}
+
+/// The labels of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PairVerdict {
+    /// How A stands to B; `None` when they are not close in the plane.
+    pub a_to_b: Option<Label>,
+    /// How B stands to A.
+    pub b_to_a: Option<Label>,
+    /// Whether the one on top is also *supported by* the lower one: most of its footprint is over the other's, and it
+    /// is not much larger.
+    pub supporting: bool,
+    /// What was measured.
+    pub geometry: PairGeometry,
+}
+
+/// Measured quantities of a pair, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PairGeometry {
+    /// Shortest distance between the projections onto the table.
+    pub gap_m: f64,
+    /// Length along x that the two have in common; negative: how far apart they are.
+    pub overlap_x_m: f64,
+    /// Length along y that the two have in common; negative: how far apart they are.
+    pub overlap_y_m: f64,
+    /// Share of A's surface points in B.
+    pub a_in_b: f64,
+    /// Share of B's surface points in A.
+    pub b_in_a: f64,
+    /// A's pieces above B's, where their projections overlap.
+    pub a_over_b: Option<Contact>,
+    /// B's pieces above A's, where their projections overlap.
+    pub b_over_a: Option<Contact>,
+    /// Middle of A minus middle of B, the middle being the mean of the surface.
+    #[schemars(with = "[f64; 3]")]
+    pub offset: DVec3,
+}
+
+/// The place where one object would first touch another if it fell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Contact {
+    /// Vertical gap there; negative when the upper object is below.
+    pub gap_m: f64,
+    /// Height of the upper object's middle above the middle of the link it would touch.
+    pub rise_m: f64,
+}
+
+/// Measures and labels two objects of a scene; `None` for an index out of range.
+pub fn label_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationSettings) -> Option<PairVerdict> {
+    let (one, other) = (scene.bodies.get(a)?, scene.bodies.get(b)?);
+    let geometry = measure(one, other, settings);
+    let label = label(&geometry, settings);
+    let supporting = match label {
+        Some(Label::On) => supports(other, one, settings),
+        Some(Label::Beneath) => supports(one, other, settings),
+        _ => false,
+    };
+    Some(PairVerdict { a_to_b: label, b_to_a: label.map(Label::inverse), supporting, geometry })
+}
+
+/// Measures two objects of a scene; `None` for an index out of range.
+pub fn measure_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationSettings) -> Option<PairGeometry> {
+    Some(measure(scene.bodies.get(a)?, scene.bodies.get(b)?, settings))
+}
+
+/// How A stands to B, in the order of the decision.
+fn label(pair: &PairGeometry, settings: &RelationSettings) -> Option<Label> {
+    if pair.gap_m > settings.close_m {
+        return None;
+    }
+    let over_x_only = pair.overlap_x_m > 0.0 && pair.overlap_y_m <= 0.0;
+    let over_y_only = pair.overlap_y_m > 0.0 && pair.overlap_x_m <= 0.0;
+    let one_of = |condition: bool, yes: Label, no: Label| Some(if condition { yes } else { no });
+    if pair.a_in_b > settings.inside_share || pair.b_in_a > settings.inside_share {
+        one_of(pair.a_in_b >= pair.b_in_a, Label::In, Label::OutOf)
+    } else if pair.a_rests_on_b(settings) {
+        Some(Label::On)
+    } else if pair.swapped().a_rests_on_b(settings) {
+        Some(Label::Beneath)
+    } else if over_x_only {
+        one_of(pair.offset.y > 0.0, Label::Left, Label::Right)
+    } else if over_y_only {
+        one_of(pair.offset.x > 0.0, Label::Front, Label::Back)
+    } else {
+        Some(Label::Near)
+    }
+}
+
+impl Contact {
+    /// Whether the upper object rests on the lower one.
+    pub fn rests(&self, settings: &RelationSettings) -> bool {
+        (-settings.sinking_m..=settings.touching_gap_m).contains(&self.gap_m) && self.rise_m > 0.0
+    }
+}
+
+impl PairGeometry {
+    /// Whether A rests on B; of two that are hooked into each other, the one with the closer contact is the upper one.
+    pub fn a_rests_on_b(&self, settings: &RelationSettings) -> bool {
+        let rests = |contact: Option<Contact>| contact.filter(|contact| contact.rests(settings));
+        match (rests(self.a_over_b), rests(self.b_over_a)) {
+            (Some(a), Some(b)) => a.gap_m < b.gap_m,
+            (a, _) => a.is_some(),
+        }
+    }
+
+    /// The same pair with the roles exchanged.
+    #[must_use]
+    pub fn swapped(&self) -> Self {
+        Self {
+            a_in_b: self.b_in_a,
+            b_in_a: self.a_in_b,
+            a_over_b: self.b_over_a,
+            b_over_a: self.a_over_b,
+            offset: -self.offset,
+            ..*self
+        }
+    }
+}
+
+pub(super) fn measure(a: &Body, b: &Body, settings: &RelationSettings) -> PairGeometry {
+    let overlap = a.bounds.max.min(b.bounds.max) - a.bounds.min.max(b.bounds.min);
+    let (a_in_b, b_in_a) =
+        if overlap.min_element() > 0.0 { (share_inside(a, b), share_inside(b, a)) } else { (0.0, 0.0) };
+    let (a_over_b, b_over_a) = if overlap.x > 0.0 && overlap.y > 0.0 {
+        (contact(a, b, settings), contact(b, a, settings))
+    } else {
+        (None, None)
+    };
+    PairGeometry {
+        gap_m: planar_gap(a, b),
+        overlap_x_m: overlap.x,
+        overlap_y_m: overlap.y,
+        a_in_b,
+        b_in_a,
+        a_over_b,
+        b_over_a,
+        offset: a.center - b.center,
+    }
+}
+
+/// Shortest distance between the unions of the projected pieces.
+fn planar_gap(a: &Body, b: &Body) -> f64 {
+    let (a, b) = (a.footprint(), b.footprint());
+    let mut best = f64::INFINITY;
+    for one in &a.pieces {
+        if one.bounds_distance(&b.hull) >= best {
+            continue;
+        }
+        for other in &b.pieces {
+            if one.bounds_distance(other) < best {
+                best = best.min(one.distance(other));
+                if best == 0.0 {
+                    return 0.0;
+                }
+            }
+        }
+    }
+    best
+}
+
+/// Share of A's surface points in B's cavity, or in B's convex hull where no cavity is known.
+fn share_inside(a: &Body, b: &Body) -> f64 {
+    let hull;
+    let solids = if b.shape.cavity.is_empty() {
+        hull = b.shape.hull(&b.object_from_link);
+        std::slice::from_ref(hull.as_ref())
+    } else {
+        &b.shape.cavity
+    };
+    let object_from_world = b.object.pose.inverse();
+    let near = Aabb { min: b.bounds.min - DVec3::splat(0.5), max: b.bounds.max + DVec3::splat(0.5) };
+    let (mut inside, mut count) = (0usize, 0usize);
+    for point in a.samples() {
+        count += 1;
+        // A cavity may reach above the pieces, but not far from them.
+        let possible = point.cmpge(near.min).all() && point.cmple(near.max).all();
+        let local = object_from_world.transform_point(point);
+        inside += usize::from(possible && solids.iter().any(|solid| solid.contains(local)));
+    }
+    if count == 0 { 0.0 } else { inside as f64 / count as f64 }
+}
+
+/// Where A would first touch B from above: the smallest gap of pieces that are above each other, or the least
+/// negative one when none is.
+fn contact(a: &Body, b: &Body, settings: &RelationSettings) -> Option<Contact> {
+    let mut best: Option<Contact> = None;
+    let (a_outlines, b_outlines) = (a.footprint(), b.footprint());
+    for (upper, upper_outline) in a.pieces.iter().zip(&a_outlines.pieces) {
+        if upper_outline.bounds_distance(&b_outlines.hull) > 0.0 {
+            continue;
+        }
+        for (lower, lower_outline) in b.pieces.iter().zip(&b_outlines.pieces) {
+            let least = upper.bounds.min.z - lower.bounds.max.z;
+            let known = best.map_or(f64::INFINITY, |contact| contact.gap_m);
+            let cannot_improve = known >= -settings.sinking_m && least > known;
+            if cannot_improve || upper_outline.bounds_distance(lower_outline) > 0.0 {
+                continue;
+            }
+            let (upper_shape, lower_shape) = (a.shape_of(upper), b.shape_of(lower));
+            let support =
+                |direction: DVec3| upper.support(upper_shape, direction) - lower.support(lower_shape, -direction);
+            let Some(gap_m) = vertical_gap(support, -settings.sinking_m) else { continue };
+            if better(gap_m, known, settings.sinking_m) {
+                best = Some(Contact { gap_m, rise_m: a.center.z - b.link_center(lower.link).z });
+            }
+        }
+    }
+    best
+}
+
+/// A gap between bodies above each other beats any other; of those the smaller counts, of the others the larger.
+fn better(gap: f64, known: f64, sinking: f64) -> bool {
+    match (gap >= -sinking, known >= -sinking) {
+        (true, true) => gap < known,
+        (true, false) => true,
+        (false, true) => known.is_infinite(),
+        (false, false) => gap > known,
+    }
+}
+
+/// Whether the overlap-area test holds for an object on another.
+fn supports(lower: &Body, upper: &Body, settings: &RelationSettings) -> bool {
+    let (lower, upper) = (&lower.footprint().hull, &upper.footprint().hull);
+    let (lower_area, upper_area) = (lower.area(), upper.area());
+    upper.intersection(lower).area() > settings.support_overlap * upper_area
+        && upper_area < settings.support_area_ratio * lower_area
+}

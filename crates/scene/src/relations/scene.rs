@@ -1,0 +1,199 @@
+//! Objects at their poses.
+
+use std::sync::{Arc, OnceLock};
+
+use genmanip_core::{Aabb, ObjectModel, Piece, Pose, Shape};
+use glam::{DVec2, DVec3};
+
+use super::shape::{ObjectShape, ShapeCache, outline_directions, outline_points};
+use crate::planar::Polygon;
+
+/// An object at its pose.
+#[derive(Clone, Debug)]
+pub struct PosedObject {
+    /// Uid.
+    pub uid: String,
+    /// What it is.
+    pub model: Arc<ObjectModel>,
+    /// `world_from_object`.
+    pub pose: Pose,
+    /// Joint positions in the order of the links; empty for a rigid object.
+    pub joint_positions: Vec<f64>,
+}
+
+/// Objects at their poses, ready to be judged. Outlines are computed when first needed.
+#[derive(Debug)]
+pub struct PosedScene {
+    pub(super) bodies: Vec<Body>,
+}
+
+/// An object with its geometry in the world.
+#[derive(Debug)]
+pub(super) struct Body {
+    pub object: PosedObject,
+    pub shape: Arc<ObjectShape>,
+    pub object_from_link: Vec<Pose>,
+    pub pieces: Vec<WorldPiece>,
+    pub bounds: Aabb,
+    /// Mean of the surface.
+    pub center: DVec3,
+    /// State the object was in before, for hysteresis.
+    pub previous_state: Option<String>,
+    footprint: OnceLock<Footprint>,
+}
+
+/// A convex piece in the world.
+#[derive(Debug)]
+pub(super) struct WorldPiece {
+    pub link: usize,
+    index: usize,
+    pub world_from_piece: Pose,
+    pub bounds: Aabb,
+}
+
+/// Projections onto the table.
+#[derive(Debug)]
+pub(super) struct Footprint {
+    /// One polygon per piece.
+    pub pieces: Vec<Polygon>,
+    /// Hull of all.
+    pub hull: Polygon,
+}
+
+impl PosedScene {
+    /// Places objects; shapes come from the cache or are prepared into it.
+    pub fn new(objects: Vec<PosedObject>, shapes: &mut ShapeCache) -> Self {
+        let bodies = objects
+            .into_iter()
+            .map(|object| {
+                let shape = shapes.get(&object.model);
+                Body::new(object, shape)
+            })
+            .collect();
+        Self { bodies }
+    }
+
+    /// The objects.
+    pub fn objects(&self) -> impl ExactSizeIterator<Item = &PosedObject> {
+        self.bodies.iter().map(|body| &body.object)
+    }
+
+    /// Index of an object.
+    pub fn index_of(&self, uid: &str) -> Option<usize> {
+        self.bodies.iter().position(|body| body.object.uid == uid)
+    }
+
+    /// Moves one object; the geometry of the others is kept. An index out of range changes nothing.
+    pub fn set_pose(&mut self, index: usize, world_from_object: Pose, joint_positions: &[f64]) {
+        if let Some(body) = self.bodies.get_mut(index) {
+            let object = PosedObject {
+                pose: world_from_object,
+                joint_positions: joint_positions.to_vec(),
+                ..body.object.clone()
+            };
+            let previous_state = body.previous_state.take();
+            *body = Body { previous_state, ..Body::new(object, Arc::clone(&body.shape)) };
+        }
+    }
+
+    /// Exact bounds of an object in the world.
+    pub fn bounds(&self, index: usize) -> Option<Aabb> {
+        self.bodies.get(index).map(|body| body.bounds)
+    }
+
+    /// Mean of an object's surface in the world.
+    pub fn center(&self, index: usize) -> Option<DVec3> {
+        self.bodies.get(index).map(|body| body.center)
+    }
+
+    /// Corners of the convex outline of an object on the table, counter-clockwise.
+    pub fn outline(&self, index: usize) -> Option<&[DVec2]> {
+        self.bodies.get(index).map(|body| body.footprint().hull.corners.as_slice())
+    }
+}
+
+impl Body {
+    fn new(object: PosedObject, shape: Arc<ObjectShape>) -> Self {
+        let object_from_link = object.model.link_poses(&object.joint_positions);
+        let mut pieces = Vec::new();
+        for (link, (part, link_pose)) in object.model.links.iter().zip(&object_from_link).enumerate() {
+            let world_from_link = object.pose * *link_pose;
+            pieces.extend(part.pieces.iter().enumerate().map(|(index, piece)| WorldPiece {
+                link,
+                index,
+                world_from_piece: world_from_link * piece.link_from_piece,
+                bounds: Aabb::from_pieces(&world_from_link, [piece]),
+            }));
+        }
+        let bounds = pieces.iter().fold(Aabb::EMPTY, |bounds, piece| bounds.union(&piece.bounds));
+        let mut body = Self {
+            object,
+            shape,
+            object_from_link,
+            pieces,
+            bounds,
+            center: DVec3::ZERO,
+            previous_state: None,
+            footprint: OnceLock::new(),
+        };
+        let area: f64 = body.shape.links.iter().map(|link| link.area).sum();
+        body.center = if area > 0.0 {
+            (0..body.shape.links.len()).map(|link| body.link_center(link) * body.shape.links[link].area).sum::<DVec3>()
+                / area
+        } else {
+            bounds.center()
+        };
+        body
+    }
+
+    /// Mean of a link's surface in the world.
+    pub fn link_center(&self, link: usize) -> DVec3 {
+        (self.object.pose * self.object_from_link[link]).transform_point(self.shape.links[link].centroid)
+    }
+
+    /// The convex body of a piece in its own frame.
+    pub fn shape_of(&self, piece: &WorldPiece) -> &Shape {
+        &self.piece(piece).shape
+    }
+
+    /// Surface points in the world.
+    pub fn samples(&self) -> impl Iterator<Item = DVec3> + '_ {
+        self.shape.links.iter().zip(&self.object_from_link).flat_map(|(link, object_from_link)| {
+            let world_from_link = self.object.pose * *object_from_link;
+            link.samples.iter().map(move |&point| world_from_link.transform_point(point))
+        })
+    }
+
+    /// Projections onto the table.
+    pub fn footprint(&self) -> &Footprint {
+        self.footprint.get_or_init(|| {
+            let pieces: Vec<Polygon> = self.pieces.iter().map(|piece| self.outline_of(piece)).collect();
+            let hull = Polygon::hull(pieces.iter().flat_map(|polygon| polygon.corners.iter().copied()).collect());
+            Footprint { pieces, hull }
+        })
+    }
+
+    fn outline_of(&self, piece: &WorldPiece) -> Polygon {
+        let shape = self.shape_of(piece);
+        let pose = &piece.world_from_piece;
+        let points = match shape {
+            Shape::Box { .. } | Shape::Hull { .. } => {
+                outline_points(shape).into_iter().map(|point| pose.transform_point(point).truncate()).collect()
+            }
+            _ => outline_directions().map(|direction| piece.support(shape, direction).truncate()).collect(),
+        };
+        Polygon::hull(points)
+    }
+
+    fn piece(&self, piece: &WorldPiece) -> &Piece {
+        &self.object.model.links[piece.link].pieces[piece.index]
+    }
+}
+
+impl WorldPiece {
+    /// The farthest point along a direction, both in the world.
+    pub fn support(&self, shape: &Shape, direction: DVec3) -> DVec3 {
+        let local = self.world_from_piece.rotation.inverse() * direction;
+        self.world_from_piece.transform_point(shape.support(local))
+    }
+}

@@ -1,0 +1,80 @@
+//! Where an object may stand to satisfy a relation: proposals for layout and expert, to be judged afterwards.
+
+use genmanip_core::{Aabb, Relation};
+use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::RelationSettings;
+
+/// A rectangle on the table, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Window {
+    /// Smallest and largest x.
+    pub x: [f64; 2],
+    /// Smallest and largest y.
+    pub y: [f64; 2],
+}
+
+impl Window {
+    /// The part that lies in another window; `None` when there is none.
+    pub fn intersection(&self, other: &Self) -> Option<Self> {
+        let clip = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].min(b[1])];
+        let window = Self { x: clip(self.x, other.x), y: clip(self.y, other.y) };
+        window.is_real().then_some(window)
+    }
+
+    /// Whether a point lies in it.
+    pub fn contains(&self, point: DVec2) -> bool {
+        (self.x[0]..=self.x[1]).contains(&point.x) && (self.y[0]..=self.y[1]).contains(&point.y)
+    }
+
+    /// The point at a share of each side, for sampling with two numbers from 0 to 1.
+    pub fn at(&self, u: f64, v: f64) -> DVec2 {
+        DVec2::new(self.x[0] + (self.x[1] - self.x[0]) * u, self.y[0] + (self.y[1] - self.y[0]) * v)
+    }
+
+    fn is_real(&self) -> bool {
+        self.x[0] <= self.x[1] && self.y[0] <= self.y[1]
+    }
+}
+
+/// Where the centre of the subject's bounds may be for the relation to hold against an anchor, with the margin of the
+/// settings kept; `None` when there is no such place or the relation has no single anchor.
+///
+/// `subject_size` is the size of the subject's bounds in the world.
+/// The window is exact for boxes; round things can be a little farther apart than their bounds, and `near` includes the
+/// anchor itself, so every proposal has to be judged.
+pub fn placement_window(
+    relation: Relation,
+    anchor_bounds: &Aabb,
+    subject_size: DVec3,
+    settings: &RelationSettings,
+) -> Option<Window> {
+    let margin = settings.window_margin_m;
+    let half = subject_size * 0.5;
+    let (low, high) = (anchor_bounds.min, anchor_bounds.max);
+    let beyond_low = |low: f64, half: f64| [low - half - settings.close_m + margin, low - half - margin];
+    let beyond_high = |high: f64, half: f64| [high + half + margin, high + half + settings.close_m - margin];
+    // Sideways at least a third of the narrower one is in common, so that the relation is plain to see.
+    let beside = |low: f64, high: f64, half: f64| {
+        let common = ((high - low).min(2.0 * half) / 3.0).max(margin);
+        [low - half + common, high + half - common]
+    };
+    let within = |low: f64, high: f64| [low, high];
+    let around = |low: f64, high: f64, half: f64| {
+        let reach = half + settings.close_m - margin;
+        [low - reach, high + reach]
+    };
+    let (x, y) = match relation {
+        Relation::Left => (beside(low.x, high.x, half.x), beyond_high(high.y, half.y)),
+        Relation::Right => (beside(low.x, high.x, half.x), beyond_low(low.y, half.y)),
+        Relation::Front => (beyond_high(high.x, half.x), beside(low.y, high.y, half.y)),
+        Relation::Back => (beyond_low(low.x, half.x), beside(low.y, high.y, half.y)),
+        Relation::Near => (around(low.x, high.x, half.x), around(low.y, high.y, half.y)),
+        Relation::Top | Relation::On | Relation::In => (within(low.x, high.x), within(low.y, high.y)),
+        Relation::Between => return None,
+    };
+    let window = Window { x, y };
+    window.is_real().then_some(window)
+}

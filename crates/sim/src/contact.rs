@@ -1,0 +1,161 @@
+//! Who touches whom, and how hard.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use genmanip_core::glam::DVec3;
+use mujoco_rs::wrappers::{MjData, MjModel};
+
+use crate::Scene;
+
+/// A body of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum BodyId {
+    /// The table's slab.
+    Table,
+    /// The ground beneath.
+    Floor,
+    /// A link of the robot.
+    Robot {
+        /// Index in the robot's links.
+        link: usize,
+    },
+    /// A link of an object.
+    Object {
+        /// Index in the scene's objects.
+        object: usize,
+        /// Index in the object's links.
+        link: usize,
+    },
+}
+
+/// One contact point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactReport {
+    /// One body.
+    pub a: BodyId,
+    /// The other.
+    pub b: BodyId,
+    /// Gap, metres; negative is penetration.
+    pub distance: f64,
+    /// Force along the normal, N.
+    pub normal_force: f64,
+    /// Where, in the world.
+    pub position: DVec3,
+    /// Unit normal in the world, from `a` to `b`.
+    pub normal: DVec3,
+}
+
+impl ContactReport {
+    /// The other body, if `body` takes part.
+    pub fn other(&self, body: BodyId) -> Option<BodyId> {
+        match body {
+            _ if body == self.a => Some(self.b),
+            _ if body == self.b => Some(self.a),
+            _ => None,
+        }
+    }
+}
+
+/// All contacts the engine has just computed.
+pub(crate) fn contacts<'a>(
+    scene: &'a Scene,
+    data: &'a MjData<Arc<MjModel>>,
+) -> impl Iterator<Item = ContactReport> + 'a {
+    let body_of_geom = scene.model.geom_bodyid();
+    data.contact().iter().enumerate().map(move |(index, contact)| {
+        let [a, b] = contact.geom.map(|geom| scene.bodies[body_of_geom[geom as usize] as usize]);
+        let [x, y, z, ..] = contact.frame;
+        ContactReport {
+            a,
+            b,
+            distance: contact.dist,
+            normal_force: data.contact_force(index)[0],
+            position: DVec3::from_array(contact.pos),
+            normal: DVec3::new(x, y, z),
+        }
+    })
+}
+
+/// A finger of the gripper at one physics step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Finger {
+    /// Index in the robot's links.
+    pub link: usize,
+    /// Unit vector in the world along which it closes.
+    pub closing: DVec3,
+}
+
+/// What the robot touched during one control interval.
+#[derive(Debug, Default)]
+pub(crate) struct TouchTally {
+    /// Largest force per pair of a robot link and another body that counts as stray unless the body is held, N.
+    stray: BTreeMap<(BodyId, BodyId), f64>,
+    /// Objects both fingers pressed on at some physics step.
+    held: BTreeSet<usize>,
+    /// The object held most firmly at the first physics step.
+    held_at_start: Option<usize>,
+    steps: usize,
+}
+
+/// Less normal force than this is no touch, N.
+const TOUCH_N: f64 = 1e-3;
+/// A finger presses in its closing direction when the contact normal is within 45 degrees of it.
+const CLOSING_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+impl TouchTally {
+    /// Counts the contacts of one physics step.
+    pub fn add(&mut self, fingers: [Finger; 2], contacts: impl Iterator<Item = ContactReport>) {
+        let mut stray: BTreeMap<(BodyId, BodyId), f64> = BTreeMap::new();
+        let mut pressed: [BTreeMap<usize, f64>; 2] = Default::default();
+        for contact in contacts {
+            // The robot first; of two of its links the lower one.
+            let (robot, other, towards_other) = match (contact.a, contact.b) {
+                (BodyId::Robot { link: a }, BodyId::Robot { link: b }) if a > b => {
+                    (contact.b, contact.a, -contact.normal)
+                }
+                (BodyId::Robot { .. }, _) => (contact.a, contact.b, contact.normal),
+                (_, BodyId::Robot { .. }) => (contact.b, contact.a, -contact.normal),
+                _ => continue,
+            };
+            let finger = fingers.iter().position(|finger| robot == BodyId::Robot { link: finger.link });
+            let mut grasping = false;
+            if let Some(finger) = finger {
+                grasping = towards_other.dot(fingers[finger].closing) > CLOSING_COSINE;
+                match other {
+                    BodyId::Object { object, .. } => {
+                        *pressed[finger].entry(object).or_default() += contact.normal_force
+                    }
+                    BodyId::Robot { link } => grasping |= fingers.iter().any(|finger| finger.link == link),
+                    BodyId::Table | BodyId::Floor => grasping = false,
+                }
+            }
+            if !grasping {
+                *stray.entry((robot, other)).or_default() += contact.normal_force;
+            }
+        }
+        let [first, second] = pressed;
+        let firmness = |object: &usize| first[object].min(second.get(object).copied().unwrap_or(0.0));
+        let held: Vec<usize> = first.keys().copied().filter(|object| firmness(object) > TOUCH_N).collect();
+        if self.steps == 0 {
+            self.held_at_start = held.iter().copied().max_by(|a, b| firmness(a).total_cmp(&firmness(b)));
+        }
+        self.steps += 1;
+        self.held.extend(held);
+        for (pair, force) in stray {
+            let largest = self.stray.entry(pair).or_default();
+            *largest = largest.max(force);
+        }
+    }
+
+    /// Index of the object both fingers pressed on at the first step; of several, the most firmly held.
+    pub fn grasped(&self) -> Option<usize> {
+        self.held_at_start
+    }
+
+    /// Largest stray force, N; what is held does not count, whatever part of the robot it touches.
+    pub fn stray_force(&self) -> f64 {
+        let is_held = |body: &BodyId| matches!(body, BodyId::Object { object, .. } if self.held.contains(object));
+        self.stray.iter().filter(|((_, other), _)| !is_held(other)).map(|(_, force)| *force).fold(0.0, f64::max)
+    }
+}

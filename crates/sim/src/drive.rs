@@ -1,0 +1,59 @@
+//! From a command to what the drives are told.
+//!
+//! The arm's position servos hold the last applied command in the saved state (`ctrl`), so that the interpolation
+//! of the next interval starts from the same bits after a restore.
+
+use genmanip_core::RobotModel;
+
+use crate::{SimError, SimSettings};
+
+/// Set point of the width drive for a commanded opening.
+///
+/// Equal to the width, but below `grip_overclose_m` it falls twice as fast and ends that much beyond closed,
+/// so that a thin thing is held with full force too.
+pub(crate) fn setpoint_from_width(width: f64, settings: &SimSettings) -> f64 {
+    let overclose = settings.grip_overclose_m;
+    if width >= overclose { width } else { 2.0 * width - overclose }
+}
+
+/// Set point of the width drive at the end of an interval: towards the commanded width at the fingers' published speed.
+pub(crate) fn next_setpoint(current: f64, width: f64, robot: &RobotModel, settings: &SimSettings) -> f64 {
+    let fingers = robot.gripper.fingers.iter().filter_map(|&link| robot.links.get(link)?.joint.as_ref());
+    let reach = fingers.map(|joint| joint.max_velocity).sum::<f64>() * settings.control_period_s();
+    setpoint_from_width(width, settings).clamp(current - reach, current + reach)
+}
+
+/// The command as it will be applied: f32, within the joint ranges, no faster than the joints' published speeds.
+///
+/// Applying the result again gives the same result, so that recorded commands replay exactly.
+pub(crate) fn applied_command(
+    command: &[f32],
+    previous_targets: &[f64],
+    robot: &RobotModel,
+    settings: &SimSettings,
+) -> Result<Vec<f32>, SimError> {
+    let expected = robot.arm_dof() + 1;
+    if command.len() != expected {
+        return Err(SimError::CommandLength { expected, got: command.len() });
+    }
+    if let Some((index, &value)) = command.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+        return Err(SimError::CommandNotFinite { index, value });
+    }
+    let mut applied: Vec<f32> = robot
+        .arm_joints()
+        .zip(previous_targets)
+        .zip(command)
+        .map(|((joint, &previous), &target)| {
+            let reach = joint.max_velocity * settings.control_period_s();
+            let near = f64::from(target).clamp(previous - reach, previous + reach);
+            near.clamp(joint.lower, joint.upper) as f32
+        })
+        .collect();
+    applied.extend(command.last().map(|&width| width.clamp(0.0, robot.gripper.max_width as f32)));
+    Ok(applied)
+}
+
+/// Straight from one number to another; exactly `to` at `t` = 1.
+pub(crate) fn lerp(from: f64, to: f64, t: f64) -> f64 {
+    if t >= 1.0 { to } else { from + (to - from) * t }
+}

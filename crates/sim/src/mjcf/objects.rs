@@ -1,0 +1,108 @@
+//! Objects as free bodies with exact convex pieces and given inertia.
+
+use std::sync::Arc;
+
+use genmanip_core::{JointKind, ObjectModel};
+
+use super::{Parts, color, geom, inertial, mesh, with_pose};
+use crate::xml::Element;
+use crate::{SceneObject, SimSettings};
+
+pub(crate) fn object_body(object: &str, link: &str) -> String {
+    format!("object/{object}/{link}")
+}
+
+pub(crate) fn object_joint(object: &str, joint: &str) -> String {
+    format!("object/{object}/{joint}")
+}
+
+/// Name of the free joint of an object's root.
+pub(crate) fn object_free_joint(object: &str) -> String {
+    format!("object/{object}")
+}
+
+pub(super) fn add(parts: &mut Parts, objects: &[SceneObject], settings: &SimSettings) {
+    for (index, object) in objects.iter().enumerate() {
+        // Equal models share their meshes; the first object of a model names them.
+        let first = objects[..index].iter().find(|other| Arc::ptr_eq(&other.model, &object.model));
+        let owner = first.map_or(object.name.as_str(), |other| other.name.as_str());
+        if first.is_none() {
+            add_meshes(parts, &object.model, owner);
+        }
+        let mut writer = Writer { object, owner, settings, qpos: &mut parts.qpos };
+        let body = writer.root();
+        parts.bodies.push(body);
+    }
+}
+
+/// Name of a piece, shared by its geometry and its mesh.
+fn piece_name(owner: &str, link: &str, piece: usize) -> String {
+    format!("object/{owner}/{link}/{piece}")
+}
+
+fn add_meshes(parts: &mut Parts, model: &ObjectModel, owner: &str) {
+    for link in &model.links {
+        for (number, piece) in link.pieces.iter().enumerate() {
+            parts.assets.extend(mesh(piece, &piece_name(owner, &link.name, number)));
+        }
+    }
+}
+
+struct Writer<'a> {
+    object: &'a SceneObject,
+    owner: &'a str,
+    settings: &'a SimSettings,
+    qpos: &'a mut Vec<f64>,
+}
+
+impl Writer<'_> {
+    fn root(&mut self) -> Element {
+        let pose = self.object.pose;
+        self.qpos.extend(pose.position.to_array());
+        self.qpos.extend(pose.to_wxyz_array());
+        let name = object_body(&self.object.name, &self.object.model.links[0].name);
+        let mut body = with_pose(Element::named("body", &name), &pose)
+            .child(Element::named("freejoint", &object_free_joint(&self.object.name)));
+        self.fill(&mut body, 0);
+        body
+    }
+
+    fn fill(&mut self, body: &mut Element, index: usize) {
+        let model = Arc::clone(&self.object.model);
+        let link = &model.links[index];
+        let [turning, rolling] = self.settings.object_rotational_friction;
+        let rgba = color(link.visual.first().map(|part| &part.material));
+        body.push(inertial(&link.mass));
+        for (number, piece) in link.pieces.iter().enumerate() {
+            let name = piece_name(&self.object.name, &link.name, number);
+            body.push(
+                geom(&name, "object", piece, &piece_name(self.owner, &link.name, number))
+                    .numbers("friction", &[model.friction, turning, rolling])
+                    .numbers("rgba", &rgba),
+            );
+        }
+        for (child, link) in model.links.iter().enumerate() {
+            let Some(joint) = link.joint.as_ref().filter(|joint| joint.parent == index) else { continue };
+            let kind = match joint.kind {
+                JointKind::Revolute => "hinge",
+                JointKind::Prismatic => "slide",
+            };
+            // Positions are listed in the order of the links, which need not be the order of the tree.
+            let number = model.links[..child].iter().filter(|link| link.joint.is_some()).count();
+            self.qpos.push(self.object.joint_positions.get(number).copied().unwrap_or(0.0));
+            let name = object_body(&self.object.name, &link.name);
+            let mut element = with_pose(Element::named("body", &name), &joint.parent_from_joint).child(
+                Element::named("joint", &object_joint(&self.object.name, &joint.name))
+                    .text("type", kind)
+                    .numbers("axis", &joint.axis.to_array())
+                    .numbers("range", &joint.range)
+                    .number("damping", joint.damping)
+                    .number("frictionloss", joint.friction_loss)
+                    .number("stiffness", joint.stiffness)
+                    .number("springref", joint.spring_reference),
+            );
+            self.fill(&mut element, child);
+            body.push(element);
+        }
+    }
+}

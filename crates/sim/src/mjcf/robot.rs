@@ -1,0 +1,151 @@
+//! The robot's bodies, drives and limits.
+
+use genmanip_core::{JointKind, RobotJoint, RobotModel};
+
+use super::{GRIP, Parts, geom, inertial, mesh, with_pose};
+use crate::SimSettings;
+use crate::xml::Element;
+
+/// Pieces this close to the nearest one still count as the pad, m.
+const PAD_TIE_M: f64 = 1e-3;
+/// Time constant of the finger coupling in physics steps: as stiff as the integrator allows.
+const COUPLING_STEPS: f64 = 2.5;
+
+pub(crate) fn robot_body(link: &str) -> String {
+    format!("robot/{link}")
+}
+
+pub(crate) fn robot_joint(joint: &str) -> String {
+    format!("robot/{joint}")
+}
+
+/// Name of the joint of finger 0 or 1.
+pub(crate) fn finger_joint(robot: &RobotModel, finger: usize) -> Option<String> {
+    let link = robot.links.get(*robot.gripper.fingers.get(finger)?)?;
+    link.joint.as_ref().map(|joint| robot_joint(&joint.name))
+}
+
+pub(super) fn add(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings) {
+    let mut home = robot.home.iter().copied();
+    let roots = (0..robot.links.len()).filter(|&index| robot.links[index].parent.is_none());
+    for root in roots {
+        let body = link_body(parts, robot, root, &mut home, settings);
+        parts.bodies.push(body);
+    }
+    for &(a, b) in &robot.never_colliding {
+        if let (Some(a), Some(b)) = (robot.links.get(a), robot.links.get(b)) {
+            parts
+                .contacts
+                .push(Element::new("exclude").text("body1", &robot_body(&a.name)).text("body2", &robot_body(&b.name)));
+        }
+    }
+    add_arm_drives(parts, robot, settings);
+    add_gripper_drive(parts, robot, settings);
+}
+
+fn link_body(
+    parts: &mut Parts,
+    robot: &RobotModel,
+    index: usize,
+    home: &mut impl Iterator<Item = f64>,
+    settings: &SimSettings,
+) -> Element {
+    let link = &robot.links[index];
+    let is_finger = robot.gripper.fingers.contains(&index);
+    let mut body =
+        with_pose(Element::named("body", &robot_body(&link.name)), &link.parent_from_link).number("gravcomp", 1.0);
+    if link.mass.mass_kg > 0.0 {
+        body.push(inertial(&link.mass));
+    }
+    if let Some(joint) = &link.joint {
+        let start = if is_finger { robot.gripper.max_width / 2.0 } else { home.next().unwrap_or(0.0) };
+        parts.qpos.push(start);
+        body.push(joint_element(joint, is_finger, settings));
+    }
+    let pads = if is_finger { pad_pieces(robot, index) } else { Vec::new() };
+    for (number, piece) in link.pieces.iter().enumerate() {
+        let name = format!("robot/{}/{number}", link.name);
+        parts.assets.extend(mesh(piece, &name));
+        let class = if pads.contains(&number) { "pad" } else { "robot" };
+        body.push(geom(&name, class, piece, &name));
+    }
+    for child in (0..robot.links.len()).filter(|&child| robot.links[child].parent == Some(index)) {
+        let child = link_body(parts, robot, child, home, settings);
+        body.push(child);
+    }
+    body
+}
+
+fn joint_element(joint: &RobotJoint, is_finger: bool, settings: &SimSettings) -> Element {
+    let kind = match joint.kind {
+        JointKind::Revolute => "hinge",
+        JointKind::Prismatic => "slide",
+    };
+    let element = Element::named("joint", &robot_joint(&joint.name))
+        .text("type", kind)
+        .numbers("axis", &joint.axis.to_array())
+        .numbers("range", &[joint.lower, joint.upper]);
+    if is_finger {
+        element.number("armature", settings.finger_armature).number("damping", settings.finger_damping)
+    } else {
+        // The motors carry the arm against gravity, and their sum stays within the maker's limit.
+        element
+            .number("armature", settings.arm_armature)
+            .number("damping", settings.arm_damping)
+            .text("actuatorgravcomp", "true")
+            .numbers("actuatorfrcrange", &[-joint.max_effort, joint.max_effort])
+    }
+}
+
+/// The pieces of a finger that touch what is held: those whose centre is nearest to the tcp with the gripper closed.
+fn pad_pieces(robot: &RobotModel, finger: usize) -> Vec<usize> {
+    let poses = robot.link_poses(&robot.home, 0.0);
+    let (Some(world_from_finger), Some(world_from_hand)) = (poses.get(finger), poses.get(robot.hand)) else {
+        return Vec::new();
+    };
+    let tcp = world_from_hand.transform_point(robot.hand_from_tcp.position);
+    let distances: Vec<f64> = robot.links[finger]
+        .pieces
+        .iter()
+        .map(|piece| world_from_finger.transform_point(piece.link_from_piece.position).distance(tcp))
+        .collect();
+    let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
+    (0..distances.len()).filter(|&index| distances[index] <= nearest + PAD_TIE_M).collect()
+}
+
+/// PD drives: a position and a velocity servo per joint, the latter fed with the command's own speed.
+fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings) {
+    let gain = |gains: &[f64], index: usize| gains.get(index).or(gains.last()).copied().unwrap_or(0.0);
+    for (kind, key, gains) in [("position", "kp", &settings.arm_kp), ("velocity", "kv", &settings.arm_kv)] {
+        for (index, joint) in robot.arm_joints().enumerate() {
+            parts.actuators.push(
+                Element::new(kind)
+                    .text("name", &format!("arm/{}/{kind}", joint.name))
+                    .text("joint", &robot_joint(&joint.name))
+                    .number(key, gain(gains, index)),
+            );
+        }
+    }
+}
+
+/// A force-limited drive on the opening width, and a coupling that keeps both fingers equal as the hand's gear does.
+fn add_gripper_drive(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings) {
+    let (Some(first), Some(second)) = (finger_joint(robot, 0), finger_joint(robot, 1)) else { return };
+    let term = |joint: &str| Element::new("joint").text("joint", joint).number("coef", 1.0);
+    parts.tendons.push(Element::named("fixed", "width").child(term(&first)).child(term(&second)));
+    parts.equalities.push(
+        Element::named("joint", "fingers")
+            .text("joint1", &second)
+            .text("joint2", &first)
+            .numbers("polycoef", &[0.0, 1.0, 0.0, 0.0, 0.0])
+            .numbers("solref", &[COUPLING_STEPS * settings.timestep_s(), 1.0]),
+    );
+    // A force on the width acts on either finger in full, so each gets half of the sum.
+    let per_finger = settings.grip_force_n / 2.0;
+    parts.actuators.push(
+        Element::named("position", GRIP)
+            .text("tendon", "width")
+            .number("kp", settings.grip_kp)
+            .numbers("forcerange", &[-per_finger, per_finger]),
+    );
+}

@@ -1,0 +1,272 @@
+//! The compiled scene: immutable, shared between threads.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use genmanip_core::{ObjectModel, Pose, RobotModel};
+use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
+use mujoco_rs::wrappers::MjModel;
+
+use crate::contact::BodyId;
+use crate::{ENGINE, SimError, SimSettings, engine_version, mjcf};
+
+/// An object and where it starts.
+#[derive(Clone, Debug)]
+pub struct SceneObject {
+    /// Name, unique in the scene; the uid in scenarios.
+    pub name: String,
+    /// The model.
+    pub model: Arc<ObjectModel>,
+    /// `world_from_object`.
+    pub pose: Pose,
+    /// A position per joint, in the order of the links; empty for a rigid object.
+    pub joint_positions: Vec<f64>,
+}
+
+/// A robot and objects on the table, compiled for the physics engine.
+///
+/// Immutable, `Send` and `Sync`: one scene serves any number of [`crate::Sim`]s on any number of threads.
+#[derive(Debug)]
+pub struct Scene {
+    mjcf: String,
+    settings: SimSettings,
+    pub(crate) model: Arc<MjModel>,
+    pub(crate) robot: Option<RobotIndex>,
+    pub(crate) objects: Vec<ObjectIndex>,
+    /// What each body of the engine is.
+    pub(crate) bodies: Vec<BodyId>,
+}
+
+/// Where the robot's numbers are in the engine's arrays.
+#[derive(Debug)]
+pub(crate) struct RobotIndex {
+    pub model: RobotModel,
+    /// Engine body per link.
+    pub link_bodies: Vec<usize>,
+    pub arm_qpos: Vec<usize>,
+    pub arm_dof: Vec<usize>,
+    pub finger_joints: [usize; 2],
+    pub finger_qpos: [usize; 2],
+    /// Controls: position targets, speeds of the targets, width set point.
+    pub position_ctrl: Vec<usize>,
+    pub velocity_ctrl: Vec<usize>,
+    pub grip_ctrl: usize,
+}
+
+/// Where an object's numbers are in the engine's arrays.
+#[derive(Debug)]
+pub(crate) struct ObjectIndex {
+    pub name: String,
+    pub link_names: Vec<String>,
+    pub root_qpos: usize,
+    pub root_dof: usize,
+    pub joint_qpos: Vec<usize>,
+}
+
+impl Scene {
+    /// Compiles a robot, fixed at the world's origin at its `home`, and objects.
+    ///
+    /// # Errors
+    /// Bad settings, names or numbers, or what the engine refuses ([`SimError::Compile`] carries its words).
+    pub fn compile(robot: &RobotModel, objects: &[SceneObject], settings: &SimSettings) -> Result<Self, SimError> {
+        Self::compile_with(Some(robot), objects, settings)
+    }
+
+    /// Compiles table and objects alone, for settling layouts fast.
+    ///
+    /// # Errors
+    /// As [`Scene::compile`].
+    pub fn compile_without_robot(objects: &[SceneObject], settings: &SimSettings) -> Result<Self, SimError> {
+        Self::compile_with(None, objects, settings)
+    }
+
+    fn compile_with(
+        robot: Option<&RobotModel>,
+        objects: &[SceneObject],
+        settings: &SimSettings,
+    ) -> Result<Self, SimError> {
+        let engine = engine_version();
+        if engine != ENGINE {
+            return Err(SimError::EngineVersion { expected: ENGINE.into(), got: engine });
+        }
+        settings.check()?;
+        check_objects(objects)?;
+        if let Some(robot) = robot {
+            check_robot(robot, settings)?;
+        }
+        let mjcf = mjcf::assemble(robot, objects, settings);
+        let model = MjModel::from_xml_string(&mjcf).map_err(|error| SimError::Compile(error.to_string()))?;
+        let names = Names(&model);
+        let robot = robot.map(|robot| names.robot(robot)).transpose()?;
+        let objects = objects.iter().map(|object| names.object(object)).collect::<Result<Vec<_>, _>>()?;
+        let bodies = names.bodies(robot.as_ref(), &objects)?;
+        Ok(Self { mjcf, settings: settings.clone(), model: Arc::new(model), robot, objects, bodies })
+    }
+
+    /// The scene as MJCF text; loads in any MuJoCo 3.17 without further files.
+    pub fn mjcf(&self) -> &str {
+        &self.mjcf
+    }
+
+    /// The settings it was compiled with.
+    pub fn settings(&self) -> &SimSettings {
+        &self.settings
+    }
+
+    /// The robot, if there is one.
+    pub fn robot(&self) -> Option<&RobotModel> {
+        self.robot.as_ref().map(|index| &index.model)
+    }
+
+    /// Number of objects.
+    pub fn object_count(&self) -> usize {
+        self.objects.len()
+    }
+
+    /// A readable name, e.g. `Red Mug` for a rigid object's only body or `Cabinet/drawer`.
+    pub fn body_name(&self, body: BodyId) -> String {
+        match body {
+            BodyId::Table => mjcf::TABLE.into(),
+            BodyId::Floor => mjcf::FLOOR.into(),
+            BodyId::Robot { link } => self
+                .robot()
+                .and_then(|robot| robot.links.get(link))
+                .map_or_else(|| format!("robot/{link}"), |link| mjcf::robot_body(&link.name)),
+            BodyId::Object { object, link } => match self.objects.get(object) {
+                Some(index) if index.link_names.len() == 1 => index.name.clone(),
+                Some(index) => format!("{}/{}", index.name, index.link_names.get(link).map_or("?", String::as_str)),
+                None => format!("object {object}"),
+            },
+        }
+    }
+}
+
+fn check_objects(objects: &[SceneObject]) -> Result<(), SimError> {
+    let mut names = BTreeSet::new();
+    for object in objects {
+        if object.name.is_empty() || object.name.chars().any(char::is_control) {
+            return Err(SimError::BadName(object.name.clone()));
+        }
+        if !names.insert(object.name.as_str()) {
+            return Err(SimError::DuplicateName(object.name.clone()));
+        }
+        let expected = object.model.joint_count();
+        if object.joint_positions.len() != expected {
+            return Err(SimError::JointPositions {
+                object: object.name.clone(),
+                expected,
+                got: object.joint_positions.len(),
+            });
+        }
+        let finite = object.pose.position.is_finite()
+            && object.pose.rotation.is_finite()
+            && object.joint_positions.iter().all(|position| position.is_finite());
+        if !finite {
+            return Err(SimError::NotFinite(format!("the pose of object `{}`", object.name)));
+        }
+        if object.model.links.is_empty() {
+            return Err(SimError::Compile(format!("object `{}` has no body", object.name)));
+        }
+    }
+    Ok(())
+}
+
+fn check_robot(robot: &RobotModel, settings: &SimSettings) -> Result<(), SimError> {
+    let joints = robot.arm_joints().count();
+    if robot.home.len() != joints {
+        return Err(SimError::Settings(format!(
+            "robot `{}` has {joints} arm joints but a home of {} numbers",
+            robot.name,
+            robot.home.len()
+        )));
+    }
+    if settings.grip_force_n > robot.gripper.max_force {
+        return Err(SimError::Settings(format!(
+            "`grip_force_n` must not exceed the hand's {} N, got {}",
+            robot.gripper.max_force, settings.grip_force_n
+        )));
+    }
+    Ok(())
+}
+
+/// A joint's number and where its position and velocity begin.
+struct JointAddress {
+    id: usize,
+    qpos: usize,
+    dof: usize,
+}
+
+/// Name look-ups, once per scene.
+struct Names<'a>(&'a MjModel);
+
+impl Names<'_> {
+    fn id(&self, kind: ObjectType, name: &str) -> Result<usize, SimError> {
+        self.0.name_to_id(kind, name).ok_or_else(|| SimError::Compile(format!("the compiled model lacks `{name}`")))
+    }
+
+    fn joint(&self, name: &str) -> Result<JointAddress, SimError> {
+        let id = self.id(ObjectType::mjOBJ_JOINT, name)?;
+        Ok(JointAddress { id, qpos: self.0.jnt_qposadr()[id] as usize, dof: self.0.jnt_dofadr()[id] as usize })
+    }
+
+    fn robot(&self, robot: &RobotModel) -> Result<RobotIndex, SimError> {
+        let arm: Vec<JointAddress> =
+            robot.arm_joints().map(|joint| self.joint(&mjcf::robot_joint(&joint.name))).collect::<Result<_, _>>()?;
+        let finger = |number: usize| -> Result<JointAddress, SimError> {
+            let name = mjcf::finger_joint(robot, number)
+                .ok_or_else(|| SimError::Settings(format!("robot `{}` has a finger without a joint", robot.name)))?;
+            self.joint(&name)
+        };
+        let fingers = [finger(0)?, finger(1)?];
+        let drives = |kind: &str| -> Result<Vec<usize>, SimError> {
+            robot
+                .arm_joints()
+                .map(|joint| self.id(ObjectType::mjOBJ_ACTUATOR, &format!("arm/{}/{kind}", joint.name)))
+                .collect()
+        };
+        Ok(RobotIndex {
+            link_bodies: robot
+                .links
+                .iter()
+                .map(|link| self.id(ObjectType::mjOBJ_BODY, &mjcf::robot_body(&link.name)))
+                .collect::<Result<_, _>>()?,
+            arm_qpos: arm.iter().map(|joint| joint.qpos).collect(),
+            arm_dof: arm.iter().map(|joint| joint.dof).collect(),
+            finger_joints: fingers.each_ref().map(|joint| joint.id),
+            finger_qpos: fingers.each_ref().map(|joint| joint.qpos),
+            position_ctrl: drives("position")?,
+            velocity_ctrl: drives("velocity")?,
+            grip_ctrl: self.id(ObjectType::mjOBJ_ACTUATOR, mjcf::GRIP)?,
+            model: robot.clone(),
+        })
+    }
+
+    fn object(&self, object: &SceneObject) -> Result<ObjectIndex, SimError> {
+        let root = self.joint(&mjcf::object_free_joint(&object.name))?;
+        let joints = object.model.links.iter().filter_map(|link| link.joint.as_ref());
+        Ok(ObjectIndex {
+            name: object.name.clone(),
+            link_names: object.model.links.iter().map(|link| link.name.clone()).collect(),
+            root_qpos: root.qpos,
+            root_dof: root.dof,
+            joint_qpos: joints
+                .map(|joint| Ok(self.joint(&mjcf::object_joint(&object.name, &joint.name))?.qpos))
+                .collect::<Result<_, SimError>>()?,
+        })
+    }
+
+    fn bodies(&self, robot: Option<&RobotIndex>, objects: &[ObjectIndex]) -> Result<Vec<BodyId>, SimError> {
+        let mut bodies = vec![BodyId::Floor; self.0.nbody() as usize];
+        bodies[self.id(ObjectType::mjOBJ_BODY, mjcf::TABLE)?] = BodyId::Table;
+        for (link, &body) in robot.iter().flat_map(|robot| robot.link_bodies.iter().enumerate()) {
+            bodies[body] = BodyId::Robot { link };
+        }
+        for (object, index) in objects.iter().enumerate() {
+            for (link, name) in index.link_names.iter().enumerate() {
+                let body = self.id(ObjectType::mjOBJ_BODY, &mjcf::object_body(&index.name, name))?;
+                bodies[body] = BodyId::Object { object, link };
+            }
+        }
+        Ok(bodies)
+    }
+}

@@ -1,0 +1,78 @@
+//! Letting things come to rest, for layouts.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Sim, SimError};
+
+/// When things count as at rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SettleSettings {
+    /// Simulated time after which settling gives up, s. 2.
+    pub max_seconds: f64,
+    /// Speed of every object's origin at rest, m/s. 0.002.
+    pub max_speed: f64,
+    /// Angular speed of every object at rest, rad/s. 0.02.
+    pub max_angular_speed: f64,
+    /// How long all must stay below both, s. 0.2.
+    pub quiet_seconds: f64,
+}
+
+impl Default for SettleSettings {
+    fn default() -> Self {
+        Self { max_seconds: 2.0, max_speed: 0.002, max_angular_speed: 0.02, quiet_seconds: 0.2 }
+    }
+}
+
+/// How settling went.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SettleReport {
+    /// Whether everything came to rest in time.
+    pub settled: bool,
+    /// Simulated time it took.
+    pub seconds: f64,
+    /// Per object: how far its origin moved, m.
+    pub displacement: Vec<f64>,
+    /// Per object: by what angle it turned, rad.
+    pub rotation: Vec<f64>,
+    /// Depth of the worst penetration met on the way, m; deep at the start means an overlapping layout.
+    pub max_penetration: f64,
+    /// Depth of the worst penetration at the end, m.
+    pub final_penetration: f64,
+}
+
+impl Sim {
+    /// Runs until all objects are at rest, the drives holding their last targets; for throw-away simulations.
+    ///
+    /// # Errors
+    /// A simulation that diverged.
+    pub fn settle(&mut self, settings: &SettleSettings) -> Result<SettleReport, SimError> {
+        let substeps = self.scene.settings().substeps();
+        let period_s = self.scene.settings().control_period_s();
+        let intervals = |seconds: f64| (seconds / period_s).ceil().max(1.0) as u64;
+        let before = self.object_states();
+        let mut max_penetration = self.penetration();
+        let (mut elapsed, mut quiet) = (0, 0);
+        while quiet < intervals(settings.quiet_seconds) && elapsed < intervals(settings.max_seconds) {
+            self.advance(substeps)?;
+            elapsed += 1;
+            // The contacts of the last physics step are still there.
+            max_penetration = self.data.contact().iter().map(|contact| -contact.dist).fold(max_penetration, f64::max);
+            let at_rest = self
+                .object_states()
+                .iter()
+                .all(|object| object.speed <= settings.max_speed && object.angular_speed <= settings.max_angular_speed);
+            quiet = if at_rest { quiet + 1 } else { 0 };
+        }
+        let after = self.object_states();
+        let pairs = || before.iter().zip(&after);
+        Ok(SettleReport {
+            settled: quiet >= intervals(settings.quiet_seconds),
+            seconds: elapsed as f64 * period_s,
+            displacement: pairs().map(|(from, to)| from.pose.position.distance(to.pose.position)).collect(),
+            rotation: pairs().map(|(from, to)| from.pose.angle_to(&to.pose)).collect(),
+            max_penetration,
+            final_penetration: self.penetration(),
+        })
+    }
+}

@@ -1,0 +1,278 @@
+//! The changing state: stepping, observing, saving.
+
+use std::sync::Arc;
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Frame, ObjectState, Pose};
+use mujoco_rs::wrappers::{MjData, MjModel, MjtState};
+
+use crate::contact::{ContactReport, Finger, TouchTally, contacts};
+use crate::drive::{applied_command, lerp, next_setpoint};
+use crate::scene::RobotIndex;
+use crate::{Scene, SimError};
+
+/// Everything a simulation's future depends on (with the commands to come).
+const STATE: u32 = MjtState::mjSTATE_INTEGRATION as u32;
+/// A position, speed or acceleration beyond this is a divergence (the engine's own bound).
+const DIVERGED: f64 = 1e10;
+const CONTACTS_FULL: usize = 1;
+const CONSTRAINTS_FULL: usize = 2;
+
+/// A simulation of a [`Scene`], starting with the robot at home and every object where it was placed.
+pub struct Sim {
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) data: MjData<Arc<MjModel>>,
+}
+
+impl std::fmt::Debug for Sim {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Sim").field("time_s", &self.time_s()).finish_non_exhaustive()
+    }
+}
+
+impl Sim {
+    /// A simulation at the scene's start.
+    pub fn new(scene: Arc<Scene>) -> Self {
+        let mut data = MjData::new(Arc::clone(&scene.model));
+        // The key frame is written by `mjcf::assemble`, so it always exists.
+        let reset = data.reset_keyframe(0);
+        debug_assert!(reset.is_ok());
+        data.kinematics();
+        Self { scene, data }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// Simulated time since the start.
+    pub fn time_s(&self) -> f64 {
+        self.data.time()
+    }
+
+    /// Runs one control interval (1/60 s).
+    ///
+    /// `command` = arm joint targets and gripper width.
+    /// It is rounded to f32, kept within the joint ranges and the published joint speeds (a target too far away is
+    /// approached as fast as the joint may turn), and approached in a straight line over the interval's physics steps.
+    /// The fingers move at their published speed: closing the Panda's hand from fully open takes 0.9 s.
+    /// The frame holds the command as applied, the state at the *start* of the interval, and the largest torque,
+    /// grip force and stray contact *during* it.
+    /// - `joint_torque`: motor torque including what carries the arm's weight; never above the published limit.
+    /// - `grip_force`: sum over both fingers.
+    /// - `grasped`: the object both fingers press on at the start; of several, the one held most firmly.
+    /// - `stray_contact_n`: normal force summed over the contact points between one link of the robot (fingers
+    ///   included) and one other body, the largest over pairs and physics steps.
+    ///   Not counted are objects that both fingers press on at some step of the interval, a finger's inner side
+    ///   pressing on an object in its closing direction (within 45°: the first touch of a grasp), and finger on finger.
+    ///   A fingertip on the table or on top of an object counts, and so does the outer side of a finger.
+    ///
+    /// # Errors
+    /// A command of the wrong length or not finite (nothing has changed then); a simulation that diverged.
+    pub fn control_step(&mut self, command: &[f32]) -> Result<Frame, SimError> {
+        let scene = Arc::clone(&self.scene);
+        let settings = scene.settings();
+        let robot = scene.robot.as_ref().ok_or(SimError::NoRobot)?;
+        let start: Vec<f64> = self.data.ctrl().to_vec();
+        let previous: Vec<f64> = robot.position_ctrl.iter().map(|&index| start[index]).collect();
+        let applied = applied_command(command, &previous, &robot.model, settings)?;
+        let (targets, width) = applied.split_at(robot.model.arm_dof());
+        let targets: Vec<f64> = targets.iter().copied().map(f64::from).collect();
+        let width = width.iter().copied().map(f64::from).sum();
+        let setpoint = next_setpoint(start[robot.grip_ctrl], width, &robot.model, settings);
+
+        let mut frame = self.observe(robot, applied);
+        let mut touches = TouchTally::default();
+        for substep in 1..=settings.substeps() {
+            let t = f64::from(substep) / f64::from(settings.substeps());
+            let ctrl = self.data.ctrl_mut();
+            for (joint, (&from, &to)) in previous.iter().zip(&targets).enumerate() {
+                ctrl[robot.position_ctrl[joint]] = lerp(from, to, t);
+                ctrl[robot.velocity_ctrl[joint]] = (to - from) / settings.control_period_s();
+            }
+            ctrl[robot.grip_ctrl] = lerp(start[robot.grip_ctrl], setpoint, t);
+            self.step_with(|scene, data| {
+                touches.add(fingers(robot, data), contacts(scene, data));
+                let torque = data.qfrc_actuator();
+                for (largest, &dof) in frame.joint_torque.iter_mut().zip(&robot.arm_dof) {
+                    *largest = largest.max(torque[dof].abs());
+                }
+                // The drive's force acts on either finger in full.
+                frame.grip_force = frame.grip_force.max(2.0 * data.actuator_force()[robot.grip_ctrl].abs());
+            })?;
+        }
+        self.data.kinematics();
+        frame.grasped = touches.grasped();
+        frame.stray_contact_n = touches.stray_force();
+        Ok(frame)
+    }
+
+    /// Runs physics steps with the drives holding their last targets.
+    ///
+    /// # Errors
+    /// A simulation that diverged.
+    pub fn advance(&mut self, physics_steps: u32) -> Result<(), SimError> {
+        for _ in 0..physics_steps {
+            self.step_with(|_, _| ())?;
+        }
+        self.data.kinematics();
+        Ok(())
+    }
+
+    /// Poses and speeds of the objects, in the scene's order; the speed is that of the object's origin.
+    pub fn object_states(&self) -> Vec<ObjectState> {
+        let (qpos, qvel) = (self.data.qpos(), self.data.qvel());
+        let norm = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
+        self.scene
+            .objects
+            .iter()
+            .map(|object| ObjectState {
+                pose: free_pose(&qpos[object.root_qpos..]),
+                joint_positions: object.joint_qpos.iter().map(|&address| qpos[address]).collect(),
+                speed: norm(&qvel[object.root_dof..object.root_dof + 3]),
+                angular_speed: norm(&qvel[object.root_dof + 3..object.root_dof + 6]),
+            })
+            .collect()
+    }
+
+    /// `world_from_link` of each of the robot's links, as simulated (both fingers on their own); empty without robot.
+    pub fn link_poses(&self) -> Vec<Pose> {
+        let robot = self.scene.robot.as_ref();
+        robot.iter().flat_map(|robot| robot.link_bodies.iter().map(|&body| self.body_pose(body))).collect()
+    }
+
+    /// All contacts of the current state.
+    pub fn contacts(&mut self) -> Vec<ContactReport> {
+        self.evaluate(|scene, data| contacts(scene, data).collect())
+    }
+
+    /// Depth of the worst penetration, metres; 0 when nothing overlaps.
+    pub fn penetration(&mut self) -> f64 {
+        self.evaluate(|_, data| data.contact().iter().map(|contact| -contact.dist).fold(0.0, f64::max))
+    }
+
+    /// The complete state: with it and the commands to come, the future is decided to the last bit.
+    pub fn state(&self) -> Vec<f64> {
+        self.data.state(STATE).into_vec()
+    }
+
+    /// Restores a state of this scene.
+    ///
+    /// # Errors
+    /// A state of another length or with numbers that are not finite.
+    pub fn set_state(&mut self, state: &[f64]) -> Result<(), SimError> {
+        let expected = self.scene.model.state_size(STATE);
+        if state.len() != expected {
+            return Err(SimError::StateLength { expected, got: state.len() });
+        }
+        if !state.iter().all(|value| value.is_finite()) {
+            return Err(SimError::NotFinite("the saved state".into()));
+        }
+        self.data.set_state(state, STATE).map_err(|_| SimError::StateLength { expected, got: state.len() })?;
+        self.data.kinematics();
+        Ok(())
+    }
+
+    /// Arm joint positions, base to hand; empty without a robot.
+    pub fn joint_positions(&self) -> Vec<f64> {
+        let robot = self.scene.robot.iter();
+        robot.flat_map(|robot| robot.arm_qpos.iter().map(|&address| self.data.qpos()[address])).collect()
+    }
+
+    /// Opening between the pads; 0 without a robot.
+    pub fn gripper_width(&self) -> f64 {
+        let robot = self.scene.robot.iter();
+        robot.flat_map(|robot| robot.finger_qpos.iter().map(|&address| self.data.qpos()[address])).sum()
+    }
+
+    /// Index of the object both fingers press on now; of several, the one held most firmly.
+    pub fn grasped(&mut self) -> Option<usize> {
+        self.evaluate(|scene, data| {
+            let mut touches = TouchTally::default();
+            touches.add(fingers(scene.robot.as_ref()?, data), contacts(scene, data));
+            touches.grasped()
+        })
+    }
+
+    fn observe(&self, robot: &RobotIndex, command: Vec<f32>) -> Frame {
+        let pick = |values: &[f64], addresses: &[usize]| addresses.iter().map(|&address| values[address]).collect();
+        Frame {
+            time_s: self.time_s(),
+            command,
+            joint_position: pick(self.data.qpos(), &robot.arm_qpos),
+            joint_velocity: pick(self.data.qvel(), &robot.arm_dof),
+            joint_torque: vec![0.0; robot.arm_dof.len()],
+            gripper_width: self.gripper_width(),
+            grip_force: 0.0,
+            tcp: self.body_pose(robot.link_bodies[robot.model.hand]) * robot.model.hand_from_tcp,
+            objects: self.object_states(),
+            grasped: None,
+            stray_contact_n: 0.0,
+        }
+    }
+
+    fn body_pose(&self, body: usize) -> Pose {
+        Pose::from_wxyz_array(self.data.xpos()[body], self.data.xquat()[body])
+    }
+
+    /// One physics step; `look` sees forces and contacts before the state moves on.
+    ///
+    /// The engine's own step, taken apart, so that a divergence is an error instead of a silent reset.
+    fn step_with(&mut self, look: impl FnOnce(&Scene, &MjData<Arc<MjModel>>)) -> Result<(), SimError> {
+        self.data.fwd_position();
+        self.data.fwd_velocity();
+        self.data.fwd_actuation();
+        self.data.fwd_acceleration();
+        self.data.fwd_constraint();
+        self.check()?;
+        look(&self.scene, &self.data);
+        self.data.implicit();
+        Ok(())
+    }
+
+    fn check(&self) -> Result<(), SimError> {
+        let bounded = |values: &[f64]| values.iter().all(|value| value.abs() < DIVERGED);
+        let quantities =
+            [("position", self.data.qpos()), ("speed", self.data.qvel()), ("acceleration", self.data.qacc())];
+        if let Some((what, _)) = quantities.iter().find(|(_, values)| !bounded(values)) {
+            return Err(SimError::Unstable { time_s: self.time_s(), what: format!("a {what} is not bounded") });
+        }
+        let warnings = self.data.warning();
+        if warnings[CONTACTS_FULL].number > 0 || warnings[CONSTRAINTS_FULL].number > 0 {
+            return Err(SimError::ContactsDropped {
+                time_s: self.time_s(),
+                arena_mib: self.scene.settings().arena_mib,
+            });
+        }
+        Ok(())
+    }
+
+    /// Computes contacts and forces of the current state and leaves the state as it was.
+    fn evaluate<T>(&mut self, look: impl FnOnce(&Scene, &MjData<Arc<MjModel>>) -> T) -> T {
+        let state = self.data.state(STATE);
+        self.data.forward();
+        let result = look(&self.scene, &self.data);
+        // The state was read from this very simulation, so it fits.
+        let restored = self.data.set_state(&state, STATE);
+        debug_assert!(restored.is_ok());
+        result
+    }
+}
+
+/// The fingers with the directions in which they close now.
+fn fingers(robot: &RobotIndex, data: &MjData<Arc<MjModel>>) -> [Finger; 2] {
+    let gripper = &robot.model.gripper;
+    [0, 1].map(|index| Finger {
+        link: gripper.fingers[index],
+        // Positive positions open.
+        closing: -DVec3::from_array(data.xaxis()[robot.finger_joints[index]]),
+    })
+}
+
+fn free_pose(qpos: &[f64]) -> Pose {
+    match qpos {
+        [x, y, z, qw, qx, qy, qz, ..] => Pose::from_wxyz_array([*x, *y, *z], [*qw, *qx, *qy, *qz]),
+        _ => Pose::from_position(DVec3::NAN),
+    }
+}

@@ -1,0 +1,91 @@
+//! Drives and the text of a scene.
+
+use std::sync::Arc;
+
+use genmanip_core::glam::{DMat3, DVec3};
+use genmanip_core::{MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape};
+
+use crate::drive::{lerp, setpoint_from_width};
+use crate::xml::Element;
+use crate::{Scene, SceneObject, SimSettings};
+
+#[test]
+fn width_setpoints_are_continuous_and_end_beyond_closed() {
+    let settings = SimSettings::default();
+    let cases = [(0.08, 0.08), (0.02, 0.02), (0.01, 0.01), (0.005, 0.0), (0.0, -0.01)];
+    for (width, setpoint) in cases {
+        assert!((setpoint_from_width(width, &settings) - setpoint).abs() < 1e-12, "{width}");
+    }
+}
+
+#[test]
+fn interpolation_ends_exactly() {
+    assert_eq!(lerp(0.1, 0.3, 1.0), 0.3);
+    assert_eq!(lerp(0.1, 0.3, 0.0), 0.1);
+}
+
+#[test]
+fn settings_survive_a_file() {
+    let settings = SimSettings { grip_force_n: 1.0 / 3.0, ..SimSettings::default() };
+    let text = serde_json::to_string(&settings).expect("plain numbers");
+    assert_eq!(serde_json::from_str::<SimSettings>(&text).expect("its own text"), settings);
+    assert!(serde_json::from_str::<SimSettings>(r#"{"grip_kq": 1.0}"#).is_err());
+}
+
+#[test]
+fn text_is_escaped_and_numbers_are_exact() {
+    let element = Element::named("body", "a<b> & \"c\"").numbers("pos", &[0.1 + 0.2, -0.0, 1e-7]);
+    assert_eq!(
+        element.render(),
+        "<body name=\"a&lt;b&gt; &amp; &quot;c&quot;\" pos=\"0.30000000000000004 -0 0.0000001\"/>\n"
+    );
+}
+
+/// The names and the form of the text are an interface: `export --mjcf` hands it to people.
+#[test]
+fn a_small_scene_reads_well() {
+    let tetrahedron = Shape::Hull { points: vec![DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1, DVec3::Z * 0.1] };
+    let model = Arc::new(wedge(vec![
+        Piece::at(DVec3::ZERO, tetrahedron),
+        Piece::at(DVec3::Z * 0.02, Shape::Sphere { radius: 0.02 }),
+    ]));
+    let place = |name: &str, x: f64| SceneObject {
+        name: name.into(),
+        model: Arc::clone(&model),
+        pose: Pose::from_position(DVec3::new(x, 0.0, 0.0)),
+        joint_positions: vec![],
+    };
+    let objects = [place("Left Wedge", 0.4), place("Right Wedge", 0.6)];
+    let scene = Scene::compile_without_robot(&objects, &SimSettings::default()).expect("a sound scene");
+    insta::assert_snapshot!(scene.mjcf());
+}
+
+fn wedge(pieces: Vec<Piece>) -> ObjectModel {
+    let mass =
+        MassProperties { mass_kg: 0.1, center: DVec3::splat(0.025), inertia: DMat3::from_diagonal(DVec3::splat(1e-4)) };
+    ObjectModel {
+        card: ObjectCard {
+            uid: "wedge".into(),
+            name: "Wedge".into(),
+            description: String::new(),
+            category: String::new(),
+            general_category: String::new(),
+            colors: vec![],
+            materials: vec![],
+            shape: String::new(),
+            size_m: DVec3::splat(0.1),
+            mass_kg: 0.1,
+            is_container: false,
+            is_articulated: false,
+            states: vec![],
+            can_grasp: true,
+        },
+        family: "test".into(),
+        seed: Seed::new(0),
+        generator_version: 1,
+        links: vec![ObjectLink { name: "body".into(), joint: None, visual: vec![], pieces, mass }],
+        cavity: vec![],
+        friction: 0.5,
+        joint_states: vec![],
+    }
+}
