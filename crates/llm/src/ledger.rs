@@ -108,3 +108,39 @@ impl std::fmt::Display for Cost {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Structure, Usage};
+
+    fn reply(attempts: u32, usage: Option<(u64, u64)>) -> ChatReply {
+        ChatReply {
+            text: "x".into(),
+            model: "exact name".into(),
+            finish_reason: None,
+            usage: usage.map(|(prompt_tokens, completion_tokens)| Usage { prompt_tokens, completion_tokens }),
+            structure: Structure::Plain,
+            attempts,
+        }
+    }
+
+    fn check(replies: &[ChatReply], expected: &str) {
+        let price = Price { input_per_million: 2.0, output_per_million: 10.0, currency: "EUR".into() };
+        let prices = BTreeMap::from([("m".to_owned(), price)]);
+        let mut ledger = Ledger::default();
+        replies.iter().for_each(|reply| ledger.add("m", reply));
+        assert_eq!(ledger.costs(&prices)["m"].to_string(), expected);
+        if replies.iter().any(|reply| reply.attempts > 0) {
+            assert_eq!(ledger.costs(&BTreeMap::new())["m"], Cost::Unknown);
+        }
+    }
+
+    #[test]
+    fn costs() {
+        check(&[reply(1, Some((1_000_000, 0))), reply(3, Some((500_000, 100_000)))], "4.0000 EUR");
+        check(&[reply(1, Some((1_000_000, 0))), reply(1, None)], "unknown");
+        check(&[reply(0, Some((1_000_000, 0)))], "0.0000 EUR");
+        check(&[reply(1, Some((u64::MAX, 0))), reply(1, Some((u64::MAX, 0)))], "36893488147419.1016 EUR");
+    }
+}

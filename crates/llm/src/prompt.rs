@@ -246,3 +246,38 @@ fn filled(schema: &Value, lists: &[(&str, Vec<&str>)]) -> Value {
         other => other.clone(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_and_inputs_are_checked() {
+        let head = |inputs: &str| format!("+++\nid = \"x\"\nversion = 1\ninputs = {inputs}\n+++\n");
+        let check = |content: String, part: &str| {
+            let error = Prompt::parse("x.md", &content, &["a"]).unwrap_err().to_string();
+            assert!(error.contains(part) && error.ends_with("x.md"), "{error}");
+        };
+        check("Hello {{a}}".into(), "the first line is not `+++`");
+        check("+++\nid = 1".into(), "the second `+++` is missing");
+        check("+++\nid = 1\n+++\n".into(), "invalid type");
+        check(head("[\"a\"]") + "no placeholder", "used are []");
+        check(head("[]") + "{{a}}", "declared are []");
+        check(head("[\"a\", \"b\"]") + "{{a}} {{b}}", "expected the inputs [\"a\"]");
+        let prompt = Prompt::parse("x.md", &(head("[\"a\"]") + "<{{a}}> {1} <{{a}}>\n\n"), &["a"]).unwrap();
+        assert_eq!(prompt.render(&[("a", "{{a}}")]), "<{{a}}> {1} <{{a}}>");
+    }
+
+    #[test]
+    fn a_folder_replaces_single_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "+++\nid = \"mine\"\nversion = 7\ninputs = [\"violations\"]\n+++\nMend {{violations}}!\n";
+        std::fs::write(folder.path().join("repair.md"), text).unwrap();
+        let (mine, builtin) = (PromptSet::load(Some(folder.path())).unwrap(), PromptSet::load(None).unwrap());
+        assert_eq!(mine.repair.render(&[("violations", "x")]), "Mend x!");
+        assert_eq!(mine.system, builtin.system);
+        let stamp = |set: &PromptSet| set.stamps(TaskKind::Spatial).pop().unwrap();
+        assert_eq!((stamp(&mine).version, stamp(&builtin).version), (7, 1));
+        assert!(PromptSet::load(Some(&folder.path().join("none"))).is_err());
+    }
+}

@@ -3,6 +3,7 @@
 mod cassettes;
 mod client;
 mod generation;
+mod guide;
 mod secrets;
 
 use genmanip_core::{ObjectCard, Seed};
