@@ -135,7 +135,7 @@ impl Designer {
         let request = TaskRequest {
             id: format!("llm_{}_{seed}_{index:04}", kind.name()),
             kind,
-            offered: offered.as_ref().map(Clone::clone).unwrap_or_default(),
+            offered: offered.clone().unwrap_or_default(),
             min_objects: self.settings.min_objects,
             source: format!("language model {}", self.model_name),
         };

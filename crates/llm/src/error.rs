@@ -203,7 +203,7 @@ pub enum SettingsError {
         variable: String,
     },
     /// The variable holds no key.
-    #[error("the API key must be 8 to 4096 visible ASCII characters")]
+    #[error("the API key must be 8 to 4096 visible ASCII characters; a server that wants none needs no `api_key_env`")]
     BadKey,
     /// A prompt file that cannot be used.
     #[error(transparent)]

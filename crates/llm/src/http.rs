@@ -108,6 +108,7 @@ impl HttpChat {
         let beginning = || shortened(&self.redact(&String::from_utf8_lossy(&bytes)), 120);
         if !(200..300).contains(&status) {
             let message = parsed.ok().as_ref().and_then(error_message).unwrap_or_else(beginning);
+            let message = if message.is_empty() { "(no message)".into() } else { message };
             let transient = matches!(status, 408 | 425 | 429 | 500 | 502..=599);
             let error = ChatError::Status { status, message, url: self.url.clone() };
             return Err(Failure { error, transient, retry_after_s });

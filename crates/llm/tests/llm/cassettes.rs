@@ -85,7 +85,8 @@ fn a_miss_names_the_key_and_the_nearest_cassette() {
         folder.path().display()
     );
     assert_eq!(error, expected);
-    let changes: [(fn(&mut ChatRequest), &str); 4] = [
+    type Change = fn(&mut ChatRequest);
+    let changes: [(Change, &str); 4] = [
         (|q| q.model = "other".into(), "model"),
         (|q| drop(q.parameters.insert("seed".into(), 1.into())), "parameters"),
         (|q| q.messages.push(Message::user("more")), "the number of messages"),

@@ -15,6 +15,10 @@ fn status(status: u16, headers: &[(&str, &str)], body: &str) -> Behaviour {
     Behaviour::Status(status, headers, body.into())
 }
 
+fn always(behaviour: Behaviour) -> Vec<Behaviour> {
+    vec![behaviour; 9]
+}
+
 fn slow(seconds: f64) -> Behaviour {
     Behaviour::Slow(Duration::from_secs_f64(seconds), Box::new(answer()))
 }
@@ -30,7 +34,10 @@ fn ask(script: Vec<Behaviour>, change: impl Fn(&mut ServerSettings)) -> (Result<
 
 fn check(script: Vec<Behaviour>, expected: &str, requests: usize) {
     let shown = format!("{script:.200?}");
-    let (result, seen) = ask(script, |settings| settings.total_timeout_s = 0.3);
+    // Short only where slowness is the point: other answers may take their time on a busy machine.
+    let is_slow = |behaviour: &Behaviour| matches!(behaviour, Behaviour::Slow(..) | Behaviour::Drip { .. });
+    let total_timeout_s = if script.iter().any(is_slow) { 0.5 } else { 20.0 };
+    let (result, seen) = ask(script, |settings| settings.total_timeout_s = total_timeout_s);
     let got = result.unwrap_or_else(|error| error.to_string());
     assert!(got.contains(expected), "{shown}: expected {expected:?}, got {got:?}");
     assert_eq!(seen, requests, "{shown}");
@@ -42,22 +49,18 @@ fn good_and_bad_servers() {
     let web_page = || Behaviour::Body("text/html".into(), html.into());
     let json = |body: &str| Behaviour::Body("application/json".into(), body.into());
     let half = completion("hello")[..60].to_owned();
-    let always = |behaviour: Behaviour| vec![behaviour; 9];
 
     check(vec![answer()], "hello", 1);
     // Passing troubles are tried again …
     check(vec![status(500, &[], "oops"), answer()], "hello", 2);
     check(vec![status(429, &[("retry-after", "0.1")], "busy"), answer()], "hello", 2);
     check(vec![status(503, &[], ""), status(408, &[], ""), answer()], "hello", 3);
-    check(vec![slow(0.5), answer()], "hello", 2);
     check(vec![Behaviour::CutOff(half.clone()), answer()], "hello", 2);
     check(vec![json(&half), answer()], "hello", 2);
     check(vec![Behaviour::HangUp, answer()], "hello", 2);
     // … but not for ever.
     check(always(status(502, &[], web_page_text())), "gave up after 3 requests", 3);
     check(always(status(500, &[], r#"{"error":{"message":"out of memory"}}"#)), "out of memory", 3);
-    check(always(slow(0.5)), "no whole answer", 3);
-    check(always(Behaviour::Drip { bytes: 1000, every: Duration::from_millis(20) }), "no whole answer", 3);
     check(always(Behaviour::CutOff(completion("hello"))), "cut off", 3);
     check(always(Behaviour::HangUp), "cut off", 3);
     // Lasting troubles are told at once.
@@ -72,6 +75,18 @@ fn good_and_bad_servers() {
     check(always(json(&"[".repeat(100_000))), "expected JSON", 1);
     check(always(json(r#"{"choices": "none"}"#)), "$.choices", 1);
     check(always(json(r#"{"choices": [{"message": {"content": ""}, "finish_reason": "length"}]}"#)), "length", 1);
+}
+
+#[test]
+fn slow_servers() {
+    check(vec![slow(0.8), answer()], "hello", 2);
+    check(always(slow(0.8)), "no whole answer", 3);
+}
+
+/// Each byte arrives in time, the whole never does.
+#[test]
+fn a_dripping_server() {
+    check(always(Behaviour::Drip { bytes: 1000, every: Duration::from_millis(20) }), "no whole answer", 3);
 }
 
 fn web_page_text() -> &'static str {
@@ -109,6 +124,17 @@ fn nobody_listens() {
     assert!(matches!(error, ChatError::Unreachable { .. }), "{error}");
     assert!(error.hint().contains("start the server"));
     assert!(begin.elapsed() < Duration::from_secs(1), "not retried");
+}
+
+/// The TLS stack is in place, and a server that does not speak it is told apart from one that is absent.
+#[cfg(feature = "https")]
+#[test]
+fn https_with_a_server_that_speaks_none() {
+    let server = FakeServer::scripted([Behaviour::HangUp]).unwrap();
+    let settings = impatient(server.base_url().replace("http:", "https:")).server;
+    let error = HttpChat::new(settings, None, Seed::new(1)).unwrap().chat(&question("?")).unwrap_err();
+    assert!(error.to_string().contains("https://127.0.0.1"), "{error}");
+    assert!(server.seen().iter().all(|request| request.body.is_null()), "nothing was sent in the clear");
 }
 
 #[test]
