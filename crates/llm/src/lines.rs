@@ -1,0 +1,42 @@
+//! Long texts in JSON files as lists of lines, which people can read and compare.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a text, or a list of lines")]
+enum Text {
+    One(String),
+    Lines(Vec<String>),
+}
+
+/// One line as a string, several as a list.
+pub(crate) fn serialize<S: Serializer>(text: &str, serializer: S) -> Result<S::Ok, S::Error> {
+    if text.contains('\n') {
+        text.split('\n').collect::<Vec<_>>().serialize(serializer)
+    } else {
+        text.serialize(serializer)
+    }
+}
+
+/// Either form.
+pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    Ok(match Text::deserialize(deserializer)? {
+        Text::One(text) => text,
+        Text::Lines(lines) => lines.join("\n"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Message;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn any_text_survives(text in "(.|\n|\r){0,40}") {
+            let message = Message::user(text);
+            let json = serde_json::to_string(&message).unwrap();
+            prop_assert_eq!(serde_json::from_str::<Message>(&json).unwrap(), message);
+        }
+    }
+}

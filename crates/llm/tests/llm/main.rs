@@ -1,0 +1,68 @@
+//! The client against a real server on loopback, generation against recorded answers, cassettes and secrets.
+
+#![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
+
+mod cassettes;
+mod client;
+mod generation;
+mod guide;
+mod secrets;
+
+use genmanip_core::{ObjectCard, Seed};
+use genmanip_llm::fake::FakeServer;
+use genmanip_llm::{ChatRequest, HttpChat, LlmSettings, Message, ReplySchema, ServerSettings};
+use genmanip_scene::answer::RecordedAnswer;
+
+/// The recorded answers belong to the crate that judges them.
+const SCENE_TESTDATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scene/testdata");
+
+fn catalogue() -> Vec<ObjectCard> {
+    let text = std::fs::read_to_string(format!("{SCENE_TESTDATA}/catalog.json")).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// File name without ending, and answer, in order.
+fn recorded_answers() -> Vec<(String, RecordedAnswer)> {
+    let folder = std::fs::read_dir(format!("{SCENE_TESTDATA}/responses")).unwrap();
+    let mut paths: Vec<_> = folder.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let read = |path: std::path::PathBuf| {
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        (name, RecordedAnswer::from_json(&std::fs::read_to_string(&path).unwrap()).unwrap())
+    };
+    paths.into_iter().map(read).collect()
+}
+
+/// Settings for a server on loopback that does not let a test wait.
+fn impatient(base_url: String) -> LlmSettings {
+    let server = ServerSettings {
+        base_url,
+        model: "scripted".into(),
+        connect_timeout_s: 2.0,
+        total_timeout_s: 5.0,
+        max_retries: 2,
+        first_backoff_s: 0.01,
+        max_backoff_s: 0.02,
+        max_retry_after_s: 2.0,
+        ..ServerSettings::default()
+    };
+    LlmSettings { server, ..LlmSettings::default() }
+}
+
+fn client(server: &FakeServer) -> HttpChat {
+    HttpChat::new(impatient(server.base_url()).server, None, Seed::new(1)).unwrap()
+}
+
+fn question(text: &str) -> ChatRequest {
+    ChatRequest {
+        model: "scripted".into(),
+        messages: vec![Message::system("Answer."), Message::user(text)],
+        reply_schema: None,
+        parameters: serde_json::Map::new(),
+    }
+}
+
+fn structured_question() -> ChatRequest {
+    let schema = serde_json::json!({"type": "object", "properties": {}, "additionalProperties": false});
+    ChatRequest { reply_schema: Some(ReplySchema { name: "empty".into(), schema }), ..question("?") }
+}
