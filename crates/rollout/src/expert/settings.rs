@@ -59,12 +59,12 @@ impl Default for ExpertSettings {
             finger_clearance_m: 0.024,
             release_heights_m: vec![0.003, 0.015, 0.03, 0.05, 0.08, 0.12],
             max_open_release_m: 0.015,
-            empty_speed: 0.55,
-            loaded_speed: 0.35,
-            careful_speed: 0.2,
+            empty_speed: 0.9,
+            loaded_speed: 0.65,
+            careful_speed: 0.5,
             close_steps: 24,
             open_steps: 18,
-            rest_steps: 12,
+            rest_steps: 6,
         }
     }
 }
