@@ -177,7 +177,7 @@ fn read_robot(folder: &Path) -> RobotModel {
             max_force: 140.0,
             pad_size: DVec3::new(0.008, 0.021, 0.017),
         },
-        home: vec![0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398],
+        home: vec![0.0, -0.78, 0.0, -2.36, 0.0, 1.57, 0.78],
         never_colliding: never.collect(),
         links,
     }

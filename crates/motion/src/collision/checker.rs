@@ -1,6 +1,8 @@
 //! Tests of configurations and of straight joint-space edges for one robot, world and carried object.
 
 use super::convex::{self, Ball, Convex, Separation};
+use super::fast::{self, Doubt, FastBody, FastJoint, FastModel, FastObstacle, FastPiece, Scratch};
+use super::lanes::{LANES, Lanes};
 use super::robot_shape::{RobotShape, ball_around};
 use super::world::{Allowed, Attached, Part, World};
 use crate::rigid::Rigid;
@@ -42,6 +44,8 @@ pub struct Checker<'a> {
     pub(super) body_pairs: Vec<(usize, usize, f64)>,
     /// Largest speed of any point of the robot per unit speed of each joint.
     reach: Vec<f64>,
+    /// The same scene for the fast path.
+    fast: FastModel,
 }
 
 /// A link or the carried object, in the frame that moves it.
@@ -52,6 +56,7 @@ pub(super) struct Body<'a> {
     pub(super) frame: usize,
     pub(super) frame_from_body: Rigid,
     pub(super) pieces: &'a [Convex],
+    cover: &'a [Ball],
     /// Ball around the body, in the moving frame.
     pub(super) ball: Ball,
 }
@@ -102,7 +107,10 @@ impl<'a> Checker<'a> {
             .collect();
         let body_pairs = body_pairs(robot, &bodies, padding);
         let reach = reaches(robot, &bodies);
-        Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reach }
+        let fast = fast_model(robot, &bodies, &obstacles);
+        let mut checker = Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reach, fast };
+        checker.refresh_fast_margins();
+        checker
     }
 
     /// The arm's kinematics.
@@ -166,27 +174,53 @@ impl<'a> Checker<'a> {
     /// with `spacing` at most twice the padding, nothing can be touched in between either.
     pub fn edge_is_free(&self, from: &[f64], to: &[f64], spacing: f64) -> bool {
         let steps = self.edge_steps(from, to, spacing);
-        let mut config = vec![0.0; from.len()];
-        let mut stride = steps.next_power_of_two();
-        // Coarse first: 1/2, then 1/4 and 3/4, …; the first state is the caller's to test.
-        let mut state_is_free = |step: usize| {
-            let t = step as f64 / steps as f64;
+        let batches = steps.div_ceil(LANES);
+        let mut config = vec![Lanes::all(0.0); from.len()];
+        let mut scratch = Scratch::default();
+        // The lanes are spread over the edge and walk backwards together; the first state is the caller's to test.
+        (0..batches).rev().all(|batch| {
+            let time = |lane: usize| ((lane * batches + batch + 1).min(steps)) as f64 / steps as f64;
             for ((q, a), b) in config.iter_mut().zip(from).zip(to) {
-                *q = a + (b - a) * t;
+                for (lane, value) in q.0.iter_mut().enumerate() {
+                    *value = (a + (b - a) * time(lane)) as f32;
+                }
             }
-            self.is_free(&config)
-        };
-        if !state_is_free(steps) {
-            return false;
-        }
-        while stride > 1 {
-            let half = stride / 2;
-            if !(half..steps).step_by(stride).all(&mut state_is_free) {
-                return false;
-            }
-            stride = half;
-        }
-        true
+            fast::find_doubts(&self.fast, &config, &mut scratch);
+            scratch.doubts.is_empty()
+                || self.doubts_are_unfounded(&scratch.doubts, |lane| crate::path::lerp(from, to, time(lane)))
+        })
+    }
+
+    /// Looks exactly at the pairs that the fast path could not prove clear.
+    fn doubts_are_unfounded(&self, doubts: &[Doubt], config: impl Fn(usize) -> Vec<f64>) -> bool {
+        let mut cached: [Option<Vec<Rigid>>; LANES] = Default::default();
+        let count = self.obstacles.len();
+        doubts.iter().all(|doubt| {
+            let (Doubt::Obstacle { lanes, .. } | Doubt::Bodies { lanes, .. }) = *doubt;
+            fast::lanes_of(lanes).all(|lane| {
+                let frames = cached[lane].get_or_insert_with(|| self.robot.chain.frames(&config(lane)));
+                match *doubt {
+                    Doubt::Obstacle { body, obstacle, .. } => {
+                        let margin = self.obstacle_margin[body * count + obstacle];
+                        let (body, target) = (&self.bodies[body], &self.obstacles[obstacle]);
+                        let world_from_body = frames[body.frame] * body.frame_from_body;
+                        margin.is_none_or(|margin| !target.closer_than(body, &world_from_body, margin))
+                    }
+                    Doubt::Bodies { pair, .. } => {
+                        let (first, second, margin) = self.body_pairs[pair];
+                        let (a, b) = (&self.bodies[first], &self.bodies[second]);
+                        let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
+                        !bodies_closer_than(a, b, &world_from_a, &world_from_b, margin)
+                    }
+                }
+            })
+        })
+    }
+
+    fn refresh_fast_margins(&mut self) {
+        let single = |margin: &f64| margin.max(0.0) as f32;
+        self.fast.margins = self.obstacle_margin.iter().map(|margin| margin.as_ref().map(single)).collect();
+        self.fast.body_pairs = self.body_pairs.iter().map(|(a, b, margin)| (*a, *b, single(margin))).collect();
     }
 
     /// Accepts `config` although pairs are closer than the padding: from now on such a pair keeps (nearly) the
@@ -220,6 +254,7 @@ impl<'a> Checker<'a> {
                 note_worst(&mut worst, a.name, b.name, distance);
             }
         }
+        self.refresh_fast_margins();
         match worst {
             Some(report) if report.distance < -tolerance => Err(report),
             _ => Ok(()),
@@ -311,18 +346,18 @@ fn bodies_separation(a: &Body, b: &Body, world_from_a: &Rigid, world_from_b: &Ri
 }
 
 fn bodies<'a>(robot: &'a RobotShape, attached: Option<&'a Attached>, gripper_width: f64) -> Vec<Body<'a>> {
-    let make = |part, name, frame, frame_from_body: Rigid, pieces: &'a [Convex]| {
-        let ball = ball_around(pieces.iter().map(|piece| moved(&frame_from_body, &piece.ball)));
-        Body { part, name, frame, frame_from_body, pieces, ball }
+    let make = |part, name, frame, frame_from_body: Rigid, pieces: &'a [Convex], cover: &'a [Ball]| {
+        let ball = ball_around(cover.iter().map(|ball| moved(&frame_from_body, ball)));
+        Body { part, name, frame, frame_from_body, pieces, cover, ball }
     };
     let links = robot.links.iter().enumerate().filter(|(_, link)| !link.pieces.is_empty()).map(|(index, link)| {
         let (frame, frame_from_link) = robot.chain.link_mount(index, gripper_width);
-        make(Part::Link(index), link.name.as_str(), frame, frame_from_link, &link.pieces)
+        make(Part::Link(index), link.name.as_str(), frame, frame_from_link, &link.pieces, &link.cover)
     });
     let carried = attached.map(|attached| {
         let (frame, frame_from_tcp) = robot.chain.tcp_mount();
         let frame_from_object = frame_from_tcp * attached.tcp_from_object;
-        make(Part::Attached, attached.name.as_str(), frame, frame_from_object, &attached.pieces)
+        make(Part::Attached, attached.name.as_str(), frame, frame_from_object, &attached.pieces, &attached.cover)
     });
     links.chain(carried).collect()
 }
@@ -339,6 +374,30 @@ fn body_pairs(robot: &RobotShape, bodies: &[Body], padding: f64) -> Vec<(usize, 
         .filter(|(a, b)| tested(&bodies[*a], &bodies[*b]))
         .map(|(a, b)| (a, b, padding))
         .collect()
+}
+
+fn fast_model(robot: &RobotShape, bodies: &[Body], obstacles: &[Target]) -> FastModel {
+    let joint = |joint: &crate::chain::ChainJoint| FastJoint {
+        parent_frame: joint.parent_frame,
+        parent_from_joint: (&joint.parent_from_joint).into(),
+        slides: joint.slides,
+    };
+    let body = |body: &Body| FastBody {
+        frame: body.frame,
+        ball: (&body.ball).into(),
+        cover: body.cover.iter().map(|ball| (&moved(&body.frame_from_body, ball)).into()).collect(),
+    };
+    let piece = |piece: &TargetPiece| FastPiece::new(&piece.convex.core, piece.convex.radius, &piece.core_from_world);
+    let obstacle = |target: &Target| FastObstacle {
+        ball: (&target.ball).into(),
+        pieces: target.pieces.iter().map(piece).collect(),
+    };
+    FastModel {
+        joints: robot.chain.joints().iter().map(joint).collect(),
+        bodies: bodies.iter().map(body).collect(),
+        obstacles: obstacles.iter().map(obstacle).collect(),
+        ..FastModel::default()
+    }
 }
 
 /// For each joint the largest distance from its axis that any point behind it can have.

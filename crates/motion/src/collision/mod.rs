@@ -2,6 +2,9 @@
 
 pub(crate) mod checker;
 pub(crate) mod convex;
+mod cover;
+mod fast;
+mod lanes;
 pub(crate) mod robot_shape;
 #[cfg(test)]
 mod tests;

@@ -4,6 +4,7 @@ use genmanip_core::RobotModel;
 use glam::DVec3;
 
 use super::convex::{Ball, Convex, GeometryError};
+use super::cover::cover;
 use super::world::compile;
 use crate::chain::{Chain, ModelError};
 
@@ -21,6 +22,8 @@ pub struct RobotShape {
 pub(crate) struct LinkShape {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
+    /// Balls that hold the pieces, in the link's frame.
+    pub(crate) cover: Vec<Ball>,
 }
 
 /// A robot model that cannot be compiled for collision checks.
@@ -41,7 +44,11 @@ impl RobotShape {
         let links = robot
             .links
             .iter()
-            .map(|link| Ok(LinkShape { name: link.name.clone(), pieces: compile(&link.name, &link.pieces)? }))
+            .map(|link| {
+                let pieces = compile(&link.name, &link.pieces)?;
+                let cover = pieces.iter().flat_map(cover).collect();
+                Ok(LinkShape { name: link.name.clone(), pieces, cover })
+            })
             .collect::<Result<Vec<_>, GeometryError>>()?;
         let frame = |link: usize| chain.link_mount(link, 0.0).0;
         let never = |a: usize, b: usize| {
