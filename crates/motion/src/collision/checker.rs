@@ -5,6 +5,7 @@ use super::fast::{self, Doubt, FastBody, FastJoint, FastModel, FastObstacle, Fas
 use super::lanes::{LANES, Lanes};
 use super::robot_shape::{RobotShape, ball_around};
 use super::world::{Allowed, Attached, Part, World};
+use crate::path::lerp;
 use crate::rigid::Rigid;
 
 /// Two things that are too close.
@@ -40,8 +41,7 @@ pub struct Checker<'a> {
     pub(super) obstacles: Vec<Target<'a>>,
     /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed.
     pub(super) obstacle_margin: Vec<Option<f64>>,
-    /// Pairs of bodies and the distance to keep.
-    pub(super) body_pairs: Vec<(usize, usize, f64)>,
+    pub(super) body_pairs: Vec<BodyPair>,
     /// Largest speed of any point of the robot per unit speed of each joint.
     reach: Vec<f64>,
     /// The same scene for the fast path.
@@ -59,6 +59,17 @@ pub(super) struct Body<'a> {
     cover: &'a [Ball],
     /// Ball around the body, in the moving frame.
     pub(super) ball: Ball,
+}
+
+/// Two bodies that may meet.
+#[derive(Clone, Debug)]
+pub(super) struct BodyPair {
+    first: usize,
+    second: usize,
+    /// Distance to keep.
+    margin: f64,
+    /// Joints that move one against the other, and the largest speed of a point per unit speed of the joint.
+    movers: Vec<(usize, f64)>,
 }
 
 /// An obstacle with balls around it and around its pieces, in the world.
@@ -106,7 +117,9 @@ impl<'a> Checker<'a> {
             })
             .collect();
         let body_pairs = body_pairs(robot, &bodies, padding);
-        let reach = reaches(robot, &bodies);
+        let reach = bodies.iter().fold(vec![0.0; robot.chain.dof()], |widest: Vec<f64>, body| {
+            widest.iter().zip(reaches(robot, body)).map(|(a, b)| a.max(b)).collect()
+        });
         let fast = fast_model(robot, &bodies, &obstacles);
         let mut checker = Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reach, fast };
         checker.refresh_fast_margins();
@@ -137,7 +150,7 @@ impl<'a> Checker<'a> {
                 }
             }
         }
-        for &(first, second, margin) in &self.body_pairs {
+        for &BodyPair { first, second, margin, .. } in &self.body_pairs {
             let (a, b) = (&self.bodies[first], &self.bodies[second]);
             let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
             note(a.name, b.name, margin, bodies_separation(a, b, &world_from_a, &world_from_b, margin));
@@ -161,7 +174,7 @@ impl<'a> Checker<'a> {
                 }
             }
         }
-        !self.body_pairs.iter().any(|&(first, second, margin)| {
+        !self.body_pairs.iter().any(|&BodyPair { first, second, margin, .. }| {
             let (a, b) = (&self.bodies[first], &self.bodies[second]);
             !apart(&moved(&frames[a.frame], &a.ball), &moved(&frames[b.frame], &b.ball), margin)
                 && bodies_closer_than(a, b, &world_from(a), &world_from(b), margin)
@@ -177,6 +190,7 @@ impl<'a> Checker<'a> {
         let batches = steps.div_ceil(LANES);
         let mut config = vec![Lanes::all(0.0); from.len()];
         let mut scratch = Scratch::default();
+        let mut proven_pairs = vec![false; self.body_pairs.len()];
         // The lanes are spread over the edge and walk backwards together; the first state is the caller's to test.
         (0..batches).rev().all(|batch| {
             let time = |lane: usize| ((lane * batches + batch + 1).min(steps)) as f64 / steps as f64;
@@ -186,33 +200,53 @@ impl<'a> Checker<'a> {
                 }
             }
             fast::find_doubts(&self.fast, &config, &mut scratch);
-            scratch.doubts.is_empty()
-                || self.doubts_are_unfounded(&scratch.doubts, |lane| crate::path::lerp(from, to, time(lane)))
+            let pairs_are_free = scratch.doubts.iter().all(|doubt| match *doubt {
+                Doubt::Bodies { pair, .. } if !proven_pairs[pair] => {
+                    proven_pairs[pair] = self.pair_is_free(&self.body_pairs[pair], from, to, spacing);
+                    proven_pairs[pair]
+                }
+                _ => true,
+            });
+            pairs_are_free && self.doubts_are_unfounded(&scratch.doubts, |lane| lerp(from, to, time(lane)))
         })
     }
 
-    /// Looks exactly at the pairs that the fast path could not prove clear.
+    /// Whether two bodies keep their distance all along an edge, by conservative advancement: the distance at one
+    /// state is also how far the bodies may move before they can meet.
+    fn pair_is_free(&self, pair: &BodyPair, from: &[f64], to: &[f64], spacing: f64) -> bool {
+        const LOOK: f64 = 0.1;
+        let speed: f64 = pair.movers.iter().map(|&(joint, reach)| (to[joint] - from[joint]).abs() * reach).sum();
+        let (a, b) = (&self.bodies[pair.first], &self.bodies[pair.second]);
+        let mut frames = Vec::new();
+        let mut time = 0.0;
+        loop {
+            self.robot.chain.frames_into(&lerp(from, to, time), &mut frames);
+            let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
+            let clear = match bodies_separation(a, b, &world_from_a, &world_from_b, pair.margin.max(0.0) + LOOK) {
+                Separation::Within(distance) => distance - pair.margin,
+                Separation::Beyond => LOOK,
+            };
+            if clear < 0.0 {
+                return false;
+            }
+            if time >= 1.0 || speed <= 0.0 {
+                return true;
+            }
+            time = (time + clear.max(spacing) / speed).min(1.0);
+        }
+    }
+
+    /// Looks exactly at the bodies and obstacles that the fast path could not prove clear.
     fn doubts_are_unfounded(&self, doubts: &[Doubt], config: impl Fn(usize) -> Vec<f64>) -> bool {
         let mut cached: [Option<Vec<Rigid>>; LANES] = Default::default();
         let count = self.obstacles.len();
         doubts.iter().all(|doubt| {
-            let (Doubt::Obstacle { lanes, .. } | Doubt::Bodies { lanes, .. }) = *doubt;
+            let Doubt::Obstacle { body, obstacle, lanes } = *doubt else { return true };
+            let Some(margin) = self.obstacle_margin[body * count + obstacle] else { return true };
+            let (body, target) = (&self.bodies[body], &self.obstacles[obstacle]);
             fast::lanes_of(lanes).all(|lane| {
                 let frames = cached[lane].get_or_insert_with(|| self.robot.chain.frames(&config(lane)));
-                match *doubt {
-                    Doubt::Obstacle { body, obstacle, .. } => {
-                        let margin = self.obstacle_margin[body * count + obstacle];
-                        let (body, target) = (&self.bodies[body], &self.obstacles[obstacle]);
-                        let world_from_body = frames[body.frame] * body.frame_from_body;
-                        margin.is_none_or(|margin| !target.closer_than(body, &world_from_body, margin))
-                    }
-                    Doubt::Bodies { pair, .. } => {
-                        let (first, second, margin) = self.body_pairs[pair];
-                        let (a, b) = (&self.bodies[first], &self.bodies[second]);
-                        let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
-                        !bodies_closer_than(a, b, &world_from_a, &world_from_b, margin)
-                    }
-                }
+                !target.closer_than(body, &(frames[body.frame] * body.frame_from_body), margin)
             })
         })
     }
@@ -220,7 +254,8 @@ impl<'a> Checker<'a> {
     fn refresh_fast_margins(&mut self) {
         let single = |margin: &f64| margin.max(0.0) as f32;
         self.fast.margins = self.obstacle_margin.iter().map(|margin| margin.as_ref().map(single)).collect();
-        self.fast.body_pairs = self.body_pairs.iter().map(|(a, b, margin)| (*a, *b, single(margin))).collect();
+        self.fast.body_pairs =
+            self.body_pairs.iter().map(|pair| (pair.first, pair.second, single(&pair.margin))).collect();
     }
 
     /// Accepts `config` although pairs are closer than the padding: from now on such a pair keeps (nearly) the
@@ -245,7 +280,7 @@ impl<'a> Checker<'a> {
                 }
             }
         }
-        for (first, second, margin) in &mut self.body_pairs {
+        for BodyPair { first, second, margin, .. } in &mut self.body_pairs {
             let (a, b) = (&self.bodies[*first], &self.bodies[*second]);
             let (world_from_a, world_from_b) =
                 (frames[a.frame] * a.frame_from_body, frames[b.frame] * b.frame_from_body);
@@ -362,7 +397,7 @@ fn bodies<'a>(robot: &'a RobotShape, attached: Option<&'a Attached>, gripper_wid
     links.chain(carried).collect()
 }
 
-fn body_pairs(robot: &RobotShape, bodies: &[Body], padding: f64) -> Vec<(usize, usize, f64)> {
+fn body_pairs(robot: &RobotShape, bodies: &[Body], padding: f64) -> Vec<BodyPair> {
     let tested = |a: &Body, b: &Body| match (a.part, b.part) {
         (Part::Link(a), Part::Link(b)) => robot.pairs.contains(&(a, b)),
         (Part::Link(link), Part::Attached) => a.frame != b.frame && !robot.gripper_links.contains(&link),
@@ -372,8 +407,30 @@ fn body_pairs(robot: &RobotShape, bodies: &[Body], padding: f64) -> Vec<(usize, 
     (0..count)
         .flat_map(|a| (a + 1..count).map(move |b| (a, b)))
         .filter(|(a, b)| tested(&bodies[*a], &bodies[*b]))
-        .map(|(a, b)| (a, b, padding))
+        .map(|(first, second)| {
+            // A joint that carries both moves neither against the other.
+            let (a, b) = (reaches(robot, &bodies[first]), reaches(robot, &bodies[second]));
+            let movers = (0..a.len()).filter(|joint| (a[*joint] > 0.0) != (b[*joint] > 0.0));
+            let movers = movers.map(|joint| (joint, a[joint].max(b[joint]))).collect();
+            BodyPair { first, second, margin: padding, movers }
+        })
         .collect()
+}
+
+/// For each joint the largest speed that its unit speed can give to a point of the body; 0 when it does not move it.
+fn reaches(robot: &RobotShape, body: &Body) -> Vec<f64> {
+    let joints = robot.chain.joints();
+    let mut reach = vec![0.0_f64; joints.len()];
+    let mut distance = body.ball.center.length() + body.ball.radius;
+    let mut frame = body.frame;
+    while frame > 0 {
+        let joint = &joints[frame - 1];
+        reach[frame - 1] = if joint.slides { 1.0 } else { distance };
+        let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+        distance += joint.parent_from_joint.translation.length() + slide;
+        frame = joint.parent_frame;
+    }
+    reach
 }
 
 fn fast_model(robot: &RobotShape, bodies: &[Body], obstacles: &[Target]) -> FastModel {
@@ -398,24 +455,6 @@ fn fast_model(robot: &RobotShape, bodies: &[Body], obstacles: &[Target]) -> Fast
         obstacles: obstacles.iter().map(obstacle).collect(),
         ..FastModel::default()
     }
-}
-
-/// For each joint the largest distance from its axis that any point behind it can have.
-fn reaches(robot: &RobotShape, bodies: &[Body]) -> Vec<f64> {
-    let joints = robot.chain.joints();
-    let mut reach = vec![0.0_f64; joints.len()];
-    for body in bodies {
-        let mut distance = body.ball.center.length() + body.ball.radius;
-        let mut frame = body.frame;
-        while frame > 0 {
-            let joint = &joints[frame - 1];
-            reach[frame - 1] = reach[frame - 1].max(if joint.slides { 1.0 } else { distance });
-            let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
-            distance += joint.parent_from_joint.translation.length() + slide;
-            frame = joint.parent_frame;
-        }
-    }
-    reach
 }
 
 /// The distance a pair keeps that was found at `distance`, nearer than its padding.

@@ -75,11 +75,11 @@ pub(super) struct FastBall {
     radius: f32,
 }
 
-/// A pair that may be too near in the lanes whose bit is set.
+/// A pair that may be too near; for obstacles in the lanes whose bit is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Doubt {
     Obstacle { body: usize, obstacle: usize, lanes: u8 },
-    Bodies { pair: usize, lanes: u8 },
+    Bodies { pair: usize },
 }
 
 type Point = [Lanes; 3];
@@ -143,7 +143,7 @@ pub(super) fn find_doubts(model: &FastModel, config: &[Lanes], scratch: &mut Scr
             }
         }
         if lanes != 0 {
-            scratch.doubts.push(Doubt::Bodies { pair, lanes });
+            scratch.doubts.push(Doubt::Bodies { pair });
         }
     }
 }

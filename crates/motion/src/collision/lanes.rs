@@ -26,17 +26,17 @@ impl Lanes {
         Self(out)
     }
 
-    /// Bit k is set when lane k is at most zero (or not a number).
+    /// Bit k is set when lane k is at most zero.
     #[inline(always)]
     pub(crate) fn not_positive(self) -> u8 {
         let mut any = false;
         for value in self.0 {
-            any |= !(value > 0.0);
+            any |= value <= 0.0;
         }
         if !any {
             return 0;
         }
-        self.0.iter().enumerate().fold(0, |mask, (lane, value)| mask | (u8::from(!(*value > 0.0)) << lane))
+        self.0.iter().enumerate().fold(0, |mask, (lane, value)| mask | (u8::from(*value <= 0.0) << lane))
     }
 
     /// Sine, to 2e-7 for arguments of a few turns.
@@ -52,7 +52,7 @@ impl Lanes {
             let series = -2.505_210_8e-8;
             let series = series * s + 2.755_731_9e-6;
             let series = series * s - 1.984_127e-4;
-            let series = series * s + 8.333_333_5e-3;
+            let series = series * s + 8.333_334e-3;
             let series = series * s - 0.166_666_67;
             (r + r * s * series) * (1.0 - 2.0 * odd * odd)
         })
