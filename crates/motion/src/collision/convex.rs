@@ -6,6 +6,7 @@ use parry3d_f64::math::{Pose as ParryPose, Rot3, Vector};
 use parry3d_f64::query::epa::EPA;
 use parry3d_f64::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
 use parry3d_f64::shape::SupportMap;
+use parry3d_f64::transformation::try_convex_hull;
 
 use crate::rigid::Rigid;
 
@@ -50,11 +51,12 @@ pub(crate) enum Core {
         half_height: f64,
     },
     Ellipsoid(DVec3),
-    /// Corners, and the middle and half extents of their bounds.
+    /// Corners, the middle and half extents of their bounds, and for large hulls the neighbours of each corner.
     Hull {
         corners: Vec<DVec3>,
         center: DVec3,
         half: DVec3,
+        neighbors: Vec<Vec<u32>>,
     },
 }
 
@@ -101,7 +103,8 @@ impl Convex {
 impl Core {
     fn hull(corners: Vec<DVec3>) -> Self {
         let bounds = genmanip_core::Aabb::from_points(corners.iter().copied());
-        Self::Hull { corners, center: bounds.center(), half: bounds.size() * 0.5 }
+        let (corners, neighbors) = if corners.len() < LARGE_HULL { (corners, vec![]) } else { linked(corners) };
+        Self::Hull { corners, center: bounds.center(), half: bounds.size() * 0.5, neighbors }
     }
 
     fn center(&self) -> DVec3 {
@@ -150,16 +153,62 @@ impl Core {
                 DVec3::new(direction.x * scale, direction.y * scale, half_height.copysign(direction.z))
             }
             Self::Ellipsoid(radii) => *radii * (*radii * direction).normalize_or_zero(),
-            Self::Hull { corners, .. } => {
-                let mut best = (f64::NEG_INFINITY, 0);
-                for (index, point) in corners.iter().enumerate() {
-                    let along = point.dot(direction);
+            Self::Hull { corners, neighbors, .. } if neighbors.is_empty() => {
+                let mut best = (f64::NEG_INFINITY, DVec3::ZERO);
+                for corner in corners {
+                    let along = corner.dot(direction);
                     if along > best.0 {
-                        best = (along, index);
+                        best = (along, *corner);
                     }
                 }
-                corners.get(best.1).copied().unwrap_or(DVec3::ZERO)
+                best.1
             }
+            Self::Hull { corners, neighbors, .. } => climb(corners, neighbors, direction),
+        }
+    }
+}
+
+/// From this many corners on, the farthest corner is found by walking along edges.
+const LARGE_HULL: usize = 40;
+
+/// The corners of the hull and the neighbours of each; no neighbours when the hull cannot be triangulated.
+fn linked(points: Vec<DVec3>) -> (Vec<DVec3>, Vec<Vec<u32>>) {
+    let input: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
+    let Ok((corners, triangles)) = try_convex_hull(&input) else { return (points, vec![]) };
+    let corners: Vec<DVec3> = corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect();
+    let mut neighbors = vec![Vec::new(); corners.len()];
+    for [a, b, c] in triangles {
+        for (from, to) in [(a, b), (b, c), (c, a), (b, a), (c, b), (a, c)] {
+            let known: &mut Vec<u32> = &mut neighbors[from as usize];
+            if !known.contains(&to) {
+                known.push(to);
+            }
+        }
+    }
+    (corners, neighbors)
+}
+
+/// Walks uphill along edges; on a convex hull the first summit is the highest.
+fn climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DVec3 {
+    // Any start will do; a few spread over the list shorten the walk.
+    let stride = corners.len().div_ceil(12);
+    let mut best = (f64::NEG_INFINITY, 0);
+    for index in (0..corners.len()).step_by(stride) {
+        let along = corners[index].dot(direction);
+        if along > best.0 {
+            best = (along, index);
+        }
+    }
+    loop {
+        let here = best.1;
+        for &next in &neighbors[here] {
+            let along = corners[next as usize].dot(direction);
+            if along > best.0 {
+                best = (along, next as usize);
+            }
+        }
+        if best.1 == here {
+            return corners[here];
         }
     }
 }

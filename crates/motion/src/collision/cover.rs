@@ -9,9 +9,9 @@ use parry3d_f64::{math::Vector, transformation::try_convex_hull};
 use super::convex::{Ball, Convex, Core};
 
 /// How far a ball may stick out of the body's own thickness before it is split, m.
-const OVERHANG: f64 = 0.018;
-/// Halvings per body at most: 2^5 balls.
-const DEPTH: usize = 5;
+const OVERHANG: f64 = 0.025;
+/// Halvings per body at most: 2^4 balls.
+const DEPTH: usize = 4;
 
 /// Balls around one body, in the frame of its owner.
 pub(crate) fn cover(body: &Convex) -> Vec<Ball> {

@@ -96,6 +96,7 @@ pub(super) struct LaneFrame {
 pub(super) struct Scratch {
     frames: Vec<LaneFrame>,
     centers: Vec<Point>,
+    cover: Vec<Point>,
     pub(super) doubts: Vec<Doubt>,
 }
 
@@ -110,15 +111,21 @@ pub(super) fn find_doubts(model: &FastModel, config: &[Lanes], scratch: &mut Scr
     }
     let count = model.obstacles.len();
     for (index, body) in model.bodies.iter().enumerate() {
-        let center = &scratch.centers[index];
+        let center = scratch.centers[index];
+        scratch.cover.clear();
         for (other, obstacle) in model.obstacles.iter().enumerate() {
             let Some(margin) = model.margins[index * count + other] else { continue };
-            if near_obstacle(obstacle, center, body.ball.radius + margin) == 0 {
+            let near = near_obstacle(obstacle, &center, body.ball.radius + margin);
+            if near == 0 {
                 continue;
             }
+            place_all(&scratch.frames[body.frame], &body.cover, &mut scratch.cover);
             let mut lanes = 0;
-            for ball in &body.cover {
-                lanes |= near_obstacle(obstacle, &place(&scratch.frames[body.frame], ball), ball.radius + margin);
+            for (ball, center) in body.cover.iter().zip(&scratch.cover) {
+                lanes |= near_obstacle(obstacle, center, ball.radius + margin);
+                if lanes == near {
+                    break;
+                }
             }
             if lanes != 0 {
                 scratch.doubts.push(Doubt::Obstacle { body: index, obstacle: other, lanes });
@@ -131,20 +138,26 @@ pub(super) fn find_doubts(model: &FastModel, config: &[Lanes], scratch: &mut Scr
         if near_point(&scratch.centers[first], &scratch.centers[second], reach) == 0 {
             continue;
         }
-        let mut lanes = 0;
-        for ball in &a.cover {
+        scratch.cover.clear();
+        place_all(&scratch.frames[b.frame], &b.cover, &mut scratch.cover);
+        let near = a.cover.iter().any(|ball| {
             let center = place(&scratch.frames[a.frame], ball);
-            if near_point(&center, &scratch.centers[second], ball.radius + b.ball.radius + margin) == 0 {
-                continue;
-            }
-            for other in &b.cover {
-                let other_center = place(&scratch.frames[b.frame], other);
-                lanes |= near_point(&center, &other_center, ball.radius + other.radius + margin);
-            }
-        }
-        if lanes != 0 {
+            near_point(&center, &scratch.centers[second], ball.radius + b.ball.radius + margin) != 0
+                && b.cover.iter().zip(&scratch.cover).any(|(other, other_center)| {
+                    near_point(&center, other_center, ball.radius + other.radius + margin) != 0
+                })
+        });
+        if near {
             scratch.doubts.push(Doubt::Bodies { pair });
         }
+    }
+}
+
+/// Centres of the balls of a cover, unless they are there already.
+#[inline(always)]
+fn place_all(frame: &LaneFrame, balls: &[FastBall], centers: &mut Vec<Point>) {
+    if centers.is_empty() {
+        centers.extend(balls.iter().map(|ball| place(frame, ball)));
     }
 }
 

@@ -46,9 +46,9 @@ impl Default for PlanSettings {
         Self {
             padding: 0.003,
             contact_tolerance: 0.001,
-            rrt_range: 1.0,
+            rrt_range: 0.7,
             max_iterations: 20_000,
-            search_spacing: 0.02,
+            search_spacing: 0.05,
             final_spacing: 0.006,
             retries: 3,
             shortcuts: 40,
