@@ -3,10 +3,14 @@
 use super::convex::{self, Ball, Convex, Separation};
 use super::fast::{self, Doubt, FastBody, FastJoint, FastModel, FastObstacle, FastPiece, Scratch};
 use super::lanes::{LANES, Lanes};
+use super::pair_table::PairTable;
 use super::robot_shape::{RobotShape, ball_around};
 use super::world::{Allowed, Attached, Part, World};
 use crate::path::lerp;
 use crate::rigid::Rigid;
+
+/// How far apart two links are looked at when their motion is advanced, m.
+const LOOK: f64 = 0.1;
 
 /// Two things that are too close.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +74,8 @@ pub(super) struct BodyPair {
     margin: f64,
     /// Joints that move one against the other, and the largest speed of a point per unit speed of the joint.
     movers: Vec<(usize, f64)>,
+    /// Index of the pair's table in the robot's shape.
+    table: Option<usize>,
 }
 
 /// An obstacle with balls around it and around its pieces, in the world.
@@ -214,12 +220,22 @@ impl<'a> Checker<'a> {
     /// Whether two bodies keep their distance all along an edge, by conservative advancement: the distance at one
     /// state is also how far the bodies may move before they can meet.
     fn pair_is_free(&self, pair: &BodyPair, from: &[f64], to: &[f64], spacing: f64) -> bool {
-        const LOOK: f64 = 0.1;
+        let table = pair.table.and_then(|index| self.robot.tables[index].as_ref());
         let speed: f64 = pair.movers.iter().map(|&(joint, reach)| (to[joint] - from[joint]).abs() * reach).sum();
         let (a, b) = (&self.bodies[pair.first], &self.bodies[pair.second]);
         let mut frames = Vec::new();
         let mut time = 0.0;
         loop {
+            let at = |joint: usize| from[joint] + (to[joint] - from[joint]) * time;
+            if let Some(bound) = table.and_then(|table| table.bound(at))
+                && bound - pair.margin > spacing
+            {
+                if time >= 1.0 || speed <= 0.0 {
+                    return true;
+                }
+                time = (time + (bound - pair.margin) / speed).min(1.0);
+                continue;
+            }
             self.robot.chain.frames_into(&lerp(from, to, time), &mut frames);
             let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
             let clear = match bodies_separation(a, b, &world_from_a, &world_from_b, pair.margin.max(0.0) + LOOK) {
@@ -412,9 +428,38 @@ fn body_pairs(robot: &RobotShape, bodies: &[Body], padding: f64) -> Vec<BodyPair
             let (a, b) = (reaches(robot, &bodies[first]), reaches(robot, &bodies[second]));
             let movers = (0..a.len()).filter(|joint| (a[*joint] > 0.0) != (b[*joint] > 0.0));
             let movers = movers.map(|joint| (joint, a[joint].max(b[joint]))).collect();
-            BodyPair { first, second, margin: padding, movers }
+            let table = match (bodies[first].part, bodies[second].part) {
+                (Part::Link(a), Part::Link(b)) => robot.pairs.iter().position(|pair| *pair == (a, b)),
+                _ => None,
+            };
+            BodyPair { first, second, margin: padding, movers, table }
         })
         .collect()
+}
+
+/// Tables for the pairs of links that exactly two turning joints move; `fingers` move otherwise and have none.
+pub(super) fn pair_tables(robot: &RobotShape, fingers: &[usize]) -> Vec<Option<PairTable>> {
+    let bodies = bodies(robot, None, 0.0);
+    let mut tables = vec![None; robot.pairs.len()];
+    let joints = robot.chain.joints();
+    let middle: Vec<f64> = joints.iter().map(|joint| 0.5 * (joint.lower + joint.upper)).collect();
+    for pair in body_pairs(robot, &bodies, 0.0) {
+        let (a, b) = (&bodies[pair.first], &bodies[pair.second]);
+        let finger = fingers.iter().any(|link| [a.part, b.part].contains(&Part::Link(*link)));
+        let (Some(index), [first, second], false) = (pair.table, pair.movers.as_slice(), finger) else { continue };
+        let mover = |&(joint, reach): &(usize, f64)| (joint, [joints[joint].lower, joints[joint].upper], reach);
+        let mut config = middle.clone();
+        tables[index] = Some(PairTable::new([mover(first), mover(second)], |at| {
+            (config[first.0], config[second.0]) = (at[0], at[1]);
+            let frames = robot.chain.frames(&config);
+            let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
+            match bodies_separation(a, b, &world_from_a, &world_from_b, LOOK) {
+                Separation::Within(distance) => distance,
+                Separation::Beyond => LOOK,
+            }
+        }));
+    }
+    tables
 }
 
 /// For each joint the largest speed that its unit speed can give to a point of the body; 0 when it does not move it.
@@ -425,7 +470,10 @@ fn reaches(robot: &RobotShape, body: &Body) -> Vec<f64> {
     let mut frame = body.frame;
     while frame > 0 {
         let joint = &joints[frame - 1];
-        reach[frame - 1] = if joint.slides { 1.0 } else { distance };
+        // The body's own joint turns about z; of the joints before only the distance of their origins is known.
+        let own = body.ball.center.truncate().length() + body.ball.radius;
+        let turning = if frame == body.frame { own } else { distance };
+        reach[frame - 1] = if joint.slides { 1.0 } else { turning };
         let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
         distance += joint.parent_from_joint.translation.length() + slide;
         frame = joint.parent_frame;

@@ -5,6 +5,7 @@ pub(crate) mod convex;
 mod cover;
 mod fast;
 mod lanes;
+mod pair_table;
 pub(crate) mod robot_shape;
 #[cfg(test)]
 mod tests;

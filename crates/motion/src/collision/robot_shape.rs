@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::convex::{Ball, Convex, GeometryError};
 use super::cover::cover;
+use super::pair_table::PairTable;
 use super::world::compile;
 use crate::chain::{Chain, ModelError};
 
@@ -16,6 +17,8 @@ pub struct RobotShape {
     /// Pairs of links that may meet: not in the same moving frame, not declared as never colliding.
     pub(crate) pairs: Vec<(usize, usize)>,
     pub(crate) gripper_links: [usize; 3],
+    /// For each of `pairs` that only two joints move: lower bounds on its distance.
+    pub(crate) tables: Vec<Option<PairTable>>,
 }
 
 #[derive(Clone, Debug)]
@@ -60,7 +63,9 @@ impl RobotShape {
             .filter(|(a, b)| !links[*a].pieces.is_empty() && !links[*b].pieces.is_empty() && !never(*a, *b))
             .collect();
         let [left, right] = robot.gripper.fingers;
-        Ok(Self { chain, links, pairs, gripper_links: [robot.hand, left, right] })
+        let mut shape = Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables: vec![] };
+        shape.tables = super::checker::pair_tables(&shape, &[left, right]);
+        Ok(shape)
     }
 
     /// The arm's kinematics.
