@@ -8,10 +8,10 @@ use parry3d_f64::{math::Vector, transformation::try_convex_hull};
 
 use super::convex::{Ball, Convex, Core};
 
-/// How far a ball may stick out of the body's own thickness before it is split, m.
-const OVERHANG: f64 = 0.025;
-/// Halvings per body at most: 2^4 balls.
-const DEPTH: usize = 4;
+/// How far a ball may stick out before it is split: half of the body's thickness, within these bounds, m.
+const OVERHANG: [f64; 2] = [0.008, 0.025];
+/// Halvings per body at most: 2^3 balls.
+const DEPTH: usize = 3;
 
 /// Balls around one body, in the frame of its owner.
 pub(crate) fn cover(body: &Convex) -> Vec<Ball> {
@@ -64,7 +64,8 @@ fn split(corners: Vec<DVec3>, rounding: f64, depth: usize, balls: &mut Vec<Ball>
     let bounds = genmanip_core::Aabb::from_points(corners.iter().copied());
     let (center, size) = (bounds.center(), bounds.size());
     let radius = corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max);
-    if depth == 0 || radius - 0.5 * size.min_element() <= OVERHANG {
+    let half = 0.5 * size.min_element();
+    if depth == 0 || radius - half <= (0.5 * (half + rounding)).clamp(OVERHANG[0], OVERHANG[1]) {
         balls.push(Ball { center, radius: radius + rounding });
         return;
     }

@@ -1,5 +1,6 @@
 //! Collision: named obstacles, the robot's exact pieces, a carried object, and rules about who may touch whom.
 
+mod bodies;
 pub(crate) mod checker;
 pub(crate) mod convex;
 mod cover;

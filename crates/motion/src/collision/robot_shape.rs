@@ -64,7 +64,7 @@ impl RobotShape {
             .collect();
         let [left, right] = robot.gripper.fingers;
         let mut shape = Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables: vec![] };
-        shape.tables = super::checker::pair_tables(&shape, &[left, right]);
+        shape.tables = super::bodies::pair_tables(&shape, &[left, right]);
         Ok(shape)
     }
 
