@@ -35,6 +35,8 @@ pub struct PlanSettings {
     pub retries: usize,
     /// Random shortcuts tried.
     pub shortcuts: usize,
+    /// Shortcuts that may fail in a row before the path counts as short.
+    pub shortcut_failures: usize,
     /// Widest rounding of a corner, rad on either edge.
     pub blend: f64,
     /// How often the rounding may be halved before the robot has to stop at the corner.
@@ -52,6 +54,7 @@ impl Default for PlanSettings {
             final_spacing: 0.006,
             retries: 3,
             shortcuts: 40,
+            shortcut_failures: 14,
             blend: 0.4,
             blend_halvings: 5,
         }
