@@ -81,8 +81,12 @@ impl<'a> Target<'a> {
         body.pieces.iter().any(|piece| {
             let ball = moved(world_from_body, &piece.ball);
             self.pieces.iter().any(|other| {
-                !other.clear_of(&ball, margin)
-                    && convex::closer_than(other.convex, piece, &self.world_from_obstacle, world_from_body, margin)
+                let quick = || {
+                    convex::quickly_closer_than(other.convex, piece, &other.core_from_world, world_from_body, margin)
+                };
+                let exact =
+                    || convex::closer_than(other.convex, piece, &self.world_from_obstacle, world_from_body, margin);
+                !other.clear_of(&ball, margin) && quick().unwrap_or_else(exact)
             })
         })
     }

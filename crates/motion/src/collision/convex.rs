@@ -113,17 +113,25 @@ impl Core {
 
     /// A lower bound on the distance from a point to the core, exact but for hulls and ellipsoids (their boxes count).
     pub(crate) fn distance_bound(&self, point: DVec3) -> f64 {
-        let to_box = |offset: DVec3, half: DVec3| (offset.abs() - half).max(DVec3::ZERO).length();
+        self.nearest(point).distance(point)
+    }
+
+    /// The point nearest to `point` of the core, or of the box around it for hulls and ellipsoids.
+    fn nearest(&self, point: DVec3) -> DVec3 {
         match self {
-            Self::Point => point.length(),
-            Self::Segment(half_length) => DVec3::new(point.x, point.y, (point.z.abs() - half_length).max(0.0)).length(),
-            Self::Box(half) | Self::Ellipsoid(half) => to_box(point, *half),
+            Self::Point => DVec3::ZERO,
+            Self::Segment(half_length) => DVec3::new(0.0, 0.0, point.z.clamp(-half_length, *half_length)),
+            Self::Box(half) | Self::Ellipsoid(half) => point.clamp(-*half, *half),
             Self::Cylinder { radius, half_height } => {
-                let across = (point.x.hypot(point.y) - radius).max(0.0);
-                across.hypot((point.z.abs() - half_height).max(0.0))
+                let across = point.truncate().clamp_length_max(*radius);
+                across.extend(point.z.clamp(-half_height, *half_height))
             }
-            Self::Hull { center, half, .. } => to_box(point - *center, *half),
+            Self::Hull { center, half, .. } => point.clamp(*center - *half, *center + *half),
         }
+    }
+
+    fn nearest_is_exact(&self) -> bool {
+        !matches!(self, Self::Hull { .. } | Self::Ellipsoid(_))
     }
 
     fn bound_about(&self, center: DVec3) -> f64 {
@@ -238,6 +246,29 @@ pub(crate) fn closer_than(a: &Convex, b: &Convex, world_from_a: &Rigid, world_fr
         GJKResult::NoIntersection(direction) => !separated(&pose, &a.core, &b.core, direction, reach),
         _ => true,
     }
+}
+
+/// A quick answer to `closer_than` with one support point of `b`, where that is enough.
+///
+/// The direction from the obstacle `a` to the middle of `b` often separates them; and if the point of `b` farthest
+/// against it is within the margin, they do not keep it.
+pub(crate) fn quickly_closer_than(
+    a: &Convex,
+    b: &Convex,
+    core_from_world: &Rigid,
+    world_from_b: &Rigid,
+    margin: f64,
+) -> Option<bool> {
+    let reach = margin + a.radius;
+    let middle = core_from_world.point(world_from_b.point(b.ball.center));
+    let nearest = a.core.nearest(middle);
+    let outward = (middle - nearest).try_normalize()?;
+    let inward_of_b = world_from_b.rotation.transpose() * (core_from_world.rotation.transpose() * -outward);
+    let deepest = core_from_world.point(world_from_b.point(b.support(inward_of_b)));
+    if outward.dot(deepest - nearest) > reach {
+        return Some(false);
+    }
+    (a.core.nearest_is_exact() && a.core.distance_bound(deepest) < reach).then_some(true)
 }
 
 /// The distance of two bodies if it is at most `limit`, with penetration depth.
