@@ -37,9 +37,9 @@ fn measure(planner: &Planner, file: &str, problems: &[Value]) {
         let allowed = Allowed::none();
         let around = Surroundings { world: &world, attached: None, allowed: &allowed, gripper_width: 0.08 };
         let (start, goal) = (numbers(&problem["start"]), numbers(&problem["goal"]));
-        let begin = Instant::now();
-        let planned = planner.plan_joint(&around, &start, &[goal], Seed::new(1));
-        plan_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        let (planned, milliseconds) =
+            timed(|| planner.plan_joint(&around, &start, std::slice::from_ref(&goal), Seed::new(1)));
+        plan_ms.push(milliseconds);
         let path = match planned {
             Ok(path) => path,
             Err(error) => {
@@ -47,9 +47,8 @@ fn measure(planner: &Planner, file: &str, problems: &[Value]) {
                 continue;
             }
         };
-        let begin = Instant::now();
-        let trajectory = planner.time(&path, 1.0);
-        time_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        let (trajectory, milliseconds) = timed(|| planner.time(&path, 1.0));
+        time_ms.push(milliseconds);
         durations.push(trajectory.duration());
         let exact = planner.checker(&around, 0.0);
         let states = path.states(0.02);
@@ -75,6 +74,19 @@ fn measure(planner: &Planner, file: &str, problems: &[Value]) {
     for line in failures.iter().chain(&invalid).take(12) {
         println!("  {line}");
     }
+}
+
+/// The answer and the shortest of three computing times in milliseconds: everything here is a pure function, so what
+/// is longer was some other program's doing.
+fn timed<T>(work: impl Fn() -> T) -> (T, f64) {
+    let run = || {
+        let begin = Instant::now();
+        let answer = work();
+        (answer, begin.elapsed().as_secs_f64() * 1e3)
+    };
+    let (answer, first) = run();
+    let shortest = (0..2).map(|_| run().1).fold(first, f64::min);
+    (answer, shortest)
 }
 
 /// States every 0.02 rad of the largest joint step.
@@ -177,7 +189,7 @@ fn read_robot(folder: &Path) -> RobotModel {
             max_force: 140.0,
             pad_size: DVec3::new(0.008, 0.021, 0.017),
         },
-        home: vec![0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398],
+        home: vec![0.0, -0.78, 0.0, -2.36, 0.0, 1.57, 0.78],
         never_colliding: never.collect(),
         links,
     }

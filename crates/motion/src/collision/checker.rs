@@ -1,8 +1,15 @@
 //! Tests of configurations and of straight joint-space edges for one robot, world and carried object.
 
-use super::convex::{self, Ball, Convex, Separation};
-use super::robot_shape::{RobotShape, ball_around};
-use super::world::{Allowed, Attached, Part, World};
+use super::bodies::{
+    Body, BodyPair, LOOK, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved,
+    reaches,
+};
+use super::convex::Separation;
+use super::fast::{self, Doubt, FastBody, FastJoint, FastModel, FastObstacle, FastPiece, Scratch};
+use super::lanes::{LANES, Lanes};
+use super::robot_shape::RobotShape;
+use super::world::{Allowed, Attached, World};
+use crate::path::lerp;
 use crate::rigid::Rigid;
 
 /// Two things that are too close.
@@ -38,46 +45,11 @@ pub struct Checker<'a> {
     pub(super) obstacles: Vec<Target<'a>>,
     /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed.
     pub(super) obstacle_margin: Vec<Option<f64>>,
-    /// Pairs of bodies and the distance to keep.
-    pub(super) body_pairs: Vec<(usize, usize, f64)>,
+    pub(super) body_pairs: Vec<BodyPair>,
     /// Largest speed of any point of the robot per unit speed of each joint.
     reach: Vec<f64>,
-}
-
-/// A link or the carried object, in the frame that moves it.
-#[derive(Clone, Debug)]
-pub(super) struct Body<'a> {
-    pub(super) part: Part,
-    pub(super) name: &'a str,
-    pub(super) frame: usize,
-    pub(super) frame_from_body: Rigid,
-    pub(super) pieces: &'a [Convex],
-    /// Ball around the body, in the moving frame.
-    pub(super) ball: Ball,
-}
-
-/// An obstacle with balls around it and around its pieces, in the world.
-#[derive(Clone, Debug)]
-pub(super) struct Target<'a> {
-    pub(super) name: &'a str,
-    pub(super) world_from_obstacle: Rigid,
-    pub(super) ball: Ball,
-    pub(super) pieces: Vec<TargetPiece<'a>>,
-}
-
-/// A piece of an obstacle.
-#[derive(Clone, Debug)]
-pub(super) struct TargetPiece<'a> {
-    pub(super) convex: &'a Convex,
-    pub(super) core_from_world: Rigid,
-}
-
-impl TargetPiece<'_> {
-    /// Whether a ball in the world certainly keeps `margin` from the piece.
-    pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
-        let reach = ball.radius + self.convex.radius + margin.max(0.0);
-        self.convex.core.distance_bound(self.core_from_world.point(ball.center)) > reach
-    }
+    /// The same scene for the fast path.
+    fast: FastModel,
 }
 
 impl<'a> Checker<'a> {
@@ -101,8 +73,13 @@ impl<'a> Checker<'a> {
             })
             .collect();
         let body_pairs = body_pairs(robot, &bodies, padding);
-        let reach = reaches(robot, &bodies);
-        Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reach }
+        let reach = bodies.iter().fold(vec![0.0; robot.chain.dof()], |widest: Vec<f64>, body| {
+            widest.iter().zip(reaches(robot, body)).map(|(a, b)| a.max(b)).collect()
+        });
+        let fast = fast_model(robot, &bodies, &obstacles);
+        let mut checker = Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reach, fast };
+        checker.refresh_fast_margins();
+        checker
     }
 
     /// The arm's kinematics.
@@ -129,7 +106,7 @@ impl<'a> Checker<'a> {
                 }
             }
         }
-        for &(first, second, margin) in &self.body_pairs {
+        for &BodyPair { first, second, margin, .. } in &self.body_pairs {
             let (a, b) = (&self.bodies[first], &self.bodies[second]);
             let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
             note(a.name, b.name, margin, bodies_separation(a, b, &world_from_a, &world_from_b, margin));
@@ -153,7 +130,7 @@ impl<'a> Checker<'a> {
                 }
             }
         }
-        !self.body_pairs.iter().any(|&(first, second, margin)| {
+        !self.body_pairs.iter().any(|&BodyPair { first, second, margin, .. }| {
             let (a, b) = (&self.bodies[first], &self.bodies[second]);
             !apart(&moved(&frames[a.frame], &a.ball), &moved(&frames[b.frame], &b.ball), margin)
                 && bodies_closer_than(a, b, &world_from(a), &world_from(b), margin)
@@ -166,27 +143,85 @@ impl<'a> Checker<'a> {
     /// with `spacing` at most twice the padding, nothing can be touched in between either.
     pub fn edge_is_free(&self, from: &[f64], to: &[f64], spacing: f64) -> bool {
         let steps = self.edge_steps(from, to, spacing);
-        let mut config = vec![0.0; from.len()];
-        let mut stride = steps.next_power_of_two();
-        // Coarse first: 1/2, then 1/4 and 3/4, …; the first state is the caller's to test.
-        let mut state_is_free = |step: usize| {
-            let t = step as f64 / steps as f64;
+        let batches = steps.div_ceil(LANES);
+        let mut config = vec![Lanes::all(0.0); from.len()];
+        let mut scratch = Scratch::default();
+        let mut proven_pairs = vec![false; self.body_pairs.len()];
+        // The lanes are spread over the edge and walk backwards together; the first state is the caller's to test.
+        (0..batches).rev().all(|batch| {
+            let time = |lane: usize| ((lane * batches + batch + 1).min(steps)) as f64 / steps as f64;
             for ((q, a), b) in config.iter_mut().zip(from).zip(to) {
-                *q = a + (b - a) * t;
+                for (lane, value) in q.0.iter_mut().enumerate() {
+                    *value = (a + (b - a) * time(lane)) as f32;
+                }
             }
-            self.is_free(&config)
-        };
-        if !state_is_free(steps) {
-            return false;
-        }
-        while stride > 1 {
-            let half = stride / 2;
-            if !(half..steps).step_by(stride).all(&mut state_is_free) {
+            fast::find_doubts(&self.fast, &config, &mut scratch);
+            let pairs_are_free = scratch.doubts.iter().all(|doubt| match *doubt {
+                Doubt::Bodies { pair, .. } if !proven_pairs[pair] => {
+                    proven_pairs[pair] = self.pair_is_free(&self.body_pairs[pair], from, to, spacing);
+                    proven_pairs[pair]
+                }
+                _ => true,
+            });
+            pairs_are_free && self.doubts_are_unfounded(&scratch.doubts, |lane| lerp(from, to, time(lane)))
+        })
+    }
+
+    /// Whether two bodies keep their distance all along an edge, by conservative advancement: the distance at one
+    /// state is also how far the bodies may move before they can meet.
+    fn pair_is_free(&self, pair: &BodyPair, from: &[f64], to: &[f64], spacing: f64) -> bool {
+        let table = pair.table.and_then(|index| self.robot.tables[index].as_ref());
+        let speed: f64 = pair.movers.iter().map(|&(joint, reach)| (to[joint] - from[joint]).abs() * reach).sum();
+        let (a, b) = (&self.bodies[pair.first], &self.bodies[pair.second]);
+        let mut frames = Vec::new();
+        let mut time = 0.0;
+        loop {
+            let at = |joint: usize| from[joint] + (to[joint] - from[joint]) * time;
+            if let Some(bound) = table.and_then(|table| table.bound(at))
+                && bound - pair.margin > spacing
+            {
+                if time >= 1.0 || speed <= 0.0 {
+                    return true;
+                }
+                time = (time + (bound - pair.margin) / speed).min(1.0);
+                continue;
+            }
+            self.robot.chain.frames_into(&lerp(from, to, time), &mut frames);
+            let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
+            let clear = match bodies_separation(a, b, &world_from_a, &world_from_b, pair.margin.max(0.0) + LOOK) {
+                Separation::Within(distance) => distance - pair.margin,
+                Separation::Beyond => LOOK,
+            };
+            if clear < 0.0 {
                 return false;
             }
-            stride = half;
+            if time >= 1.0 || speed <= 0.0 {
+                return true;
+            }
+            time = (time + clear.max(spacing) / speed).min(1.0);
         }
-        true
+    }
+
+    /// Looks exactly at the bodies and obstacles that the fast path could not prove clear.
+    fn doubts_are_unfounded(&self, doubts: &[Doubt], config: impl Fn(usize) -> Vec<f64>) -> bool {
+        let mut cached: [Option<Vec<Rigid>>; LANES] = Default::default();
+        let count = self.obstacles.len();
+        doubts.iter().all(|doubt| {
+            let Doubt::Obstacle { body, obstacle, lanes } = *doubt else { return true };
+            let Some(margin) = self.obstacle_margin[body * count + obstacle] else { return true };
+            let (body, target) = (&self.bodies[body], &self.obstacles[obstacle]);
+            fast::lanes_of(lanes).all(|lane| {
+                let frames = cached[lane].get_or_insert_with(|| self.robot.chain.frames(&config(lane)));
+                !target.closer_than(body, &(frames[body.frame] * body.frame_from_body), margin)
+            })
+        })
+    }
+
+    fn refresh_fast_margins(&mut self) {
+        let single = |margin: &f64| margin.max(0.0) as f32;
+        self.fast.margins = self.obstacle_margin.iter().map(|margin| margin.as_ref().map(single)).collect();
+        self.fast.body_pairs =
+            self.body_pairs.iter().map(|pair| (pair.first, pair.second, single(&pair.margin))).collect();
     }
 
     /// Accepts `config` although pairs are closer than the padding: from now on such a pair keeps (nearly) the
@@ -211,7 +246,7 @@ impl<'a> Checker<'a> {
                 }
             }
         }
-        for (first, second, margin) in &mut self.body_pairs {
+        for BodyPair { first, second, margin, .. } in &mut self.body_pairs {
             let (a, b) = (&self.bodies[*first], &self.bodies[*second]);
             let (world_from_a, world_from_b) =
                 (frames[a.frame] * a.frame_from_body, frames[b.frame] * b.frame_from_body);
@@ -220,6 +255,7 @@ impl<'a> Checker<'a> {
                 note_worst(&mut worst, a.name, b.name, distance);
             }
         }
+        self.refresh_fast_margins();
         match worst {
             Some(report) if report.distance < -tolerance => Err(report),
             _ => Ok(()),
@@ -238,125 +274,28 @@ impl<'a> Checker<'a> {
     }
 }
 
-impl<'a> Target<'a> {
-    fn new(obstacle: &'a super::world::Obstacle) -> Self {
-        let world_from_obstacle = obstacle.world_from_obstacle;
-        let piece = |convex: &'a Convex| TargetPiece {
-            convex,
-            core_from_world: (world_from_obstacle * convex.owner_from_core).inverse(),
-        };
-        Self {
-            name: &obstacle.name,
-            world_from_obstacle,
-            ball: ball_around(obstacle.pieces.iter().map(|piece| moved(&world_from_obstacle, &piece.ball))),
-            pieces: obstacle.pieces.iter().map(piece).collect(),
-        }
-    }
-
-    fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> bool {
-        if margin <= 0.0 {
-            return matches!(self.separation(body, world_from_body, margin), Separation::Within(d) if d < margin);
-        }
-        body.pieces.iter().any(|piece| {
-            let ball = moved(world_from_body, &piece.ball);
-            self.pieces.iter().any(|other| {
-                !other.clear_of(&ball, margin)
-                    && convex::closer_than(other.convex, piece, &self.world_from_obstacle, world_from_body, margin)
-            })
-        })
-    }
-
-    fn separation(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> Separation {
-        let limit = margin.max(0.0);
-        let mut nearest = Separation::Beyond;
-        for piece in body.pieces {
-            let ball = moved(world_from_body, &piece.ball);
-            for other in &self.pieces {
-                if !other.clear_of(&ball, limit) {
-                    let found =
-                        convex::separation(other.convex, piece, &self.world_from_obstacle, world_from_body, limit);
-                    nearest = nearer(nearest, found);
-                }
-            }
-        }
-        nearest
-    }
-}
-
-fn bodies_closer_than(a: &Body, b: &Body, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
-    if margin <= 0.0 {
-        return matches!(bodies_separation(a, b, world_from_a, world_from_b, margin), Separation::Within(d) if d < margin);
-    }
-    a.pieces.iter().any(|piece| {
-        let ball = moved(world_from_a, &piece.ball);
-        b.pieces.iter().any(|other| {
-            !apart(&ball, &moved(world_from_b, &other.ball), margin)
-                && convex::closer_than(piece, other, world_from_a, world_from_b, margin)
-        })
-    })
-}
-
-fn bodies_separation(a: &Body, b: &Body, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> Separation {
-    let limit = margin.max(0.0);
-    let mut nearest = Separation::Beyond;
-    for piece in a.pieces {
-        let ball = moved(world_from_a, &piece.ball);
-        for other in b.pieces {
-            if !apart(&ball, &moved(world_from_b, &other.ball), limit) {
-                nearest = nearer(nearest, convex::separation(piece, other, world_from_a, world_from_b, limit));
-            }
-        }
-    }
-    nearest
-}
-
-fn bodies<'a>(robot: &'a RobotShape, attached: Option<&'a Attached>, gripper_width: f64) -> Vec<Body<'a>> {
-    let make = |part, name, frame, frame_from_body: Rigid, pieces: &'a [Convex]| {
-        let ball = ball_around(pieces.iter().map(|piece| moved(&frame_from_body, &piece.ball)));
-        Body { part, name, frame, frame_from_body, pieces, ball }
+fn fast_model(robot: &RobotShape, bodies: &[Body], obstacles: &[Target]) -> FastModel {
+    let joint = |joint: &crate::chain::ChainJoint| FastJoint {
+        parent_frame: joint.parent_frame,
+        parent_from_joint: (&joint.parent_from_joint).into(),
+        slides: joint.slides,
     };
-    let links = robot.links.iter().enumerate().filter(|(_, link)| !link.pieces.is_empty()).map(|(index, link)| {
-        let (frame, frame_from_link) = robot.chain.link_mount(index, gripper_width);
-        make(Part::Link(index), link.name.as_str(), frame, frame_from_link, &link.pieces)
-    });
-    let carried = attached.map(|attached| {
-        let (frame, frame_from_tcp) = robot.chain.tcp_mount();
-        let frame_from_object = frame_from_tcp * attached.tcp_from_object;
-        make(Part::Attached, attached.name.as_str(), frame, frame_from_object, &attached.pieces)
-    });
-    links.chain(carried).collect()
-}
-
-fn body_pairs(robot: &RobotShape, bodies: &[Body], padding: f64) -> Vec<(usize, usize, f64)> {
-    let tested = |a: &Body, b: &Body| match (a.part, b.part) {
-        (Part::Link(a), Part::Link(b)) => robot.pairs.contains(&(a, b)),
-        (Part::Link(link), Part::Attached) => a.frame != b.frame && !robot.gripper_links.contains(&link),
-        _ => false,
+    let body = |body: &Body| FastBody {
+        frame: body.frame,
+        ball: (&body.ball).into(),
+        cover: body.cover.iter().map(|ball| (&moved(&body.frame_from_body, ball)).into()).collect(),
     };
-    let count = bodies.len();
-    (0..count)
-        .flat_map(|a| (a + 1..count).map(move |b| (a, b)))
-        .filter(|(a, b)| tested(&bodies[*a], &bodies[*b]))
-        .map(|(a, b)| (a, b, padding))
-        .collect()
-}
-
-/// For each joint the largest distance from its axis that any point behind it can have.
-fn reaches(robot: &RobotShape, bodies: &[Body]) -> Vec<f64> {
-    let joints = robot.chain.joints();
-    let mut reach = vec![0.0_f64; joints.len()];
-    for body in bodies {
-        let mut distance = body.ball.center.length() + body.ball.radius;
-        let mut frame = body.frame;
-        while frame > 0 {
-            let joint = &joints[frame - 1];
-            reach[frame - 1] = reach[frame - 1].max(if joint.slides { 1.0 } else { distance });
-            let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
-            distance += joint.parent_from_joint.translation.length() + slide;
-            frame = joint.parent_frame;
-        }
+    let piece = |piece: &TargetPiece| FastPiece::new(&piece.convex.core, piece.convex.radius, &piece.core_from_world);
+    let obstacle = |target: &Target| FastObstacle {
+        ball: (&target.ball).into(),
+        pieces: target.pieces.iter().map(piece).collect(),
+    };
+    FastModel {
+        joints: robot.chain.joints().iter().map(joint).collect(),
+        bodies: bodies.iter().map(body).collect(),
+        obstacles: obstacles.iter().map(obstacle).collect(),
+        ..FastModel::default()
     }
-    reach
 }
 
 /// The distance a pair keeps that was found at `distance`, nearer than its padding.
@@ -368,20 +307,4 @@ fn note_worst(worst: &mut Option<CollisionReport>, part: &str, other: &str, dist
     if worst.as_ref().is_none_or(|report| distance < report.distance) {
         *worst = Some(CollisionReport { part: part.to_owned(), other: other.to_owned(), distance });
     }
-}
-
-fn nearer(a: Separation, b: Separation) -> Separation {
-    match (a, b) {
-        (Separation::Within(a), Separation::Within(b)) => Separation::Within(a.min(b)),
-        (Separation::Beyond, found) | (found, Separation::Beyond) => found,
-    }
-}
-
-pub(super) fn moved(outer_from_inner: &Rigid, ball: &Ball) -> Ball {
-    Ball { center: outer_from_inner.point(ball.center), radius: ball.radius }
-}
-
-pub(super) fn apart(a: &Ball, b: &Ball, margin: f64) -> bool {
-    let reach = a.radius + b.radius + margin.max(0.0);
-    a.center.distance_squared(b.center) > reach * reach
 }

@@ -6,6 +6,7 @@ use parry3d_f64::math::{Pose as ParryPose, Rot3, Vector};
 use parry3d_f64::query::epa::EPA;
 use parry3d_f64::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
 use parry3d_f64::shape::SupportMap;
+use parry3d_f64::transformation::try_convex_hull;
 
 use crate::rigid::Rigid;
 
@@ -50,11 +51,12 @@ pub(crate) enum Core {
         half_height: f64,
     },
     Ellipsoid(DVec3),
-    /// Corners, and the middle and half extents of their bounds.
+    /// Corners, the middle and half extents of their bounds, and for large hulls the neighbours of each corner.
     Hull {
         corners: Vec<DVec3>,
         center: DVec3,
         half: DVec3,
+        neighbors: Vec<Vec<u32>>,
     },
 }
 
@@ -101,7 +103,8 @@ impl Convex {
 impl Core {
     fn hull(corners: Vec<DVec3>) -> Self {
         let bounds = genmanip_core::Aabb::from_points(corners.iter().copied());
-        Self::Hull { corners, center: bounds.center(), half: bounds.size() * 0.5 }
+        let (corners, neighbors) = if corners.len() < LARGE_HULL { (corners, vec![]) } else { linked(corners) };
+        Self::Hull { corners, center: bounds.center(), half: bounds.size() * 0.5, neighbors }
     }
 
     fn center(&self) -> DVec3 {
@@ -110,17 +113,25 @@ impl Core {
 
     /// A lower bound on the distance from a point to the core, exact but for hulls and ellipsoids (their boxes count).
     pub(crate) fn distance_bound(&self, point: DVec3) -> f64 {
-        let to_box = |offset: DVec3, half: DVec3| (offset.abs() - half).max(DVec3::ZERO).length();
+        self.nearest(point).distance(point)
+    }
+
+    /// The point nearest to `point` of the core, or of the box around it for hulls and ellipsoids.
+    fn nearest(&self, point: DVec3) -> DVec3 {
         match self {
-            Self::Point => point.length(),
-            Self::Segment(half_length) => DVec3::new(point.x, point.y, (point.z.abs() - half_length).max(0.0)).length(),
-            Self::Box(half) | Self::Ellipsoid(half) => to_box(point, *half),
+            Self::Point => DVec3::ZERO,
+            Self::Segment(half_length) => DVec3::new(0.0, 0.0, point.z.clamp(-half_length, *half_length)),
+            Self::Box(half) | Self::Ellipsoid(half) => point.clamp(-*half, *half),
             Self::Cylinder { radius, half_height } => {
-                let across = (point.x.hypot(point.y) - radius).max(0.0);
-                across.hypot((point.z.abs() - half_height).max(0.0))
+                let across = point.truncate().clamp_length_max(*radius);
+                across.extend(point.z.clamp(-half_height, *half_height))
             }
-            Self::Hull { center, half, .. } => to_box(point - *center, *half),
+            Self::Hull { center, half, .. } => point.clamp(*center - *half, *center + *half),
         }
+    }
+
+    fn nearest_is_exact(&self) -> bool {
+        !matches!(self, Self::Hull { .. } | Self::Ellipsoid(_))
     }
 
     fn bound_about(&self, center: DVec3) -> f64 {
@@ -150,16 +161,62 @@ impl Core {
                 DVec3::new(direction.x * scale, direction.y * scale, half_height.copysign(direction.z))
             }
             Self::Ellipsoid(radii) => *radii * (*radii * direction).normalize_or_zero(),
-            Self::Hull { corners, .. } => {
-                let mut best = (f64::NEG_INFINITY, 0);
-                for (index, point) in corners.iter().enumerate() {
-                    let along = point.dot(direction);
+            Self::Hull { corners, neighbors, .. } if neighbors.is_empty() => {
+                let mut best = (f64::NEG_INFINITY, DVec3::ZERO);
+                for corner in corners {
+                    let along = corner.dot(direction);
                     if along > best.0 {
-                        best = (along, index);
+                        best = (along, *corner);
                     }
                 }
-                corners.get(best.1).copied().unwrap_or(DVec3::ZERO)
+                best.1
             }
+            Self::Hull { corners, neighbors, .. } => climb(corners, neighbors, direction),
+        }
+    }
+}
+
+/// From this many corners on, the farthest corner is found by walking along edges.
+const LARGE_HULL: usize = 40;
+
+/// The corners of the hull and the neighbours of each; no neighbours when the hull cannot be triangulated.
+fn linked(points: Vec<DVec3>) -> (Vec<DVec3>, Vec<Vec<u32>>) {
+    let input: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
+    let Ok((corners, triangles)) = try_convex_hull(&input) else { return (points, vec![]) };
+    let corners: Vec<DVec3> = corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect();
+    let mut neighbors = vec![Vec::new(); corners.len()];
+    for [a, b, c] in triangles {
+        for (from, to) in [(a, b), (b, c), (c, a), (b, a), (c, b), (a, c)] {
+            let known: &mut Vec<u32> = &mut neighbors[from as usize];
+            if !known.contains(&to) {
+                known.push(to);
+            }
+        }
+    }
+    (corners, neighbors)
+}
+
+/// Walks uphill along edges; on a convex hull the first summit is the highest.
+fn climb(corners: &[DVec3], neighbors: &[Vec<u32>], direction: DVec3) -> DVec3 {
+    // Any start will do; a few spread over the list shorten the walk.
+    let stride = corners.len().div_ceil(12);
+    let mut best = (f64::NEG_INFINITY, 0);
+    for index in (0..corners.len()).step_by(stride) {
+        let along = corners[index].dot(direction);
+        if along > best.0 {
+            best = (along, index);
+        }
+    }
+    loop {
+        let here = best.1;
+        for &next in &neighbors[here] {
+            let along = corners[next as usize].dot(direction);
+            if along > best.0 {
+                best = (along, next as usize);
+            }
+        }
+        if best.1 == here {
+            return corners[here];
         }
     }
 }
@@ -189,6 +246,29 @@ pub(crate) fn closer_than(a: &Convex, b: &Convex, world_from_a: &Rigid, world_fr
         GJKResult::NoIntersection(direction) => !separated(&pose, &a.core, &b.core, direction, reach),
         _ => true,
     }
+}
+
+/// A quick answer to `closer_than` with one support point of `b`, where that is enough.
+///
+/// The direction from the obstacle `a` to the middle of `b` often separates them; and if the point of `b` farthest
+/// against it is within the margin, they do not keep it.
+pub(crate) fn quickly_closer_than(
+    a: &Convex,
+    b: &Convex,
+    core_from_world: &Rigid,
+    world_from_b: &Rigid,
+    margin: f64,
+) -> Option<bool> {
+    let reach = margin + a.radius;
+    let middle = core_from_world.point(world_from_b.point(b.ball.center));
+    let nearest = a.core.nearest(middle);
+    let outward = (middle - nearest).try_normalize()?;
+    let inward_of_b = world_from_b.rotation.transpose() * (core_from_world.rotation.transpose() * -outward);
+    let deepest = core_from_world.point(world_from_b.point(b.support(inward_of_b)));
+    if outward.dot(deepest - nearest) > reach {
+        return Some(false);
+    }
+    (a.core.nearest_is_exact() && a.core.distance_bound(deepest) < reach).then_some(true)
 }
 
 /// The distance of two bodies if it is at most `limit`, with penetration depth.

@@ -1,7 +1,12 @@
 //! Collision: named obstacles, the robot's exact pieces, a carried object, and rules about who may touch whom.
 
+mod bodies;
 pub(crate) mod checker;
 pub(crate) mod convex;
+mod cover;
+mod fast;
+mod lanes;
+mod pair_table;
 pub(crate) mod robot_shape;
 #[cfg(test)]
 mod tests;

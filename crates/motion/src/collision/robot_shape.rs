@@ -4,6 +4,8 @@ use genmanip_core::RobotModel;
 use glam::DVec3;
 
 use super::convex::{Ball, Convex, GeometryError};
+use super::cover::cover;
+use super::pair_table::PairTable;
 use super::world::compile;
 use crate::chain::{Chain, ModelError};
 
@@ -15,12 +17,16 @@ pub struct RobotShape {
     /// Pairs of links that may meet: not in the same moving frame, not declared as never colliding.
     pub(crate) pairs: Vec<(usize, usize)>,
     pub(crate) gripper_links: [usize; 3],
+    /// For each of `pairs` that only two joints move: lower bounds on its distance.
+    pub(crate) tables: Vec<Option<PairTable>>,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct LinkShape {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
+    /// Balls that hold the pieces, in the link's frame.
+    pub(crate) cover: Vec<Ball>,
 }
 
 /// A robot model that cannot be compiled for collision checks.
@@ -41,7 +47,11 @@ impl RobotShape {
         let links = robot
             .links
             .iter()
-            .map(|link| Ok(LinkShape { name: link.name.clone(), pieces: compile(&link.name, &link.pieces)? }))
+            .map(|link| {
+                let pieces = compile(&link.name, &link.pieces)?;
+                let cover = pieces.iter().flat_map(cover).collect();
+                Ok(LinkShape { name: link.name.clone(), pieces, cover })
+            })
             .collect::<Result<Vec<_>, GeometryError>>()?;
         let frame = |link: usize| chain.link_mount(link, 0.0).0;
         let never = |a: usize, b: usize| {
@@ -53,7 +63,9 @@ impl RobotShape {
             .filter(|(a, b)| !links[*a].pieces.is_empty() && !links[*b].pieces.is_empty() && !never(*a, *b))
             .collect();
         let [left, right] = robot.gripper.fingers;
-        Ok(Self { chain, links, pairs, gripper_links: [robot.hand, left, right] })
+        let mut shape = Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables: vec![] };
+        shape.tables = super::bodies::pair_tables(&shape, &[left, right]);
+        Ok(shape)
     }
 
     /// The arm's kinematics.

@@ -1,4 +1,5 @@
-use genmanip_core::{Piece, Pose, Shape, glam::DVec3};
+use genmanip_core::{Piece, Pose, Seed, Shape, glam::DVec3};
+use rand::RngExt;
 
 use super::*;
 use crate::test_robot::test_panda;
@@ -69,6 +70,78 @@ fn relaxing_accepts_closeness_but_not_penetration() {
         if free {
             assert!(checker.is_free(&robot.home));
         }
+    }
+}
+
+#[test]
+fn edges_are_free_exactly_when_their_states_are() {
+    let robot = test_panda();
+    let shape = RobotShape::new(&robot).unwrap();
+    let mut rng = Seed::new(3).rng();
+    let limits: Vec<(f64, f64)> = shape.chain().lower().zip(shape.chain().upper()).collect();
+    let held = Attached::new("apple", &[ball(0.035)], &Pose::from_position(DVec3::Z * 0.02)).unwrap();
+    let (mut free, mut blocked) = (0, 0);
+    for _ in 0..60 {
+        let mut world = World::new();
+        world.add("table", &[slab()], &Pose::from_position(DVec3::new(0.55, 0.0, 0.0))).unwrap();
+        for index in 0..8 {
+            let mut draw = |low: f64, high: f64| rng.random_range(low..high);
+            let place = DVec3::new(draw(0.2, 0.8), draw(-0.5, 0.5), draw(0.0, 0.6));
+            let half_height = draw(0.02, 0.1);
+            let shapes = [
+                Shape::Cylinder { radius: 0.04, half_height },
+                Shape::Capsule { radius: 0.03, half_length: half_height },
+                Shape::Ellipsoid { radii: DVec3::new(0.03, 0.05, half_height) },
+                Shape::Hull { points: [DVec3::X, DVec3::Y, DVec3::Z, DVec3::ZERO].map(|p| p * 0.1).to_vec() },
+            ];
+            let piece = Piece::at(DVec3::ZERO, shapes[index % 4].clone());
+            world.add(&format!("thing {index}"), &[piece], &Pose::from_position_yaw(place, draw(0.0, 3.0))).unwrap();
+        }
+        let checker = Checker::new(&shape, &world, Some(&held), &Allowed::none(), 0.05, 0.003);
+        let mut config = || limits.iter().map(|(low, high)| rng.random_range(*low..*high) * 0.5).collect::<Vec<f64>>();
+        let (from, to) =
+            (robot.home.clone(), config().iter().zip(&robot.home).map(|(a, b)| b + 0.4 * a).collect::<Vec<_>>());
+        let steps = checker.edge_steps(&from, &to, 0.006);
+        let states = (1..=steps).map(|step| crate::path::lerp(&from, &to, step as f64 / steps as f64));
+        let expected = states.into_iter().all(|state| checker.is_free(&state));
+        assert_eq!(checker.edge_is_free(&from, &to, 0.006), expected);
+        if expected { free += 1 } else { blocked += 1 }
+    }
+    assert!(free >= 5 && blocked >= 5, "the cases are one-sided: {free} free, {blocked} blocked");
+}
+
+#[test]
+fn covers_hold_their_bodies() {
+    let shapes = [
+        Shape::Box { half_extents: DVec3::new(0.03, 0.1, 0.035) },
+        Shape::Sphere { radius: 0.05 },
+        Shape::Ellipsoid { radii: DVec3::new(0.03, 0.06, 0.1) },
+        Shape::Cylinder { radius: 0.05, half_height: 0.12 },
+        Shape::Capsule { radius: 0.04, half_length: 0.1 },
+        Shape::Hull { points: [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::ONE].map(|p| p * 0.1).to_vec() },
+    ];
+    let mut rng = Seed::new(4).rng();
+    for shape in shapes {
+        let body = convex::Convex::new("body", 0, &Piece::at(DVec3::new(0.1, 0.2, 0.3), shape.clone())).unwrap();
+        let balls = cover::cover(&body);
+        let mut draw =
+            || DVec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0));
+        for _ in 0..3000 {
+            // Points between boundary points are inside, because the body is convex.
+            let (a, b, t) = (body.support(draw()), body.support(draw()), (draw().x + 1.0) / 2.0);
+            let point = a.lerp(b, t);
+            let outside = balls.iter().map(|ball| ball.center.distance(point) - ball.radius).fold(f64::MAX, f64::min);
+            assert!(outside < 1e-9, "{shape:?}: {point} is {outside} m outside its {} balls", balls.len());
+        }
+    }
+}
+
+#[test]
+fn lane_sine_is_precise() {
+    for index in -4000..=4000 {
+        let x = index as f32 * 0.002;
+        let error = (f64::from(lanes::Lanes::all(x).sin().0[0]) - f64::from(x).sin()).abs();
+        assert!(error < 5e-7, "sin {x}: {error}");
     }
 }
 

@@ -2,7 +2,8 @@
 
 use genmanip_core::{Piece, Pose};
 
-use super::convex::{Convex, GeometryError};
+use super::convex::{Ball, Convex, GeometryError};
+use super::cover::cover;
 use crate::rigid::Rigid;
 
 /// Named obstacles in the world frame.
@@ -35,6 +36,8 @@ pub(crate) struct Obstacle {
 pub struct Attached {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
+    /// Balls that hold the pieces, in the object's frame.
+    pub(crate) cover: Vec<Ball>,
     pub(crate) tcp_from_object: Rigid,
 }
 
@@ -91,11 +94,10 @@ impl World {
 impl Attached {
     /// An object whose frame sits at `tcp_from_object` while it is held; `pieces` are in the object's frame.
     pub fn new(name: &str, pieces: &[Piece], tcp_from_object: &Pose) -> Result<Self, GeometryError> {
-        Ok(Self {
-            name: name.to_owned(),
-            pieces: compile(name, pieces)?,
-            tcp_from_object: finite_pose(name, tcp_from_object)?,
-        })
+        let tcp_from_object = finite_pose(name, tcp_from_object)?;
+        let pieces = compile(name, pieces)?;
+        let cover = pieces.iter().flat_map(cover).collect();
+        Ok(Self { name: name.to_owned(), pieces, cover, tcp_from_object })
     }
 
     /// Name of the object.

@@ -35,6 +35,8 @@ pub struct PlanSettings {
     pub retries: usize,
     /// Random shortcuts tried.
     pub shortcuts: usize,
+    /// Shortcuts that may fail in a row before the path counts as short.
+    pub shortcut_failures: usize,
     /// Widest rounding of a corner, rad on either edge.
     pub blend: f64,
     /// How often the rounding may be halved before the robot has to stop at the corner.
@@ -46,12 +48,13 @@ impl Default for PlanSettings {
         Self {
             padding: 0.003,
             contact_tolerance: 0.001,
-            rrt_range: 1.0,
+            rrt_range: 0.7,
             max_iterations: 20_000,
-            search_spacing: 0.02,
+            search_spacing: 0.05,
             final_spacing: 0.006,
             retries: 3,
             shortcuts: 40,
+            shortcut_failures: 14,
             blend: 0.4,
             blend_halvings: 5,
         }

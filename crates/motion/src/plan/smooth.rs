@@ -15,8 +15,9 @@ pub(super) fn shortcut(
     rng: &mut impl Rng,
 ) -> Vec<Vec<f64>> {
     let mut waypoints = skip(checker, spacing, waypoints);
+    let mut failures = 0;
     for _ in 0..settings.shortcuts {
-        if waypoints.len() < 3 {
+        if waypoints.len() < 3 || failures >= settings.shortcut_failures {
             break;
         }
         let lengths: Vec<f64> = waypoints.windows(2).map(|edge| distance(&edge[0], &edge[1])).collect();
@@ -32,10 +33,12 @@ pub(super) fn shortcut(
             + distance(&waypoints[last_edge], &last);
         if distance(&first, &last) < along - 1e-3 && checker.edge_is_free(&first, &last, spacing) {
             waypoints.splice(first_edge + 1..=last_edge, [first, last]);
-            waypoints = skip(checker, spacing, waypoints);
+            failures = 0;
+        } else {
+            failures += 1;
         }
     }
-    waypoints
+    skip(checker, spacing, waypoints)
 }
 
 /// Tests every edge at the final spacing and rounds the corners; `None` when an edge does not pass.

@@ -1,0 +1,103 @@
+//! Balls that together hold a convex body: what the fast path tests instead of the body.
+//!
+//! The cover is conservative (every point of the body is in a ball), so balls that are clear prove that the body is;
+//! balls that are not clear prove nothing, and the exact body decides.
+
+use glam::DVec3;
+use parry3d_f64::{math::Vector, transformation::try_convex_hull};
+
+use super::convex::{Ball, Convex, Core};
+
+/// How far a ball may stick out before it is split: half of the body's thickness, within these bounds, m.
+const OVERHANG: [f64; 2] = [0.008, 0.025];
+/// Halvings per body at most: 2^3 balls.
+const DEPTH: usize = 3;
+
+/// Balls around one body, in the frame of its owner.
+pub(crate) fn cover(body: &Convex) -> Vec<Ball> {
+    let mut balls = Vec::new();
+    split(corners(&body.core), body.radius, DEPTH, &mut balls);
+    for ball in &mut balls {
+        ball.center = body.owner_from_core.point(ball.center);
+    }
+    balls
+}
+
+/// Corners of a polyhedron that holds the core.
+fn corners(core: &Core) -> Vec<DVec3> {
+    const SIDES: usize = 16;
+    let prism = |radius: f64, half_height: f64| {
+        // Circumscribed: its sides touch the circle.
+        let outer = radius / (std::f64::consts::PI / SIDES as f64).cos();
+        let corner = move |side: usize, z: f64| {
+            let (sin, cos) = (std::f64::consts::TAU * side as f64 / SIDES as f64).sin_cos();
+            DVec3::new(outer * cos, outer * sin, z)
+        };
+        (0..SIDES).flat_map(|side| [corner(side, -half_height), corner(side, half_height)]).collect::<Vec<_>>()
+    };
+    let signs = || [-1.0, 1.0].into_iter();
+    let cuboid = |half: DVec3| -> Vec<DVec3> {
+        let corner = |(x, y, z)| half * DVec3::new(x, y, z);
+        signs().flat_map(|x| signs().flat_map(move |y| signs().map(move |z| (x, y, z)))).map(corner).collect()
+    };
+    match core {
+        Core::Point => vec![DVec3::ZERO],
+        Core::Segment(half_length) => vec![DVec3::Z * *half_length, DVec3::NEG_Z * *half_length],
+        Core::Box(half) => cuboid(*half),
+        Core::Cylinder { radius, half_height } => prism(*radius, *half_height),
+        // A stack of prisms follows an ellipsoid better than its box: three slabs, each as wide as its widest cut.
+        Core::Ellipsoid(radii) => {
+            let slab = |low: f64, high: f64| {
+                let widest = if low < 0.0 && high > 0.0 { 0.0 } else { low.abs().min(high.abs()) };
+                let scale = (1.0 - widest * widest).sqrt();
+                prism(scale, 1.0)
+                    .into_iter()
+                    .map(move |corner| DVec3::new(corner.x, corner.y, if corner.z < 0.0 { low } else { high }) * *radii)
+            };
+            slab(-1.0, -0.5).chain(slab(-0.5, 0.5)).chain(slab(0.5, 1.0)).collect()
+        }
+        Core::Hull { corners, .. } => corners.clone(),
+    }
+}
+
+fn split(corners: Vec<DVec3>, rounding: f64, depth: usize, balls: &mut Vec<Ball>) {
+    let bounds = genmanip_core::Aabb::from_points(corners.iter().copied());
+    let (center, size) = (bounds.center(), bounds.size());
+    let radius = corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max);
+    let half = 0.5 * size.min_element();
+    if depth == 0 || radius - half <= (0.5 * (half + rounding)).clamp(OVERHANG[0], OVERHANG[1]) {
+        balls.push(Ball { center, radius: radius + rounding });
+        return;
+    }
+    let axis = match size.max_position() {
+        0 => DVec3::X,
+        1 => DVec3::Y,
+        _ => DVec3::Z,
+    };
+    let cut = center.dot(axis);
+    let (mut low, mut high): (Vec<DVec3>, Vec<DVec3>) = corners.iter().partition(|corner| corner.dot(axis) < cut);
+    // Every edge of the polyhedron that crosses the cut joins a corner below to one above.
+    let mut crossings = Vec::with_capacity(low.len() * high.len());
+    for a in &low {
+        for b in &high {
+            let t = (cut - a.dot(axis)) / (b.dot(axis) - a.dot(axis));
+            crossings.push(a.lerp(*b, t));
+        }
+    }
+    low.extend_from_slice(&crossings);
+    high.extend(crossings);
+    split(extreme(low), rounding, depth - 1, balls);
+    split(extreme(high), rounding, depth - 1, balls);
+}
+
+/// Only the corners of the hull, where that is worth its price.
+fn extreme(points: Vec<DVec3>) -> Vec<DVec3> {
+    if points.len() <= 32 {
+        return points;
+    }
+    let input: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
+    match try_convex_hull(&input) {
+        Ok((corners, _)) => corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect(),
+        Err(_) => points,
+    }
+}

@@ -1,0 +1,55 @@
+//! Distances of two links that only two joints move against each other, tabulated once per robot.
+//!
+//! Neighbouring links are near each other all the time; looking a lower bound up spares most exact distances.
+
+/// Lower bounds on the distance of two bodies over a grid of two joint positions.
+#[derive(Clone, Debug)]
+pub(crate) struct PairTable {
+    axes: [Axis; 2],
+    /// Row by row of the first joint.
+    bounds: Vec<f32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Axis {
+    joint: usize,
+    lower: f64,
+    cell: f64,
+}
+
+/// Cells per joint.
+const CELLS: usize = 96;
+
+impl PairTable {
+    /// Fills the table from `distance` (at positions of the two joints, or a lower bound on it); `movers` are the two
+    /// joints, their limits, and how fast each can bring the bodies together per unit speed.
+    pub(crate) fn new(movers: [(usize, [f64; 2], f64); 2], mut distance: impl FnMut([f64; 2]) -> f64) -> Self {
+        // A little wider than the limits, so that measured positions just outside find a cell.
+        let axis = |(joint, [lower, upper], _): (usize, [f64; 2], f64)| Axis {
+            joint,
+            lower: lower - 0.01,
+            cell: (upper - lower + 0.02) / CELLS as f64,
+        };
+        let axes = movers.map(axis);
+        let motion: f64 = axes.iter().zip(movers).map(|(axis, (_, _, reach))| 0.5 * axis.cell * reach).sum();
+        let center = |axis: &Axis, index: usize| axis.lower + axis.cell * (index as f64 + 0.5);
+        let mut bounds = Vec::with_capacity(CELLS * CELLS);
+        for first in 0..CELLS {
+            for second in 0..CELLS {
+                let at = [center(&axes[0], first), center(&axes[1], second)];
+                bounds.push((distance(at) - motion - 1e-6) as f32);
+            }
+        }
+        Self { axes, bounds }
+    }
+
+    /// A lower bound on the distance at a configuration; `None` outside the table.
+    pub(crate) fn bound(&self, config: impl Fn(usize) -> f64) -> Option<f64> {
+        let index = |axis: &Axis| {
+            let cell = (config(axis.joint) - axis.lower) / axis.cell;
+            (0.0..CELLS as f64).contains(&cell).then_some(cell as usize)
+        };
+        let (first, second) = (index(&self.axes[0])?, index(&self.axes[1])?);
+        self.bounds.get(first * CELLS + second).map(|bound| f64::from(*bound))
+    }
+}
