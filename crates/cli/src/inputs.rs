@@ -3,9 +3,11 @@
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, panda};
 use genmanip_core::{Document, ObjectCard, Task, TaskKind};
+use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
 
 use crate::error::Failed;
@@ -169,6 +171,12 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failed> {
         let _ = fs::remove_file(&aside);
         failed(&error)
     })
+}
+
+/// The planner for the robot there is.
+pub fn planner() -> Result<Arc<Planner>, Failed> {
+    let planner = Planner::new(panda(), PlannerSettings::default());
+    Ok(Arc::new(planner.map_err(|error| Failed::because("the robot cannot be planned for", &error))?))
 }
 
 /// Number of workers the user asked for, or all cores.

@@ -20,11 +20,6 @@ impl Printer {
         Self { json, quiet }
     }
 
-    /// Whether stdout is to be JSON.
-    pub fn is_json(&self) -> bool {
-        self.json
-    }
-
     /// Data: the JSON value or the text, to stdout.
     pub fn data(&self, value: &impl Serialize, text: &str) {
         let output = if self.json {

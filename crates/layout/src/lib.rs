@@ -19,13 +19,12 @@ pub use error::{LayoutError, Rejections};
 pub use placement::let_down;
 pub use settings::LayoutSettings;
 
-use std::sync::Arc;
-
 use genmanip_assets::Catalogue;
 use genmanip_core::{Camera, ObjectModel, PlacedObject, RobotModel, Scenario, Seed, Task, Workspace};
+use genmanip_motion::Planner;
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal};
 
-/// Lays a task out.
+/// Lays a task out for the planner's robot.
 ///
 /// Same task, seed and settings: the same scenario, byte for byte.
 ///
@@ -35,7 +34,7 @@ use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest,
 pub fn lay_out(
     task: &Task,
     catalogue: &Catalogue,
-    robot: &Arc<RobotModel>,
+    planner: &Planner,
     seed: Seed,
     settings: &LayoutSettings,
 ) -> Result<Scenario, LayoutError> {
@@ -67,12 +66,12 @@ pub fn lay_out(
             rejections.count("the goal holds already");
             continue;
         }
-        let reach = reach::unreachable(task, &scene, robot);
-        if let Some(reason) = reach.or_else(|| visibility::hidden(&scene, robot, settings)) {
+        let reach = reach::unreachable(task, &scene, planner);
+        if let Some(reason) = reach.or_else(|| visibility::hidden(&scene, planner.robot(), settings)) {
             rejections.count(reason);
             continue;
         }
-        return Ok(scenario(task, seed, &scene, robot));
+        return Ok(scenario(task, seed, &scene, planner.robot()));
     }
     Err(LayoutError::Infeasible { task: task.id.clone(), restarts: settings.max_restarts, rejections })
 }

@@ -1,24 +1,20 @@
 //! Whether the arm gets to what the goal moves.
 
 use std::f64::consts::{FRAC_PI_4, PI};
-use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Pose, RobotModel, Task};
-use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_core::{Pose, Task};
+use genmanip_motion::Planner;
 use genmanip_scene::relations::PosedScene;
 
 /// How far above an object the hand must get too, metres.
 const ABOVE_M: f64 = 0.12;
 
 /// The reason when some object that the goal moves cannot be reached from above.
-pub(crate) fn unreachable(task: &Task, scene: &PosedScene, robot: &Arc<RobotModel>) -> Option<String> {
-    let planner = match Planner::new(Arc::clone(robot), PlannerSettings::default()) {
-        Ok(planner) => planner,
-        Err(error) => return Some(format!("the robot cannot move: {error}")),
-    };
+pub(crate) fn unreachable(task: &Task, scene: &PosedScene, planner: &Planner) -> Option<String> {
+    let home = &planner.robot().home;
     let reaches = |point: DVec3| {
-        (0..4).any(|turn| !planner.ik(&pointing_down(point, f64::from(turn) * FRAC_PI_4), &robot.home).is_empty())
+        (0..4).any(|turn| !planner.ik(&pointing_down(point, f64::from(turn) * FRAC_PI_4), home).is_empty())
     };
     scene.objects().enumerate().find_map(|(index, object)| {
         let is_moved = task.goal.alternatives.iter().flatten().any(|atom| atom.subject() == object.uid);

@@ -9,9 +9,10 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{EpisodeResult, Failure, FailureCause, GoalVerdict, RobotModel, Scenario, Seed, Task};
+use genmanip_core::{EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::{LayoutSettings, lay_out};
+use genmanip_motion::Planner;
 use genmanip_sim::SimSettings;
 use serde::{Deserialize, Serialize};
 
@@ -42,8 +43,8 @@ pub struct CollectSettings {
 pub struct Resources<'a> {
     /// Objects.
     pub catalogue: &'a Catalogue,
-    /// The robot.
-    pub robot: &'a Arc<RobotModel>,
+    /// The robot and how it is planned for; costly to make, so made once.
+    pub planner: &'a Arc<Planner>,
 }
 
 /// One attempt to be made.
@@ -84,7 +85,7 @@ impl<'a> Attempt<'a> {
         resources: Resources,
         settings: &LayoutSettings,
     ) -> Result<Scenario, genmanip_layout::LayoutError> {
-        let scenario = lay_out(self.task, resources.catalogue, resources.robot, self.seed, settings)?;
+        let scenario = lay_out(self.task, resources.catalogue, resources.planner, self.seed, settings)?;
         Ok(Scenario { id: self.id(), ..scenario })
     }
 }
@@ -116,8 +117,12 @@ pub fn collect(
             && !store.has_tracks(&id, images.fps, &images.cameras)
         {
             let episode = store.read(&id)?;
-            let stage =
-                Stage::open(Arc::new(episode.scenario.clone()), resources.catalogue, resources.robot, &settings.sim)?;
+            let stage = Stage::open(
+                Arc::new(episode.scenario.clone()),
+                resources.catalogue,
+                resources.planner.robot(),
+                &settings.sim,
+            )?;
             store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
         }
         finished(&result, if known { 0.0 } else { started.elapsed().as_secs_f64() });
@@ -140,8 +145,8 @@ fn make(
             return Ok(result);
         }
     };
-    let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.robot, &settings.sim)?;
-    let mut expert = Expert::new(&stage, settings.expert.clone())?;
+    let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot(), &settings.sim)?;
+    let mut expert = Expert::new(&stage, resources.planner, settings.expert.clone());
     let episode = run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?;
     store.write(&episode, &[])?;
     Ok(episode.result)

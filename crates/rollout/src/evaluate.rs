@@ -62,10 +62,14 @@ pub fn evaluate(
         .collect::<Result<_, _>>()?;
     in_parallel(&ids, workers, stop, &|id| {
         let recorded = store.read(id)?;
-        let stage =
-            Stage::open(Arc::new(recorded.scenario.clone()), resources.catalogue, resources.robot, &settings.sim)?;
+        let stage = Stage::open(
+            Arc::new(recorded.scenario.clone()),
+            resources.catalogue,
+            resources.planner.robot(),
+            &settings.sim,
+        )?;
         let mut policy: Box<dyn Policy> = match policy {
-            BuiltinPolicy::Expert => Box::new(Expert::new(&stage, settings.expert.clone())?),
+            BuiltinPolicy::Expert => Box::new(Expert::new(&stage, resources.planner, settings.expert.clone())),
             BuiltinPolicy::Replay => Box::new(OpenLoopReplay::of(&recorded)),
             BuiltinPolicy::DoNothing => Box::new(DoNothing { duration_s: 5.0 }),
         };

@@ -96,8 +96,8 @@ pub fn collect_run(
     };
     let folder = RunFolder::begin(&arguments.out, &run)?;
     let store = folder.store()?;
-    let robot = panda();
-    let resources = Resources { catalogue: Catalogue::builtin(), robot: &robot };
+    let planner = inputs::planner()?;
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
     let attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
 
     let started = Instant::now();

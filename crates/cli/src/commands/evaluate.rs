@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::Catalogue;
 use genmanip_bench::{EvaluationReport, StatisticsSettings};
 use genmanip_core::{Document, Scenario};
 use genmanip_rollout::collect::Resources;
@@ -33,8 +33,8 @@ pub fn evaluate_run(
     let policies = chosen(&arguments.policies)?;
     let (folder, run) = RunFolder::open(&arguments.run)?;
     let store = folder.store()?;
-    let robot = panda();
-    let resources = Resources { catalogue: Catalogue::builtin(), robot: &robot };
+    let planner = inputs::planner()?;
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
     let scenarios = recorded_scenarios(&store)?;
     if scenarios.is_empty() {
         return Err(Failed::new(format!("{} has no scenario to evaluate on", arguments.run.display()))

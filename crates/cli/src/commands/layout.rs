@@ -1,6 +1,6 @@
 //! `genmanip layout`.
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::Catalogue;
 use genmanip_bench::{graph_svg, layout_svg};
 use genmanip_core::{Document, Seed};
 use genmanip_layout::LayoutSettings;
@@ -22,8 +22,8 @@ struct Row {
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
-    let robot = panda();
-    let resources = Resources { catalogue: Catalogue::builtin(), robot: &robot };
+    let planner = inputs::planner()?;
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
     let settings = LayoutSettings::default();
     let attempts = Attempt::all(&tasks, arguments.count, Seed::new(arguments.seed));
     let bar = printer.progress("laying out", attempts.len());

@@ -24,15 +24,15 @@ use genmanip_core::{
     Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
     Pose, PrivilegedState, Seed,
 };
-use genmanip_motion::{Allowed, Planner, PlannerSettings, Surroundings};
+use genmanip_motion::{Allowed, Planner, Surroundings};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
-use crate::{RolloutError, Stage};
+use crate::Stage;
 
 /// Solves tasks from simulator truth; results made with it say `oracle`.
 pub struct Expert {
     stage: Stage,
-    planner: Planner,
+    planner: Arc<Planner>,
     settings: ExpertSettings,
     seed: Seed,
     /// Alternatives not yet given up, the current one last.
@@ -69,14 +69,11 @@ struct Hand {
 
 impl Expert {
     /// An expert for the episodes of one stage.
-    ///
-    /// # Errors
-    /// When the robot's kinematics or collision pieces are broken.
-    pub fn new(stage: &Stage, settings: ExpertSettings) -> Result<Self, RolloutError> {
-        let planner = Planner::new(Arc::clone(&stage.robot), PlannerSettings::default())?;
+    pub fn new(stage: &Stage, planner: &Arc<Planner>, settings: ExpertSettings) -> Self {
+        let planner = Arc::clone(planner);
         let points = planner.settings().grasp.surface_points;
         let surfaces = stage.models.iter().map(|model| surroundings::surface(model, points)).collect();
-        Ok(Self {
+        Self {
             planner,
             surfaces,
             stage: stage.clone(),
@@ -88,7 +85,7 @@ impl Expert {
             phase: Phase::Free,
             upright: Vec::new(),
             last_failure: None,
-        })
+        }
     }
 
     /// Whether an object has a hollow that things may fall into.
