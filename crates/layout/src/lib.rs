@@ -8,15 +8,20 @@
 
 mod audit;
 mod error;
+mod goal_pose;
+mod moves;
 mod order;
 mod placement;
 mod reach;
 mod settings;
+pub mod surroundings;
 mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit};
 pub use error::{LayoutError, Rejections};
-pub use placement::let_down;
+pub use goal_pose::{GoalPose, GoalPoseSettings, goal_poses};
+pub use moves::{Move, moves, references};
+pub use reach::is_in_reach;
 pub use settings::LayoutSettings;
 
 use genmanip_assets::Catalogue;
@@ -66,7 +71,7 @@ pub fn lay_out(
             rejections.count("the goal holds already");
             continue;
         }
-        let reach = reach::unreachable(task, &scene, planner);
+        let reach = reach::unreachable(task, &scene, planner, &relations, attempt);
         if let Some(reason) = reach.or_else(|| visibility::hidden(&scene, planner.robot(), settings)) {
             rejections.count(reason);
             continue;

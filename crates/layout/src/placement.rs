@@ -132,7 +132,13 @@ fn support_point(carrier: &Aabb, size: DVec2, rng: &mut impl Rng) -> DVec2 {
 }
 
 /// Lets an object that hovers above another down until `gap` metres remain; false when it is not above it.
-pub fn let_down(scene: &mut PosedScene, object: usize, carrier: usize, gap: f64, relations: &RelationSettings) -> bool {
+pub(crate) fn let_down(
+    scene: &mut PosedScene,
+    object: usize,
+    carrier: usize,
+    gap: f64,
+    relations: &RelationSettings,
+) -> bool {
     let fall = measure_pair(scene, object, carrier, relations).and_then(|pair| pair.a_over_b);
     let Some((fall, posed)) = fall.zip(scene.objects().nth(object)) else { return false };
     let (mut pose, joints) = (posed.pose, posed.joint_positions.clone());

@@ -1,31 +1,80 @@
-//! Whether the arm gets to what the goal moves.
+//! Whether the arm can do what the goal asks: take each object as it lies, and let go of it where it belongs.
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Pose, Task};
-use genmanip_motion::Planner;
-use genmanip_scene::relations::PosedScene;
+use genmanip_core::{Pose, Seed, Task, Workspace};
+use genmanip_motion::{Allowed, Planner, Surroundings};
+use genmanip_scene::relations::{PosedScene, RelationSettings};
 
-/// How far above an object the hand must get too, metres.
-const ABOVE_M: f64 = 0.12;
+use crate::goal_pose::{GoalPoseSettings, goal_poses};
+use crate::moves::{Move, moves, references};
+use crate::surroundings;
 
-/// The reason when some object that the goal moves cannot be reached from above.
-pub(crate) fn unreachable(task: &Task, scene: &PosedScene, planner: &Planner) -> Option<String> {
-    let home = &planner.robot().home;
-    let reaches = |point: DVec3| {
-        (0..4).any(|turn| !planner.ik(&pointing_down(point, f64::from(turn) * FRAC_PI_4), home).is_empty())
-    };
-    scene.objects().enumerate().find_map(|(index, object)| {
-        let is_moved = task.goal.alternatives.iter().flatten().any(|atom| atom.subject() == object.uid);
-        let bounds = scene.bounds(index)?;
-        let top = bounds.center().with_z(bounds.max.z.max(0.02));
-        (is_moved && !object.model.card.is_articulated && !(reaches(top) && reaches(top + DVec3::Z * ABOVE_M)))
-            .then(|| format!("{} cannot be reached", object.model.card.name))
-    })
+/// The reason when no alternative of the goal can be served.
+///
+/// States of articulated objects are not moves; a goal of states alone passes.
+pub(crate) fn unreachable(
+    task: &Task,
+    scene: &PosedScene,
+    planner: &Planner,
+    relations: &RelationSettings,
+    seed: Seed,
+) -> Option<String> {
+    let mut reason = None;
+    for alternative in moves(&task.goal, scene) {
+        match alternative.iter().find_map(|step| obstacle(step, &alternative, scene, planner, relations, seed)) {
+            None => return None,
+            Some(obstacle) => reason = Some(obstacle),
+        }
+    }
+    reason
 }
 
-/// A tool pose that looks straight down.
-fn pointing_down(position: DVec3, yaw: f64) -> Pose {
-    Pose::from_position_yaw(position, yaw) * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(PI) }
+/// What stands in the way of one move.
+fn obstacle(
+    step: &Move,
+    alternative: &[Move],
+    scene: &PosedScene,
+    planner: &Planner,
+    relations: &RelationSettings,
+    seed: Seed,
+) -> Option<String> {
+    let object = scene.objects().nth(step.object)?;
+    let name = &object.model.card.name;
+    let world = surroundings::world(scene, None);
+    let nothing = Allowed::none();
+    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
+    let candidates = surroundings::grasps(planner, scene, step.object, seed.fork("reach"));
+    let home = &planner.robot().home;
+    if planner.reachable_grasps(&around, &object.uid, &object.pose, &candidates, home, 1).is_empty() {
+        return Some(format!("{name} cannot be grasped where it lies"));
+    }
+    // A place beside something that moves first is only known later.
+    let waits = step.atoms.iter().flat_map(references).any(|uid| {
+        alternative.iter().any(|other| other.object != step.object && scene.index_of(uid) == Some(other.object))
+    });
+    let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
+    let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);
+    let settings = GoalPoseSettings { count: 1, ..GoalPoseSettings::default() };
+    let places = goal_poses(
+        scene,
+        step,
+        object.pose.rotation,
+        &Workspace::default(),
+        relations,
+        &settings,
+        &usable,
+        seed.fork("room"),
+    );
+    (!waits && places.is_empty()).then(|| format!("no room for {name} where the goal wants it"))
+}
+
+/// Whether the hand, pointing straight down, gets to a point.
+pub fn is_in_reach(planner: &Planner, point: DVec3) -> bool {
+    let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(PI) };
+    (0..4).any(|turn| {
+        let world_from_tcp = Pose::from_position_yaw(point, f64::from(turn) * FRAC_PI_4) * down;
+        !planner.ik(&world_from_tcp, &planner.robot().home).is_empty()
+    })
 }

@@ -42,7 +42,7 @@ pub struct LayoutSettings {
 impl Default for LayoutSettings {
     fn default() -> Self {
         Self {
-            max_restarts: 200,
+            max_restarts: 100,
             candidates_per_object: 60,
             min_gap_m: 0.03,
             max_gap_m: 0.10,

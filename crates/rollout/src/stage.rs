@@ -35,9 +35,6 @@ pub enum RolloutError {
     /// The simulation refused or blew up.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// The robot cannot be planned for.
-    #[error(transparent)]
-    Robot(#[from] genmanip_motion::RobotError),
     /// The scenario names a robot that does not exist.
     #[error("scenario {scenario} wants robot `{got}`, expected `{expected}`")]
     UnknownRobot {
@@ -109,6 +106,11 @@ impl Stage {
         let posed = PosedScene::new(posed.collect(), &mut ShapeCache::default());
         let relations = RelationSettings::default();
         Ok(Self { scenario, models, robot: Arc::clone(robot), scene, relations, posed })
+    }
+
+    /// The scene at the start, as relations see it.
+    pub fn start(&self) -> &PosedScene {
+        &self.posed
     }
 
     /// The scene as relations see it, from simulator truth.

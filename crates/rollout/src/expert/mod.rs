@@ -6,26 +6,24 @@
 //! tried again, and when nothing is left to try the expert gives up with the cause and its evidence.
 
 mod commands;
-mod goal_pose;
 mod pick;
 mod place;
 mod settings;
-mod subgoals;
-mod surroundings;
 
-pub use goal_pose::GoalPose;
 pub use settings::ExpertSettings;
-pub use subgoals::Move;
 
 use std::sync::Arc;
 
-use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::glam::DQuat;
 use genmanip_core::{
     Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
     Pose, PrivilegedState, Seed,
 };
+use genmanip_layout::{GoalPose, Move, goal_poses, moves, surroundings};
 use genmanip_motion::{Allowed, Planner, Surroundings};
 use genmanip_scene::relations::{PosedScene, judge_atom};
+
+use rand::seq::SliceRandom;
 
 use crate::Stage;
 
@@ -45,8 +43,6 @@ pub struct Expert {
     /// Orientation of each object at the start, in which it is put down again.
     upright: Vec<DQuat>,
     last_failure: Option<Failure>,
-    /// Surface points with normals of each object, in its frame.
-    surfaces: Vec<Vec<(DVec3, DVec3)>>,
 }
 
 enum Phase {
@@ -71,11 +67,8 @@ impl Expert {
     /// An expert for the episodes of one stage.
     pub fn new(stage: &Stage, planner: &Arc<Planner>, settings: ExpertSettings) -> Self {
         let planner = Arc::clone(planner);
-        let points = planner.settings().grasp.surface_points;
-        let surfaces = stage.models.iter().map(|model| surroundings::surface(model, points)).collect();
         Self {
             planner,
-            surfaces,
             stage: stage.clone(),
             settings,
             seed: Seed::new(0),
@@ -86,6 +79,20 @@ impl Expert {
             upright: Vec::new(),
             last_failure: None,
         }
+    }
+
+    /// Places for an object where every atom of its move would hold.
+    fn goals(&self, scene: &PosedScene, step: &Move, usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
+        goal_poses(
+            scene,
+            step,
+            self.upright[step.object],
+            &self.stage.scenario.workspace,
+            &self.stage.relations,
+            &self.settings.goal_pose,
+            usable,
+            seed.fork("goal"),
+        )
     }
 
     /// Whether an object has a hollow that things may fall into.
@@ -201,8 +208,9 @@ impl Policy for Expert {
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
         let scenario = start.scenario.as_ref().ok_or_else(|| PolicyError::Unsuited("needs the scenario".into()))?;
         self.seed = start.seed;
-        self.plans = subgoals::plans(&scenario.task.goal, scenario, start.seed);
-        self.plans.reverse();
+        // Drawn from the seed, so that demonstrations of a disjunction show all its ways.
+        self.plans = moves(&scenario.task.goal, self.stage.start());
+        self.plans.shuffle(&mut start.seed.fork("alternative").rng());
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
         (self.picks, self.tries, self.phase, self.last_failure) = (0, 0, Phase::Free, None);
         if self.plans.is_empty() {

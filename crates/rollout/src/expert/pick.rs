@@ -2,12 +2,11 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
-use genmanip_motion::{Allowed, Attached, GraspTarget, PlanError, Surroundings, World};
+use genmanip_layout::{GoalPose, Move, is_in_reach, surroundings};
+use genmanip_motion::{Allowed, Attached, PlanError, Surroundings, World};
 use genmanip_scene::relations::PosedScene;
 
-use super::goal_pose::{self, GoalPose};
-use super::subgoals::Move;
-use super::{Expert, commands, surroundings};
+use super::{Expert, commands};
 
 /// A planned pick.
 pub(super) struct Pick {
@@ -27,15 +26,9 @@ struct Candidate {
 /// Plans a pick, or says what stood in the way.
 pub(super) fn plan(expert: &Expert, scene: &PosedScene, step: &Move, arm: &[f64], seed: Seed) -> Result<Pick, Failure> {
     let name = expert.stage.name(step.object);
-    let goals = goal_pose::sample(
-        scene,
-        step,
-        expert.upright[step.object],
-        &expert.stage.scenario.workspace,
-        &expert.stage.relations,
-        &expert.settings,
-        seed.fork("goal"),
-    );
+    let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
+    let usable = |goal: &Pose| is_in_reach(&expert.planner, goal.position + DVec3::Z * height);
+    let goals = expert.goals(scene, step, &usable, seed);
     if goals.is_empty() {
         let evidence = format!("no free place for {name} where every condition on it holds");
         return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
@@ -69,7 +62,7 @@ fn candidates(
 ) -> Result<Vec<Candidate>, Failure> {
     let name = expert.stage.name(step.object);
     let (planner, settings) = (&expert.planner, &expert.settings);
-    let grasps = grasps(expert, scene, step.object, seed);
+    let grasps = surroundings::grasps(planner, scene, step.object, seed);
     if grasps.is_empty() {
         let evidence = format!("{name} has no grasp that fits the hand as it lies");
         return Err(Failure { cause: FailureCause::NoGrasp, evidence });
@@ -121,19 +114,6 @@ fn candidates(
         return Err(Failure { cause, evidence });
     }
     Ok(candidates)
-}
-
-fn grasps(expert: &Expert, scene: &PosedScene, index: usize, seed: Seed) -> Vec<Grasp> {
-    let Some((object, bounds)) = scene.objects().nth(index).zip(scene.bounds(index)) else { return Vec::new() };
-    let Some(link) = object.model.links.first() else { return Vec::new() };
-    let target = GraspTarget {
-        surface: &expert.surfaces[index],
-        pieces: &link.pieces,
-        center_of_mass: link.mass.center,
-        world_from_object: object.pose,
-        table_height: bounds.min.z,
-    };
-    expert.planner.grasps(&target, seed.fork("grasps"))
 }
 
 /// Free motion to the approach, straight in, close, straight up.

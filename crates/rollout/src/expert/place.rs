@@ -2,12 +2,11 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Pose, Seed};
+use genmanip_layout::{GoalPose, Move, surroundings};
 use genmanip_motion::{Allowed, Attached, PlanError, Surroundings, World};
 use genmanip_scene::relations::PosedScene;
 
-use super::goal_pose::{self, GoalPose};
-use super::subgoals::Move;
-use super::{Expert, Hand, commands, surroundings};
+use super::{Expert, Hand, commands};
 
 /// Carries the held object to a place where every atom of the move holds.
 pub(super) fn plan(
@@ -17,15 +16,12 @@ pub(super) fn plan(
     hand: &Hand,
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, Failure> {
-    let goals = goal_pose::sample(
-        scene,
-        step,
-        expert.upright[step.object],
-        &expert.stage.scenario.workspace,
-        &expert.stage.relations,
-        &expert.settings,
-        seed.fork("goal"),
-    );
+    let tcp_from_object = tcp_from_object(expert, scene, step.object, hand);
+    let usable = |goal: &Pose| {
+        let raised = Pose { position: goal.position + DVec3::Z * 0.01, ..*goal };
+        !expert.planner.ik(&(raised * tcp_from_object.inverse()), &hand.arm).is_empty()
+    };
+    let goals = expert.goals(scene, step, &usable, seed);
     if goals.is_empty() {
         let name = expert.stage.name(step.object);
         let evidence = format!("no free place for {name} where every condition on it holds");
@@ -90,7 +86,7 @@ fn motions(
     let unusable = |error: genmanip_motion::GeometryError| PlanError::Unreachable { what: error.to_string() };
     let Some(held) = scene.objects().nth(object) else { return Ok(Vec::new()) };
     let pieces = surroundings::pieces(held);
-    let tcp_from_object = planner.tcp_pose(&hand.arm).inverse() * held.pose;
+    let tcp_from_object = tcp_from_object(expert, scene, object, hand);
     let attached = Attached::new(&held.uid, &pieces, &tcp_from_object).map_err(unusable)?;
     let nothing = Allowed::none();
     let carrying =
@@ -132,4 +128,10 @@ fn motions(
         }
     }
     Err(problem)
+}
+
+/// How the held object sits in the hand, whatever the grasp was planned to be.
+fn tcp_from_object(expert: &Expert, scene: &PosedScene, object: usize, hand: &Hand) -> Pose {
+    let world_from_tcp = expert.planner.tcp_pose(&hand.arm);
+    scene.objects().nth(object).map_or(Pose::IDENTITY, |held| world_from_tcp.inverse() * held.pose)
 }

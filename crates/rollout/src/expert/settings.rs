@@ -1,19 +1,14 @@
 //! Every default of the expert on one screen.
 
+use genmanip_layout::GoalPoseSettings;
 use serde::{Deserialize, Serialize};
 
 /// How the expert searches and moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExpertSettings {
-    /// Goal poses kept per move.
-    pub goal_poses: usize,
-    /// Goal poses drawn per move.
-    pub goal_pose_draws: usize,
-    /// How far inside its threshold a direction must hold at a goal pose, metres.
-    pub goal_margin_m: f64,
-    /// Free space around a goal pose, metres.
-    pub goal_clearance_m: f64,
+    /// Goal poses.
+    pub goal_pose: GoalPoseSettings,
     /// Grasp candidates looked at per pick.
     pub grasps: usize,
     /// Grasps for which motions are planned before a pick is given up.
@@ -47,10 +42,7 @@ pub struct ExpertSettings {
 impl Default for ExpertSettings {
     fn default() -> Self {
         Self {
-            goal_poses: 10,
-            goal_pose_draws: 400,
-            goal_margin_m: 0.012,
-            goal_clearance_m: 0.015,
+            goal_pose: GoalPoseSettings::default(),
             grasps: 80,
             planned_grasps: 12,
             tries_per_move: 4,

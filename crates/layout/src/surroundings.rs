@@ -1,15 +1,15 @@
 //! What the planner must keep clear of: the table and the objects where they are now.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ObjectModel, Piece, Seed, Shape};
-use genmanip_motion::World;
+use genmanip_core::{Grasp, ObjectModel, Piece, Seed, Shape};
+use genmanip_motion::{GraspTarget, Planner, World};
 use genmanip_scene::relations::{PosedObject, PosedScene};
 
 /// Name of the table among the obstacles.
-pub(super) const TABLE: &str = "table";
+pub const TABLE: &str = "table";
 
 /// The table and every object but one, exact pieces at their present poses, named by uid.
-pub(super) fn world(scene: &PosedScene, without: Option<usize>) -> World {
+pub fn world(scene: &PosedScene, without: Option<usize>) -> World {
     let mut world = World::new();
     // Broad enough that the arm never reaches around it.
     let slab = Piece::at(DVec3::new(0.55, 0.0, -0.05), Shape::Box { half_extents: DVec3::new(0.45, 0.8, 0.05) });
@@ -24,7 +24,7 @@ pub(super) fn world(scene: &PosedScene, without: Option<usize>) -> World {
 }
 
 /// All pieces of an object in its own frame, joints as they are.
-pub(super) fn pieces(object: &PosedObject) -> Vec<Piece> {
+pub fn pieces(object: &PosedObject) -> Vec<Piece> {
     let model = &object.model;
     model
         .links
@@ -40,7 +40,7 @@ pub(super) fn pieces(object: &PosedObject) -> Vec<Piece> {
 }
 
 /// Points on the drawn surface of an object's first link with outward normals, in the object's frame.
-pub(super) fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
+fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
     let Some(link) = model.links.first() else { return Vec::new() };
     let areas: Vec<f64> = link
         .visual
@@ -57,4 +57,18 @@ pub(super) fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> 
         }));
     }
     points
+}
+
+/// Grasp candidates on an object as it lies, best first, in its own frame.
+pub fn grasps(planner: &Planner, scene: &PosedScene, object: usize, seed: Seed) -> Vec<Grasp> {
+    let Some((posed, bounds)) = scene.objects().nth(object).zip(scene.bounds(object)) else { return Vec::new() };
+    let Some(link) = posed.model.links.first() else { return Vec::new() };
+    let target = GraspTarget {
+        surface: &surface(&posed.model, planner.settings().grasp.surface_points),
+        pieces: &link.pieces,
+        center_of_mass: link.mass.center,
+        world_from_object: posed.pose,
+        table_height: bounds.min.z,
+    };
+    planner.grasps(&target, seed.fork("grasps"))
 }

@@ -1,7 +1,7 @@
 //! From a goal to moves: which object goes where, in which order.
 
-use genmanip_core::{Atom, Goal, Scenario, Seed};
-use rand::seq::SliceRandom;
+use genmanip_core::{Atom, Goal};
+use genmanip_scene::relations::PosedScene;
 
 /// One object to be moved so that all its atoms hold.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,23 +12,18 @@ pub struct Move {
     pub atoms: Vec<Atom>,
 }
 
-/// The alternatives in the order in which they are tried, each as ordered moves.
-///
-/// The order is drawn from the seed, so that demonstrations of a disjunction show all its ways.
-/// Alternatives with a state to change are left out until articulated skills exist.
-pub fn plans(goal: &Goal, scenario: &Scenario, seed: Seed) -> Vec<Vec<Move>> {
-    let mut plans: Vec<Vec<Move>> =
-        goal.alternatives.iter().filter_map(|atoms| moves(atoms, scenario)).filter(|moves| !moves.is_empty()).collect();
-    plans.shuffle(&mut seed.fork("alternative").rng());
-    plans
+/// The moves of each alternative, in order; alternatives with a state to change have none until skills exist and
+/// are left out.
+pub fn moves(goal: &Goal, scene: &PosedScene) -> Vec<Vec<Move>> {
+    goal.alternatives.iter().filter_map(|atoms| moves_of(atoms, scene)).filter(|moves| !moves.is_empty()).collect()
 }
 
 /// Groups atoms by the object they move and sorts so that whatever is placed against something comes after it.
-fn moves(atoms: &[Atom], scenario: &Scenario) -> Option<Vec<Move>> {
+fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
     let mut pending: Vec<Move> = Vec::new();
     for atom in atoms {
         let Atom::Relation { subject, .. } = atom else { return None };
-        let object = scenario.index_of(subject)?;
+        let object = scene.index_of(subject)?;
         match pending.iter_mut().find(|m| m.object == object) {
             Some(known) => known.atoms.push(atom.clone()),
             None => pending.push(Move { object, atoms: vec![atom.clone()] }),
@@ -40,7 +35,7 @@ fn moves(atoms: &[Atom], scenario: &Scenario) -> Option<Vec<Move>> {
             candidate.atoms.iter().flat_map(references).any(|uid| {
                 pending
                     .iter()
-                    .any(|other| other.object != candidate.object && scenario.index_of(uid) == Some(other.object))
+                    .any(|other| other.object != candidate.object && scene.index_of(uid) == Some(other.object))
             })
         };
         // A circle of references has no right order; the first then goes first.

@@ -4,14 +4,14 @@ use std::f64::consts::TAU;
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Workspace};
-use genmanip_layout::let_down;
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, judge_atom, measure_pair, placement_window,
 };
 use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
 
-use super::ExpertSettings;
-use super::subgoals::{Move, references};
+use crate::moves::{Move, references};
+use crate::placement::let_down;
 
 /// A place for the object and what will carry it there.
 #[derive(Clone, Debug)]
@@ -24,24 +24,46 @@ pub struct GoalPose {
     pub bounds: Aabb,
 }
 
-/// Up to `settings.goal_poses` places, the ones with the largest margins first.
+/// How goal poses are searched.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GoalPoseSettings {
+    /// Goal poses kept.
+    pub count: usize,
+    /// Goal poses drawn at most.
+    pub draws: usize,
+    /// How far inside its threshold a direction must hold, metres.
+    pub margin_m: f64,
+    /// Free space around the object in the plane, metres.
+    pub clearance_m: f64,
+}
+
+impl Default for GoalPoseSettings {
+    fn default() -> Self {
+        Self { count: 10, draws: 600, margin_m: 0.012, clearance_m: 0.015 }
+    }
+}
+
+/// Up to `settings.count` places, the ones with the largest margins first.
 ///
-/// Every atom of the move holds there, directions by `settings.goal_margin_m`;
-/// nothing but what carries the object is nearer in the plane than `settings.goal_clearance_m`.
-pub fn sample(
+/// Every atom of the move holds there, directions by `settings.margin_m`;
+/// only places that are `usable` count, and nothing but what carries the object is nearer in the plane than `settings.clearance_m`.
+#[allow(clippy::too_many_arguments)] // read-only context of one search
+pub fn goal_poses(
     scene: &PosedScene,
     step: &Move,
     upright: DQuat,
     workspace: &Workspace,
     relations: &RelationSettings,
-    settings: &ExpertSettings,
+    settings: &GoalPoseSettings,
+    usable: &dyn Fn(&Pose) -> bool,
     seed: Seed,
 ) -> Vec<GoalPose> {
     let rng = &mut seed.rng();
     let mut after = scene.clone();
     let support = step.atoms.iter().find_map(|atom| support_of(atom, scene));
     let mut found: Vec<(f64, GoalPose)> = Vec::new();
-    for draw in 0..settings.goal_pose_draws {
+    for draw in 0..settings.draws {
         // The present heading first: most things need not be turned.
         let turn = if draw % 2 == 0 { 0.0 } else { rng.random_range(0.0..TAU) };
         let rotation = DQuat::from_rotation_z(turn) * upright;
@@ -52,11 +74,11 @@ pub fn sample(
         }
         let verdicts: Vec<_> = step.atoms.iter().map(|atom| judge_atom(&after, atom, relations)).collect();
         let holds = verdicts.iter().all(|verdict| verdict.holds && verdict.margin >= margin(&verdict.atom, settings));
-        if let (true, Some(posed), Some(bounds)) = (holds, after.objects().nth(step.object), after.bounds(step.object))
-        {
+        let posed = after.objects().nth(step.object).filter(|posed| holds && usable(&posed.pose));
+        if let Some((posed, bounds)) = posed.zip(after.bounds(step.object)) {
             let worst = verdicts.iter().map(|verdict| verdict.margin).fold(f64::INFINITY, f64::min);
             found.push((worst, GoalPose { world_from_object: posed.pose, support, bounds }));
-            if found.len() >= settings.goal_poses {
+            if found.len() >= settings.count {
                 break;
             }
         }
@@ -66,9 +88,9 @@ pub fn sample(
 }
 
 /// Directions and nearness must hold with room to spare; support and containment have their own measure.
-fn margin(atom: &Atom, settings: &ExpertSettings) -> f64 {
+fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     match atom {
-        Atom::Relation { relation, .. } if !relation.is_support() => settings.goal_margin_m,
+        Atom::Relation { relation, .. } if !relation.is_support() => settings.margin_m,
         _ => 0.0,
     }
 }
@@ -138,7 +160,7 @@ fn is_free(
     moved: usize,
     support: Option<usize>,
     relations: &RelationSettings,
-    settings: &ExpertSettings,
+    settings: &GoalPoseSettings,
 ) -> bool {
     let Some(bounds) = after.bounds(moved) else { return false };
     after.objects().enumerate().all(|(index, other)| {
@@ -152,6 +174,6 @@ fn is_free(
                 && measure_pair(after, carrier, index, relations).is_some_and(|pair| pair.gap_m == 0.0)
         });
         holds_carrier
-            || measure_pair(after, moved, index, relations).is_some_and(|pair| pair.gap_m >= settings.goal_clearance_m)
+            || measure_pair(after, moved, index, relations).is_some_and(|pair| pair.gap_m >= settings.clearance_m)
     })
 }
