@@ -14,8 +14,8 @@ use crate::printer::Printer;
 
 pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let scenario: Scenario = inputs::read_document(&arguments.scenario)?;
-    let stage = Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default())
-        .map_err(|error| {
+    let stage =
+        Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default()).map_err(|error| {
             Failed::because(format!("{} cannot be set up", arguments.scenario.display()), &error)
                 .hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
         })?;

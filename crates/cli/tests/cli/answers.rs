@@ -28,7 +28,8 @@ const RECORDED: [(&str, &str, &[&str]); 12] = [
 fn check_prints_file_verdict_flaws_repairs_and_task() {
     let folder = tempfile::tempdir().unwrap();
     let files: Vec<String> = RECORDED.iter().map(|(name, ..)| recorded(name)).collect();
-    let arguments: Vec<&str> = ["task", "check", "--json"].into_iter().chain(files.iter().map(String::as_str)).collect();
+    let arguments: Vec<&str> =
+        ["task", "check", "--json"].into_iter().chain(files.iter().map(String::as_str)).collect();
     let checked = genmanip(folder.path(), &arguments).json(1);
     let checked = checked.as_array().unwrap();
     assert_eq!(checked.len(), RECORDED.len());
@@ -110,7 +111,8 @@ fn show_puts_a_task_in_words_and_draws_its_graph() {
 #[test]
 fn a_hundred_megabytes_of_garbage_are_refused_at_once() {
     let folder = tempfile::tempdir().unwrap();
-    let fillings: [(&str, &[u8]); 3] = [("letters", b"x"), ("braces", b"{\"a\":["), ("binary", &[0, 159, 146, 150, 255])];
+    let fillings: [(&str, &[u8]); 3] =
+        [("letters", b"x"), ("braces", b"{\"a\":["), ("binary", &[0, 159, 146, 150, 255])];
     for (name, filling) in fillings {
         let chunk = filling.repeat((1 << 20) / filling.len() + 1);
         let mut file = File::create(folder.path().join("big.json")).unwrap();

@@ -4,7 +4,9 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::{QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, finished_run, genmanip, quick_examples};
+use crate::{
+    QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, finished_run, genmanip, quick_examples,
+};
 use crate::{times, tree, without_timings};
 
 #[test]
