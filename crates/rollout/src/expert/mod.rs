@@ -25,6 +25,7 @@ use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
 
+use self::pick::Pick;
 use crate::Stage;
 
 /// Solves tasks from simulator truth; results made with it say `oracle`.
@@ -39,6 +40,8 @@ pub struct Expert {
     picks: u64,
     /// Picks begun for the current move.
     tries: usize,
+    /// Waits for things to come to rest since the last pick.
+    waits: usize,
     phase: Phase,
     /// Orientation of each object at the start, in which it is put down again.
     upright: Vec<DQuat>,
@@ -49,7 +52,7 @@ enum Phase {
     /// Nothing in the hand.
     Free,
     /// A pick was executed.
-    Picked { step: Move, open_width: f64, taken_from: GoalPose },
+    Picked { step: Move, open_width: f64, hold_width: f64, taken_from: GoalPose },
     /// Everything was done and the arm was sent home.
     Home,
 }
@@ -61,6 +64,8 @@ struct Hand {
     width: f64,
     /// Opening to let go with.
     open_width: f64,
+    /// Width commanded while holding.
+    hold_width: f64,
 }
 
 impl Expert {
@@ -75,6 +80,7 @@ impl Expert {
             plans: Vec::new(),
             picks: 0,
             tries: 0,
+            waits: 0,
             phase: Phase::Free,
             upright: Vec::new(),
             last_failure: None,
@@ -115,6 +121,7 @@ impl Expert {
                 return Ok(ActionChunk { actions: self.go_home(scene, arm), finished: true });
             };
             self.picks += 1;
+            self.waits = 0;
             self.tries += 1;
             let seed = self.seed.fork("pick").fork_index(self.picks);
             let failure = if self.tries > self.settings.tries_per_move {
@@ -123,8 +130,9 @@ impl Expert {
                 match pick::plan(self, scene, &step, arm, seed) {
                     Ok(pick) => {
                         let taken_from = self.taken_from(scene, step.object);
-                        self.phase = Phase::Picked { step, open_width: pick.open_width, taken_from };
-                        return Ok(ActionChunk { actions: pick.commands, finished: false });
+                        let Pick { commands, open_width, hold_width } = pick;
+                        self.phase = Phase::Picked { step, open_width, hold_width, taken_from };
+                        return Ok(ActionChunk { actions: commands, finished: false });
                     }
                     Err(failure) => {
                         self.last_failure = Some(failure);
@@ -165,7 +173,7 @@ impl Expert {
                 cause: FailureCause::Slipped,
                 evidence: format!("{name} was not in the hand after lifting (pick {})", self.picks),
             });
-            let actions = commands::fingers(&hand.arm, hand.width, hand.open_width, self.settings.open_steps);
+            let actions = commands::fingers(&hand.arm, hand.hold_width, hand.open_width, self.settings.open_steps);
             return Ok(ActionChunk { actions, finished: false });
         }
         let seed = self.seed.fork("place").fork_index(self.picks);
@@ -212,7 +220,7 @@ impl Policy for Expert {
         self.plans = moves(&scenario.task.goal, self.stage.start());
         self.plans.shuffle(&mut start.seed.fork("alternative").rng());
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
-        (self.picks, self.tries, self.phase, self.last_failure) = (0, 0, Phase::Free, None);
+        (self.picks, self.tries, self.waits, self.phase, self.last_failure) = (0, 0, 0, Phase::Free, None);
         if self.plans.is_empty() {
             return Err(PolicyError::Unsuited("no alternative of the goal can be served by pick and place".into()));
         }
@@ -231,10 +239,17 @@ impl Policy for Expert {
             .ok_or_else(|| PolicyError::Unsuited("needs `observation.state`".into()))?;
         let (arm, width) = state.split_at(self.stage.robot.arm_dof().min(state.len()));
         let scene = self.stage.posed(&truth.objects);
+        let moving = truth.objects.iter().any(|object| object.speed > self.settings.rest_speed);
         match std::mem::replace(&mut self.phase, Phase::Free) {
+            // What rolls or rocks is not where it will be.
+            Phase::Free if moving && self.waits < self.settings.longest_wait => {
+                self.waits += 1;
+                let width = self.stage.robot.gripper.max_width.min(width.iter().sum());
+                Ok(ActionChunk { actions: commands::wait(arm, width, self.settings.rest_steps), finished: false })
+            }
             Phase::Free => self.pick(&scene, arm),
-            Phase::Picked { step, open_width, taken_from } => {
-                let hand = Hand { arm: arm.to_vec(), width: width.iter().sum(), open_width };
+            Phase::Picked { step, open_width, hold_width, taken_from } => {
+                let hand = Hand { arm: arm.to_vec(), width: width.iter().sum(), open_width, hold_width };
                 self.place(&scene, &truth, &hand, &step, &taken_from)
             }
             Phase::Home => Ok(ActionChunk { actions: Vec::new(), finished: true }),

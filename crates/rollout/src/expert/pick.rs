@@ -14,6 +14,8 @@ pub(super) struct Pick {
     pub commands: Vec<Vec<f32>>,
     /// Opening with which the hand approaches and later lets go.
     pub open_width: f64,
+    /// Width commanded while holding: narrower than the object, so that the drive presses.
+    pub hold_width: f64,
 }
 
 /// A grasp with an arm configuration that takes it.
@@ -21,6 +23,7 @@ struct Candidate {
     grasp: Grasp,
     config: Vec<f64>,
     open_width: f64,
+    hold_width: f64,
 }
 
 /// Plans a pick, or says what stood in the way.
@@ -38,7 +41,9 @@ pub(super) fn plan(expert: &Expert, scene: &PosedScene, step: &Move, arm: &[f64]
     let mut problem = None;
     for candidate in &candidates {
         match motions(expert, scene, step, arm, candidate, &free, seed) {
-            Ok(commands) => return Ok(Pick { commands, open_width: candidate.open_width }),
+            Ok(commands) => {
+                return Ok(Pick { commands, open_width: candidate.open_width, hold_width: candidate.hold_width });
+            }
             Err(error) => problem = Some(error),
         }
     }
@@ -74,7 +79,7 @@ fn candidates(
     for grasp in grasps.iter().take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
         let open_width = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
         let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: open_width };
-        let checker = planner.checker(&around, 0.001);
+        let checker = planner.checker(&around, settings.hand_clearance_m);
         let configs = planner.ik(&(object.pose * grasp.pose), arm);
         if configs.is_empty() {
             out_of_reach += 1;
@@ -100,7 +105,8 @@ fn candidates(
             useless += 1;
             continue;
         }
-        candidates.push(Candidate { grasp, config, open_width });
+        let hold_width = (grasp.width - settings.squeeze_m).max(0.0);
+        candidates.push(Candidate { grasp, config, open_width, hold_width });
         if candidates.len() >= settings.planned_grasps {
             break;
         }
@@ -127,20 +133,20 @@ fn motions(
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, PlanError> {
     let (planner, settings) = (&expert.planner, &expert.settings);
-    let Candidate { grasp, config, open_width } = candidate;
+    let Candidate { grasp, config, open_width, hold_width } = candidate;
     let Some(object) = scene.objects().nth(step.object) else { return Ok(Vec::new()) };
     let occupied = surroundings::world(scene, None);
-    let touching = Allowed::none().and_gripper(&expert.stage.robot, &object.uid);
     let nothing = Allowed::none();
-    let open = |allowed| Surroundings { world: &occupied, attached: None, allowed, gripper_width: *open_width };
+    // The object itself is an obstacle too: the open fingers must come in around it.
+    let open = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: *open_width };
 
     let world_from_tcp = planner.tcp_pose(config);
     let before = Pose {
         position: world_from_tcp.position - grasp_direction(&world_from_tcp) * settings.approach_m,
         ..world_from_tcp
     };
-    let approach = planner.straight(&open(&touching), config, &before)?.reversed();
-    let reach = planner.plan_joint(&open(&nothing), arm, &[approach.start().to_vec()], seed.fork("reach"))?;
+    let approach = planner.straight(&open, config, &before)?.reversed();
+    let reach = planner.plan_joint(&open, arm, &[approach.start().to_vec()], seed.fork("reach"))?;
 
     let lifted = Pose { position: world_from_tcp.position + DVec3::Z * settings.lift_m, ..world_from_tcp };
     let pieces = surroundings::pieces(object);
@@ -153,9 +159,9 @@ fn motions(
     let mut commands = commands::follow(planner, &reach, *open_width, settings.empty_speed);
     commands.extend(commands::follow(planner, &approach, *open_width, settings.careful_speed));
     commands.extend(commands::wait(config, *open_width, settings.rest_steps));
-    commands.extend(commands::fingers(config, *open_width, 0.0, settings.close_steps));
-    commands.extend(commands::follow(planner, &lift, 0.0, settings.careful_speed));
-    commands.extend(commands::wait(lift.goal(), 0.0, settings.rest_steps));
+    commands.extend(commands::fingers(config, *open_width, *hold_width, settings.close_steps));
+    commands.extend(commands::follow(planner, &lift, *hold_width, settings.careful_speed));
+    commands.extend(commands::wait(lift.goal(), *hold_width, settings.rest_steps));
     Ok(commands)
 }
 

@@ -99,16 +99,17 @@ fn motions(
     let rim = goal.support.and_then(|carrier| scene.bounds(carrier)).map_or(0.0, |bounds| bounds.max.z);
     let above = tcp_at(raised((rim + 0.03 - goal.bounds.min.z).max(settings.lift_m)));
 
-    // Once let go, the object is an obstacle for everything but the gripper.
+    // Once let go, the object is an obstacle.
     let mut occupied = free.clone();
     occupied.add(&held.uid, &pieces, &raised(height)).map_err(unusable)?;
-    let touching = Allowed::none().and_gripper(&expert.stage.robot, &held.uid);
-    let opened = Surroundings { world: &occupied, attached: None, allowed: &touching, gripper_width: hand.open_width };
+    let opened = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: hand.open_width };
+    let hand_alone = Surroundings { world: free, ..opened };
+    let checker = planner.checker(&hand_alone, settings.hand_clearance_m);
     let back = release.transform_vector(DVec3::NEG_Z) * settings.approach_m;
     let retreated = Pose { position: release.position + back, ..release };
 
     let mut problem = PlanError::Unreachable { what: "the place where to let go".into() };
-    for config in planner.ik(&release, &hand.arm).iter().take(4) {
+    for config in planner.ik(&release, &hand.arm).iter().filter(|config| checker.is_free(config)).take(4) {
         let tried = (|| {
             let lower = planner.straight(&carrying, config, &above)?.reversed();
             let retreat = planner.straight(&opened, config, &retreated)?;
@@ -117,10 +118,10 @@ fn motions(
         })();
         match tried {
             Ok((carry, lower, retreat)) => {
-                let mut commands = commands::follow(planner, &carry, 0.0, settings.loaded_speed);
-                commands.extend(commands::follow(planner, &lower, 0.0, settings.careful_speed));
-                commands.extend(commands::wait(config, 0.0, settings.rest_steps));
-                commands.extend(commands::fingers(config, hand.width, hand.open_width, settings.open_steps));
+                let mut commands = commands::follow(planner, &carry, hand.hold_width, settings.loaded_speed);
+                commands.extend(commands::follow(planner, &lower, hand.hold_width, settings.careful_speed));
+                commands.extend(commands::wait(config, hand.hold_width, settings.rest_steps));
+                commands.extend(commands::fingers(config, hand.hold_width, hand.open_width, settings.open_steps));
                 commands.extend(commands::follow(planner, &retreat, hand.open_width, settings.careful_speed));
                 return Ok(commands);
             }

@@ -21,6 +21,9 @@ pub struct ExpertSettings {
     pub lift_m: f64,
     /// Room the open fingers leave on both sides together, metres.
     pub finger_clearance_m: f64,
+    /// How much narrower than the object the width is that is commanded while holding, metres;
+    /// the less, the sooner the fingers let go.
+    pub squeeze_m: f64,
     /// Heights above the resting place at which the object may be released, metres, lowest first.
     pub release_heights_m: Vec<f64>,
     /// Greatest of these for objects that are set down on something open, metres; hollows allow all.
@@ -35,6 +38,12 @@ pub struct ExpertSettings {
     pub close_steps: usize,
     /// Control steps for opening the fingers.
     pub open_steps: usize,
+    /// Above this speed an object is not at rest yet, m/s.
+    pub rest_speed: f64,
+    /// How often the expert waits `rest_steps` for things to come to rest before it picks all the same.
+    pub longest_wait: usize,
+    /// Distance the hand keeps from everything but the object where it takes it or lets go, metres.
+    pub hand_clearance_m: f64,
     /// Control steps to wait for the arm to come to rest before the fingers move.
     pub rest_steps: usize,
 }
@@ -49,13 +58,17 @@ impl Default for ExpertSettings {
             approach_m: 0.09,
             lift_m: 0.10,
             finger_clearance_m: 0.024,
+            squeeze_m: 0.015,
             release_heights_m: vec![0.003, 0.015, 0.03, 0.05, 0.08, 0.12],
             max_open_release_m: 0.015,
             empty_speed: 0.9,
             loaded_speed: 0.65,
             careful_speed: 0.5,
-            close_steps: 24,
-            open_steps: 18,
+            close_steps: 36,
+            open_steps: 36,
+            rest_speed: 0.01,
+            longest_wait: 20,
+            hand_clearance_m: 0.003,
             rest_steps: 6,
         }
     }
