@@ -172,7 +172,10 @@ fn what_is_wrong_with_a_graph_is_named() {
             "edge `046 left 048` names 048, which is no node of the scene graph",
         ),
         (
-            with_graph(&["047", "046", "048"], vec![edge("046", Relation::On, "048"), edge("048", Relation::On, "046")]),
+            with_graph(
+                &["047", "046", "048"],
+                vec![edge("046", Relation::On, "048"), edge("048", Relation::On, "046")],
+            ),
             "046, 048 stand on each other in a circle",
         ),
     ];

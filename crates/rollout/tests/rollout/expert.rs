@@ -47,7 +47,8 @@ fn it_gives_up_with_a_typed_cause() {
 #[test]
 fn an_episode_is_a_function_of_its_seed() {
     let (stage, known) = &crate::episodes()[1];
-    let run = |seed| run_episode(stage, &mut expert(stage), "024_appearance", seed, &RolloutSettings::default()).unwrap();
+    let run =
+        |seed| run_episode(stage, &mut expert(stage), "024_appearance", seed, &RolloutSettings::default()).unwrap();
     assert!(run(Seed::new(11).fork("024_appearance")) == *known);
     assert!(run(Seed::new(12)).final_state != known.final_state);
 }

@@ -165,7 +165,11 @@ fn the_horizon_ends_a_policy_that_does_not() {
     for (name, mut policy) in cases {
         let episode = run(&mut policy, 0.5).unwrap();
         let failure = episode.result.failure.unwrap();
-        assert_eq!((failure.cause, failure.evidence.as_str()), (FailureCause::Timeout, "not finished after 0.5 s"), "{name}");
+        assert_eq!(
+            (failure.cause, failure.evidence.as_str()),
+            (FailureCause::Timeout, "not finished after 0.5 s"),
+            "{name}"
+        );
         assert_eq!(episode.frames.len(), 30 + 6, "{name}: horizon and settling");
     }
 }
@@ -173,9 +177,8 @@ fn the_horizon_ends_a_policy_that_does_not() {
 /// `rate_hz` repeats actions, `execute_steps` cuts chunks, `finished` counts once the chunk was executed.
 #[test]
 fn rate_and_chunks_mean_what_the_spec_says() {
-    let mut policy = Scripted::new(|observation| {
-        Ok(ActionChunk { actions: vec![home(); 5], finished: observation.time_s > 0.2 })
-    });
+    let mut policy =
+        Scripted::new(|observation| Ok(ActionChunk { actions: vec![home(); 5], finished: observation.time_s > 0.2 }));
     (policy.spec.rate_hz, policy.spec.execute_steps) = (20.0, 2);
     let episode = run(&mut policy, 1.0).unwrap();
     assert_eq!(episode.result.failure.unwrap().cause, FailureCause::Timeout, "two of five actions never finish it");
