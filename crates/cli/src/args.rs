@@ -51,7 +51,7 @@ pub enum Command {
     Report(ReportArguments),
     /// Export a scenario to another program's format
     #[command(
-        after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-0.json > scene.xml"
+        after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-000.json > scene.xml"
     )]
     Export(ExportArguments),
     /// Say what this machine has, what is missing and how to mend it
@@ -113,7 +113,7 @@ pub struct LayoutArguments {
     /// Folder for the scenario files
     #[arg(long)]
     pub out: PathBuf,
-    /// Also draw every layout beside its scene graph as SVG, and say why when a task cannot be laid out
+    /// Also draw every layout and its scene graph as SVG
     #[arg(long)]
     pub explain: bool,
 }

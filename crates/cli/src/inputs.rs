@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::{Document, DocumentError, ObjectCard, Task, TaskKind};
+use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
 
@@ -98,6 +99,7 @@ pub fn read_task(path: &Path) -> Result<Task, Failed> {
             return Err(Failed::new(format!("{}: at $.id: `{}` cannot name a folder", path.display(), task.id))
                 .hint(format!("use 1 to {MAX_ID_LENGTH} ASCII letters, digits and any of -_.+=@, no dot in front")));
         }
+        check_objects(path, &task)?;
         return Ok(task);
     }
     let report = check_recorded(path, &text)?;
@@ -107,6 +109,36 @@ pub fn read_task(path: &Path) -> Result<Task, Failed> {
         Failed::new(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
             .hint(format!("see `genmanip task check {}`", path.display()))
     })
+}
+
+/// A task document may come from anywhere: every object that goal and scene name must be a node with its card.
+fn check_objects(path: &Path, task: &Task) -> Result<(), Failed> {
+    let graph = &task.scene_graph;
+    let refused = |place: &str, uid: &str, reason: &str| {
+        Err(Failed::new(format!("{}: at $.{place}: object `{uid}` {reason}", path.display()))
+            .hint("every object needs a node in scene_graph.nodes and its card in objects"))
+    };
+    for node in &graph.nodes {
+        if task.card(&node.uid).is_none() {
+            return refused("scene_graph.nodes", &node.uid, "has no card");
+        }
+        if Catalogue::builtin().card(&node.uid).is_none() {
+            return refused("scene_graph.nodes", &node.uid, "is not in the catalogue");
+        }
+    }
+    let atoms = || task.goal.alternatives.iter().flatten().cloned().map(|atom| ("goal", atom));
+    for (place, atom) in atoms().chain(graph.edges.iter().map(|edge| ("scene_graph.edges", edge.atom()))) {
+        for uid in std::iter::once(atom.subject()).chain(references(&atom)) {
+            if !graph.nodes.iter().any(|node| node.uid == uid) {
+                return refused(place, uid, "is no node of the scene");
+            }
+        }
+    }
+    if task.goal.alternatives.iter().all(Vec::is_empty) {
+        return Err(Failed::new(format!("{}: at $.goal: no condition", path.display()))
+            .hint("a goal needs at least one alternative with one condition"));
+    }
+    Ok(())
 }
 
 /// Judges a recorded-answer file.
@@ -208,8 +240,8 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failed> {
 }
 
 /// The planner for the robot there is.
-pub fn planner() -> Result<Arc<Planner>, Failed> {
-    let planner = Planner::new(panda(), PlannerSettings::default());
+pub fn planner(settings: &PlannerSettings) -> Result<Arc<Planner>, Failed> {
+    let planner = Planner::new(panda(), settings.clone());
     Ok(Arc::new(planner.map_err(|error| Failed::because("the robot cannot be planned for", &error))?))
 }
 

@@ -23,9 +23,12 @@ const TILE: usize = 16;
 pub(crate) struct Arrival {
     width: usize,
     height: usize,
-    /// Share of the key light, share of the ambient light.
-    shares: Vec<[f32; 2]>,
-    blurred: Vec<[f32; 2]>,
+    /// Share of the key light, negative where it is not known.
+    key: Vec<f32>,
+    /// Share of the ambient light.
+    ambient: Vec<f32>,
+    blurred_key: Vec<f32>,
+    blurred_ambient: Vec<f32>,
     /// Depth per pixel, 0 where nothing is seen.
     depth: Vec<f32>,
     /// Part of the visibility id per pixel.
@@ -49,8 +52,10 @@ impl Arrival {
         self.depth.extend(visible.nearness.iter().map(|&nearness| if nearness > 0.0 { 1.0 / nearness } else { 0.0 }));
         self.surface.clear();
         self.surface.extend(visible.ids.iter().map(|id| id >> TRIANGLE_BITS));
-        self.shares.clear();
-        self.shares.resize(visible.ids.len(), UNKNOWN);
+        for shares in [&mut self.key, &mut self.ambient] {
+            shares.clear();
+            shares.resize(visible.ids.len(), UNKNOWN);
+        }
         let light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let focal = view.lens.focal.x;
         let nearest = visible.nearness.iter().copied().fold(0.0, f32::max);
@@ -75,11 +80,11 @@ impl Arrival {
                 };
                 let is_plain = self.plain[y / TILE * columns + x / TILE];
                 let ambient = if variation.occlusion_radius_m > 0.0 && !is_plain {
-                    self.ambient([x, y], point, in_camera * flip, focal, pattern, variation)
+                    self.ambient_at([x, y], point, in_camera * flip, focal, pattern, variation)
                 } else {
                     1.0
                 };
-                self.shares[pixel] = [key, ambient];
+                (self.key[pixel], self.ambient[pixel]) = (key, ambient);
             }
         }
         self.blur();
@@ -90,9 +95,9 @@ impl Arrival {
     #[inline]
     pub fn at(&self, x: usize, y: usize, part_code: u32, depth: f32) -> Option<[f32; 2]> {
         let own = y * self.width + x;
-        let is_known = |pixel: usize| self.surface[pixel] == part_code && self.shares[pixel][0] >= 0.0;
+        let is_known = |pixel: usize| self.surface[pixel] == part_code && self.key[pixel] >= 0.0;
         if is_known(own) {
-            return Some(self.shares[own]);
+            return Some([self.key[own], self.ambient[own]]);
         }
         let mut best = None;
         let mut best_distance = 0.05 * depth;
@@ -101,14 +106,14 @@ impl Arrival {
                 let pixel = row * self.width + column;
                 let distance = (self.depth[pixel] - depth).abs();
                 if is_known(pixel) && distance < best_distance {
-                    (best, best_distance) = (Some(self.shares[pixel]), distance);
+                    (best, best_distance) = (Some([self.key[pixel], self.ambient[pixel]]), distance);
                 }
             }
         }
         best
     }
 
-    fn ambient(
+    fn ambient_at(
         &self,
         [x, y]: [usize; 2],
         point: Vec3A,
@@ -180,47 +185,94 @@ impl Arrival {
 
     /// Box over 4×4 pixels (five taps, half weight at the ends) in both directions, within one surface.
     fn blur(&mut self) {
-        self.blurred.clear();
-        self.blurred.resize(self.shares.len(), UNKNOWN);
-        for (step, is_row) in [(1, true), (self.width, false)] {
-            for y in 0..self.height {
-                for x in 0..self.width {
-                    let (at, end) = if is_row { (x, self.width) } else { (y, self.height) };
-                    self.blurred[y * self.width + x] = self.mean_around(y * self.width + x, at, end, step);
+        let (width, height) = (self.width, self.height);
+        self.blurred_key.resize(width * height, UNKNOWN);
+        self.blurred_ambient.resize(width * height, UNKNOWN);
+        // A row with two pixels of nothing on either side, and a row of nothing.
+        let mut padded = Line { surface: vec![0; width + 4], values: [(); 3].map(|()| vec![0.0; width + 4]) };
+        for y in 0..height {
+            let row = y * width..(y + 1) * width;
+            padded.surface[2..width + 2].copy_from_slice(&self.surface[row.clone()]);
+            for (to, from) in padded.values.iter_mut().zip([&self.depth, &self.key, &self.ambient]) {
+                to[2..width + 2].copy_from_slice(&from[row.clone()]);
+            }
+            let taps = [0, 1, 2, 3, 4].map(|first| padded.tap(first..first + width));
+            mean_of_lines(&taps, &mut self.blurred_key[row.clone()], &mut self.blurred_ambient[row]);
+        }
+        std::mem::swap(&mut self.key, &mut self.blurred_key);
+        std::mem::swap(&mut self.ambient, &mut self.blurred_ambient);
+        padded.surface.fill(0);
+        for y in 0..height {
+            let taps = [-2, -1, 0, 1, 2].map(|step| match y.checked_add_signed(step) {
+                Some(y) if y < height => {
+                    let row = y * width..(y + 1) * width;
+                    Tap {
+                        surface: &self.surface[row.clone()],
+                        depth: &self.depth[row.clone()],
+                        key: &self.key[row.clone()],
+                        ambient: &self.ambient[row],
+                    }
                 }
-            }
-            std::mem::swap(&mut self.shares, &mut self.blurred);
+                _ => padded.tap(0..width),
+            });
+            let row = y * width..(y + 1) * width;
+            mean_of_lines(&taps, &mut self.blurred_key[row.clone()], &mut self.blurred_ambient[row]);
         }
-    }
-
-    /// Weighted mean of the known shares along a line of pixels `step` apart; `at` of `end` is the place on the line.
-    #[inline]
-    fn mean_around(&self, pixel: usize, at: usize, end: usize, step: usize) -> [f32; 2] {
-        let (surface, depth) = (self.surface[pixel], self.depth[pixel]);
-        if surface == 0 {
-            return UNKNOWN;
-        }
-        let (mut key, mut ambient, mut total) = (0.0, 0.0, 0.0);
-        for (offset, weight) in [(-2_i32, 0.5_f32), (-1, 1.0), (0, 1.0), (1, 1.0), (2, 0.5)] {
-            let other = at as i32 + offset;
-            if other < 0 || other >= end as i32 {
-                continue;
-            }
-            let other = (pixel as i32 + offset * step as i32) as usize;
-            let shares = self.shares[other];
-            let is_known = shares[0] >= 0.0;
-            let is_same = self.surface[other] == surface && (self.depth[other] - depth).abs() < 0.02 * depth;
-            let weight = if is_known && is_same { weight } else { 0.0 };
-            key += weight * shares[0];
-            ambient += weight * shares[1];
-            total += weight;
-        }
-        if total > 0.0 { [key / total, ambient / total] } else { UNKNOWN }
+        std::mem::swap(&mut self.key, &mut self.blurred_key);
+        std::mem::swap(&mut self.ambient, &mut self.blurred_ambient);
     }
 }
 
-/// Shares of a pixel that was not estimated.
-const UNKNOWN: [f32; 2] = [-1.0; 2];
+/// A line of pixels: surface, then depth, key and ambient share.
+struct Line {
+    surface: Vec<u32>,
+    values: [Vec<f32>; 3],
+}
+
+/// A part of a line.
+struct Tap<'a> {
+    surface: &'a [u32],
+    depth: &'a [f32],
+    key: &'a [f32],
+    ambient: &'a [f32],
+}
+
+impl Line {
+    fn tap(&self, range: std::ops::Range<usize>) -> Tap<'_> {
+        let [depth, key, ambient] = self.values.each_ref().map(|values| &values[range.clone()]);
+        Tap { surface: &self.surface[range], depth, key, ambient }
+    }
+}
+
+/// Weighted means of the known shares of five lines where they show the middle one's surface.
+///
+/// Written without branches, so that it runs in vectors.
+fn mean_of_lines(taps: &[Tap<'_>; 5], key_out: &mut [f32], ambient_out: &mut [f32]) {
+    let width = key_out.len();
+    let ambient_out = &mut ambient_out[..width];
+    let taps = taps
+        .each_ref()
+        .map(|tap| (&tap.surface[..width], &tap.depth[..width], &tap.key[..width], &tap.ambient[..width]));
+    let (surfaces, depths, ..) = taps[2];
+    for x in 0..width {
+        let (surface, depth) = (surfaces[x], depths[x]);
+        let limit = 0.02 * depth;
+        let (mut key, mut ambient, mut total) = (0.0, 0.0, 0.0);
+        for ((surfaces, depths, keys, ambients), weight) in taps.into_iter().zip([0.5_f32, 1.0, 1.0, 1.0, 0.5]) {
+            let is_same = (surfaces[x] == surface) & ((depths[x] - depth).abs() < limit) & (keys[x] >= 0.0);
+            let weight = if is_same { weight } else { 0.0 };
+            key += weight * keys[x];
+            ambient += weight * ambients[x];
+            total += weight;
+        }
+        let inverse = 1.0 / total;
+        key_out[x] = if total > 0.0 { key * inverse } else { UNKNOWN };
+        ambient_out[x] = if total > 0.0 { ambient * inverse } else { UNKNOWN };
+    }
+}
+
+/// Share of a pixel that was not estimated.
+const UNKNOWN: f32 = -1.0;
 
 /// Order of the sixteen turns of the taps within a block: neighbours get far-apart turns.
 const PATTERN: [[usize; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];

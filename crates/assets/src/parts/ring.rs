@@ -4,7 +4,7 @@ use genmanip_core::Seed;
 use glam::DVec3;
 use serde::Deserialize;
 
-use super::surface;
+use super::{CLEARANCE, surface};
 use crate::finish::Finish;
 use crate::recipe::Draft;
 use crate::solid::Solid;
@@ -12,7 +12,8 @@ use crate::surface::{from_rings, smooth_curve};
 
 /// A ring lying flat around +z: doughnut, tape roll.
 ///
-/// Collision: one convex sector of the cross-section after the other.
+/// Collision: one convex sector of the cross-section after the other; four of them, a quarter turn apart,
+/// carry the ring, the others keep clear of what is below and above.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ring {
@@ -21,6 +22,9 @@ pub struct Ring {
     pub name: String,
     /// Convex cross-section of (radius, height), counter-clockwise with the radius to the right.
     pub section: Vec<[f64; 2]>,
+    /// Convex cross-section that it collides with; `section` when absent.
+    #[serde(default)]
+    pub solid: Vec<[f64; 2]>,
     /// Number of sectors, a multiple of four.
     pub sectors: usize,
     /// Draw the cross-section as a smooth closed curve.
@@ -48,10 +52,15 @@ impl Ring {
         if self.ghost {
             return;
         }
+        let section = if self.solid.is_empty() { &self.section } else { &self.solid };
+        let heights = || section.iter().map(|point| point[1]);
+        let (bottom, top) = (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
         for sector in 0..self.sectors {
+            let clearance = if sector % (self.sectors / 4) == 0 { 0.0 } else { CLEARANCE };
             let at = |step: usize| -> Vec<DVec3> {
                 let angle = step as f64 / self.sectors as f64 * TAU;
-                self.section.iter().map(|&[r, z]| turned(&DVec3::new(r, z, 0.0), angle)).collect()
+                let height = |z: f64| z.clamp(bottom + clearance, top - clearance);
+                section.iter().map(|&[r, z]| turned(&DVec3::new(r, height(z), 0.0), angle)).collect()
             };
             draft.solids.push(Solid::loft(&[at(sector + 1), at(sector)]));
         }

@@ -4,7 +4,7 @@ use genmanip_core::Seed;
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
 
-use super::surface;
+use super::{CLEARANCE, surface};
 use crate::finish::Finish;
 use crate::recipe::Draft;
 use crate::solid::Solid;
@@ -13,7 +13,8 @@ use crate::surface::{circle, from_rings, smooth_profile, subdivided};
 /// A hollow body of revolution about +z, open at the top: mug, bowl, plate, pot, bin.
 ///
 /// The wall lies between two profiles of (radius, height) with equally many points, from the base to the rim.
-/// Collision: one convex wedge per sector and profile segment, and a full base up to the first inner point.
+/// Collision: one convex wedge per sector and profile segment, and a full base up to the first inner point,
+/// which alone touches the table.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vessel {
@@ -97,7 +98,12 @@ impl Vessel {
     fn add_solids(&self, draft: &mut Draft) {
         let base = [self.outer[0], self.inner[0]].map(|p| self.ring(DVec2::from_array(p), self.sectors));
         draft.solids.push(Solid::loft(&base));
-        for (low, high) in self.outer.windows(2).zip(self.inner.windows(2)).map(|(o, i)| ((o[0], i[0]), (o[1], i[1]))) {
+        let mut outer: Vec<DVec2> = self.outer.iter().map(|&point| DVec2::from_array(point)).collect();
+        let rise = (outer[1].y - outer[0].y).max(CLEARANCE);
+        outer[0] = outer[0].lerp(outer[1], CLEARANCE / rise);
+        for (low, high) in
+            outer.windows(2).zip(self.inner.windows(2)).map(|(o, i)| ((o[0].to_array(), i[0]), (o[1].to_array(), i[1])))
+        {
             for sector in 0..self.sectors {
                 let section = |step: usize| {
                     let angle = step as f64 / self.sectors as f64 * TAU;

@@ -144,6 +144,16 @@ fn resting_pose_is_stable() {
 }
 
 #[test]
+fn few_pieces_touch_the_table() {
+    // Every contact costs time in each physics step; a base or a few feet are enough to stand on.
+    check_all(|model| {
+        let lowest = |piece: &genmanip_core::Piece| piece.support(DVec3::NEG_Z).z;
+        let touching = model.links[0].pieces.iter().filter(|piece| lowest(piece) < 3e-4).count();
+        if touching > 6 { vec![format!("stands on {touching} pieces")] } else { Vec::new() }
+    });
+}
+
+#[test]
 fn hollow_objects_are_hollow() {
     check_all(|model| {
         let lidded = model.family == "teapot";

@@ -18,6 +18,8 @@ const HELD_STEPS: usize = 6;
 struct Finding {
     what: &'static str,
     ok: bool,
+    /// Whether collecting and evaluating need it.
+    needed: bool,
     found: String,
     mend: String,
 }
@@ -26,11 +28,15 @@ pub fn run(printer: &Printer) -> Result<ExitStatus, Failed> {
     let findings = [processor(), physics(), python(), disk()];
     let mut rows = vec![["", "part", "found", "how to mend"].map(String::from).to_vec()];
     for finding in &findings {
-        let mark = if finding.ok { "ok" } else { "missing" };
+        let mark = match (finding.ok, finding.needed) {
+            (true, _) => "ok",
+            (false, true) => "missing",
+            (false, false) => "optional",
+        };
         rows.push(vec![mark.into(), finding.what.into(), finding.found.clone(), finding.mend.clone()]);
     }
     printer.data(&findings, &table(&rows));
-    Ok(if findings.iter().all(|finding| finding.ok) { ExitStatus::Done } else { ExitStatus::NotMet })
+    Ok(if findings.iter().all(|finding| finding.ok || !finding.needed) { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 
 fn processor() -> Finding {
@@ -38,6 +44,7 @@ fn processor() -> Finding {
     Finding {
         what: "processor",
         ok: true,
+        needed: true,
         found: format!("{cores} cores, {} {}", std::env::consts::ARCH, std::env::consts::OS),
         mend: String::new(),
     }
@@ -59,7 +66,7 @@ fn physics() -> Finding {
         Ok(seconds) => (true, format!("{engine}, {} simulated for {seconds:.2} s", robot.name), String::new()),
         Err(error) => (false, format!("{engine}: {error}"), "run `cargo xtask setup` and build again".into()),
     };
-    Finding { what: "physics", ok, found, mend }
+    Finding { what: "physics", ok, needed: true, found, mend }
 }
 
 /// The reader that checks datasets independently.
@@ -72,12 +79,14 @@ fn python() -> Finding {
         Ok(output) if output.status.success() => Finding {
             what: "dataset reader",
             ok: true,
+            needed: false,
             found: String::from_utf8_lossy(&output.stdout).trim().to_owned(),
             mend: String::new(),
         },
         _ => Finding {
             what: "dataset reader",
             ok: false,
+            needed: false,
             found: format!("{interpreter} has no pyarrow and av"),
             mend: "run `cargo xtask setup` (only needed to check datasets with another program)".into(),
         },
@@ -92,6 +101,7 @@ fn disk() -> Finding {
     Finding {
         what: "current folder",
         ok: writable,
+        needed: true,
         found: if writable { "writable".into() } else { "not writable".into() },
         mend: if writable { String::new() } else { "change to a folder you may write to".into() },
     }
