@@ -52,7 +52,8 @@ fn positions_velocities_torques_and_grip_stay_within_published_limits() {
             let command: Vec<f64> = frame.command.iter().map(|&value| f64::from(value)).collect();
             within("command", frame, &command[..7], &|j| LOWER_RAD[j], &UPPER_RAD);
             assert!((0.0..=GRIP_N).contains(&frame.grip_force), "grip {} N", frame.grip_force);
-            assert!((-1e-4..=WIDTH_M + 1e-4).contains(&frame.gripper_width), "{} m", frame.gripper_width);
+            // The stops of the fingers give way a little, as those of the real hand do.
+            assert!((-5e-4..=WIDTH_M + 5e-4).contains(&frame.gripper_width), "{} m", frame.gripper_width);
         }
     });
 }
@@ -89,13 +90,13 @@ fn nothing_jumps() {
 fn objects_move_only_when_they_are_touched() {
     each(|stage, episode| {
         let first = &episode.frames[0];
-        let radius = |object: usize| stage.models[object].card.size_m.length() / 2.0;
+        // Fingers and hand reach less far around the tool point.
         let near = |frame: &Frame| {
-            let close = |object: usize| {
-                let reach = radius(object) + 0.05;
-                frame.objects[object].pose.position.distance(frame.tcp.position) < reach + radius(object)
-            };
-            (0..frame.objects.len()).any(close) || frame.stray_contact_n > 0.0
+            frame.objects.iter().zip(&stage.models).any(|(object, model)| {
+                let bounds = model.world_bounds(&object.pose, &object.joint_positions);
+                let nearest = frame.tcp.position.clamp(bounds.min, bounds.max);
+                nearest.distance(frame.tcp.position) < 0.12
+            })
         };
         let shift = |frame: &Frame, object: usize| {
             frame.objects[object].pose.position.distance(first.objects[object].pose.position)
