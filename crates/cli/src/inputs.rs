@@ -118,7 +118,10 @@ fn check_objects(path: &Path, task: &Task) -> Result<(), Failed> {
         Err(Failed::new(format!("{}: at $.{place}: object `{uid}` {reason}", path.display()))
             .hint("every object needs a node in scene_graph.nodes and its card in objects"))
     };
-    for node in &graph.nodes {
+    for (index, node) in graph.nodes.iter().enumerate() {
+        if graph.nodes[..index].iter().any(|other| other.uid == node.uid) {
+            return refused("scene_graph.nodes", &node.uid, "has two nodes");
+        }
         if task.card(&node.uid).is_none() {
             return refused("scene_graph.nodes", &node.uid, "has no card");
         }
