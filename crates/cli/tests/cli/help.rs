@@ -34,7 +34,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
     }
 }
 
-/// The exit code says whether something is missing; physics must really have simulated something.
+/// The exit code says whether something needed is missing; physics must really have simulated something.
 #[test]
 fn doctor_says_what_is_missing_and_how_to_mend_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -55,9 +55,15 @@ fn doctor_says_what_is_missing_and_how_to_mend_it() {
     assert_eq!(found("dataset reader"), "pyarrow 1, av 2");
     assert_eq!(found("current folder"), "writable");
 
-    let lacking = doctor(&folder.path().join("no-python")).json(1);
+    let lacking = doctor(&folder.path().join("no-python")).json(0);
     let reader = lacking.as_array().unwrap().iter().find(|finding| finding["what"] == "dataset reader").unwrap();
-    assert_eq!(reader["ok"], false);
+    assert_eq!((&reader["ok"], &reader["needed"]), (&false.into(), &false.into()));
     assert!(reader["mend"].as_str().unwrap().contains("cargo xtask setup"), "{reader}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "doctor leaves nothing behind");
+
+    // Nobody, not even root, may write into this folder.
+    let stuck = genmanip(std::path::Path::new("/proc"), &["doctor"]);
+    assert_eq!(stuck.code, Some(1), "{stuck:?}");
+    let line = stuck.stdout.lines().find(|line| line.contains("current folder")).unwrap();
+    assert!(line.starts_with("missing") && line.contains("not writable") && line.contains("change to"), "{line}");
 }
