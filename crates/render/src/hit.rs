@@ -1,9 +1,9 @@
 //! Where rays meet triangles, and what is there: four samples of one part at a time.
 
-use glam::{Mat3A, Vec2, Vec3, Vec3A, Vec4};
+use glam::{Mat3A, Vec2, Vec3A, Vec4};
 
 use crate::assets::{Part, RenderAssets};
-use crate::lanes::{Vec3x4, transpose};
+use crate::lanes::{Vec3x4, each, gather, transpose};
 use crate::shade::SurfacePoints;
 use crate::view::{Lens, PartView, View};
 
@@ -45,14 +45,18 @@ impl<'a> Hits<'a> {
             // A grazing view stretches the pixel along one direction; the square root is the compromise.
             let facing = (along.abs() / ray.dot(ray).sqrt()).max(Vec4::splat(0.05));
             let pixel_m = (depth / (facing.sqrt() * view.lens.focal.x)).to_array();
-            let weights = weights.map(|weight| weight.to_array());
-            base = base
-                * Vec3x4::from_lanes(std::array::from_fn(|lane| {
-                    let [a, b, c] = part.triangles[triangles[lane]];
-                    let uv = |corner: u32, weight: usize| -> Vec2 { part.uvs[corner as usize] * weights[weight][lane] };
-                    let uv = uv(a, 0) + uv(b, 1) + uv(c, 2);
-                    texture.sample(uv, part.texel_density[triangles[lane]] * pixel_m[lane])
-                }));
+            let corners = each(|lane| part.triangles[triangles[lane]]);
+            let mut uv = [Vec4::ZERO; 2];
+            for (corner, weight) in weights.into_iter().enumerate() {
+                let uvs = each(|lane| part.uvs[corners[lane][corner] as usize]);
+                uv[0] += gather(|lane| uvs[lane].x) * weight;
+                uv[1] += gather(|lane| uvs[lane].y) * weight;
+            }
+            let (u, v) = (uv[0].to_array(), uv[1].to_array());
+            let colors = each(|lane| {
+                texture.sample(Vec2::new(u[lane], v[lane]), part.texel_density[triangles[lane]] * pixel_m[lane])
+            });
+            base = base * Vec3x4::from_lanes(colors);
         }
         if part.surface.is_table {
             base = base * Vec3x4::splat(table_tint);
@@ -103,14 +107,14 @@ struct Meeting {
 fn meet(part: &Part, placed: &PartView, triangles: [usize; 4], in_camera: Vec3x4) -> Meeting {
     let direction = in_camera.turned(&placed.body_from_camera);
     let eye = Vec3x4::splat(placed.eye_in_body);
-    let faces = triangles.map(|triangle| &part.faces[triangle]);
-    let (face, offset) = transpose(faces.map(|face| face.normal.extend(face.offset)));
+    let faces = each(|lane| &part.faces[triangles[lane]]);
+    let (face, offset) = transpose(each(|lane| faces[lane].normal.extend(faces[lane].offset)));
     let along = face.dot(direction);
     let is_cut = along.abs().cmpgt(Vec4::splat(1e-12));
     let depth = Vec4::select(is_cut, (offset - face.dot(eye)) / along, Vec4::ZERO);
     let point = eye + direction * depth;
-    let (weight1, offset1) = transpose(faces.map(|face| face.weight1.extend(face.offset1)));
-    let (weight2, offset2) = transpose(faces.map(|face| face.weight2.extend(face.offset2)));
+    let (weight1, offset1) = transpose(each(|lane| faces[lane].weight1.extend(faces[lane].offset1)));
+    let (weight2, offset2) = transpose(each(|lane| faces[lane].weight2.extend(faces[lane].offset2)));
     let v = (weight1.dot(point) + offset1).max(Vec4::ZERO).min(Vec4::ONE);
     let w = (weight2.dot(point) + offset2).max(Vec4::ZERO).min(Vec4::ONE - v);
     Meeting { face, depth, weights: [Vec4::ONE - v - w, v, w] }
@@ -119,12 +123,11 @@ fn meet(part: &Part, placed: &PartView, triangles: [usize; 4], in_camera: Vec3x4
 /// Unit normals between those of the corners; those of the faces where the corners' cancel out.
 #[inline]
 fn smooth_normal(part: &Part, triangles: [usize; 4], weights: [Vec4; 3], turn: &Mat3A, face: Vec3x4) -> Vec3x4 {
-    let corners = triangles.map(|triangle| part.triangles[triangle]);
+    let corners = each(|lane| part.triangles[triangles[lane]]);
     let mut sum = Vec3x4::splat(Vec3A::ZERO);
     for (corner, weight) in weights.into_iter().enumerate() {
-        let normals = corners.map(|corners| part.normals[corners[corner] as usize]);
-        let gather = |component: fn(Vec3) -> f32| Vec4::from_array(normals.map(component));
-        sum += Vec3x4 { x: gather(|n| n.x), y: gather(|n| n.y), z: gather(|n| n.z) } * weight;
+        let normals = each(|lane| part.normals[corners[lane][corner] as usize].extend(0.0));
+        sum += transpose(normals).0 * weight;
     }
     let mixed = sum.turned(turn);
     let square = mixed.dot(mixed);

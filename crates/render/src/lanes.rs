@@ -20,20 +20,20 @@ impl Vec3x4 {
 
     #[inline]
     pub fn from_lanes(lanes: [Vec3A; 4]) -> Self {
-        transpose(lanes.map(|lane| lane.extend(0.0))).0
+        transpose(each(|lane| lanes[lane].extend(0.0))).0
     }
 
     #[inline]
     pub fn to_lanes(self) -> [Vec3A; 4] {
         let rows = Mat4::from_cols(self.x, self.y, self.z, Vec4::ZERO).transpose();
-        [rows.x_axis, rows.y_axis, rows.z_axis, rows.w_axis].map(Vec3A::from_vec4)
+        let lane = Vec3A::from_vec4;
+        [lane(rows.x_axis), lane(rows.y_axis), lane(rows.z_axis), lane(rows.w_axis)]
     }
 
     /// The same rotation of all four.
     #[inline]
     pub fn turned(self, turn: &Mat3A) -> Self {
-        let [x, y, z] = [turn.x_axis, turn.y_axis, turn.z_axis].map(Self::splat);
-        x * self.x + y * self.y + z * self.z
+        Self::splat(turn.x_axis) * self.x + Self::splat(turn.y_axis) * self.y + Self::splat(turn.z_axis) * self.z
     }
 
     #[inline]
@@ -64,6 +64,18 @@ impl Vec3x4 {
             z: Vec4::select(mask, yes.z, no.z),
         }
     }
+}
+
+/// An array made lane by lane, always in line: `array::from_fn` and `map` often end as calls through memory.
+#[inline(always)]
+pub(crate) fn each<T>(make: impl Fn(usize) -> T) -> [T; 4] {
+    [make(0), make(1), make(2), make(3)]
+}
+
+/// Four numbers made lane by lane.
+#[inline(always)]
+pub(crate) fn gather(make: impl Fn(usize) -> f32) -> Vec4 {
+    Vec4::new(make(0), make(1), make(2), make(3))
 }
 
 /// The first three components and the fourth of four vectors.

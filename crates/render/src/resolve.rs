@@ -9,7 +9,7 @@ use glam::{Vec3A, Vec4};
 
 use crate::assets::{RenderAssets, TRIANGLE_BITS};
 use crate::hit::Hits;
-use crate::lanes::Vec3x4;
+use crate::lanes::{Vec3x4, each, gather};
 use crate::occlusion::Arrival;
 use crate::raster::Target;
 use crate::shade::Lighting;
@@ -184,7 +184,7 @@ impl Resolve<'_> {
                 continue;
             }
             let count = spots[from..].iter().take(4).take_while(is_same).count();
-            let four = std::array::from_fn(|lane| spots[from + lane.min(count - 1)]);
+            let four = each(|lane| spots[from + lane.min(count - 1)]);
             let shaded = self.shade_four(y, &four, table_tint).to_lanes();
             colors[from..from + count].copy_from_slice(&shaded[..count]);
             from += count;
@@ -194,8 +194,8 @@ impl Resolve<'_> {
     /// Linear display colours of four spots on one opaque part.
     #[inline]
     fn shade_four(&self, y: usize, spots: &[Spot; 4], table_tint: Vec3A) -> Vec3x4 {
-        let at = [spots.map(|spot| spot.x), spots.map(|spot| spot.y)].map(Vec4::from_array);
-        let hits = self.hits(spots.map(|spot| spot.id), at, table_tint);
+        let at = [gather(|lane| spots[lane].x), gather(|lane| spots[lane].y)];
+        let hits = self.hits(each(|lane| spots[lane].id), at, table_tint);
         let depth = hits.depth.to_array();
         let (mut key_share, mut ambient_share) = ([1.0; 4], [1.0; 4]);
         for (lane, spot) in spots.iter().enumerate() {
@@ -204,14 +204,14 @@ impl Resolve<'_> {
                 None => key_share[lane] = self.key_share(&hits, lane, [spot.column, y]),
             }
         }
-        let points = hits.lit_by(Vec4::from_array(key_share), Vec4::from_array(ambient_share));
+        let points = hits.lit_by(gather(|lane| key_share[lane]), gather(|lane| ambient_share[lane]));
         let light = self.lighting.reflect(&hits.part.surface, &points);
         self.lighting.develop(light.diffuse + light.specular)
     }
 
     #[inline]
     fn hits(&self, ids: [u32; 4], at: [Vec4; 2], table_tint: Vec3A) -> Hits<'_> {
-        let triangles = ids.map(|id| (id & ((1 << TRIANGLE_BITS) - 1)) as usize);
+        let triangles = each(|lane| (ids[lane] & ((1 << TRIANGLE_BITS) - 1)) as usize);
         Hits::new(self.assets, self.view, (ids[0] >> TRIANGLE_BITS) as usize - 1, triangles, at, table_tint)
     }
 

@@ -62,7 +62,7 @@ impl Lighting {
         let (normal, to_viewer) = (points.normal, points.to_viewer);
         let (reflectance, metallic) = (Vec4::splat(surface.reflectance), surface.metallic);
         let cosine = normal.dot(to_viewer);
-        let facing = cosine.clamp(Vec4::splat(1e-3), Vec4::ONE);
+        let facing = cosine.max(Vec4::splat(1e-3)).min(Vec4::ONE);
         let albedo = points.base * (1.0 - metallic);
         let f0 = points.base.map(|base| reflectance + (base - reflectance) * metallic);
         let mut diffuse = albedo * self.sky.diffuse(normal) * points.ambient_share;
@@ -94,7 +94,7 @@ impl Lighting {
     fn ggx(&self, roughness: f32, points: &SurfacePoints, facing: Vec4, lit: Vec4, f0: Vec3x4) -> Vec3x4 {
         let sum = points.to_viewer + Vec3x4::splat(self.to_light);
         let half = sum * sum.dot(sum).max(Vec4::splat(1e-12)).sqrt().recip();
-        let n_h = points.normal.dot(half).clamp(Vec4::ZERO, Vec4::ONE);
+        let n_h = points.normal.dot(half).max(Vec4::ZERO).min(Vec4::ONE);
         let alpha = roughness * roughness;
         let square = alpha * alpha;
         let denominator = n_h * n_h * (square - 1.0) + 1.0;
@@ -131,7 +131,7 @@ pub(crate) fn tone_map(color: Vec3x4) -> Vec3x4 {
 
 #[inline]
 fn schlick_weight(cosine: Vec4) -> Vec4 {
-    let x = Vec4::ONE - cosine.clamp(Vec4::ZERO, Vec4::ONE);
+    let x = Vec4::ONE - cosine.max(Vec4::ZERO).min(Vec4::ONE);
     let square = x * x;
     square * square * x
 }

@@ -7,7 +7,7 @@ use std::ops::{Add, Mul, Sub};
 
 use glam::{Vec2, Vec3A, Vec4};
 
-use crate::lanes::Vec3x4;
+use crate::lanes::{Vec3x4, each};
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 
@@ -60,8 +60,9 @@ impl Sky {
     pub fn glossy(&self, direction: Vec3x4, roughness: f32) -> Vec3x4 {
         let level = (roughness * (LEVELS - 1) as f32 + 0.5) as usize;
         let map = &self.glossy[level.min(LEVELS - 1) * SIDE * SIDE..][..SIDE * SIDE];
-        let [x, y] = to_octahedron(direction).map(|place| (place * (SIDE - 1) as f32).to_array());
-        Vec3x4::from_lanes(std::array::from_fn(|lane| {
+        let [x, y] = to_octahedron(direction);
+        let (x, y) = ((x * (SIDE - 1) as f32).to_array(), (y * (SIDE - 1) as f32).to_array());
+        Vec3x4::from_lanes(each(|lane| {
             let (column, row) = ((x[lane] as i32 as usize).min(SIDE - 2), (y[lane] as i32 as usize).min(SIDE - 2));
             let (fx, fy) = (x[lane] - column as i32 as f32, y[lane] - row as i32 as f32);
             let first = row * SIDE + column;
@@ -176,7 +177,8 @@ fn to_octahedron(direction: Vec3x4) -> [Vec4; 2] {
     let sign = |value: Vec4| Vec4::select(value.cmpge(Vec4::ZERO), Vec4::ONE, Vec4::NEG_ONE);
     let folded_x = Vec4::select(is_above, x, (Vec4::ONE - y.abs()) * sign(x));
     let folded_y = Vec4::select(is_above, y, (Vec4::ONE - x.abs()) * sign(y));
-    [folded_x, folded_y].map(|value| (value * 0.5 + 0.5).clamp(Vec4::ZERO, Vec4::ONE))
+    let place = |value: Vec4| (value * 0.5 + 0.5).max(Vec4::ZERO).min(Vec4::ONE);
+    [place(folded_x), place(folded_y)]
 }
 
 /// Unit square → unit vector.
