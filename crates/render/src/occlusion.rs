@@ -4,15 +4,17 @@
 //! repeats every 4×4 pixels, then averaged over such a block without crossing from one surface to another.
 //! Ambient occlusion after McGuire et al., "Scalable Ambient Obscurance", 2012.
 
-use glam::{Vec2, Vec3A};
+use glam::{Vec2, Vec3A, Vec4};
 
 use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::lanes::{Vec3x4, each, gather};
 use crate::raster::Target;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
 use crate::view::{View, part_and_triangle};
 
-const TAPS: usize = 8;
+/// Groups of four taps.
+const HALVES: usize = 2;
 /// Largest radius of the ambient occlusion on the image, pixels.
 const MAX_REACH: f32 = 64.0;
 /// Pixels per side of a tile.
@@ -124,29 +126,30 @@ impl Arrival {
     ) -> f32 {
         let radius = variation.occlusion_radius_m;
         let reach = (radius * focal / point.z).clamp(3.0, MAX_REACH);
-        let taps = &tap_table()[pattern];
-        let steps: [[f32; 3]; TAPS] = std::array::from_fn(|tap| {
-            let tap = taps[tap];
-            let column = (x as i32 + nearest_integer(tap.x * reach)).clamp(0, self.width as i32 - 1);
-            let row = (y as i32 + nearest_integer(tap.y * reach)).clamp(0, self.height as i32 - 1);
-            let depth = self.depth[row as usize * self.width + column as usize];
-            [(column - x as i32) as f32, (row - y as i32) as f32, depth]
-        });
+        let (last_column, last_row) = (self.width as i32 - 1, self.height as i32 - 1);
+        let inverse_focal = 1.0 / focal;
         let bias = 0.001 + 0.002 * point.z;
-        let darkening: [f32; TAPS] = std::array::from_fn(|tap| {
-            let [dx, dy, depth] = steps[tap];
+        let inverse_depth = 1.0 / point.z;
+        let mut darkening = Vec4::ZERO;
+        for [columns, rows] in &tap_table()[pattern] {
+            let (columns, rows) = ((columns * reach).to_array(), (rows * reach).to_array());
+            let column = each(|lane| (x as i32 + nearest_integer(columns[lane])).max(0).min(last_column));
+            let row = each(|lane| (y as i32 + nearest_integer(rows[lane])).max(0).min(last_row));
+            let depth = gather(|lane| self.depth[row[lane] as usize * self.width + column[lane] as usize]);
+            let dx = gather(|lane| (column[lane] - x as i32) as f32);
+            let dy = gather(|lane| (row[lane] - y as i32) as f32);
             // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
-            let stretch = depth / point.z;
-            let toward_x = point.x * stretch + dx * depth / focal - point.x;
-            let toward_y = point.y * stretch + dy * depth / focal - point.y;
-            let toward_z = depth - point.z;
-            let square = toward_x * toward_x + toward_y * toward_y + toward_z * toward_z;
-            let near = positive(radius * radius - square);
-            let above = positive(toward_x * normal.x + toward_y * normal.y + toward_z * normal.z - bias);
-            near * near * near * above / (square + 1e-5)
-        });
-        let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
-        (1.0 - darkening.iter().sum::<f32>() * scale).max(0.15)
+            let stretch = depth * inverse_depth - 1.0;
+            let step = depth * inverse_focal;
+            let toward =
+                Vec3x4 { x: stretch * point.x + dx * step, y: stretch * point.y + dy * step, z: depth - point.z };
+            let square = toward.dot(toward);
+            let near = (radius * radius - square).max(Vec4::ZERO);
+            let above = (toward.x * normal.x + toward.y * normal.y + toward.z * normal.z - bias).max(Vec4::ZERO);
+            darkening += near * near * near * above / (square + 1e-5);
+        }
+        let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * (4 * HALVES) as f32);
+        (1.0 - darkening.element_sum() * scale).max(0.15)
     }
 
     /// Tiles in whose surroundings only one convex part, or nothing, is seen: nothing can darken it there.
@@ -277,14 +280,17 @@ const UNKNOWN: f32 = -1.0;
 /// Order of the sixteen turns of the taps within a block: neighbours get far-apart turns.
 const PATTERN: [[usize; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
-/// Sixteen turned copies of a spiral on the unit disc.
-fn tap_table() -> &'static [[Vec2; TAPS]; 16] {
-    static TABLE: std::sync::OnceLock<[[Vec2; TAPS]; 16]> = std::sync::OnceLock::new();
+/// Sixteen turned copies of a spiral on the unit disc: columns and rows of each four taps.
+fn tap_table() -> &'static [[[Vec4; 2]; HALVES]; 16] {
+    static TABLE: std::sync::OnceLock<[[[Vec4; 2]; HALVES]; 16]> = std::sync::OnceLock::new();
     TABLE.get_or_init(|| {
+        let offset = |pattern: usize, tap: usize| {
+            let share = (tap as f32 + 0.5) / (4 * HALVES) as f32;
+            Vec2::from_angle(std::f32::consts::TAU * (share * 3.0 + pattern as f32 / 16.0)) * share
+        };
         std::array::from_fn(|pattern| {
-            std::array::from_fn(|tap| {
-                let share = (tap as f32 + 0.5) / TAPS as f32;
-                Vec2::from_angle(std::f32::consts::TAU * (share * 3.0 + pattern as f32 / 16.0)) * share
+            std::array::from_fn(|half| {
+                [gather(|lane| offset(pattern, half * 4 + lane).x), gather(|lane| offset(pattern, half * 4 + lane).y)]
             })
         })
     })
@@ -295,9 +301,4 @@ fn tap_table() -> &'static [[Vec2; TAPS]; 16] {
 fn nearest_integer(value: f32) -> i32 {
     const SHIFT: f32 = 12_582_912.0;
     (value + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
-}
-
-#[inline]
-fn positive(value: f32) -> f32 {
-    if value > 0.0 { value } else { 0.0 }
 }

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use genmanip_core::Pose;
-use glam::Vec3A;
 
 use crate::assets::RenderAssets;
 use crate::error::RenderError;
+use crate::hit::normal_in_camera;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
 use crate::occlusion::Arrival;
 use crate::raster::Target;
-use crate::resolve::{Resolve, intersect};
+use crate::resolve::Resolve;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
@@ -126,23 +126,17 @@ impl Renderer {
         }
         out.normal.clear();
         if job.channels.normal {
-            let lens = &self.view.lens;
             out.normal.extend(seen.ids.iter().enumerate().map(|(pixel, &id)| {
-                let ray = lens.ray((pixel % seen.width) as f32, (pixel / seen.width) as f32);
-                part_and_triangle(id).map_or([0; 3], |(part, triangle)| self.normal(part, triangle, ray))
+                let at = [(pixel % seen.width) as f32, (pixel / seen.width) as f32];
+                part_and_triangle(id).map_or([0; 3], |(part, triangle)| self.normal(part, triangle, at))
             }));
         }
     }
 
-    fn normal(&self, part: usize, triangle: usize, ray: Vec3A) -> [i8; 3] {
+    fn normal(&self, part: usize, triangle: usize, at: [f32; 2]) -> [i8; 3] {
         let (part, placed) = (&self.assets.parts[part], &self.view.parts[part]);
-        let (_, weights) = intersect(&part.faces[triangle], placed, ray);
-        let [a, b, c] = part.triangles[triangle].map(|index| Vec3A::from(part.normals[index as usize]));
-        let camera_from_body = placed.body_from_camera.transpose();
-        let face = camera_from_body * Vec3A::from(part.faces[triangle].normal);
-        let side = if face.dot(ray) > 0.0 { -127.0 } else { 127.0 };
-        let smooth = (camera_from_body * (a * weights[0] + b * weights[1] + c * weights[2])).normalize_or(face);
-        (smooth * side).to_array().map(|value| value.round() as i8)
+        let normal = normal_in_camera(part, placed, &self.view.lens, triangle, at);
+        (normal * 127.0).to_array().map(|value| value.round() as i8)
     }
 
     fn write_rgb(&mut self, job: &ViewJob<'_>, out: &mut FrameBuffers) {
