@@ -30,7 +30,7 @@ impl Catalogue {
         BUILTIN.get_or_init(|| Self::from_json(CARDS, RECIPES).expect("built-in data files are tested"))
     }
 
-    /// A catalogue from a list of cards and a table uid → [`Recipe`], both JSON.
+    /// A catalogue from a list of cards and a table uid → `Recipe`, both JSON.
     ///
     /// # Errors
     /// [`AssetError::Data`] with the place of the mistake.

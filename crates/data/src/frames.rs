@@ -5,15 +5,15 @@
 //! | column | type | meaning |
 //! |---|---|---|
 //! | `time_s` | f64 | time since the start of the episode |
-//! | `command` | list<f32> | arm joint targets (rad), then gripper width (m), in force during the interval |
-//! | `joint_position`, `joint_velocity`, `joint_torque` | list<f64> | arm joints, base to hand; rad, rad/s, N·m |
+//! | `command` | `list<f32>` | arm joint targets (rad), then gripper width (m), in force during the interval |
+//! | `joint_position`, `joint_velocity`, `joint_torque` | `list<f64>` | arm joints, base to hand; rad, rad/s, N·m |
 //! | `gripper_width` | f64 | opening between the pads, m |
 //! | `grip_force` | f64 | N, sum over both fingers |
-//! | `tcp` | list<f64>\[7\] | `world_from_tcp`: x, y, z, then quaternion w, x, y, z |
+//! | `tcp` | `list<f64>`\[7\] | `world_from_tcp`: x, y, z, then quaternion w, x, y, z |
 //! | `grasped` | i32 or null | index of the object that both fingers touch |
 //! | `stray_contact_n` | f64 | largest contact force between the robot and anything but the grasped object, N |
-//! | `object_<i>_pose` | list<f64>\[7\] | `world_from_object` of the scenario's object i, as `tcp` |
-//! | `object_<i>_joint_positions` | list<f64> | joints of an articulated object |
+//! | `object_<i>_pose` | `list<f64>`\[7\] | `world_from_object` of the scenario's object i, as `tcp` |
+//! | `object_<i>_joint_positions` | `list<f64>` | joints of an articulated object |
 //! | `object_<i>_speed`, `object_<i>_angular_speed` | f64 | m/s, rad/s |
 
 use std::path::Path;
