@@ -16,8 +16,11 @@ use genmanip_scene::answer::RecordedAnswer;
 /// The recorded answers belong to the crate that judges them.
 const SCENE_TESTDATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scene/testdata");
 
+/// The built-in catalogue, read as a file: this crate knows no assets.
+const CATALOGUE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/data/catalog.json");
+
 fn catalogue() -> Vec<ObjectCard> {
-    let text = std::fs::read_to_string(format!("{SCENE_TESTDATA}/catalog.json")).unwrap();
+    let text = std::fs::read_to_string(CATALOGUE).unwrap();
     serde_json::from_str(&text).unwrap()
 }
 
