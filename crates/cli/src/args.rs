@@ -51,7 +51,7 @@ pub enum Command {
     Report(ReportArguments),
     /// Export a scenario to another program's format
     #[command(
-        after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-0.json > scene.xml"
+        after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-000.json > scene.xml"
     )]
     Export(ExportArguments),
     /// Say what this machine has, what is missing and how to mend it
@@ -105,7 +105,7 @@ pub struct LayoutArguments {
     #[arg(required = true)]
     pub tasks: Vec<PathBuf>,
     /// Layouts per task
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = parse_count)]
     pub count: usize,
     /// Seed
     #[arg(long, default_value_t = 0)]
@@ -113,7 +113,7 @@ pub struct LayoutArguments {
     /// Folder for the scenario files
     #[arg(long)]
     pub out: PathBuf,
-    /// Also draw every layout beside its scene graph as SVG, and say why when a task cannot be laid out
+    /// Also draw every layout and its scene graph as SVG
     #[arg(long)]
     pub explain: bool,
 }
@@ -128,13 +128,13 @@ pub struct CollectArguments {
     #[arg(long)]
     pub out: PathBuf,
     /// Attempts per task, each on its own layout
-    #[arg(long, default_value_t = 2)]
+    #[arg(long, default_value_t = 2, value_parser = parse_count)]
     pub episodes: usize,
     /// Seed
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Worker threads; results do not depend on it [default: all cores]
-    #[arg(long)]
+    #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
     /// Frames per second of images and dataset; states are always recorded at 60 Hz
     #[arg(long, default_value_t = 15, value_parser = parse_fps)]
@@ -145,6 +145,13 @@ pub struct CollectArguments {
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
+}
+
+fn parse_count(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count @ 1..=1_000_000) => Ok(count),
+        _ => Err("expected a whole number from 1 to 1000000".into()),
+    }
 }
 
 fn parse_fps(text: &str) -> Result<u32, String> {
@@ -164,13 +171,13 @@ pub struct DemoArguments {
     #[arg(long)]
     pub tasks: Vec<PathBuf>,
     /// Attempts per task
-    #[arg(long, default_value_t = 2)]
+    #[arg(long, default_value_t = 2, value_parser = parse_count)]
     pub episodes: usize,
     /// Seed
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Worker threads [default: all cores]
-    #[arg(long)]
+    #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
     /// Frames per second of images and dataset
     #[arg(long, default_value_t = 15, value_parser = parse_fps)]
@@ -186,7 +193,7 @@ pub struct EvaluateArguments {
     #[arg(long = "policy")]
     pub policies: Vec<String>,
     /// Worker threads [default: all cores]
-    #[arg(long)]
+    #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
 }
 

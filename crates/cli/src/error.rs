@@ -40,8 +40,10 @@ impl Failed {
         let mut causes = vec![error.to_string()];
         let mut source = error.source();
         while let Some(error) = source {
-            if causes.last() != Some(&error.to_string()) {
-                causes.push(error.to_string());
+            // Many errors already say what is behind them.
+            let cause = error.to_string();
+            if causes.last().is_none_or(|last| !last.contains(&cause)) {
+                causes.push(cause);
             }
             source = error.source();
         }

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
-use genmanip_core::{Document, ObjectCard, Task, TaskKind};
+use genmanip_core::{Document, DocumentError, ObjectCard, Task, TaskKind};
+use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
 
@@ -14,6 +15,9 @@ use crate::error::Failed;
 
 /// Largest file that is read as a document, bytes.
 const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
+
+/// Longest task id, characters; the number of an attempt is added to it.
+const MAX_ID_LENGTH: usize = 120;
 
 /// Reads a text file, refusing what is too large or not text.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, Failed> {
@@ -31,10 +35,18 @@ pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, Failed> {
 
 /// Reads a versioned document.
 pub fn read_document<T: Document>(path: &Path) -> Result<T, Failed> {
-    T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| {
-        Failed::because(format!("{} is no valid {} file", path.display(), T::SCHEMA), &error)
-            .hint(format!("expected a JSON object that starts with \"schema\": \"{}\"", T::SCHEMA))
-    })
+    T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| not_a_document::<T>(path, &error))
+}
+
+fn not_a_document<T: Document>(path: &Path, error: &DocumentError) -> Failed {
+    let hint = match error {
+        DocumentError::NotJson { .. } => "JSON has no NaN, no infinity, no comments and no trailing commas".into(),
+        DocumentError::WrongSchema { .. } => {
+            format!("expected a JSON object that starts with \"schema\": \"{}\"", T::SCHEMA)
+        }
+        DocumentError::Invalid { .. } => "the JSON Schemas in schemas/ describe every file".into(),
+    };
+    Failed::because(format!("{} is no valid {} file", path.display(), T::SCHEMA), error).hint(hint)
 }
 
 /// Files named by the user; a folder stands for its `*.json`, sorted by name.
@@ -82,8 +94,13 @@ pub fn read_task(path: &Path) -> Result<Task, Failed> {
             .hint("expected a task document or a recorded answer; see `genmanip task check --help`")
     })?;
     if value.get("schema").is_some() {
-        return Task::from_value(value)
-            .map_err(|error| Failed::because(format!("{} is no valid {} file", path.display(), Task::SCHEMA), &error));
+        let task = Task::from_value(value).map_err(|error| not_a_document::<Task>(path, &error))?;
+        if !is_id(&task.id) {
+            return Err(Failed::new(format!("{}: at $.id: `{}` cannot name a folder", path.display(), task.id))
+                .hint(format!("use 1 to {MAX_ID_LENGTH} ASCII letters, digits and any of -_.+=@, no dot in front")));
+        }
+        check_objects(path, &task)?;
+        return Ok(task);
     }
     let report = check_recorded(path, &text)?;
     report.task.ok_or_else(|| {
@@ -94,14 +111,47 @@ pub fn read_task(path: &Path) -> Result<Task, Failed> {
     })
 }
 
+/// A task document may come from anywhere: every object that goal and scene name must be a node with its card.
+fn check_objects(path: &Path, task: &Task) -> Result<(), Failed> {
+    let graph = &task.scene_graph;
+    let refused = |place: &str, uid: &str, reason: &str| {
+        Err(Failed::new(format!("{}: at $.{place}: object `{uid}` {reason}", path.display()))
+            .hint("every object needs a node in scene_graph.nodes and its card in objects"))
+    };
+    for (index, node) in graph.nodes.iter().enumerate() {
+        if graph.nodes[..index].iter().any(|other| other.uid == node.uid) {
+            return refused("scene_graph.nodes", &node.uid, "has two nodes");
+        }
+        if task.card(&node.uid).is_none() {
+            return refused("scene_graph.nodes", &node.uid, "has no card");
+        }
+        if Catalogue::builtin().card(&node.uid).is_none() {
+            return refused("scene_graph.nodes", &node.uid, "is not in the catalogue");
+        }
+    }
+    let atoms = || task.goal.alternatives.iter().flatten().cloned().map(|atom| ("goal", atom));
+    for (place, atom) in atoms().chain(graph.edges.iter().map(|edge| ("scene_graph.edges", edge.atom()))) {
+        for uid in std::iter::once(atom.subject()).chain(references(&atom)) {
+            if !graph.nodes.iter().any(|node| node.uid == uid) {
+                return refused(place, uid, "is no node of the scene");
+            }
+        }
+    }
+    if task.goal.alternatives.iter().all(Vec::is_empty) {
+        return Err(Failed::new(format!("{}: at $.goal: no condition", path.display()))
+            .hint("a goal needs at least one alternative with one condition"));
+    }
+    Ok(())
+}
+
 /// Judges a recorded-answer file.
 pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
     let recorded = RecordedAnswer::from_json(text).map_err(|error| {
         Failed::because(format!("{} is no recorded answer", path.display()), &error)
-            .hint("expected {task_type, objects, num_objects, response}; for a bare answer give --objects UID,UID,…")
+            .hint("for a bare answer name what was offered: --objects UID,UID,…")
     })?;
     let request = TaskRequest {
-        id: stem(path),
+        id: id_from(path),
         kind: recorded.task_type,
         offered: offered(&recorded.objects)?,
         min_objects: recorded.num_objects,
@@ -118,7 +168,7 @@ pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usiz
         .find(|known| known.name() == kind)
         .ok_or_else(|| Failed::new(format!("unknown kind `{kind}`")).hint(format!("kinds are {kinds}")))?;
     let request = TaskRequest {
-        id: stem(path),
+        id: id_from(path),
         kind,
         offered: offered(objects)?,
         min_objects,
@@ -137,15 +187,34 @@ pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usiz
 fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, Failed> {
     let catalogue = Catalogue::builtin();
     uids.iter()
-        .map(|uid| {
-            catalogue.card(uid).cloned().ok_or_else(|| {
-                Failed::new(format!("object `{uid}` is not in the catalogue")).hint("uids are three digits, 001 to 064")
-            })
+        .map(|uid| match catalogue.card(uid) {
+            Some(card) => Ok(card.clone()),
+            // Asking for the model of an object without a card says which ones look alike.
+            None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
+                Failed::because("an offered object is not in the catalogue", &error)
+                    .hint("uids are three digits, 001 to 064")
+            }),
         })
         .collect()
 }
 
-/// The name of a file without its extension, as id.
+/// A task id from the name of its file: whatever cannot stand in a folder's name becomes `_`.
+fn id_from(path: &Path) -> String {
+    let fit = |c: char| if fits_id(c) { c } else { '_' };
+    let id: String = stem(path).trim_start_matches('.').chars().map(fit).take(MAX_ID_LENGTH).collect();
+    if id.is_empty() { "task".into() } else { id }
+}
+
+/// Ids name folders and files, so they must not lead anywhere else.
+fn is_id(id: &str) -> bool {
+    (1..=MAX_ID_LENGTH).contains(&id.len()) && !id.starts_with('.') && id.chars().all(fits_id)
+}
+
+fn fits_id(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
+}
+
+/// The name of a file without its extension.
 pub fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -174,8 +243,8 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failed> {
 }
 
 /// The planner for the robot there is.
-pub fn planner() -> Result<Arc<Planner>, Failed> {
-    let planner = Planner::new(panda(), PlannerSettings::default());
+pub fn planner(settings: &PlannerSettings) -> Result<Arc<Planner>, Failed> {
+    let planner = Planner::new(panda(), settings.clone());
     Ok(Arc::new(planner.map_err(|error| Failed::because("the robot cannot be planned for", &error))?))
 }
 

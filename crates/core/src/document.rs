@@ -46,7 +46,10 @@ pub trait Document: Serialize + DeserializeOwned {
             }
         }
         serde_path_to_error::deserialize(Value::Object(map)).map_err(|error| DocumentError::Invalid {
-            path: format!("$.{}", error.path()),
+            path: match error.path().to_string() {
+                root if root == "." => "$".into(),
+                path => format!("$.{path}"),
+            },
             message: error.inner().to_string(),
         })
     }
@@ -73,13 +76,13 @@ pub trait Document: Serialize + DeserializeOwned {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DocumentError {
     /// Not JSON at all.
-    #[error("not JSON at line {line}, column {column}: {message}")]
+    #[error("not JSON: {message}")]
     NotJson {
         /// Line, from 1.
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What the parser says.
+        /// What the parser says, position included.
         message: String,
     },
     /// Another kind or version of document.

@@ -20,6 +20,12 @@ pub enum LayoutError {
         /// The object.
         uid: String,
     },
+    /// Objects that stand on or lie in each other.
+    #[error("{} stand on each other in a circle", uids.join(", "))]
+    SupportCircle {
+        /// The objects that could not be ordered.
+        uids: Vec<String>,
+    },
     /// Every attempt was rejected.
     #[error("no layout for task {task} in {restarts} attempts: {rejections}")]
     Infeasible {

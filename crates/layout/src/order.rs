@@ -65,8 +65,9 @@ impl PlacementPlan {
                 .filter(|&object| support[object].is_none_or(|support| placed.contains(&support)))
                 .max_by_key(|&object| (links(object), degree(object), std::cmp::Reverse(object)))
             else {
-                // A cycle of supports; the validator refuses such graphs before they come here.
-                break;
+                let left = (0..count).filter(|object| !placed.contains(object));
+                let uids = left.map(|object| task.scene_graph.nodes[object].uid.clone()).collect();
+                return Err(LayoutError::SupportCircle { uids });
             };
             let relations: Vec<(Relation, usize)> = edges
                 .iter()

@@ -12,8 +12,6 @@ pub struct LayoutSettings {
     pub candidates_per_object: usize,
     /// Smallest gap between the footprints of objects that stand on the same support, metres; room for a finger.
     pub min_gap_m: f64,
-    /// Largest gap to aim at for a related pair, metres; the relation itself allows 0.15.
-    pub max_gap_m: f64,
     /// How far inside its threshold a relation must hold when an object is placed, metres;
     /// settling may eat some of it.
     pub relation_margin_m: f64,
@@ -45,7 +43,6 @@ impl Default for LayoutSettings {
             max_restarts: 100,
             candidates_per_object: 60,
             min_gap_m: 0.03,
-            max_gap_m: 0.10,
             relation_margin_m: 0.01,
             reach_m: [0.32, 0.70],
             x_m: [0.26, 0.78],

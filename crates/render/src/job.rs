@@ -27,7 +27,7 @@ pub struct FrameState {
 /// One picture: a frame seen by a camera.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewJob<'a> {
-    /// The bodies; jobs of the same frame that follow each other share their shadow map.
+    /// The bodies; jobs of equal frames that follow each other share their shadow map.
     pub frame: &'a FrameState,
     /// The camera; one mounted on the hand moves with the robot's hand in `frame`.
     pub camera: &'a Camera,

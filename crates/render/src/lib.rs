@@ -21,6 +21,8 @@ pub mod job;
 pub mod renderer;
 pub mod variation;
 
+mod hit;
+mod lanes;
 mod occlusion;
 mod raster;
 mod resolve;

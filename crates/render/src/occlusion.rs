@@ -4,15 +4,17 @@
 //! repeats every 4×4 pixels, then averaged over such a block without crossing from one surface to another.
 //! Ambient occlusion after McGuire et al., "Scalable Ambient Obscurance", 2012.
 
-use glam::{Vec2, Vec3A};
+use glam::{Vec2, Vec3A, Vec4};
 
 use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::lanes::{Vec3x4, each, gather};
 use crate::raster::Target;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
 use crate::view::{View, part_and_triangle};
 
-const TAPS: usize = 8;
+/// Groups of four taps.
+const HALVES: usize = 2;
 /// Largest radius of the ambient occlusion on the image, pixels.
 const MAX_REACH: f32 = 64.0;
 /// Pixels per side of a tile.
@@ -23,9 +25,12 @@ const TILE: usize = 16;
 pub(crate) struct Arrival {
     width: usize,
     height: usize,
-    /// Share of the key light, share of the ambient light.
-    shares: Vec<[f32; 2]>,
-    blurred: Vec<[f32; 2]>,
+    /// Share of the key light, negative where it is not known.
+    key: Vec<f32>,
+    /// Share of the ambient light.
+    ambient: Vec<f32>,
+    blurred_key: Vec<f32>,
+    blurred_ambient: Vec<f32>,
     /// Depth per pixel, 0 where nothing is seen.
     depth: Vec<f32>,
     /// Part of the visibility id per pixel.
@@ -49,8 +54,10 @@ impl Arrival {
         self.depth.extend(visible.nearness.iter().map(|&nearness| if nearness > 0.0 { 1.0 / nearness } else { 0.0 }));
         self.surface.clear();
         self.surface.extend(visible.ids.iter().map(|id| id >> TRIANGLE_BITS));
-        self.shares.clear();
-        self.shares.resize(visible.ids.len(), UNKNOWN);
+        for shares in [&mut self.key, &mut self.ambient] {
+            shares.clear();
+            shares.resize(visible.ids.len(), UNKNOWN);
+        }
         let light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let focal = view.lens.focal.x;
         let nearest = visible.nearness.iter().copied().fold(0.0, f32::max);
@@ -75,11 +82,11 @@ impl Arrival {
                 };
                 let is_plain = self.plain[y / TILE * columns + x / TILE];
                 let ambient = if variation.occlusion_radius_m > 0.0 && !is_plain {
-                    self.ambient([x, y], point, in_camera * flip, focal, pattern, variation)
+                    self.ambient_at([x, y], point, in_camera * flip, focal, pattern, variation)
                 } else {
                     1.0
                 };
-                self.shares[pixel] = [key, ambient];
+                (self.key[pixel], self.ambient[pixel]) = (key, ambient);
             }
         }
         self.blur();
@@ -90,9 +97,9 @@ impl Arrival {
     #[inline]
     pub fn at(&self, x: usize, y: usize, part_code: u32, depth: f32) -> Option<[f32; 2]> {
         let own = y * self.width + x;
-        let is_known = |pixel: usize| self.surface[pixel] == part_code && self.shares[pixel][0] >= 0.0;
+        let is_known = |pixel: usize| self.surface[pixel] == part_code && self.key[pixel] >= 0.0;
         if is_known(own) {
-            return Some(self.shares[own]);
+            return Some([self.key[own], self.ambient[own]]);
         }
         let mut best = None;
         let mut best_distance = 0.05 * depth;
@@ -101,14 +108,14 @@ impl Arrival {
                 let pixel = row * self.width + column;
                 let distance = (self.depth[pixel] - depth).abs();
                 if is_known(pixel) && distance < best_distance {
-                    (best, best_distance) = (Some(self.shares[pixel]), distance);
+                    (best, best_distance) = (Some([self.key[pixel], self.ambient[pixel]]), distance);
                 }
             }
         }
         best
     }
 
-    fn ambient(
+    fn ambient_at(
         &self,
         [x, y]: [usize; 2],
         point: Vec3A,
@@ -119,29 +126,30 @@ impl Arrival {
     ) -> f32 {
         let radius = variation.occlusion_radius_m;
         let reach = (radius * focal / point.z).clamp(3.0, MAX_REACH);
-        let taps = &tap_table()[pattern];
-        let steps: [[f32; 3]; TAPS] = std::array::from_fn(|tap| {
-            let tap = taps[tap];
-            let column = (x as i32 + nearest_integer(tap.x * reach)).clamp(0, self.width as i32 - 1);
-            let row = (y as i32 + nearest_integer(tap.y * reach)).clamp(0, self.height as i32 - 1);
-            let depth = self.depth[row as usize * self.width + column as usize];
-            [(column - x as i32) as f32, (row - y as i32) as f32, depth]
-        });
+        let (last_column, last_row) = (self.width as i32 - 1, self.height as i32 - 1);
+        let inverse_focal = 1.0 / focal;
         let bias = 0.001 + 0.002 * point.z;
-        let darkening: [f32; TAPS] = std::array::from_fn(|tap| {
-            let [dx, dy, depth] = steps[tap];
+        let inverse_depth = 1.0 / point.z;
+        let mut darkening = Vec4::ZERO;
+        for [columns, rows] in &tap_table()[pattern] {
+            let (columns, rows) = ((columns * reach).to_array(), (rows * reach).to_array());
+            let column = each(|lane| (x as i32 + nearest_integer(columns[lane])).max(0).min(last_column));
+            let row = each(|lane| (y as i32 + nearest_integer(rows[lane])).max(0).min(last_row));
+            let depth = gather(|lane| self.depth[row[lane] as usize * self.width + column[lane] as usize]);
+            let dx = gather(|lane| (column[lane] - x as i32) as f32);
+            let dy = gather(|lane| (row[lane] - y as i32) as f32);
             // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
-            let stretch = depth / point.z;
-            let toward_x = point.x * stretch + dx * depth / focal - point.x;
-            let toward_y = point.y * stretch + dy * depth / focal - point.y;
-            let toward_z = depth - point.z;
-            let square = toward_x * toward_x + toward_y * toward_y + toward_z * toward_z;
-            let near = positive(radius * radius - square);
-            let above = positive(toward_x * normal.x + toward_y * normal.y + toward_z * normal.z - bias);
-            near * near * near * above / (square + 1e-5)
-        });
-        let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
-        (1.0 - darkening.iter().sum::<f32>() * scale).max(0.15)
+            let stretch = depth * inverse_depth - 1.0;
+            let step = depth * inverse_focal;
+            let toward =
+                Vec3x4 { x: stretch * point.x + dx * step, y: stretch * point.y + dy * step, z: depth - point.z };
+            let square = toward.dot(toward);
+            let near = (radius * radius - square).max(Vec4::ZERO);
+            let above = (toward.x * normal.x + toward.y * normal.y + toward.z * normal.z - bias).max(Vec4::ZERO);
+            darkening += near * near * near * above / (square + 1e-5);
+        }
+        let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * (4 * HALVES) as f32);
+        (1.0 - darkening.element_sum() * scale).max(0.15)
     }
 
     /// Tiles in whose surroundings only one convex part, or nothing, is seen: nothing can darken it there.
@@ -180,59 +188,109 @@ impl Arrival {
 
     /// Box over 4×4 pixels (five taps, half weight at the ends) in both directions, within one surface.
     fn blur(&mut self) {
-        self.blurred.clear();
-        self.blurred.resize(self.shares.len(), UNKNOWN);
-        for (step, is_row) in [(1, true), (self.width, false)] {
-            for y in 0..self.height {
-                for x in 0..self.width {
-                    let (at, end) = if is_row { (x, self.width) } else { (y, self.height) };
-                    self.blurred[y * self.width + x] = self.mean_around(y * self.width + x, at, end, step);
+        let (width, height) = (self.width, self.height);
+        self.blurred_key.resize(width * height, UNKNOWN);
+        self.blurred_ambient.resize(width * height, UNKNOWN);
+        // A row with two pixels of nothing on either side, and a row of nothing.
+        let mut padded = Line { surface: vec![0; width + 4], values: [(); 3].map(|()| vec![0.0; width + 4]) };
+        for y in 0..height {
+            let row = y * width..(y + 1) * width;
+            padded.surface[2..width + 2].copy_from_slice(&self.surface[row.clone()]);
+            for (to, from) in padded.values.iter_mut().zip([&self.depth, &self.key, &self.ambient]) {
+                to[2..width + 2].copy_from_slice(&from[row.clone()]);
+            }
+            let taps = [0, 1, 2, 3, 4].map(|first| padded.tap(first..first + width));
+            mean_of_lines(&taps, &mut self.blurred_key[row.clone()], &mut self.blurred_ambient[row]);
+        }
+        std::mem::swap(&mut self.key, &mut self.blurred_key);
+        std::mem::swap(&mut self.ambient, &mut self.blurred_ambient);
+        padded.surface.fill(0);
+        for y in 0..height {
+            let taps = [-2, -1, 0, 1, 2].map(|step| match y.checked_add_signed(step) {
+                Some(y) if y < height => {
+                    let row = y * width..(y + 1) * width;
+                    Tap {
+                        surface: &self.surface[row.clone()],
+                        depth: &self.depth[row.clone()],
+                        key: &self.key[row.clone()],
+                        ambient: &self.ambient[row],
+                    }
                 }
-            }
-            std::mem::swap(&mut self.shares, &mut self.blurred);
+                _ => padded.tap(0..width),
+            });
+            let row = y * width..(y + 1) * width;
+            mean_of_lines(&taps, &mut self.blurred_key[row.clone()], &mut self.blurred_ambient[row]);
         }
-    }
-
-    /// Weighted mean of the known shares along a line of pixels `step` apart; `at` of `end` is the place on the line.
-    #[inline]
-    fn mean_around(&self, pixel: usize, at: usize, end: usize, step: usize) -> [f32; 2] {
-        let (surface, depth) = (self.surface[pixel], self.depth[pixel]);
-        if surface == 0 {
-            return UNKNOWN;
-        }
-        let (mut key, mut ambient, mut total) = (0.0, 0.0, 0.0);
-        for (offset, weight) in [(-2_i32, 0.5_f32), (-1, 1.0), (0, 1.0), (1, 1.0), (2, 0.5)] {
-            let other = at as i32 + offset;
-            if other < 0 || other >= end as i32 {
-                continue;
-            }
-            let other = (pixel as i32 + offset * step as i32) as usize;
-            let shares = self.shares[other];
-            let is_known = shares[0] >= 0.0;
-            let is_same = self.surface[other] == surface && (self.depth[other] - depth).abs() < 0.02 * depth;
-            let weight = if is_known && is_same { weight } else { 0.0 };
-            key += weight * shares[0];
-            ambient += weight * shares[1];
-            total += weight;
-        }
-        if total > 0.0 { [key / total, ambient / total] } else { UNKNOWN }
+        std::mem::swap(&mut self.key, &mut self.blurred_key);
+        std::mem::swap(&mut self.ambient, &mut self.blurred_ambient);
     }
 }
 
-/// Shares of a pixel that was not estimated.
-const UNKNOWN: [f32; 2] = [-1.0; 2];
+/// A line of pixels: surface, then depth, key and ambient share.
+struct Line {
+    surface: Vec<u32>,
+    values: [Vec<f32>; 3],
+}
+
+/// A part of a line.
+struct Tap<'a> {
+    surface: &'a [u32],
+    depth: &'a [f32],
+    key: &'a [f32],
+    ambient: &'a [f32],
+}
+
+impl Line {
+    fn tap(&self, range: std::ops::Range<usize>) -> Tap<'_> {
+        let [depth, key, ambient] = self.values.each_ref().map(|values| &values[range.clone()]);
+        Tap { surface: &self.surface[range], depth, key, ambient }
+    }
+}
+
+/// Weighted means of the known shares of five lines where they show the middle one's surface.
+///
+/// Written without branches, so that it runs in vectors.
+fn mean_of_lines(taps: &[Tap<'_>; 5], key_out: &mut [f32], ambient_out: &mut [f32]) {
+    let width = key_out.len();
+    let ambient_out = &mut ambient_out[..width];
+    let taps = taps
+        .each_ref()
+        .map(|tap| (&tap.surface[..width], &tap.depth[..width], &tap.key[..width], &tap.ambient[..width]));
+    let (surfaces, depths, ..) = taps[2];
+    for x in 0..width {
+        let (surface, depth) = (surfaces[x], depths[x]);
+        let limit = 0.02 * depth;
+        let (mut key, mut ambient, mut total) = (0.0, 0.0, 0.0);
+        for ((surfaces, depths, keys, ambients), weight) in taps.into_iter().zip([0.5_f32, 1.0, 1.0, 1.0, 0.5]) {
+            let is_same = (surfaces[x] == surface) & ((depths[x] - depth).abs() < limit) & (keys[x] >= 0.0);
+            let weight = if is_same { weight } else { 0.0 };
+            key += weight * keys[x];
+            ambient += weight * ambients[x];
+            total += weight;
+        }
+        let inverse = 1.0 / total;
+        key_out[x] = if total > 0.0 { key * inverse } else { UNKNOWN };
+        ambient_out[x] = if total > 0.0 { ambient * inverse } else { UNKNOWN };
+    }
+}
+
+/// Share of a pixel that was not estimated.
+const UNKNOWN: f32 = -1.0;
 
 /// Order of the sixteen turns of the taps within a block: neighbours get far-apart turns.
 const PATTERN: [[usize; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
-/// Sixteen turned copies of a spiral on the unit disc.
-fn tap_table() -> &'static [[Vec2; TAPS]; 16] {
-    static TABLE: std::sync::OnceLock<[[Vec2; TAPS]; 16]> = std::sync::OnceLock::new();
+/// Sixteen turned copies of a spiral on the unit disc: columns and rows of each four taps.
+fn tap_table() -> &'static [[[Vec4; 2]; HALVES]; 16] {
+    static TABLE: std::sync::OnceLock<[[[Vec4; 2]; HALVES]; 16]> = std::sync::OnceLock::new();
     TABLE.get_or_init(|| {
+        let offset = |pattern: usize, tap: usize| {
+            let share = (tap as f32 + 0.5) / (4 * HALVES) as f32;
+            Vec2::from_angle(std::f32::consts::TAU * (share * 3.0 + pattern as f32 / 16.0)) * share
+        };
         std::array::from_fn(|pattern| {
-            std::array::from_fn(|tap| {
-                let share = (tap as f32 + 0.5) / TAPS as f32;
-                Vec2::from_angle(std::f32::consts::TAU * (share * 3.0 + pattern as f32 / 16.0)) * share
+            std::array::from_fn(|half| {
+                [gather(|lane| offset(pattern, half * 4 + lane).x), gather(|lane| offset(pattern, half * 4 + lane).y)]
             })
         })
     })
@@ -243,9 +301,4 @@ fn tap_table() -> &'static [[Vec2; TAPS]; 16] {
 fn nearest_integer(value: f32) -> i32 {
     const SHIFT: f32 = 12_582_912.0;
     (value + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
-}
-
-#[inline]
-fn positive(value: f32) -> f32 {
-    if value > 0.0 { value } else { 0.0 }
 }

@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use glam::Vec3A;
+use genmanip_core::Pose;
 
 use crate::assets::RenderAssets;
 use crate::error::RenderError;
+use crate::hit::normal_in_camera;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
 use crate::occlusion::Arrival;
 use crate::raster::Target;
-use crate::resolve::{Resolve, intersect};
+use crate::resolve::Resolve;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
@@ -25,6 +26,8 @@ pub struct Renderer {
     lighting: Lighting,
     view: View,
     shadow: ShadowMap,
+    /// The frame whose shadows `shadow` holds: all views of a frame share them, also from call to call.
+    shadow_of: Option<FrameState>,
     arrival: Arrival,
     /// One sample per pixel: opaque things, then with transparent ones.
     opaque: Target,
@@ -44,6 +47,7 @@ impl Renderer {
             variation,
             view: View::default(),
             shadow: ShadowMap::default(),
+            shadow_of: None,
             arrival: Arrival::default(),
             opaque: Target::default(),
             solid: Target::default(),
@@ -60,7 +64,7 @@ impl Renderer {
 
     /// Draws all jobs, `out[i]` for `jobs[i]`.
     ///
-    /// Put jobs of one frame next to each other: they share the shadow map.
+    /// Draw all views of a frame one after the other, in one call or in several: they share the shadow map.
     ///
     /// # Errors
     /// A frame of other assets, a pose or camera that cannot be drawn, or too few buffers; nothing is drawn then.
@@ -69,15 +73,14 @@ impl Renderer {
             return Err(RenderError::BufferCount { expected: jobs.len(), got: out.len() });
         }
         let lenses = jobs.iter().map(|job| self.lens(job)).collect::<Result<Vec<_>, _>>()?;
-        let mut shadow_of: Option<&FrameState> = None;
         for ((job, lens), buffers) in jobs.iter().zip(lenses).zip(out) {
             self.see(job, lens);
             self.write_geometry(job, buffers);
             buffers.rgb.clear();
             if job.channels.rgb {
-                if !shadow_of.is_some_and(|frame| std::ptr::eq(frame, job.frame)) {
+                if !self.shadow_of.as_ref().is_some_and(|drawn| is_same(drawn, job.frame)) {
                     self.shadow.draw(&self.assets, job.frame, &self.variation);
-                    shadow_of = Some(job.frame);
+                    self.shadow_of = Some(job.frame.clone());
                 }
                 self.write_rgb(job, buffers);
             }
@@ -123,23 +126,17 @@ impl Renderer {
         }
         out.normal.clear();
         if job.channels.normal {
-            let lens = &self.view.lens;
             out.normal.extend(seen.ids.iter().enumerate().map(|(pixel, &id)| {
-                let ray = lens.ray((pixel % seen.width) as f32, (pixel / seen.width) as f32);
-                part_and_triangle(id).map_or([0; 3], |(part, triangle)| self.normal(part, triangle, ray))
+                let at = [(pixel % seen.width) as f32, (pixel / seen.width) as f32];
+                part_and_triangle(id).map_or([0; 3], |(part, triangle)| self.normal(part, triangle, at))
             }));
         }
     }
 
-    fn normal(&self, part: usize, triangle: usize, ray: Vec3A) -> [i8; 3] {
+    fn normal(&self, part: usize, triangle: usize, at: [f32; 2]) -> [i8; 3] {
         let (part, placed) = (&self.assets.parts[part], &self.view.parts[part]);
-        let (_, weights) = intersect(&part.faces[triangle], placed, ray);
-        let [a, b, c] = part.triangles[triangle].map(|index| Vec3A::from(part.normals[index as usize]));
-        let camera_from_body = placed.body_from_camera.transpose();
-        let face = camera_from_body * Vec3A::from(part.faces[triangle].normal);
-        let side = if face.dot(ray) > 0.0 { -127.0 } else { 127.0 };
-        let smooth = (camera_from_body * (a * weights[0] + b * weights[1] + c * weights[2])).normalize_or(face);
-        (smooth * side).to_array().map(|value| value.round() as i8)
+        let normal = normal_in_camera(part, placed, &self.view.lens, triangle, at);
+        (normal * 127.0).to_array().map(|value| value.round() as i8)
     }
 
     fn write_rgb(&mut self, job: &ViewJob<'_>, out: &mut FrameBuffers) {
@@ -168,4 +165,10 @@ impl Renderer {
         };
         resolve.write_rgb(&mut out.rgb);
     }
+}
+
+/// Whether two frames agree to the last bit, so that one's shadows are the other's.
+fn is_same(a: &FrameState, b: &FrameState) -> bool {
+    let bits = |pose: &Pose| (pose.position.to_array().map(f64::to_bits), pose.rotation.to_array().map(f64::to_bits));
+    a.body_poses.len() == b.body_poses.len() && a.body_poses.iter().zip(&b.body_poses).all(|(a, b)| bits(a) == bits(b))
 }

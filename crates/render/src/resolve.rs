@@ -1,18 +1,22 @@
 //! From visible samples to colours.
 //!
-//! Samples of a pixel that see the same smooth piece of surface are shaded once;
-//! only pixels on edges cost more.
+//! Samples of a pixel that see the same smooth piece of surface are shaded once, so that only pixels on edges cost
+//! more; the spots to shade of a row of pixels are then shaded by four, neighbours on one part together.
 
-use glam::{Vec3, Vec3A};
+use std::ops::Range;
 
-use crate::assets::{Face, Part, RenderAssets, TRIANGLE_BITS};
+use glam::{Vec3A, Vec4};
+
+use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::hit::Hits;
+use crate::lanes::{Vec3x4, each, gather};
 use crate::occlusion::Arrival;
 use crate::raster::Target;
-use crate::shade::{Lighting, SurfacePoint};
+use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::texture::{linear_from_srgb, linear_from_srgb8, srgb8_from_linear};
 use crate::variation::RenderVariation;
-use crate::view::{PartView, View, part_and_triangle};
+use crate::view::{View, part_and_triangle};
 
 /// Everything a pixel's colour depends on.
 pub(crate) struct Resolve<'a> {
@@ -32,25 +36,27 @@ pub(crate) struct Resolve<'a> {
 /// Largest number of samples per pixel.
 const MAX_SAMPLES: usize = 16;
 
-/// Samples of one pixel that are shaded together: at the mean of those that see the first one's triangle.
-#[derive(Clone, Copy, Default)]
-struct Group {
+/// A place on the image where one surface is shaded: the mean of the samples of a pixel that see it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spot {
+    /// Visibility id; 0 is the background.
     id: u32,
+    /// Column of the pixel.
+    column: usize,
     x: f32,
     y: f32,
-    count: f32,
+    /// Share of the pixel's samples.
+    share: f32,
 }
 
-/// The point of a surface under a sample.
-struct Hit<'a> {
-    part: &'a Part,
-    depth: f32,
-    /// Not normalised, world frame.
-    ray: Vec3A,
-    point: Vec3A,
-    /// Unit, towards the viewer.
-    normal: Vec3A,
-    base: Vec3A,
+/// What is found in a row of pixels; memory kept from row to row.
+#[derive(Default)]
+struct Row {
+    spots: Vec<Spot>,
+    /// Colour per pixel, linear.
+    sums: Vec<Vec3A>,
+    /// Pixels with transparent surfaces, their spots and the spot of each sample.
+    behind_glass: Vec<(usize, Range<usize>, [usize; MAX_SAMPLES])>,
 }
 
 impl Resolve<'_> {
@@ -59,71 +65,97 @@ impl Resolve<'_> {
         let (width, height) = (self.view.lens.width, self.view.lens.height);
         rgb.clear();
         rgb.reserve(width * height * 3);
-        let table_tint = linear_from_srgb(self.variation.table_color);
+        let background = linear_from_srgb8(self.variation.background);
+        let mut row = Row::default();
+        let mut colors = Vec::new();
         for y in 0..height {
-            for x in 0..width {
-                rgb.extend(self.pixel(x, y, table_tint));
+            self.find_spots(y, &mut row);
+            self.shade(y, &row.spots, background, &mut colors);
+            row.sums.clear();
+            row.sums.resize(width, Vec3A::ZERO);
+            for (spot, &color) in row.spots.iter().zip(&colors) {
+                row.sums[spot.column] += color * spot.share;
+            }
+            for (x, spots, spot_of_sample) in &row.behind_glass {
+                row.sums[*x] = self.glass_over([*x, y], &colors[spots.clone()], spot_of_sample);
+            }
+            for &sum in &row.sums {
+                rgb.extend_from_slice(&srgb8_from_linear(sum));
             }
         }
     }
 
-    fn pixel(&self, x: usize, y: usize, table_tint: Vec3A) -> [u8; 3] {
+    /// The spots of a row of pixels.
+    fn find_spots(&self, y: usize, row: &mut Row) {
+        row.spots.clear();
+        row.behind_glass.clear();
         let n = self.supersample;
-        let first = y * n * self.opaque.width + x * n;
-        let sample = |index: usize| first + index / n * self.opaque.width + index % n;
-        let samples = n * n;
-        // Without division: this is asked for every pixel.
-        let all = |target: &Target, id: u32| {
-            (0..n).all(|row| target.ids[first + row * self.opaque.width..][..n].iter().all(|&other| other == id))
-        };
-        let has_glass = self.glass.is_some_and(|layers| {
+        for x in 0..self.view.lens.width {
+            let first = y * n * self.opaque.width + x * n;
+            let id = self.opaque.ids[first];
+            let has_glass = self.has_glass(x, y, first);
+            if !has_glass && self.is_filled(self.opaque, first, id) {
+                row.spots.push(Spot { id, column: x, x: x as i32 as f32, y: y as i32 as f32, share: 1.0 });
+                continue;
+            }
+            let first_spot = row.spots.len();
+            let spot_of_sample = self.find_spots_of_pixel(x, y, first, &mut row.spots);
+            if has_glass {
+                row.behind_glass.push((x, first_spot..row.spots.len(), spot_of_sample));
+            }
+        }
+    }
+
+    /// Whether all samples of a pixel show one id; without division, as this is asked for every pixel.
+    #[inline]
+    fn is_filled(&self, target: &Target, first: usize, id: u32) -> bool {
+        let n = self.supersample;
+        (0..n).all(|row| target.ids[first + row * target.width..][..n].iter().all(|&other| other == id))
+    }
+
+    #[inline]
+    fn has_glass(&self, x: usize, y: usize, first: usize) -> bool {
+        self.glass.is_some_and(|layers| {
             let [from, to] = self.view.glass_bounds;
             let is_inside = from[0] <= x && x <= to[0] && from[1] <= y && y <= to[1];
-            is_inside && !layers.iter().all(|layer| all(layer, 0))
-        });
-        let id = self.opaque.ids[first];
-        let is_uniform = !has_glass && all(self.opaque, id);
-        if is_uniform {
-            if id == 0 {
-                return self.variation.background;
+            is_inside && !layers.iter().all(|layer| self.is_filled(layer, first, 0))
+        })
+    }
+
+    /// Appends a spot per surface that a pixel's samples see; returns which one each sample belongs to.
+    fn find_spots_of_pixel(&self, x: usize, y: usize, first: usize, spots: &mut Vec<Spot>) -> [usize; MAX_SAMPLES] {
+        let n = self.supersample;
+        let first_spot = spots.len();
+        let mut spot_of_sample = [0; MAX_SAMPLES];
+        let mut counts = [0.0; MAX_SAMPLES];
+        for (index, spot_of_sample) in spot_of_sample.iter_mut().enumerate().take(n * n) {
+            let id = self.opaque.ids[first + index / n * self.opaque.width + index % n];
+            let known = spots[first_spot..].iter().position(|spot| self.is_same_surface(spot.id, id));
+            let spot = known.unwrap_or(spots.len() - first_spot);
+            if known.is_none() {
+                spots.push(Spot { id, column: x, ..Spot::default() });
             }
-            return srgb8_from_linear(self.opaque_color([x, y], id, [x as f32, y as f32], table_tint));
-        }
-        let place = |index: usize| {
-            let along = |pixel: usize, step: usize| pixel as f32 + (step as f32 + 0.5) / n as f32 - 0.5;
-            [along(x, index % n), along(y, index / n)]
-        };
-        let mut groups = [Group::default(); MAX_SAMPLES];
-        let mut group_of = [0; MAX_SAMPLES];
-        let mut count = 0;
-        for (index, group_of) in group_of.iter_mut().enumerate().take(samples) {
-            let id = self.opaque.ids[sample(index)];
-            let [x, y] = place(index);
-            let group = (0..count).find(|&group| self.is_same_surface(groups[group].id, id)).unwrap_or(count);
-            if group == count {
-                groups[group].id = id;
-                count += 1;
-            }
-            let entry = &mut groups[group];
+            let entry = &mut spots[first_spot + spot];
             if entry.id == id {
-                (entry.x, entry.y, entry.count) = (entry.x + x, entry.y + y, entry.count + 1.0);
+                let [x, y] = self.place(x, y, index);
+                (entry.x, entry.y) = (entry.x + x, entry.y + y);
+                counts[spot] += 1.0;
             }
-            *group_of = group;
+            entry.share += 1.0 / (n * n) as f32;
+            *spot_of_sample = spot;
         }
-        let background = linear_from_srgb8(self.variation.background);
-        let mut colors = [background; MAX_SAMPLES];
-        for (group, color) in groups.iter().zip(&mut colors).take(count) {
-            if group.id != 0 {
-                let middle = [group.x / group.count, group.y / group.count];
-                *color = self.opaque_color([x, y], group.id, middle, table_tint);
-            }
+        for (spot, count) in spots[first_spot..].iter_mut().zip(counts) {
+            (spot.x, spot.y) = (spot.x / count, spot.y / count);
         }
-        let mut sum = Vec3A::ZERO;
-        for (index, &group) in group_of.iter().enumerate().take(samples) {
-            let color = colors[group];
-            sum += if has_glass { self.behind_glass(color, sample(index), [x, y], place(index)) } else { color };
-        }
-        srgb8_from_linear(sum / samples as f32)
+        spot_of_sample
+    }
+
+    /// Where a sample of a pixel lies on the image.
+    #[inline]
+    fn place(&self, x: usize, y: usize, sample: usize) -> [f32; 2] {
+        let n = self.supersample;
+        let along = |pixel: usize, step: usize| pixel as f32 + (step as f32 + 0.5) / n as f32 - 0.5;
+        [along(x, sample % n), along(y, sample / n)]
     }
 
     /// Whether two visibility ids belong to one smooth piece of surface.
@@ -138,18 +170,68 @@ impl Resolve<'_> {
         faces[first].normal.dot(faces[second].normal) > 0.94
     }
 
-    /// Linear display colour of an opaque surface.
+    /// Linear display colours of the spots of a row.
+    fn shade(&self, y: usize, spots: &[Spot], background: Vec3A, colors: &mut Vec<Vec3A>) {
+        let table_tint = linear_from_srgb(self.variation.table_color);
+        colors.clear();
+        colors.resize(spots.len(), background);
+        let mut from = 0;
+        while let Some(spot) = spots.get(from) {
+            let code = spot.id >> TRIANGLE_BITS;
+            let is_same = |spot: &&Spot| spot.id >> TRIANGLE_BITS == code;
+            if code == 0 {
+                from += 1;
+                continue;
+            }
+            let count = spots[from..].iter().take(4).take_while(is_same).count();
+            let four = each(|lane| spots[from + lane.min(count - 1)]);
+            let shaded = self.shade_four(y, &four, table_tint).to_lanes();
+            colors[from..from + count].copy_from_slice(&shaded[..count]);
+            from += count;
+        }
+    }
+
+    /// Linear display colours of four spots on one opaque part.
     #[inline]
-    fn opaque_color(&self, pixel: [usize; 2], id: u32, at: [f32; 2], table_tint: Vec3A) -> Vec3A {
-        let Some(hit) = self.hit(id, at, table_tint) else { return Vec3A::ZERO };
-        let [key_share, ambient_share] =
-            self.arrival.at(pixel[0], pixel[1], id >> TRIANGLE_BITS, hit.depth).unwrap_or_else(|| {
-                let pattern = (pixel[0] % 4) * 4 + pixel[1] % 4;
-                let is_on = self.shadow.is_on();
-                [if is_on { self.shadow.visibility(hit.point, hit.normal, pattern) } else { 1.0 }, 1.0]
-            });
-        let light = self.lighting.reflect(&hit.part.surface, &hit.surface_point(key_share, ambient_share));
+    fn shade_four(&self, y: usize, spots: &[Spot; 4], table_tint: Vec3A) -> Vec3x4 {
+        let at = [gather(|lane| spots[lane].x), gather(|lane| spots[lane].y)];
+        let hits = self.hits(each(|lane| spots[lane].id), at, table_tint);
+        let depth = hits.depth.to_array();
+        let (mut key_share, mut ambient_share) = ([1.0; 4], [1.0; 4]);
+        for (lane, spot) in spots.iter().enumerate() {
+            match self.arrival.at(spot.column, y, spot.id >> TRIANGLE_BITS, depth[lane]) {
+                Some(shares) => [key_share[lane], ambient_share[lane]] = shares,
+                None => key_share[lane] = self.key_share(&hits, lane, [spot.column, y]),
+            }
+        }
+        let points = hits.lit_by(gather(|lane| key_share[lane]), gather(|lane| ambient_share[lane]));
+        let light = self.lighting.reflect(&hits.part.surface, &points);
         self.lighting.develop(light.diffuse + light.specular)
+    }
+
+    #[inline]
+    fn hits(&self, ids: [u32; 4], at: [Vec4; 2], table_tint: Vec3A) -> Hits<'_> {
+        let triangles = each(|lane| (ids[lane] & ((1 << TRIANGLE_BITS) - 1)) as usize);
+        Hits::new(self.assets, self.view, (ids[0] >> TRIANGLE_BITS) as usize - 1, triangles, at, table_tint)
+    }
+
+    #[cold]
+    fn key_share(&self, hits: &Hits<'_>, lane: usize, [x, y]: [usize; 2]) -> f32 {
+        if !self.shadow.is_on() {
+            return 1.0;
+        }
+        self.shadow.visibility(hits.point.to_lanes()[lane], hits.normal.to_lanes()[lane], (x % 4) * 4 + y % 4)
+    }
+
+    /// A pixel's colour when some of its samples are seen through transparent sides.
+    fn glass_over(&self, [x, y]: [usize; 2], colors: &[Vec3A], spot_of_sample: &[usize; MAX_SAMPLES]) -> Vec3A {
+        let n = self.supersample;
+        let first = y * n * self.opaque.width + x * n;
+        let sum = spot_of_sample.iter().take(n * n).enumerate().fold(Vec3A::ZERO, |sum, (index, &spot)| {
+            let sample = first + index / n * self.opaque.width + index % n;
+            sum + self.behind_glass(colors[spot], sample, [x, y], self.place(x, y, index))
+        });
+        sum / (n * n) as f32
     }
 
     /// A sample's colour seen through the transparent sides in front of it, the farther one first.
@@ -160,73 +242,18 @@ impl Resolve<'_> {
         }
         let opaque = self.opaque.nearness[sample];
         [far, near].into_iter().filter(|layer| layer.nearness[sample] > opaque).fold(behind, |behind, layer| {
-            let Some(hit) = self.hit(layer.ids[sample], at, Vec3A::ONE) else { return behind };
-            let key_share = if self.shadow.is_on() {
-                self.shadow.visibility(hit.point, hit.normal, (pixel[0] % 4) * 4 + pixel[1] % 4)
-            } else {
-                1.0
-            };
-            let surface = &hit.part.surface;
-            let light = self.lighting.reflect(surface, &hit.surface_point(key_share, 1.0));
+            let hits = self.hits([layer.ids[sample]; 4], at.map(Vec4::splat), Vec3A::ONE);
+            let key_share = self.key_share(&hits, 0, pixel);
+            let surface = &hits.part.surface;
+            let light = self.lighting.reflect(surface, &hits.lit_by(Vec4::splat(key_share), Vec4::ONE));
             // Most sights pass two sides: each covers so much that both together have the material's opacity.
             let side = 1.0 - (1.0 - surface.opacity).sqrt();
-            let cover = side + (1.0 - side) * light.grazing;
+            let cover = side + (1.0 - side) * light.grazing.x;
             // What passes takes on some of the glass's colour.
-            let tint = Vec3A::ONE.lerp(hit.base, 0.25);
-            self.lighting.develop(light.diffuse * side + light.specular) + behind * tint * (1.0 - cover)
+            let [base, ..] = hits.base.to_lanes();
+            let tint = Vec3A::ONE.lerp(base, 0.25);
+            let [front, ..] = self.lighting.develop(light.diffuse * side + light.specular).to_lanes();
+            front + behind * tint * (1.0 - cover)
         })
     }
-
-    /// Where the ray through a point of the image meets the plane of a triangle, and what is there.
-    #[inline]
-    fn hit(&self, id: u32, [x, y]: [f32; 2], table_tint: Vec3A) -> Option<Hit<'_>> {
-        let (part_index, triangle) = part_and_triangle(id)?;
-        let (part, placed) = (&self.assets.parts[part_index], &self.view.parts[part_index]);
-        let in_camera = self.view.lens.ray(x, y);
-        let face = &part.faces[triangle];
-        let (depth, weights) = intersect(face, placed, in_camera);
-        let corners = part.triangles[triangle];
-        let mix = |values: &[Vec3]| {
-            let [a, b, c] = corners.map(|index| Vec3A::from(values[index as usize]));
-            a * weights[0] + b * weights[1] + c * weights[2]
-        };
-        let ray = self.view.lens.turn * in_camera;
-        let face = placed.world_from_body * Vec3A::from(face.normal);
-        let side = if face.dot(ray) > 0.0 { -1.0 } else { 1.0 };
-        let normal = (placed.world_from_body * mix(&part.normals)).normalize_or(face) * side;
-        let mut base = part.surface.base;
-        if let Some(texture) = &part.surface.texture {
-            let [a, b, c] = corners.map(|index| part.uvs[index as usize]);
-            let uv = a * weights[0] + b * weights[1] + c * weights[2];
-            // A grazing view stretches the pixel along one direction; the square root is the compromise.
-            let facing = (face.dot(ray).abs() / ray.length()).max(0.05);
-            let pixel_m = depth / self.view.lens.focal.x / facing.sqrt();
-            base *= texture.sample(uv, part.texel_density[triangle] * pixel_m);
-        }
-        if part.surface.is_table {
-            base *= table_tint;
-        }
-        Some(Hit { part, depth, ray, point: self.view.lens.eye + ray * depth, normal, base })
-    }
-}
-
-impl Hit<'_> {
-    #[inline]
-    fn surface_point(&self, key_share: f32, ambient_share: f32) -> SurfacePoint {
-        let to_viewer = -self.ray.normalize();
-        SurfacePoint { base: self.base, normal: self.normal, to_viewer, key_share, ambient_share }
-    }
-}
-
-/// Depth and corner weights where a camera ray meets a triangle's plane; weights are kept within the triangle.
-#[inline]
-pub(crate) fn intersect(face: &Face, placed: &PartView, in_camera: Vec3A) -> (f32, [f32; 3]) {
-    let direction = placed.body_from_camera * in_camera;
-    let normal = Vec3A::from(face.normal);
-    let along = normal.dot(direction);
-    let depth = if along.abs() > 1e-12 { (face.offset - normal.dot(placed.eye_in_body)) / along } else { 0.0 };
-    let point = placed.eye_in_body + direction * depth;
-    let v = (Vec3A::from(face.weight1).dot(point) + face.offset1).clamp(0.0, 1.0);
-    let w = (Vec3A::from(face.weight2).dot(point) + face.offset2).clamp(0.0, 1.0 - v);
-    (depth, [1.0 - v - w, v, w])
 }

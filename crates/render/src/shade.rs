@@ -2,10 +2,12 @@
 //!
 //! GGX distribution with Hammon's approximation of the Smith visibility and Schlick's Fresnel term;
 //! the surroundings through Karis' analytic fit of the split sum ("Physically Based Shading on Mobile", 2014).
+//! Four points at a time.
 
-use glam::Vec3A;
+use glam::{Vec3A, Vec4};
 
 use crate::assets::Surface;
+use crate::lanes::Vec3x4;
 use crate::sky::Sky;
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
@@ -20,28 +22,28 @@ pub(crate) struct Lighting {
     exposure: f32,
 }
 
-/// A surface point and how much light reaches it.
+/// Four points of one material and how much light reaches them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SurfacePoint {
+pub(crate) struct SurfacePoints {
     /// Linear base colour, texture included.
-    pub base: Vec3A,
+    pub base: Vec3x4,
     /// Unit, world frame, towards the viewer.
-    pub normal: Vec3A,
+    pub normal: Vec3x4,
     /// Unit, world frame, from the point to the viewer.
-    pub to_viewer: Vec3A,
+    pub to_viewer: Vec3x4,
     /// Share of the key light that arrives.
-    pub key_share: f32,
+    pub key_share: Vec4,
     /// Share of the ambient light that arrives.
-    pub ambient_share: f32,
+    pub ambient_share: Vec4,
 }
 
-/// Light that leaves a point, linear, before the tone map.
+/// Light that leaves the points, linear, before the tone map.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reflected {
-    pub diffuse: Vec3A,
-    pub specular: Vec3A,
+    pub diffuse: Vec3x4,
+    pub specular: Vec3x4,
     /// Schlick's weight at this viewing angle, 0 head-on and 1 at grazing.
-    pub grazing: f32,
+    pub grazing: Vec4,
 }
 
 impl Lighting {
@@ -56,79 +58,102 @@ impl Lighting {
 
     /// Light reflected towards the viewer.
     #[inline]
-    pub fn reflect(&self, surface: &Surface, point: &SurfacePoint) -> Reflected {
-        let (normal, to_viewer) = (point.normal, point.to_viewer);
-        let facing = normal.dot(to_viewer).clamp(1e-3, 1.0);
-        let albedo = point.base * (1.0 - surface.metallic);
-        let f0 = Vec3A::splat(surface.reflectance).lerp(point.base, surface.metallic);
-        let mut diffuse = albedo * self.sky.diffuse(normal) * point.ambient_share;
-        let mirrored = normal * (2.0 * normal.dot(to_viewer)) - to_viewer;
+    pub fn reflect(&self, surface: &Surface, points: &SurfacePoints) -> Reflected {
+        let (normal, to_viewer) = (points.normal, points.to_viewer);
+        let (reflectance, metallic) = (Vec4::splat(surface.reflectance), surface.metallic);
+        let cosine = normal.dot(to_viewer);
+        let facing = cosine.max(Vec4::splat(1e-3)).min(Vec4::ONE);
+        let albedo = points.base * (1.0 - metallic);
+        let f0 = points.base.map(|base| reflectance + (base - reflectance) * metallic);
+        let mut diffuse = albedo * self.sky.diffuse(normal) * points.ambient_share;
+        let mirrored = normal * (cosine + cosine) - to_viewer;
         // Corners that see little of the sky see little of it in their reflection, unless they are metal.
-        let glossy_share = point.ambient_share + (1.0 - point.ambient_share) * 0.3 * surface.metallic;
+        let glossy_share = points.ambient_share + (Vec4::ONE - points.ambient_share) * (0.3 * metallic);
         let mut specular = self.sky.glossy(mirrored, surface.roughness)
             * ambient_fresnel(f0, surface.roughness, facing)
             * glossy_share;
-        let lit = normal.dot(self.to_light);
-        if lit > 0.0 && point.key_share > 0.0 {
-            let arriving = self.key * (lit * point.key_share);
+        let lit = normal.dot(Vec3x4::splat(self.to_light)).max(Vec4::ZERO);
+        let strength = lit * points.key_share;
+        if strength.max_element() > 0.0 {
+            let arriving = Vec3x4::splat(self.key) * strength;
             diffuse += albedo * arriving;
+            let lobe = self.ggx(surface.roughness, points, facing, lit, f0);
             // `key` is the irradiance over π, hence the factor.
-            let lobe = ggx(surface.roughness, normal, to_viewer, self.to_light, facing, lit, f0) * std::f32::consts::PI;
-            specular += arriving * lobe.min(Vec3A::splat(12.0));
+            specular += arriving * (lobe * std::f32::consts::PI).map(|lobe| lobe.min(Vec4::splat(12.0)));
         }
         Reflected { diffuse, specular, grazing: schlick_weight(facing) }
     }
 
-    /// Linear display colour, 0-1, of light.
+    /// Linear display colours, 0-1, of light.
     #[inline]
-    pub fn develop(&self, light: Vec3A) -> Vec3A {
+    pub fn develop(&self, light: Vec3x4) -> Vec3x4 {
         tone_map(light * self.exposure)
+    }
+
+    #[inline]
+    fn ggx(&self, roughness: f32, points: &SurfacePoints, facing: Vec4, lit: Vec4, f0: Vec3x4) -> Vec3x4 {
+        let sum = points.to_viewer + Vec3x4::splat(self.to_light);
+        let half = sum * sum.dot(sum).max(Vec4::splat(1e-12)).sqrt().recip();
+        let n_h = points.normal.dot(half).max(Vec4::ZERO).min(Vec4::ONE);
+        let alpha = roughness * roughness;
+        let square = alpha * alpha;
+        let denominator = n_h * n_h * (square - 1.0) + 1.0;
+        let smith = (lit * facing * (2.0 * (1.0 - alpha)) + (lit + facing) * alpha).max(Vec4::splat(1e-4));
+        let lobe = Vec4::splat(square * 0.5 / std::f32::consts::PI) / (denominator * denominator * smith);
+        let weight = schlick_weight(points.to_viewer.dot(half));
+        f0.map(|f0| f0 + (Vec4::ONE - f0) * weight) * lobe
     }
 }
 
 /// Khronos PBR Neutral: colours below 0.76 stay what they are, highlights are compressed towards white.
 #[inline]
-pub(crate) fn tone_map(color: Vec3A) -> Vec3A {
+pub(crate) fn tone_map(color: Vec3x4) -> Vec3x4 {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
     let low = color.min_element();
-    let offset = if low < 0.08 { low - 6.25 * low * low } else { 0.04 };
-    let color = color - offset;
+    let offset = Vec4::select(low.cmplt(Vec4::splat(0.08)), low - low * low * 6.25, Vec4::splat(0.04));
+    let color = color.map(|channel| channel - offset);
     let peak = color.max_element();
-    if peak < START {
+    let is_bright = peak.cmpge(Vec4::splat(START));
+    if !is_bright.any() {
         return color;
     }
     let d = 1.0 - START;
-    let new_peak = 1.0 - d * d / (peak + d - START);
-    let weight = 1.0 - 1.0 / (DESATURATION * (peak - new_peak) + 1.0);
-    (color * (new_peak / peak)).lerp(Vec3A::splat(new_peak), weight)
+    let new_peak = 1.0 - d * d / (peak + (d - START));
+    let weight = 1.0 - ((peak - new_peak) * DESATURATION + 1.0).recip();
+    let scale = new_peak / peak;
+    let compressed = color.map(|channel| {
+        let scaled = channel * scale;
+        scaled + (new_peak - scaled) * weight
+    });
+    Vec3x4::select(is_bright, compressed, color)
 }
 
 #[inline]
-fn schlick_weight(cosine: f32) -> f32 {
-    let x = 1.0 - cosine.clamp(0.0, 1.0);
+fn schlick_weight(cosine: Vec4) -> Vec4 {
+    let x = Vec4::ONE - cosine.max(Vec4::ZERO).min(Vec4::ONE);
     let square = x * x;
     square * square * x
 }
 
 #[inline]
-fn ggx(roughness: f32, normal: Vec3A, to_viewer: Vec3A, to_light: Vec3A, facing: f32, lit: f32, f0: Vec3A) -> Vec3A {
-    let half = (to_viewer + to_light).normalize_or(normal);
-    let n_h = normal.dot(half).clamp(0.0, 1.0);
-    let alpha = roughness * roughness;
-    let square = alpha * alpha;
-    let denominator = n_h * n_h * (square - 1.0) + 1.0;
-    let distribution = square / (std::f32::consts::PI * denominator * denominator);
-    let smith = 0.5 / (2.0 * lit * facing * (1.0 - alpha) + (lit + facing) * alpha).max(1e-4);
-    let fresnel = f0 + (Vec3A::ONE - f0) * schlick_weight(to_viewer.dot(half));
-    fresnel * (distribution * smith)
+fn ambient_fresnel(f0: Vec3x4, roughness: f32, facing: Vec4) -> Vec3x4 {
+    let smoothness = 1.0 - roughness;
+    let limit = Vec4::splat(smoothness * smoothness);
+    let edge = limit.min(exp2_of_negative(facing)) * smoothness + (0.0425 - 0.0275 * roughness);
+    let scale = edge * -1.04 + (1.04 - 0.572 * roughness);
+    let bias = edge * 1.04 + (0.022 * roughness - 0.04);
+    f0.map(|f0| (f0 * scale + bias).max(Vec4::ZERO))
 }
 
+/// 2 to the power of `-9.28 x` for `x` 0-1, to a thousandth of its value: the series of an eighth of it, squared thrice.
 #[inline]
-fn ambient_fresnel(f0: Vec3A, roughness: f32, facing: f32) -> Vec3A {
-    let smoothness = 1.0 - roughness;
-    let edge = (smoothness * smoothness).min((-9.28 * facing).exp2()) * smoothness + 0.0425 - 0.0275 * roughness;
-    let scale = -1.04 * edge + 1.04 - 0.572 * roughness;
-    let bias = 1.04 * edge - 0.04 + 0.022 * roughness;
-    (f0 * scale + bias).max(Vec3A::ZERO)
+fn exp2_of_negative(x: Vec4) -> Vec4 {
+    const RATE: f32 = -9.28 / 8.0 * std::f32::consts::LN_2;
+    let u = x * RATE;
+    let series =
+        ((((u * (1.0 / 720.0) + 1.0 / 120.0) * u + 1.0 / 24.0) * u + 1.0 / 6.0) * u + 0.5) * u * u + u + Vec4::ONE;
+    let square = series * series;
+    let fourth = square * square;
+    fourth * fourth
 }

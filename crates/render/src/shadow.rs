@@ -2,11 +2,12 @@
 //! (Fernando, "Percentage-Closer Soft Shadows", 2005).
 
 use genmanip_core::Pose;
-use glam::{Mat3A, Vec2, Vec3A};
+use glam::{Mat3A, Vec2, Vec3A, Vec4};
 
 use crate::assets::{Part, RenderAssets};
 use crate::job::{FrameState, TABLE};
-use crate::raster::{Corner, Target, within};
+use crate::lanes::gather;
+use crate::raster::{Corner, Target};
 use crate::variation::RenderVariation;
 use crate::view::rotation;
 
@@ -16,6 +17,8 @@ const TILE: usize = 16;
 const MAX_RADIUS: f32 = 30.0;
 /// Taps of the search for blockers and of the filter.
 const TAPS: usize = 8;
+/// Groups of four taps.
+const HALVES: usize = TAPS / 4;
 
 /// What the key light sees.
 #[derive(Debug, Default)]
@@ -86,27 +89,29 @@ impl ShadowMap {
             return 0.0;
         }
         let taps = &tap_table()[pattern % 16];
-        let ahead = |radius: f32| -> [f32; TAPS] {
-            let offsets: [Vec2; TAPS] = std::array::from_fn(|tap| taps[tap] * radius);
-            let stored: [f32; TAPS] = std::array::from_fn(|tap| {
-                let offset = offsets[tap];
-                let (x, y) = (within(place.x + offset.x, 0.0, limit), within(place.y + offset.y, 0.0, limit));
-                self.map.nearness[(y + 0.5) as i32 as usize * self.map.width + (x + 0.5) as i32 as usize]
-            });
-            std::array::from_fn(|tap| stored[tap] - (place.nearness + tilt.dot(offsets[tap])))
+        let ahead = |radius: f32| -> [Vec4; HALVES] {
+            std::array::from_fn(|half| {
+                let [dx, dy] = [taps[half][0] * radius, taps[half][1] * radius];
+                let within = |place: Vec4| (place.max(Vec4::ZERO).min(Vec4::splat(limit)) + 0.5).to_array();
+                let (x, y) = (within(dx + place.x), within(dy + place.y));
+                let stored = gather(|lane| {
+                    self.map.nearness[y[lane] as i32 as usize * self.map.width + x[lane] as i32 as usize]
+                });
+                stored - (dx * tilt.x + dy * tilt.y + place.nearness)
+            })
         };
-        let found = ahead((self.spread * 0.5 * self.texels_per_m).clamp(2.0, MAX_RADIUS));
-        let (blockers, distance) =
-            found.iter().fold(
-                (0.0, 0.0),
-                |(count, sum), &ahead| if ahead > 0.0 { (count + 1.0, sum + ahead) } else { (count, sum) },
-            );
-        if blockers == 0.0 {
+        let mut blockers = 0;
+        let mut distance = Vec4::ZERO;
+        for ahead in ahead((self.spread * 0.5 * self.texels_per_m).clamp(2.0, MAX_RADIUS)) {
+            blockers += ahead.cmpgt(Vec4::ZERO).bitmask().count_ones();
+            distance += ahead.max(Vec4::ZERO);
+        }
+        if blockers == 0 {
             return 1.0;
         }
-        let radius = distance / blockers * self.spread * self.texels_per_m;
-        let found = ahead(radius.clamp(1.2, MAX_RADIUS));
-        found.iter().fold(0.0, |sum, &ahead| if ahead > 0.0 { sum } else { sum + 1.0 }) / TAPS as f32
+        let radius = distance.element_sum() / blockers as f32 * self.spread * self.texels_per_m;
+        let open = ahead(radius.clamp(1.2, MAX_RADIUS)).map(|ahead| ahead.cmple(Vec4::ZERO).bitmask().count_ones());
+        open.iter().sum::<u32>() as f32 / TAPS as f32
     }
 
     fn on_map(&self, in_light: Vec3A) -> Corner {
@@ -176,14 +181,17 @@ impl ShadowMap {
     }
 }
 
-/// Sixteen turned copies of a sunflower pattern on the unit disc.
-fn tap_table() -> &'static [[Vec2; TAPS]; 16] {
-    static TABLE: std::sync::OnceLock<[[Vec2; TAPS]; 16]> = std::sync::OnceLock::new();
+/// Sixteen turned copies of a sunflower pattern on the unit disc: columns and rows of each four taps.
+fn tap_table() -> &'static [[[Vec4; 2]; HALVES]; 16] {
+    static TABLE: std::sync::OnceLock<[[[Vec4; 2]; HALVES]; 16]> = std::sync::OnceLock::new();
     TABLE.get_or_init(|| {
+        let offset = |pattern: usize, tap: usize| {
+            let angle = tap as f32 * 2.399_963 + pattern as f32 * std::f32::consts::TAU / 16.0;
+            Vec2::from_angle(angle) * ((tap as f32 + 0.5) / TAPS as f32).sqrt()
+        };
         std::array::from_fn(|pattern| {
-            std::array::from_fn(|tap| {
-                let angle = tap as f32 * 2.399_963 + pattern as f32 * std::f32::consts::TAU / 16.0;
-                Vec2::from_angle(angle) * ((tap as f32 + 0.5) / TAPS as f32).sqrt()
+            std::array::from_fn(|half| {
+                [gather(|lane| offset(pattern, half * 4 + lane).x), gather(|lane| offset(pattern, half * 4 + lane).y)]
             })
         })
     })

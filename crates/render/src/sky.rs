@@ -3,8 +3,11 @@
 //! Made of a gradient and spherical Gaussians, so that its blurred copies for rough surfaces have closed forms.
 //! Tables are filled once per light setting and only read while shading.
 
-use glam::{Vec2, Vec3A};
+use std::ops::{Add, Mul, Sub};
 
+use glam::{Vec2, Vec3A, Vec4};
+
+use crate::lanes::{Vec3x4, each};
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 
@@ -15,7 +18,7 @@ const SIDE: usize = 48;
 #[derive(Debug)]
 pub(crate) struct Sky {
     /// Nine coefficients of the irradiance over π (Ramamoorthi and Hanrahan, 2001).
-    harmonics: [Vec3A; 9],
+    harmonics: [Vec3x4; 9],
     /// Blurred surroundings per roughness level, octahedral maps of `SIDE`².
     glossy: Vec<Vec3A>,
 }
@@ -25,7 +28,7 @@ impl Sky {
         let studio = Studio::new(variation);
         let mut harmonics = project(&studio);
         // The mean over the upper half is what the settings call ambient intensity.
-        let scale = variation.ambient_intensity / luminance(irradiance(&harmonics, Vec3A::Z)).max(1e-6);
+        let scale = variation.ambient_intensity / luminance(irradiance_above(&harmonics)).max(1e-6);
         harmonics.iter_mut().for_each(|coefficient| *coefficient *= scale);
         let mut glossy = Vec::with_capacity(LEVELS * SIDE * SIDE);
         for level in 0..LEVELS {
@@ -37,25 +40,35 @@ impl Sky {
                 }
             }
         }
-        Self { harmonics, glossy }
+        Self { harmonics: harmonics.map(Vec3x4::splat), glossy }
     }
 
-    /// Brightness of a white diffuse surface with a normal.
+    /// Brightness of white diffuse surfaces with these normals.
     #[inline]
-    pub fn diffuse(&self, normal: Vec3A) -> Vec3A {
-        irradiance(&self.harmonics, normal).max(Vec3A::ZERO)
+    pub fn diffuse(&self, normal: Vec3x4) -> Vec3x4 {
+        let [x, y, z] = [normal.x, normal.y, normal.z];
+        let sum = self
+            .harmonics
+            .iter()
+            .zip(harmonics_of(x, y, z))
+            .fold(Vec3x4::splat(Vec3A::ZERO), |sum, (&coefficient, basis)| sum + coefficient * basis);
+        sum.map(|value| value.max(Vec4::ZERO))
     }
 
-    /// Light from a direction, blurred as a surface of that roughness reflects it.
+    /// Light from unit directions, blurred as a surface of that roughness reflects it.
     #[inline]
-    pub fn glossy(&self, direction: Vec3A, roughness: f32) -> Vec3A {
+    pub fn glossy(&self, direction: Vec3x4, roughness: f32) -> Vec3x4 {
         let level = (roughness * (LEVELS - 1) as f32 + 0.5) as usize;
         let map = &self.glossy[level.min(LEVELS - 1) * SIDE * SIDE..][..SIDE * SIDE];
-        let place = to_octahedron(direction) * (SIDE - 1) as f32;
-        let (x, y) = ((place.x as usize).min(SIDE - 2), (place.y as usize).min(SIDE - 2));
-        let (fx, fy) = (place.x - x as f32, place.y - y as f32);
-        let first = y * SIDE + x;
-        map[first].lerp(map[first + 1], fx).lerp(map[first + SIDE].lerp(map[first + SIDE + 1], fx), fy)
+        let [x, y] = to_octahedron(direction);
+        let (x, y) = ((x * (SIDE - 1) as f32).to_array(), (y * (SIDE - 1) as f32).to_array());
+        Vec3x4::from_lanes(each(|lane| {
+            let (column, row) = ((x[lane] as i32 as usize).min(SIDE - 2), (y[lane] as i32 as usize).min(SIDE - 2));
+            let (fx, fy) = (x[lane] - column as i32 as f32, y[lane] - row as i32 as f32);
+            let first = row * SIDE + column;
+            let ([a, b], [c, d]) = ([map[first], map[first + 1]], [map[first + SIDE], map[first + SIDE + 1]]);
+            a.lerp(b, fx).lerp(c.lerp(d, fx), fy)
+        }))
     }
 }
 
@@ -107,7 +120,7 @@ fn project(studio: &Studio) -> [Vec3A; 9] {
         let flat = Vec2::from_angle(index as f32 * 2.399_963) * (1.0 - z * z).sqrt();
         let direction = Vec3A::from(flat.extend(z));
         let light = studio.radiance(direction, 0.0);
-        for (sum, basis) in sums.iter_mut().zip(harmonics_of(direction)) {
+        for (sum, basis) in sums.iter_mut().zip(harmonics_of(direction.x, direction.y, direction.z)) {
             *sum += light * basis;
         }
     }
@@ -117,23 +130,35 @@ fn project(studio: &Studio) -> [Vec3A; 9] {
     std::array::from_fn(|index| sums[index] * weight * band[index])
 }
 
-#[inline]
-fn irradiance(harmonics: &[Vec3A; 9], normal: Vec3A) -> Vec3A {
-    harmonics.iter().zip(harmonics_of(normal)).fold(Vec3A::ZERO, |sum, (&coefficient, basis)| sum + coefficient * basis)
+/// What a white diffuse surface that faces up receives.
+fn irradiance_above(harmonics: &[Vec3A; 9]) -> Vec3A {
+    harmonics
+        .iter()
+        .zip(harmonics_of(0.0, 0.0, 1.0))
+        .fold(Vec3A::ZERO, |sum, (&coefficient, basis)| sum + coefficient * basis)
 }
 
+/// For one direction or for four.
 #[inline]
-fn harmonics_of(d: Vec3A) -> [f32; 9] {
+fn harmonics_of<T>(x: T, y: T, z: T) -> [T; 9]
+where
+    T: Copy
+        + Mul<T, Output = T>
+        + Mul<f32, Output = T>
+        + Sub<T, Output = T>
+        + Sub<f32, Output = T>
+        + Add<f32, Output = T>,
+{
     [
-        0.282_095,
-        0.488_603 * d.y,
-        0.488_603 * d.z,
-        0.488_603 * d.x,
-        1.092_548 * d.x * d.y,
-        1.092_548 * d.y * d.z,
-        0.315_392 * (3.0 * d.z * d.z - 1.0),
-        1.092_548 * d.x * d.z,
-        0.546_274 * (d.x * d.x - d.y * d.y),
+        x * 0.0 + 0.282_095,
+        y * 0.488_603,
+        z * 0.488_603,
+        x * 0.488_603,
+        x * y * 1.092_548,
+        y * z * 1.092_548,
+        (z * z * 3.0 - 1.0) * 0.315_392,
+        x * z * 1.092_548,
+        (x * x - y * y) * 0.546_274,
     ]
 }
 
@@ -142,12 +167,18 @@ pub(crate) fn luminance(color: Vec3A) -> f32 {
     color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
 }
 
-/// Unit vector → unit square.
+/// Unit vectors → columns and rows in the unit square.
 #[inline]
-fn to_octahedron(direction: Vec3A) -> Vec2 {
-    let flat = direction / (direction.x.abs() + direction.y.abs() + direction.z.abs()).max(1e-12);
-    let folded = if flat.z >= 0.0 { flat.truncate() } else { fold(flat.truncate()) };
-    (folded * 0.5 + 0.5).clamp(Vec2::ZERO, Vec2::ONE)
+fn to_octahedron(direction: Vec3x4) -> [Vec4; 2] {
+    let Vec3x4 { x, y, z } = direction;
+    let inverse = (x.abs() + y.abs() + z.abs()).max(Vec4::splat(1e-12)).recip();
+    let (x, y) = (x * inverse, y * inverse);
+    let is_above = z.cmpge(Vec4::ZERO);
+    let sign = |value: Vec4| Vec4::select(value.cmpge(Vec4::ZERO), Vec4::ONE, Vec4::NEG_ONE);
+    let folded_x = Vec4::select(is_above, x, (Vec4::ONE - y.abs()) * sign(x));
+    let folded_y = Vec4::select(is_above, y, (Vec4::ONE - x.abs()) * sign(y));
+    let place = |value: Vec4| (value * 0.5 + 0.5).max(Vec4::ZERO).min(Vec4::ONE);
+    [place(folded_x), place(folded_y)]
 }
 
 /// Unit square → unit vector.

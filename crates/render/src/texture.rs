@@ -1,7 +1,7 @@
 //! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
 
 use genmanip_core::Texture;
-use glam::{Vec2, Vec3A, Vec4};
+use glam::{Vec2, Vec3A};
 
 /// A texture and its smaller copies, linear colour.
 #[derive(Debug)]
@@ -48,18 +48,27 @@ impl MipTexture {
 
 impl Level {
     /// Mixes the four nearest texels in sRGB, which is close enough to mixing light and needs one conversion.
+    ///
+    /// In whole numbers, all three channels in one: 21 bits each, weights in 4096ths.
     #[inline]
     fn sample(&self, uv: Vec2) -> Vec3A {
         let (left, right, fx) = neighbours(uv.x, self.width);
         let (top, bottom, fy) = neighbours(uv.y, self.height);
         let (top, bottom) = (top * self.width, bottom * self.width);
-        let texel = |index: usize| Vec4::from_array(self.texels[index].map(f32::from));
-        let upper = texel(top + left).lerp(texel(top + right), fx);
-        let lower = texel(bottom + left).lerp(texel(bottom + right), fx);
+        let texel = |index: usize| {
+            let code = u64::from(u32::from_le_bytes(self.texels[index]));
+            (code & 0xff) | ((code & 0xff00) << 13) | ((code & 0xff_0000) << 26)
+        };
+        let lower_right = fx * fy;
+        let (upper_right, lower_left) = (fx * STEPS - lower_right, fy * STEPS - lower_right);
+        let upper_left = STEPS * STEPS - fx * STEPS - lower_left;
+        let mixed = texel(top + left) * upper_left
+            + texel(top + right) * upper_right
+            + texel(bottom + left) * lower_left
+            + texel(bottom + right) * lower_right;
         let table = linear_table();
-        let linear = |value: f32| table[(value * 4.0 + 0.5) as i32 as usize & 1023];
-        let mixed = upper.lerp(lower, fy);
-        Vec3A::new(linear(mixed.x), linear(mixed.y), linear(mixed.z))
+        let linear = |shift: u32| table[(((mixed >> shift) + 512) >> 10) as usize & 1023];
+        Vec3A::new(linear(0), linear(21), linear(42))
     }
 
     fn halved(&self) -> Option<Self> {
@@ -84,16 +93,18 @@ impl Level {
     }
 }
 
-/// The two texels beside a texture coordinate that repeats, and how far it lies towards the second.
+/// Steps between two texels.
+const STEPS: u64 = 64;
+
+/// The two texels beside a texture coordinate that repeats, and how many steps it lies towards the second.
 #[inline]
-fn neighbours(coordinate: f32, count: usize) -> (usize, usize, f32) {
-    let place = (coordinate - floor(coordinate)) * count as i32 as f32 - 0.5;
-    let first = floor(place);
-    let share = place - first;
-    let first = first as i32;
-    let last = count as i32 - 1;
-    let second = if first >= last { 0 } else { first + 1 };
-    (if first < 0 { last } else { first.min(last) } as usize, second as usize, share)
+fn neighbours(coordinate: f32, count: usize) -> (usize, usize, u64) {
+    let count = count as i32;
+    let place = ((coordinate - floor(coordinate)) * (count * STEPS as i32) as f32) as i32 - STEPS as i32 / 2;
+    let first = (place >> STEPS.trailing_zeros()).min(count - 1);
+    let second = if first + 1 >= count { 0 } else { first + 1 };
+    let first = if first < 0 { count - 1 } else { first };
+    (first as usize, second as usize, (place & (STEPS as i32 - 1)) as u64)
 }
 
 /// Without a call to the mathematics library; for numbers below 2³¹.
@@ -114,7 +125,9 @@ pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
 #[inline]
 pub(crate) fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
     let table = srgb_table();
-    linear.to_array().map(|value| table[(value.clamp(0.0, 1.0) * 4095.0 + 0.5) as usize])
+    let place = linear.max(Vec3A::ZERO).min(Vec3A::ONE) * 4095.0 + 0.5;
+    let code = |place: f32| table[place as i32 as usize & 4095];
+    [code(place.x), code(place.y), code(place.z)]
 }
 
 /// Linear light of an sRGB colour, 0-1.

@@ -12,7 +12,7 @@ use genmanip_assets::Catalogue;
 use genmanip_core::{EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::{LayoutSettings, lay_out};
-use genmanip_motion::Planner;
+use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_sim::SimSettings;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +26,8 @@ use crate::{RolloutError, RolloutSettings, Stage, run_episode};
 pub struct CollectSettings {
     /// Placement.
     pub layout: LayoutSettings,
+    /// Motion.
+    pub planner: PlannerSettings,
     /// Physics.
     pub sim: SimSettings,
     /// The loop.

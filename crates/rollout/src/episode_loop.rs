@@ -5,7 +5,7 @@ use genmanip_core::{
     PolicyError, PolicySpec, PrivilegedState, Seed,
 };
 use genmanip_scene::relations::judge_goal;
-use genmanip_sim::Sim;
+use genmanip_sim::{Sim, SimError};
 use std::sync::Arc;
 
 use crate::{RolloutError, RolloutSettings, Stage};
@@ -38,7 +38,8 @@ pub fn run_episode(
 
     let mut failure = policy.reset(&start).err().map(as_failure);
     while failure.is_none() {
-        if recording.frames.len() >= horizon {
+        let left = horizon - recording.frames.len();
+        if left == 0 {
             failure = Some(Failure {
                 cause: FailureCause::Timeout,
                 evidence: format!("not finished after {} s", settings.horizon_s),
@@ -53,16 +54,20 @@ pub fn run_episode(
             }
         };
         if chunk.actions.is_empty() && !chunk.finished {
-            failure = Some(Failure { cause: FailureCause::Policy, evidence: "returned no action".into() });
+            failure = Some(broke("returned no action".into()));
             break;
         }
         let count = if spec.execute_steps == 0 { usize::MAX } else { spec.execute_steps };
-        for action in chunk.actions.iter().take(count).take(horizon - recording.frames.len()) {
-            for _ in 0..repeat {
-                recording.step(action)?;
+        let commands = chunk.actions.iter().take(count).flat_map(|action| std::iter::repeat_n(action, repeat));
+        for command in commands.take(left) {
+            failure = recording.step_of_policy(command)?;
+            if failure.is_some() {
+                break;
             }
         }
-        if chunk.finished {
+        // What was cut off, by the horizon or by `execute_steps`, was not finished.
+        let executed = chunk.actions.len() <= count && chunk.actions.len().saturating_mul(repeat) <= left;
+        if chunk.finished && executed {
             break;
         }
     }
@@ -97,8 +102,12 @@ fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
 fn as_failure(error: PolicyError) -> Failure {
     match error {
         PolicyError::GaveUp(failure) => failure,
-        PolicyError::Unsuited(reason) => Failure { cause: FailureCause::Policy, evidence: reason },
+        PolicyError::Unsuited(reason) => broke(reason),
     }
+}
+
+fn broke(evidence: String) -> Failure {
+    Failure { cause: FailureCause::Policy, evidence }
 }
 
 struct Recording<'a> {
@@ -127,6 +136,17 @@ impl<'a> Recording<'a> {
             privileged: spec
                 .privileged
                 .then(|| PrivilegedState { objects: self.sim.object_states(), grasped: self.sim.grasped() }),
+        }
+    }
+
+    /// A step with what a policy asks for; an action that is none is the policy's failure.
+    fn step_of_policy(&mut self, action: &[f32]) -> Result<Option<Failure>, RolloutError> {
+        match self.step(action) {
+            Err(RolloutError::Sim(error @ (SimError::CommandLength { .. } | SimError::CommandNotFinite { .. }))) => {
+                Ok(Some(broke(format!("action for control step {}: {error}", self.frames.len()))))
+            }
+            Err(error) => Err(error),
+            Ok(()) => Ok(None),
         }
     }
 

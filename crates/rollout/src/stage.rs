@@ -45,6 +45,16 @@ pub enum RolloutError {
         /// The robot it names.
         got: String,
     },
+    /// The scenario starts from another posture than the robot's.
+    #[error("scenario {scenario} starts the robot at {got:?} rad, expected its home {expected:?} rad")]
+    RobotHome {
+        /// Id of the scenario.
+        scenario: String,
+        /// Arm joint positions of the robot's home, rad.
+        expected: Vec<f64>,
+        /// Arm joint positions in the scenario, rad.
+        got: Vec<f64>,
+    },
     /// The policy asks for what this loop does not serve.
     #[error("policy `{policy}` cannot be served: {reason}")]
     Spec {
@@ -82,6 +92,13 @@ impl Stage {
                 scenario: scenario.id.clone(),
                 expected: robot.name.clone(),
                 got: scenario.robot.clone(),
+            });
+        }
+        if scenario.robot_home != robot.home {
+            return Err(RolloutError::RobotHome {
+                scenario: scenario.id.clone(),
+                expected: robot.home.clone(),
+                got: scenario.robot_home.clone(),
             });
         }
         let models = scenario.objects.iter().map(|placed| catalogue.instance(placed)).collect::<Result<Vec<_>, _>>()?;

@@ -96,7 +96,7 @@ pub fn collect_run(
     };
     let folder = RunFolder::begin(&arguments.out, &run)?;
     let store = folder.store()?;
-    let planner = inputs::planner()?;
+    let planner = inputs::planner(&run.settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
     let attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
 

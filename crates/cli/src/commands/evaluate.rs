@@ -33,7 +33,7 @@ pub fn evaluate_run(
     let policies = chosen(&arguments.policies)?;
     let (folder, run) = RunFolder::open(&arguments.run)?;
     let store = folder.store()?;
-    let planner = inputs::planner()?;
+    let planner = inputs::planner(&run.settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
     let scenarios = recorded_scenarios(&store)?;
     if scenarios.is_empty() {

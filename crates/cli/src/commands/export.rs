@@ -14,8 +14,11 @@ use crate::printer::Printer;
 
 pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let scenario: Scenario = inputs::read_document(&arguments.scenario)?;
-    let stage = Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default())
-        .map_err(|error| Failed::because(format!("cannot stage {}", arguments.scenario.display()), &error))?;
+    let stage =
+        Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default()).map_err(|error| {
+            Failed::because(format!("{} cannot be set up", arguments.scenario.display()), &error)
+                .hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
+        })?;
     match &arguments.out {
         Some(path) => {
             inputs::write_file(path, stage.scene.mjcf().as_bytes())?;

@@ -4,6 +4,7 @@ use genmanip_assets::Catalogue;
 use genmanip_bench::{graph_svg, layout_svg};
 use genmanip_core::{Document, Seed};
 use genmanip_layout::LayoutSettings;
+use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::{Attempt, Resources};
 use serde::Serialize;
 
@@ -22,7 +23,7 @@ struct Row {
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
-    let planner = inputs::planner()?;
+    let planner = inputs::planner(&PlannerSettings::default())?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
     let settings = LayoutSettings::default();
     let attempts = Attempt::all(&tasks, arguments.count, Seed::new(arguments.seed));

@@ -26,6 +26,10 @@ struct Row {
 
 pub fn run(arguments: &ReplayArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let (store, ids) = locate(&arguments.episodes)?;
+    if ids.is_empty() {
+        return Err(Failed::new(format!("no recorded episode at {}", arguments.episodes.display()))
+            .hint("collect episodes first; attempts without a layout are not recorded"));
+    }
     let robot = panda();
     let bar = printer.progress("replaying", ids.len());
     let mut rows = Vec::new();

@@ -87,15 +87,24 @@ fn page(
         control: by_name("do_nothing").map(|report| report.policy.clone()),
         comparisons,
         timings: timings.phases.iter().map(|(phase, &seconds)| Timing { phase: phase.clone(), seconds }).collect(),
-        notes: vec![
-            "The expert reads simulator truth; its results are marked oracle.".into(),
-            "Replay applies the recorded commands without looking; it shows that the simulation is deterministic, \
-             not that a policy is good."
-                .into(),
-            "The tasks are recorded answers of a language model that passed every rule.".into(),
-        ],
+        notes: notes(run),
         tasks,
     }
+}
+
+/// What the reader must know about this run.
+fn notes(run: &Run) -> Vec<String> {
+    let recorded = run.tasks.iter().filter(|task| task.source.starts_with("recorded answer")).count();
+    vec![
+        "The expert reads simulator truth; its results are marked oracle.".into(),
+        "Replay applies the recorded commands without looking; it shows that the simulation is deterministic, \
+             not that a policy is good."
+            .into(),
+        format!(
+            "{recorded} of {} tasks are recorded answers of a language model; every task passed every rule.",
+            run.tasks.len()
+        ),
+    ]
 }
 
 fn section(

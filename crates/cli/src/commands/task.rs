@@ -1,8 +1,9 @@
 //! `genmanip task check|show`.
 
-use genmanip_core::Task;
+use genmanip_core::{Document, Task};
 use genmanip_scene::answer::{AnswerReport, Verdict};
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::args::{CheckArguments, ShowArguments};
 use crate::error::{ExitStatus, Failed};
@@ -23,7 +24,8 @@ struct CheckedReport {
     flaws: Vec<String>,
     repairs: Vec<String>,
     details: Vec<Detail>,
-    task: Option<Task>,
+    /// A task document, as a file of its own would hold it.
+    task: Option<Value>,
 }
 
 #[derive(Serialize)]
@@ -70,7 +72,7 @@ impl From<AnswerReport> for CheckedReport {
                     hint: flaw.hint.clone(),
                 })
                 .collect(),
-            task: report.task,
+            task: report.task.as_ref().map(Document::to_value),
         }
     }
 }
@@ -96,7 +98,7 @@ pub fn show(arguments: &ShowArguments, printer: &Printer) -> Result<ExitStatus, 
         inputs::write_file(path, genmanip_bench::graph_svg(&task).as_str().as_bytes())?;
         printer.say(format!("wrote {}", path.display()));
     }
-    printer.data(&genmanip_core::Document::to_value(&task), &in_words(&task));
+    printer.data(&task.to_value(), &in_words(&task));
     Ok(ExitStatus::Done)
 }
 

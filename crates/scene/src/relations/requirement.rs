@@ -95,6 +95,8 @@ pub(super) fn verdict(atom: &Atom, word: &str, mut requirements: Vec<Requirement
         match (*unit, met) {
             ("1", true) if *comparison == "=" => (*quantity).to_owned(),
             ("1", false) if *comparison == "=" => format!("not {quantity}"),
+            ("1", true) => format!("{quantity} {value:.3} {comparison} {threshold:.3}"),
+            ("1", false) => format!("{quantity} {value:.3}, not {comparison} {threshold:.3}"),
             (_, true) => format!("{quantity} {value:.3} {unit} {comparison} {threshold:.3} {unit}"),
             (_, false) => format!("{quantity} {value:.3} {unit}, not {comparison} {threshold:.3} {unit}"),
         }

@@ -1,0 +1,135 @@
+//! `task check` and `task show`: the contract of a language model's answer.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use crate::{example, genmanip, recorded};
+
+/// File, verdict and the flaws that must be among those found.
+const RECORDED: [(&str, &str, &[&str]); 12] = [
+    ("017_pick_and_place", "valid", &[]),
+    ("024_appearance", "valid", &[]),
+    ("002_common_sense", "rejected", &["instruction_too_long"]),
+    ("004_articulated", "rejected", &["unknown_state"]),
+    ("022_pick_and_place", "rejected", &["unknown_uid"]),
+    ("023_pick_and_place", "rejected", &["not_graspable"]),
+    ("026_spatial", "rejected", &["circular_goal"]),
+    ("027_spatial", "rejected", &["contradictory_edges"]),
+    ("028_appearance", "rejected", &["uid_name_mismatch"]),
+    ("029_pick_and_place", "rejected", &["goal_already_satisfied"]),
+    ("006_common_sense", "repaired", &["sloppy_json"]),
+    ("030_long_horizon", "repaired", &["flat_dnf"]),
+];
+
+#[test]
+fn check_prints_file_verdict_flaws_repairs_and_task() {
+    let folder = tempfile::tempdir().unwrap();
+    let files: Vec<String> = RECORDED.iter().map(|(name, ..)| recorded(name)).collect();
+    let arguments: Vec<&str> =
+        ["task", "check", "--json"].into_iter().chain(files.iter().map(String::as_str)).collect();
+    let checked = genmanip(folder.path(), &arguments).json(1);
+    let checked = checked.as_array().unwrap();
+    assert_eq!(checked.len(), RECORDED.len());
+    for ((entry, file), (name, verdict, flaws)) in checked.iter().zip(&files).zip(RECORDED) {
+        assert_eq!(entry["file"], *file);
+        assert_eq!(entry["verdict"], verdict, "{name}: {entry}");
+        let found: Vec<&str> = entry["flaws"].as_array().unwrap().iter().map(|flaw| flaw.as_str().unwrap()).collect();
+        assert!(flaws.iter().all(|flaw| found.contains(flaw)), "{name}: wanted {flaws:?}, found {found:?}");
+        assert_eq!(found.is_empty(), verdict == "valid", "{name}: {found:?}");
+        assert_eq!(entry["repairs"].as_array().unwrap().is_empty(), verdict != "repaired", "{name}");
+        assert_eq!(entry["task"].is_null(), verdict == "rejected", "{name}");
+    }
+}
+
+#[test]
+fn exit_code_is_0_when_nothing_is_rejected_and_1_otherwise() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases = [
+        (vec![recorded("017_pick_and_place"), recorded("030_long_horizon")], 0),
+        (vec![recorded("017_pick_and_place"), recorded("022_pick_and_place")], 1),
+    ];
+    for (files, code) in cases {
+        let arguments: Vec<&str> = ["task", "check"].into_iter().chain(files.iter().map(String::as_str)).collect();
+        let outcome = genmanip(folder.path(), &arguments);
+        assert_eq!(outcome.code, Some(code), "{outcome:?}");
+        assert_eq!(outcome.stdout.lines().filter(|line| line.contains(".json")).count(), 2, "{outcome:?}");
+    }
+}
+
+/// A valid recorded answer, stripped of what surrounds it: the same task.
+#[test]
+fn a_bare_answer_is_checked_against_the_objects_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file: Value = serde_json::from_str(&fs::read_to_string(recorded("017_pick_and_place")).unwrap()).unwrap();
+    fs::write(folder.path().join("017_pick_and_place.txt"), file["response"].as_str().unwrap()).unwrap();
+    let uids: Vec<&str> = file["objects"].as_array().unwrap().iter().map(|uid| uid.as_str().unwrap()).collect();
+    let bare = |objects: &str| {
+        let file = "017_pick_and_place.txt";
+        genmanip(folder.path(), &["task", "check", file, "--objects", objects, "--kind", "pick_and_place", "--json"])
+    };
+
+    let checked = bare(&uids.join(",")).json(0);
+    let whole = genmanip(folder.path(), &["task", "check", &recorded("017_pick_and_place"), "--json"]).json(0);
+    assert_eq!(checked[0]["verdict"], "valid");
+    for part in ["goal", "scene_graph", "instruction"] {
+        assert_eq!(checked[0]["task"][part], whole[0]["task"][part]);
+    }
+
+    let fewer = bare("001,008").json(1);
+    assert_eq!(fewer[0]["verdict"], "rejected");
+    assert!(fewer[0]["flaws"].as_array().unwrap().contains(&json!("unknown_uid")), "{fewer}");
+
+    bare("001,999").assert_refused(&["999", "near misses"]);
+    bare("1").assert_refused(&["\"1\"", "001"]);
+}
+
+/// The task in the output is a document that every other verb reads.
+#[test]
+fn a_checked_task_can_be_used_as_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let checked = genmanip(folder.path(), &["task", "check", &example("024_appearance"), "--json"]).json(0);
+    fs::write(folder.path().join("task.json"), checked[0]["task"].to_string()).unwrap();
+    let from_file = genmanip(folder.path(), &["task", "show", "task.json", "--json"]).json(0);
+    let from_answer = genmanip(folder.path(), &["task", "show", &example("024_appearance"), "--json"]).json(0);
+    assert_eq!(from_file, from_answer);
+}
+
+#[test]
+fn show_puts_a_task_in_words_and_draws_its_graph() {
+    let folder = tempfile::tempdir().unwrap();
+    let outcome = genmanip(folder.path(), &["task", "show", &example("024_appearance"), "--svg", "graph.svg"]);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    insta::assert_snapshot!("task_show", outcome.stdout);
+    let svg = fs::read_to_string(folder.path().join("graph.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.contains("Puzzle Cube"), "{svg}");
+}
+
+/// Whatever 100 MB hold, and however they are named, there is one message, soon.
+#[test]
+fn a_hundred_megabytes_of_garbage_are_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let fillings: [(&str, &[u8]); 3] =
+        [("letters", b"x"), ("braces", b"{\"a\":["), ("binary", &[0, 159, 146, 150, 255])];
+    for (name, filling) in fillings {
+        let chunk = filling.repeat((1 << 20) / filling.len() + 1);
+        let mut file = File::create(folder.path().join("big.json")).unwrap();
+        for _ in 0..100 {
+            file.write_all(&chunk).unwrap();
+        }
+        drop(file);
+        let started = Instant::now();
+        for verb in [["task", "check"], ["task", "show"], ["export", "--mjcf"]] {
+            let outcome = genmanip(folder.path(), &[verb[0], verb[1], "big.json"]);
+            outcome.assert_refused(&["big.json is larger than", "hint:"]);
+            assert!(outcome.stderr.len() < 400, "{name}: {outcome:?}");
+        }
+        // As a bare answer it is judged like any other: rejected, with the reason as a flaw.
+        let judged = genmanip(folder.path(), &["task", "check", "big.json", "--objects", "001,002", "--json"]).json(1);
+        assert_eq!(judged[0]["flaws"], json!(["too_large"]), "{name}");
+        assert!(judged.to_string().len() < 2000, "{name}");
+        assert!(started.elapsed() < Duration::from_secs(5), "{name}: {:?}", started.elapsed());
+    }
+}

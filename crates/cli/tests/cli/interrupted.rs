@@ -1,0 +1,90 @@
+//! Killed and interrupted runs: what was finished stays, and the end is the same as without the interruption.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use crate::{
+    assert_same_tree, collect_quick, example, finished_run, genmanip, program, quick_examples, times, tree,
+    without_timings,
+};
+
+/// Waits until something is there; the run must still be going on then.
+fn wait_for(run: &mut Child, path: &Path) {
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while !path.exists() {
+        assert!(run.try_wait().unwrap().is_none(), "ended before {} was there", path.display());
+        assert!(Instant::now() < deadline, "no {} after two minutes", path.display());
+        sleep(Duration::from_millis(3));
+    }
+}
+
+fn start(folder: &Path, arguments: &[&str]) -> Child {
+    program(folder, arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// SIGKILL while the pictures of the first episode are drawn, and again while those of the second are.
+#[test]
+fn a_killed_run_continues_and_ends_with_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, examples) = (folder.path().join("run"), quick_examples());
+    let arguments = collect_quick(&examples, &["--workers", "1"]);
+    let [first, second] = ["021_spatial-000", "024_appearance-000"].map(|id| run.join("episodes").join(id));
+    let kill_once_there = |path: &Path| {
+        let mut child = start(folder.path(), &arguments);
+        wait_for(&mut child, path);
+        child.kill().unwrap();
+        child.wait().unwrap();
+    };
+
+    kill_once_there(&first.join("episode.json"));
+    let recorded = times(&first);
+    assert!(!first.join("images_10hz").exists(), "the kill came too late to test anything");
+
+    kill_once_there(&second.join("episode.json"));
+    let drawn = times(&first);
+    assert!(drawn.contains_key("images_10hz/files.json"));
+    assert!(recorded.iter().filter(|(name, _)| !name.contains("partial")).all(|(name, time)| drawn[name] == *time));
+    // A reader of the half-finished run sees whole episodes only.
+    let rows = genmanip(folder.path(), &["replay", "--check", "run", "--json"]).json(0);
+    assert!(rows.as_array().unwrap().iter().all(|row| row["identical"] == true), "{rows}");
+
+    let outcome = genmanip(folder.path(), &arguments);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    assert_eq!(times(&first), drawn, "a finished episode was written again");
+    assert_same_tree(&without_timings(tree(&run)), &without_timings(tree(finished_run())));
+}
+
+/// Ctrl-C finishes the attempt under way; the continued run equals one that two workers made in one go.
+#[test]
+fn an_interrupted_run_says_so_and_continues() {
+    let folder = tempfile::tempdir().unwrap();
+    let task = example("024_appearance");
+    let collect = |out, workers| {
+        ["collect", &task, "--episodes", "8", "--no-dataset", "--seed", "3", "--workers", workers, "--out", out]
+    };
+    let interrupted = collect("interrupted", "1");
+
+    let mut child = start(folder.path(), &interrupted);
+    wait_for(&mut child, &folder.path().join("interrupted/episodes/024_appearance-000/episode.json"));
+    let sent = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap();
+    assert!(sent.success());
+    let ended = child.wait_with_output().unwrap();
+    let said = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(1), "{said}");
+    assert!(said.contains("of 8 attempts; start again to continue"), "{said}");
+    let finished = times(&folder.path().join("interrupted/episodes"));
+    assert!(!folder.path().join("interrupted/episodes/024_appearance-007").exists(), "it did not stop");
+
+    let outcome = genmanip(folder.path(), &interrupted);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let after = times(&folder.path().join("interrupted/episodes"));
+    assert!(finished.iter().all(|(name, time)| after[name] == *time), "a finished episode was written again");
+
+    assert_eq!(genmanip(folder.path(), &collect("straight", "2")).code, Some(0));
+    let [left, right] = ["interrupted", "straight"].map(|run| without_timings(tree(&folder.path().join(run))));
+    assert_same_tree(&left, &right);
+    assert!(fs::exists(folder.path().join("straight/episodes/024_appearance-007/frames.parquet")).unwrap());
+}

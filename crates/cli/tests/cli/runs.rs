@@ -1,0 +1,130 @@
+//! A finished run and what is made of it: replay, evaluation, report, export.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::{
+    QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, finished_run, genmanip, quick_examples,
+};
+use crate::{times, tree, without_timings};
+
+#[test]
+fn every_task_has_a_verified_episode_with_scenario_pictures_and_dataset() {
+    let files = tree(finished_run());
+    for task in QUICK_TASKS {
+        let record: Value = serde_json::from_slice(&files[&format!("episodes/{task}-000/episode.json")]).unwrap();
+        assert_eq!(record["result"]["success"], true, "{task}: {record}");
+        assert!(files.contains_key(&format!("scenarios/{task}-000.json")));
+        assert!(files.contains_key(&format!("episodes/{task}-000/images_10hz/files.json")));
+    }
+    let info: Value = serde_json::from_slice(&files["dataset/meta/info.json"]).unwrap();
+    assert_eq!((&info["codebase_version"], &info["fps"]), (&"v3.0".into(), &10.into()));
+    assert_eq!(info["total_episodes"], QUICK_TASKS.len());
+    assert!(files.keys().any(|name| name.starts_with("dataset-depth/")));
+    assert!(!files.keys().any(|name| name.contains("partial")), "something half-written was left");
+}
+
+#[test]
+fn recorded_commands_lead_to_the_identical_final_state() {
+    let run = finished_run();
+    let store = run.join("episodes");
+    for (path, count) in [(run.to_owned(), 2), (store.clone(), 2), (store.join("021_spatial-000"), 1)] {
+        let rows = genmanip(run, &["replay", "--check", "--json", path.to_str().unwrap()]).json(0);
+        let rows = rows.as_array().unwrap();
+        assert_eq!(rows.len(), count);
+        assert!(rows.iter().all(|row| row["identical"] == true && row["frames"].as_u64() > Some(60)), "{rows:?}");
+    }
+}
+
+/// A damaged recording is noticed; a replay that ends elsewhere is exit 1.
+#[test]
+fn a_damaged_episode_is_refused() {
+    let folder = copy_of_finished_run();
+    let frames = folder.path().join("run/episodes/021_spatial-000/frames.parquet");
+    let mut bytes = fs::read(&frames).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&frames, bytes).unwrap();
+    genmanip(folder.path(), &["replay", "--check", "run"]).assert_refused(&["021_spatial-000", "frames.parquet"]);
+}
+
+#[test]
+fn a_run_of_another_seed_is_refused_and_nothing_changes() {
+    let folder = copy_of_finished_run();
+    let run = folder.path().join("run");
+    let (files, written) = (tree(&run), times(&run));
+    for (more, wanted) in [(["--seed", "5"], "its seed is 0, not 5"), (["--fps", "15"], "with other settings")] {
+        let examples = quick_examples();
+        let arguments: Vec<&str> = ["collect"]
+            .into_iter()
+            .chain(examples.iter().map(String::as_str))
+            .chain(["--episodes", "1", "--out", "run"])
+            .chain(more)
+            .chain(if more[0] == "--fps" { vec![] } else { vec!["--fps", "10"] })
+            .collect();
+        genmanip(folder.path(), &arguments).assert_refused(&["holds another run", wanted, "hint:"]);
+    }
+    assert_same_tree(&tree(&run), &files);
+    assert_eq!(times(&run), written);
+}
+
+#[test]
+fn a_finished_run_repeated_makes_nothing_again() {
+    let folder = copy_of_finished_run();
+    let run = folder.path().join("run");
+    let (files, episodes) = (tree(&run), times(&run.join("episodes")));
+    let outcome = genmanip(folder.path(), &collect_quick(&quick_examples(), &[]));
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    assert_eq!(times(&run.join("episodes")), episodes);
+    assert_same_tree(&without_timings(tree(&run)), &without_timings(files));
+}
+
+#[test]
+fn evaluation_and_report_of_a_run() {
+    let folder = copy_of_finished_run();
+    let reports = genmanip(folder.path(), &["evaluate", "run", "--json"]).json(0);
+    let success = |policy: &str| {
+        let report = reports.as_array().unwrap().iter().find(|report| report["policy"] == policy).unwrap();
+        (report["summary"]["success"]["value"].as_f64().unwrap(), report["oracle"] == true)
+    };
+    assert_eq!(success("do_nothing"), (0.0, false), "no scenario solves itself");
+    assert_eq!(success("replay"), (1.0, false), "recorded commands solve what they solved");
+    assert_eq!(success("expert"), (1.0, true), "same seed, same episode; the expert reads the truth");
+
+    let outcome = genmanip(folder.path(), &["report", "run"]);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let html = fs::read_to_string(folder.path().join("run/report.html")).unwrap();
+    assert!(html.len() < 15 << 20, "{} bytes", html.len());
+    for task in QUICK_TASKS {
+        assert!(html.contains(task));
+    }
+    assert!(html.contains("data:image/"));
+    let own_words = html.replace("http://www.w3.org/", "");
+    for outside in ["http://", "https://", "src=\"/", "<link", "@import", "url(/"] {
+        assert!(!own_words.contains(outside), "the report refers to something outside: {outside}");
+    }
+}
+
+#[test]
+fn a_scenario_exports_as_mjcf_to_stdout_or_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = finished_run().join("scenarios/021_spatial-000.json");
+    let scenario = scenario.to_str().unwrap();
+    let printed = genmanip(folder.path(), &["export", "--mjcf", scenario]);
+    assert_eq!(printed.code, Some(0), "{printed:?}");
+    assert!(printed.stdout.trim_start().starts_with("<mujoco"), "{}", &printed.stdout[..200]);
+    assert!(printed.stdout.trim_end().ends_with("</mujoco>"));
+    let written = genmanip(folder.path(), &["export", "--mjcf", scenario, "--out", "scene.xml"]);
+    assert_eq!(written.code, Some(0), "{written:?}");
+    assert_eq!(fs::read_to_string(folder.path().join("scene.xml")).unwrap().trim_end(), printed.stdout.trim_end());
+}
+
+#[test]
+fn a_film_strip_is_a_jpeg() {
+    let folder = tempfile::tempdir().unwrap();
+    let episode = finished_run().join("episodes/024_appearance-000");
+    let outcome = genmanip(folder.path(), &["replay", episode.to_str().unwrap(), "--strip", "strip.jpg"]);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    assert!(fs::read(folder.path().join("strip.jpg")).unwrap().starts_with(&[0xff, 0xd8]));
+}

@@ -1,0 +1,202 @@
+//! Layouts of real tasks: the whole graph holds, the goal does not, nothing moves, the same seed gives the same bytes.
+
+#![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
+
+use std::sync::OnceLock;
+
+use genmanip_assets::{AssetError, Catalogue, panda};
+use genmanip_core::{Document, GraphEdge, GraphNode, Relation, Scenario, Seed, Task};
+use genmanip_layout::{LayoutError, LayoutSettings, audit, lay_out};
+use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_scene::answer::{RecordedAnswer, check_answer};
+use genmanip_scene::relations::{
+    PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, measure_pair,
+};
+
+fn planner() -> &'static Planner {
+    static PLANNER: OnceLock<Planner> = OnceLock::new();
+    PLANNER.get_or_init(|| Planner::new(panda(), PlannerSettings::default()).unwrap())
+}
+
+/// All example tasks, by the names of their files.
+fn tasks() -> Vec<Task> {
+    let folder = format!("{}/../../examples/tasks", env!("CARGO_MANIFEST_DIR"));
+    let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let read = |path: std::path::PathBuf| {
+        let recorded = RecordedAnswer::from_json(&std::fs::read_to_string(&path).unwrap()).unwrap();
+        let request = recorded.request(path.file_stem().unwrap().to_str().unwrap(), Catalogue::builtin().cards());
+        check_answer(&recorded.response, &request.unwrap()).task.unwrap()
+    };
+    paths.into_iter().map(read).collect()
+}
+
+fn task(id: &str) -> Task {
+    tasks().into_iter().find(|task| task.id == id).unwrap()
+}
+
+fn layout_of(task: &Task, seed: u64) -> Result<Scenario, LayoutError> {
+    lay_out(task, Catalogue::builtin(), planner(), Seed::new(seed), &LayoutSettings::default())
+}
+
+/// The scenario as relations see it, from nothing but what is in its file.
+fn posed(scenario: &Scenario) -> PosedScene {
+    let objects = scenario.objects.iter().map(|placed| PosedObject {
+        uid: placed.uid.clone(),
+        model: Catalogue::builtin().instance(placed).unwrap(),
+        pose: placed.pose,
+        joint_positions: placed.joint_positions.clone(),
+    });
+    PosedScene::new(objects.collect(), &mut ShapeCache::default())
+}
+
+/// Everything a layout promises.
+fn check(scenario: &Scenario) {
+    let (id, task, relations) = (&scenario.id, &scenario.task, RelationSettings::default());
+    let scene = posed(scenario);
+    let uids = |scenario: &Scenario| scenario.objects.iter().map(|object| object.uid.clone()).collect::<Vec<_>>();
+    assert_eq!(uids(scenario), task.scene_graph.nodes.iter().map(|node| node.uid.clone()).collect::<Vec<_>>());
+
+    let verdicts = judge_edges(&scene, &task.scene_graph, &relations);
+    assert!(verdicts.len() >= task.scene_graph.edges.len());
+    for verdict in verdicts {
+        assert!(verdict.holds, "{id}: {} does not hold: {}", verdict.atom, verdict.explanation);
+    }
+    let goal = judge_goal(&scene, &task.goal, &Rest::default(), &relations);
+    assert_eq!(goal.alternatives.len(), task.goal.alternatives.len());
+    for alternative in goal.alternatives {
+        assert!(alternative.iter().any(|atom| !atom.holds), "{id}: an alternative of the goal holds at the start");
+    }
+
+    let report = audit(scenario, Catalogue::builtin(), 2.0).unwrap();
+    assert!(report.penetration_m < 1e-3 && report.drift_m < 1e-3, "{id}: {report:?}");
+
+    let workspace = scenario.workspace;
+    for index in 0..scenario.objects.len() {
+        let bounds = scene.bounds(index).unwrap();
+        let inside = bounds.min.x >= workspace.x[0]
+            && bounds.max.x <= workspace.x[1]
+            && bounds.min.y >= workspace.y[0]
+            && bounds.max.y <= workspace.y[1];
+        assert!(inside, "{id}: object {index} leaves the table area: {bounds:?}");
+        assert!(bounds.min.z > -1e-3, "{id}: object {index} sinks into the table");
+    }
+    // Without a relation of support two objects stand apart, so that a finger fits between them.
+    let support_of = |index: usize| {
+        let uid = &scenario.objects[index].uid;
+        let edge = task.scene_graph.edges.iter().find(|edge| edge.subject == *uid && edge.relation.is_support());
+        edge.map(|edge| edge.reference.clone())
+    };
+    for a in 0..scenario.objects.len() {
+        for b in (0..a).filter(|&b| support_of(a) == support_of(b)) {
+            let gap = measure_pair(&scene, a, b, &relations).unwrap().gap_m;
+            assert!(gap > 0.015, "{id}: objects {a} and {b} are {gap} m apart");
+        }
+    }
+    assert_eq!(Scenario::from_json(&scenario.to_json()).unwrap(), *scenario, "{id}: the file is the scenario");
+}
+
+fn check_all(seed: u64) {
+    for task in tasks() {
+        let scenario = layout_of(&task, seed).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+        check(&scenario);
+    }
+}
+
+// Two tests, so that they run side by side.
+#[test]
+fn every_task_is_laid_out_with_seeds_1_and_2() {
+    [1, 2].into_iter().for_each(check_all);
+}
+
+#[test]
+fn every_task_is_laid_out_with_seeds_3_and_4() {
+    [3, 4].into_iter().for_each(check_all);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_another_seed_another_layout() {
+    for id in ["017_pick_and_place", "021_spatial", "024_appearance"] {
+        let task = task(id);
+        let [first, again, other] = [7, 7, 8].map(|seed| layout_of(&task, seed).unwrap());
+        assert_eq!(first.to_json(), again.to_json());
+        let poses = |scenario: &Scenario| scenario.objects.iter().map(|object| object.pose).collect::<Vec<_>>();
+        assert_ne!(poses(&first), poses(&other));
+    }
+}
+
+fn node(uid: &str) -> GraphNode {
+    GraphNode { uid: uid.into(), state: None }
+}
+
+fn edge(subject: &str, relation: Relation, reference: &str) -> GraphEdge {
+    GraphEdge { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
+}
+
+/// A task with a graph of one's own; its goal is that of a cube on a cube, never reached.
+fn with_graph(nodes: &[&str], edges: Vec<GraphEdge>) -> Task {
+    let mut task = task("024_appearance");
+    task.scene_graph.nodes = nodes.iter().map(|uid| node(uid)).collect();
+    task.scene_graph.edges = edges;
+    task
+}
+
+/// Tray, basket, box, board, pot and bowl cannot all stand directly left of one small cube.
+#[test]
+fn a_graph_without_room_is_refused_with_the_edges_in_conflict() {
+    let large = ["011", "051", "052", "014", "013", "006"];
+    let nodes: Vec<&str> = ["047"].into_iter().chain(large).collect();
+    let task = with_graph(&nodes, large.iter().map(|uid| edge(uid, Relation::Left, "047")).collect());
+    let settings = LayoutSettings { max_restarts: 20, ..LayoutSettings::default() };
+    let error = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(1), &settings).unwrap_err();
+    let message = error.to_string();
+    let LayoutError::Infeasible { task: id, restarts, rejections } = error else { panic!("{message}") };
+    assert_eq!((id.as_str(), restarts), (task.id.as_str(), 20));
+    let edges: Vec<&str> = rejections.conflicting_edges().into_iter().map(|(edge, _)| edge).collect();
+    assert!(!edges.is_empty(), "{message}");
+    for edge in &edges {
+        assert!(edge.ends_with(" left 047"), "{edge} is not in conflict");
+    }
+    assert!(rejections.reasons().iter().any(|(reason, count)| reason.starts_with("no free place for") && *count > 0));
+    assert!(message.contains("20 attempts") && message.contains("edges in conflict: "), "{message}");
+    assert!(message.contains(edges[0]) && message.len() < 800, "{message}");
+}
+
+#[test]
+fn what_is_wrong_with_a_graph_is_named() {
+    let cases = [
+        (with_graph(&["047", "101"], vec![]), "no object has uid \"101\"; near misses: 001 (Red Mug)"),
+        (with_graph(&["047", "cube"], vec![]), "046 (Red Cube)"),
+        (
+            with_graph(&["047", "046"], vec![edge("046", Relation::Left, "048")]),
+            "edge `046 left 048` names 048, which is no node of the scene graph",
+        ),
+        (
+            with_graph(
+                &["047", "046", "048"],
+                vec![edge("046", Relation::On, "048"), edge("048", Relation::On, "046")],
+            ),
+            "046, 048 stand on each other in a circle",
+        ),
+    ];
+    for (task, wanted) in cases {
+        let error = layout_of(&task, 1).unwrap_err();
+        assert!(error.to_string().contains(wanted), "{error}");
+    }
+    let error = layout_of(&with_graph(&["101"], vec![]), 1).unwrap_err();
+    let LayoutError::UnknownObject(AssetError::UnknownUid { got, near }) = error else { panic!("{error}") };
+    assert_eq!((got.as_str(), near.len()), ("101", 1));
+}
+
+/// The audit measures what it says: a layout that was tampered with is found out.
+#[test]
+fn the_audit_notices_a_lifted_and_a_sunk_object() {
+    let scenario = layout_of(&task("024_appearance"), 1).unwrap();
+    let shifted = |z: f64| {
+        let mut scenario = scenario.clone();
+        scenario.objects[0].pose.position.z += z;
+        audit(&scenario, Catalogue::builtin(), 2.0).unwrap()
+    };
+    assert!(shifted(0.03).drift_m > 0.02, "it falls");
+    assert!(shifted(-0.005).penetration_m > 0.004, "it starts inside the table");
+}

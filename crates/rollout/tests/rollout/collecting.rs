@@ -1,0 +1,110 @@
+//! Collecting: any number of workers, interruptions, layouts that cannot be made.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use genmanip_core::{EpisodeResult, FailureCause, Seed, Task};
+use genmanip_data::EpisodeStore;
+use genmanip_layout::LayoutSettings;
+use genmanip_rollout::RolloutError;
+use genmanip_rollout::collect::{Attempt, CollectSettings, collect};
+use genmanip_rollout::evaluate::{BuiltinPolicy, evaluate};
+use genmanip_rollout::images::ImageSettings;
+
+use crate::{TASKS, resources, task};
+
+fn tasks() -> Vec<Task> {
+    TASKS[1..].iter().map(|id| task(id)).collect()
+}
+
+fn with_images() -> CollectSettings {
+    let images = ImageSettings { cameras: vec!["wrist".into()], fps: 10, ..ImageSettings::default() };
+    CollectSettings { images: Some(images), ..CollectSettings::default() }
+}
+
+fn collect_all(
+    root: &Path,
+    settings: &CollectSettings,
+    workers: usize,
+    stop: &AtomicBool,
+    heard: &(dyn Fn(&EpisodeResult, f64) + Sync),
+) -> Result<Vec<EpisodeResult>, RolloutError> {
+    let tasks = tasks();
+    let attempts = Attempt::all(&tasks, 1, Seed::new(21));
+    collect(&attempts, resources(), &EpisodeStore::create(root).unwrap(), settings, workers, stop, heard)
+}
+
+/// All files under a folder with their bytes.
+fn tree(root: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                files.insert(path.strip_prefix(root).unwrap().display().to_string(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    files
+}
+
+/// One worker, interrupted after the first attempt and continued, against two workers in one go: the same bytes,
+/// pictures included.
+#[test]
+fn one_worker_and_two_make_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    let (never, stop) = (AtomicBool::new(false), AtomicBool::new(false));
+    let silent = |_: &EpisodeResult, _: f64| {};
+
+    let first = collect_all(&one, &with_images(), 1, &stop, &|_, _| stop.store(true, Ordering::Relaxed)).unwrap();
+    assert_eq!(first.len(), 1, "the attempt under way is finished, no other is begun");
+    let seconds = Mutex::new(Vec::new());
+    let hear = |result: &EpisodeResult, took: f64| seconds.lock().unwrap().push((result.id.clone(), took));
+    let continued = collect_all(&one, &with_images(), 1, &never, &hear).unwrap();
+    let seconds = seconds.into_inner().unwrap();
+    assert_eq!(seconds[0], (first[0].id.clone(), 0.0), "the finished attempt is heard of and costs nothing");
+    assert!(seconds[1].1 > 0.0);
+
+    let straight = collect_all(&two, &with_images(), 2, &never, &silent).unwrap();
+    assert_eq!(continued, straight, "results in the order of the attempts");
+    assert!(straight.iter().all(|result| result.success), "{straight:?}");
+    let (one, two) = (tree(&one), tree(&two));
+    let differing: Vec<_> = one.keys().chain(two.keys()).filter(|name| one.get(*name) != two.get(*name)).collect();
+    assert!(differing.is_empty(), "{differing:?}");
+    assert_eq!(one.keys().filter(|name| name.contains("images_10hz/wrist")).count() % 2, 0);
+    assert!(one.keys().any(|name| name.contains("images_10hz/wrist")), "{:?}", one.keys());
+}
+
+/// A layout that cannot be made is a counted attempt; evaluation leaves it out and gives every policy the same rest.
+#[test]
+fn attempts_without_layout_are_counted_and_not_evaluated() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = EpisodeStore::create(folder.path().join("store")).unwrap();
+    let tasks = tasks();
+    let attempts = Attempt::all(&tasks, 1, Seed::new(22));
+    let never = AtomicBool::new(false);
+    let settings = CollectSettings::default();
+    let cramped = LayoutSettings { x_m: [0.4, 0.41], y_m: [0.0, 0.01], max_restarts: 3, ..LayoutSettings::default() };
+    let hopeless = CollectSettings { layout: cramped, ..settings.clone() };
+    let silent = |_: &EpisodeResult, _: f64| {};
+    let failed = collect(&attempts[..1], resources(), &store, &hopeless, 1, &never, &silent).unwrap();
+    assert_eq!(failed[0].failure.as_ref().unwrap().cause, FailureCause::Layout);
+    assert!(failed[0].failure.as_ref().unwrap().evidence.contains("3 attempts"), "{:?}", failed[0].failure);
+
+    let all = collect(&attempts, resources(), &store, &settings, 2, &never, &silent).unwrap();
+    assert_eq!(all[0], failed[0], "a counted failure is not tried again");
+    assert!(all[1].success);
+    for policy in BuiltinPolicy::ALL {
+        let results = evaluate(&store, policy, resources(), &settings, 2, &never, &|_| {}).unwrap();
+        let [result] = &results[..] else { panic!("{results:?}") };
+        assert_eq!(result.success, policy != BuiltinPolicy::DoNothing, "{}", policy.name());
+        assert_eq!((&result.scenario_id, result.oracle), (&all[1].scenario_id, policy == BuiltinPolicy::Expert));
+    }
+}

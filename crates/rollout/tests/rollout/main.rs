@@ -1,0 +1,73 @@
+//! Episodes of real tasks: honest physics, bit-exact replay, any number of workers, policies of every kind.
+
+#![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
+
+mod collecting;
+mod expert;
+mod physics;
+mod policies;
+mod replaying;
+
+use std::sync::{Arc, OnceLock};
+
+use genmanip_assets::{Catalogue, panda};
+use genmanip_core::{Episode, Scenario, Seed, Task};
+use genmanip_layout::LayoutSettings;
+use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_rollout::collect::{Attempt, Resources};
+use genmanip_rollout::expert::{Expert, ExpertSettings};
+use genmanip_rollout::{RolloutSettings, Stage, run_episode};
+use genmanip_scene::answer::{RecordedAnswer, check_answer};
+use genmanip_sim::SimSettings;
+
+/// A fruit on a plate, a cube on a cube, and a cube chosen by its place.
+const TASKS: [&str; 3] = ["017_pick_and_place", "024_appearance", "021_spatial"];
+
+/// An example task.
+fn task(id: &str) -> Task {
+    let path = format!("{}/../../examples/tasks/{id}.json", env!("CARGO_MANIFEST_DIR"));
+    let recorded = RecordedAnswer::from_json(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let request = recorded.request(id, Catalogue::builtin().cards()).unwrap();
+    check_answer(&recorded.response, &request).task.unwrap()
+}
+
+fn planner() -> &'static Arc<Planner> {
+    static PLANNER: OnceLock<Arc<Planner>> = OnceLock::new();
+    PLANNER.get_or_init(|| Arc::new(Planner::new(panda(), PlannerSettings::default()).unwrap()))
+}
+
+fn resources() -> Resources<'static> {
+    Resources { catalogue: Catalogue::builtin(), planner: planner() }
+}
+
+fn scenario(task: &Task) -> Scenario {
+    let attempts = Attempt::all(std::slice::from_ref(task), 1, Seed::new(11));
+    attempts[0].scenario(resources(), &LayoutSettings::default()).unwrap()
+}
+
+fn stage(scenario: Scenario) -> Stage {
+    Stage::open(Arc::new(scenario), Catalogue::builtin(), planner().robot(), &SimSettings::default()).unwrap()
+}
+
+fn expert(stage: &Stage) -> Expert {
+    Expert::new(stage, planner(), ExpertSettings::default())
+}
+
+/// An episode of the expert for each of [`TASKS`], with its stage; made once.
+fn episodes() -> &'static [(Stage, Episode)] {
+    static EPISODES: OnceLock<Vec<(Stage, Episode)>> = OnceLock::new();
+    EPISODES.get_or_init(|| {
+        let run = |id: &&str| {
+            let stage = stage(scenario(&task(id)));
+            let seed = Seed::new(11).fork(id);
+            let episode = run_episode(&stage, &mut expert(&stage), id, seed, &RolloutSettings::default()).unwrap();
+            (stage, episode)
+        };
+        TASKS.iter().map(run).collect()
+    })
+}
+
+/// The quickest stage, for policies that need no particular one.
+fn any_stage() -> &'static Stage {
+    &episodes()[1].0
+}

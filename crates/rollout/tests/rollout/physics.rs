@@ -1,0 +1,175 @@
+//! No weld, no teleport, no gravity tricks; the robot within what its maker publishes.
+
+use genmanip_core::{Episode, Frame};
+use genmanip_rollout::{RolloutSettings, Stage};
+use genmanip_scene::relations::judge_goal;
+use genmanip_sim::Sim;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use crate::episodes;
+
+/// The maker's figures for the Panda, written here once more so that a mistake in the model is noticed.
+const LOWER_RAD: [f64; 7] = [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973];
+const UPPER_RAD: [f64; 7] = [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973];
+const SPEED_RAD_S: [f64; 7] = [2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61];
+const TORQUE_N_M: [f64; 7] = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0];
+const GRIP_N: f64 = 70.0;
+const WIDTH_M: f64 = 0.08;
+const PERIOD_S: f64 = 1.0 / 60.0;
+
+fn each(check: impl Fn(&Stage, &Episode)) {
+    for (stage, episode) in episodes() {
+        check(stage, episode);
+    }
+}
+
+#[test]
+fn the_expert_solves_these_tasks() {
+    each(|_, episode| {
+        let result = &episode.result;
+        assert!(result.success, "{}: {:?}", result.id, result.failure);
+        assert!(result.oracle && result.policy == "expert" && result.frames == episode.frames.len());
+        assert!(result.success_once && result.verdict.score == 1.0);
+    });
+}
+
+#[test]
+fn positions_velocities_torques_and_grip_stay_within_published_limits() {
+    each(|_, episode| {
+        let within = |what: &str, frame: &Frame, values: &[f64], low: &dyn Fn(usize) -> f64, high: &[f64]| {
+            assert_eq!(values.len(), 7);
+            for (joint, &value) in values.iter().enumerate() {
+                let fits = (low(joint)..=high[joint]).contains(&value);
+                assert!(fits, "{} {what} of joint {}: {value} at {} s", episode.result.id, joint + 1, frame.time_s);
+            }
+        };
+        for (index, frame) in episode.frames.iter().enumerate() {
+            assert!((frame.time_s - index as f64 * PERIOD_S).abs() < 1e-9);
+            within("position", frame, &frame.joint_position, &|j| LOWER_RAD[j], &UPPER_RAD);
+            within("velocity", frame, &frame.joint_velocity, &|j| -SPEED_RAD_S[j], &SPEED_RAD_S);
+            within("torque", frame, &frame.joint_torque, &|_| 0.0, &TORQUE_N_M);
+            let command: Vec<f64> = frame.command.iter().map(|&value| f64::from(value)).collect();
+            within("command", frame, &command[..7], &|j| LOWER_RAD[j], &UPPER_RAD);
+            assert!((0.0..=GRIP_N).contains(&frame.grip_force), "grip {} N", frame.grip_force);
+            // The stops of the fingers give way a little, as those of the real hand do.
+            assert!((-5e-4..=WIDTH_M + 5e-4).contains(&frame.gripper_width), "{} m", frame.gripper_width);
+        }
+    });
+}
+
+/// The recorded velocities are those of the recorded positions, so the limits above mean something.
+#[test]
+fn nothing_jumps() {
+    each(|_, episode| {
+        for pair in episode.frames.windows(2) {
+            let (before, after) = (&pair[0], &pair[1]);
+            for (joint, speed) in SPEED_RAD_S.iter().enumerate() {
+                let moved = (after.joint_position[joint] - before.joint_position[joint]).abs();
+                assert!(moved <= speed * PERIOD_S, "joint {} moved {moved} in one step", joint + 1);
+                let asked = f64::from(after.command[joint] - before.command[joint]).abs();
+                assert!(asked <= speed * PERIOD_S, "joint {} was told to move {asked}", joint + 1);
+            }
+            for (object, (from, to)) in before.objects.iter().zip(&after.objects).enumerate() {
+                let moved = from.pose.position.distance(to.pose.position);
+                // Between two samples a speed changes by what gravity and one contact do, not more.
+                let explained = from.speed.max(to.speed) * PERIOD_S + 0.003;
+                assert!(
+                    moved < 0.05 && moved <= explained,
+                    "{}: object {object} moved {moved} m at {} s, its speed explains {explained}",
+                    episode.result.id,
+                    before.time_s
+                );
+            }
+        }
+    });
+}
+
+/// Where an object is when the hand is still far away, it was at the start; what nothing touches stays for good.
+#[test]
+fn objects_move_only_when_they_are_touched() {
+    each(|stage, episode| {
+        let first = &episode.frames[0];
+        // Fingers and hand reach less far around the tool point.
+        let near = |frame: &Frame| {
+            frame.objects.iter().zip(&stage.models).any(|(object, model)| {
+                let bounds = model.world_bounds(&object.pose, &object.joint_positions);
+                let nearest = frame.tcp.position.clamp(bounds.min, bounds.max);
+                nearest.distance(frame.tcp.position) < 0.12
+            })
+        };
+        let shift = |frame: &Frame, object: usize| {
+            frame.objects[object].pose.position.distance(first.objects[object].pose.position)
+        };
+        let mut alone = 0;
+        for frame in episode.frames.iter().take_while(|frame| !near(frame)) {
+            alone += 1;
+            for object in 0..frame.objects.len() {
+                assert!(shift(frame, object) < 5e-4, "object {object} moved {} m untouched", shift(frame, object));
+                assert!(frame.objects[object].speed < 0.01, "object {object} is moving untouched");
+            }
+        }
+        assert!(alone > 6, "{}: the hand starts among the objects", episode.result.id);
+
+        let held: BTreeSet<usize> = episode.frames.iter().filter_map(|frame| frame.grasped).collect();
+        assert!(!held.is_empty(), "something was grasped");
+        let atoms = stage.scenario.task.goal.alternatives.iter().flatten();
+        let concerned: BTreeSet<usize> = atoms
+            .flat_map(|atom| genmanip_layout::references(atom).map(str::to_owned).collect::<Vec<_>>())
+            .filter_map(|uid| stage.scenario.index_of(&uid))
+            .collect();
+        let last = episode.frames.last().unwrap();
+        for object in (0..last.objects.len()).filter(|object| !held.contains(object) && !concerned.contains(object)) {
+            let moved = shift(last, object);
+            assert!(moved < 0.002, "{} moved {moved} m without being meant", stage.name(object));
+        }
+        let moved_most = held.iter().map(|&object| shift(last, object)).fold(0.0, f64::max);
+        assert!(moved_most > 0.03, "what was grasped was carried somewhere");
+    });
+}
+
+/// Held by friction alone: the physics model has nothing else that could hold an object.
+#[test]
+fn the_model_has_no_welds_and_no_lighter_objects() {
+    each(|stage, _| {
+        let mjcf = stage.scene.mjcf();
+        for trick in ["weld", "mocap", "<connect", "sleep"] {
+            assert!(!mjcf.contains(trick), "the model contains `{trick}`");
+        }
+        // The only things tied together are the robot's fingers, which mirror each other,
+        // and only parts of the robot pass through each other.
+        let section = |name: &str| mjcf.split(name).nth(1).unwrap_or_default();
+        let equalities: Vec<&str> = section("equality>").lines().filter(|line| line.contains('=')).collect();
+        let [fingers] = equalities[..] else { panic!("{equalities:?}") };
+        assert!(fingers.contains(r#"joint1="robot/right_finger" joint2="robot/left_finger""#), "{fingers}");
+        for line in mjcf.lines().filter(|line| line.contains("<exclude")) {
+            assert_eq!(line.matches("\"robot/").count(), 2, "{line}");
+        }
+        assert!(mjcf.contains(r#"gravity="0 0 -9.81""#));
+        let bodies = mjcf.lines().filter(|line| line.contains("<body ") && !line.contains("\"robot/"));
+        for body in bodies {
+            assert!(!body.contains("gravcomp"), "gravity is compensated for: {body}");
+        }
+        let free = mjcf.matches("<freejoint").count();
+        assert_eq!(free, stage.models.len(), "every object is a free body");
+    });
+}
+
+/// Judged once more from the stored state in a fresh simulation: the goal holds, the gripper is open and empty.
+#[test]
+fn success_is_what_the_final_state_says() {
+    each(|stage, episode| {
+        let mut sim = Sim::new(Arc::clone(&stage.scene));
+        sim.set_state(&episode.final_state).unwrap();
+        let states = sim.object_states();
+        assert_eq!(sim.grasped(), None);
+        assert!(sim.gripper_width() > 0.03, "the gripper is at {} m", sim.gripper_width());
+        let rest = Stage::rest(&states, None, &RolloutSettings::default());
+        assert!(!rest.moving.contains(&true), "something still moves");
+        let verdict = judge_goal(&stage.posed(&states), &stage.scenario.task.goal, &rest, &stage.relations);
+        assert_eq!(verdict, episode.result.verdict);
+        let start = stage.posed(&episode.frames[0].objects);
+        let verdict = judge_goal(&start, &stage.scenario.task.goal, &rest, &stage.relations);
+        assert!(!verdict.success, "the goal held at the start");
+    });
+}

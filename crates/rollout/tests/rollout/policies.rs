@@ -1,0 +1,190 @@
+//! The loop against policies that stand still, break, ask for too much or never end.
+
+use genmanip_core::{
+    ActionChunk, ActionSpace, ActionSpec, Episode, EpisodeStart, FailureCause, Observation, Policy, PolicyError,
+    PolicySpec, Seed,
+};
+use genmanip_rollout::policies::DoNothing;
+use genmanip_rollout::{RolloutError, RolloutSettings, run_episode};
+
+use crate::{any_stage, episodes};
+
+type Reply = Box<dyn FnMut(&Observation) -> Result<ActionChunk, PolicyError> + Send>;
+
+/// A policy that does what a test says.
+struct Scripted {
+    spec: PolicySpec,
+    reply: Reply,
+}
+
+impl Scripted {
+    fn new(reply: impl FnMut(&Observation) -> Result<ActionChunk, PolicyError> + Send + 'static) -> Self {
+        let spec = PolicySpec {
+            name: "scripted".into(),
+            cameras: Vec::new(),
+            state_keys: vec!["observation.state".into()],
+            action: ActionSpec::native(60.0),
+            rate_hz: 60.0,
+            execute_steps: 0,
+            privileged: false,
+        };
+        Self { spec, reply: Box::new(reply) }
+    }
+
+    /// Always the same actions.
+    fn always(actions: Vec<Vec<f32>>, finished: bool) -> Self {
+        Self::new(move |_| Ok(ActionChunk { actions: actions.clone(), finished }))
+    }
+}
+
+impl Policy for Scripted {
+    fn spec(&self) -> PolicySpec {
+        self.spec.clone()
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        assert!(start.scenario.is_none(), "only privileged policies get the scenario");
+        assert!(!start.instruction.is_empty());
+        Ok(())
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        assert!(observation.privileged.is_none(), "only privileged policies get the truth");
+        assert_eq!(observation.state["observation.state"].len(), 8);
+        (self.reply)(observation)
+    }
+}
+
+fn settings(horizon_s: f64) -> RolloutSettings {
+    RolloutSettings { horizon_s, settle_s: 0.1, ..RolloutSettings::default() }
+}
+
+fn run(policy: &mut dyn Policy, horizon_s: f64) -> Result<Episode, RolloutError> {
+    run_episode(any_stage(), policy, "test", Seed::new(1), &settings(horizon_s))
+}
+
+/// The robot's home with the gripper open.
+fn home() -> Vec<f32> {
+    let robot = &any_stage().robot;
+    robot.home.iter().chain([&robot.gripper.max_width]).map(|&value| value as f32).collect()
+}
+
+#[test]
+fn doing_nothing_solves_nothing() {
+    for (stage, _) in episodes() {
+        let mut policy = DoNothing { duration_s: 1.0 };
+        let episode = run_episode(stage, &mut policy, "still", Seed::new(1), &RolloutSettings::default()).unwrap();
+        let result = &episode.result;
+        assert!(!result.success && !result.success_once && !result.oracle);
+        assert_eq!(result.failure.as_ref().unwrap().cause, FailureCause::GoalMissed);
+        assert!(!result.failure.as_ref().unwrap().evidence.is_empty());
+        assert_eq!(episode.frames.len(), 120, "one second, and one to settle");
+        assert!(result.tcp_path_m < 0.01, "it moved {} m", result.tcp_path_m);
+    }
+}
+
+/// What the loop cannot serve is refused before anything moves, in words that help.
+#[test]
+fn a_spec_that_cannot_be_served_is_refused() {
+    type Change = fn(&mut PolicySpec);
+    let cases: [(Change, &str); 9] = [
+        (|spec| spec.rate_hz = 7.0, "rate 7 Hz does not divide the control rate of 60 Hz"),
+        (|spec| spec.rate_hz = 120.0, "rate 120 Hz"),
+        (|spec| spec.rate_hz = 0.0, "rate 0 Hz"),
+        (|spec| spec.rate_hz = f64::NAN, "rate NaN Hz"),
+        (|spec| spec.rate_hz = -60.0, "rate -60 Hz"),
+        (|spec| spec.action.space = ActionSpace::EePose, "absolute joint positions"),
+        (|spec| spec.action.gripper = "open_01".into(), "gripper width in metres"),
+        (|spec| spec.state_keys = vec!["observation.force".into()], "unknown state key `observation.force`"),
+        (|spec| spec.cameras = vec!["wrist".into()], "camera `wrist`"),
+    ];
+    for (change, wanted) in cases {
+        let mut policy = Scripted::new(|_| unreachable!("a refused policy is never asked"));
+        change(&mut policy.spec);
+        let error = run(&mut policy, 1.0).unwrap_err();
+        assert!(matches!(error, RolloutError::Spec { .. }), "{error:?}");
+        let message = error.to_string();
+        assert!(message.contains("`scripted` cannot be served") && message.contains(wanted), "{message}");
+    }
+}
+
+/// A policy that breaks is a result with a cause; the episode up to there is kept.
+#[test]
+fn a_policy_that_breaks_is_a_result() {
+    let nan = || [home(), vec![f32::NAN; 8]].to_vec();
+    let infinite = || vec![[&home()[..7], &[f32::INFINITY]].concat()];
+    let cases: [(&str, Scripted, usize, &str); 7] = [
+        ("no action", Scripted::always(Vec::new(), false), 0, "returned no action"),
+        ("NaN", Scripted::always(nan(), false), 1, "action for control step 1: command number 0 is NaN"),
+        ("infinite", Scripted::always(infinite(), true), 0, "command number 7 is inf"),
+        ("too short", Scripted::always(vec![vec![0.0; 7]], false), 0, "has 8 numbers (arm joint targets"),
+        ("too long", Scripted::always(vec![vec![0.0; 9]], false), 0, "got 9"),
+        ("empty action", Scripted::always(vec![Vec::new()], true), 0, "got 0"),
+        ("unsuited", Scripted::new(|_| Err(PolicyError::Unsuited("no such robot".into()))), 0, "no such robot"),
+    ];
+    for (name, mut policy, steps, wanted) in cases {
+        let episode = run(&mut policy, 1.0).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let failure = episode.result.failure.unwrap();
+        assert_eq!(failure.cause, FailureCause::Policy, "{name}");
+        assert!(failure.evidence.contains(wanted), "{name}: {}", failure.evidence);
+        assert_eq!(episode.frames.len(), steps + 6, "{name}: the last command is held while settling");
+        assert!(episode.frames.iter().flat_map(|frame| &frame.command).all(|value| value.is_finite()), "{name}");
+    }
+}
+
+/// Far outside of all limits the drives do what they can, and the recording stays within the limits.
+#[test]
+fn absurd_but_finite_actions_break_neither_physics_nor_limits() {
+    for value in [1e30_f32, -1e30, 100.0] {
+        let episode = run(&mut Scripted::always(vec![vec![value; 8]; 30], true), 1.0).unwrap();
+        assert!(!episode.result.success);
+        let joints: Vec<_> = any_stage().robot.arm_joints().cloned().collect();
+        for frame in &episode.frames {
+            for (joint, torque) in joints.iter().zip(&frame.joint_torque) {
+                assert!(*torque <= joint.max_effort + 1e-9, "{}: {torque} N·m", joint.name);
+            }
+            assert!(frame.joint_position.iter().all(|position| position.is_finite()));
+        }
+    }
+}
+
+#[test]
+fn the_horizon_ends_a_policy_that_does_not() {
+    let long = vec![home(); 1000];
+    let slow = |rate_hz| {
+        let mut policy = Scripted::always(vec![home()], false);
+        policy.spec.rate_hz = rate_hz;
+        policy
+    };
+    let cases = [
+        ("one action at a time", Scripted::always(vec![home()], false)),
+        ("one chunk longer than the horizon", Scripted::always(long.clone(), false)),
+        ("a chunk that would have finished later", Scripted::always(long, true)),
+        ("an action that lasts longer than what is left", slow(7.5)),
+    ];
+    for (name, mut policy) in cases {
+        let episode = run(&mut policy, 0.5).unwrap();
+        let failure = episode.result.failure.unwrap();
+        assert_eq!(
+            (failure.cause, failure.evidence.as_str()),
+            (FailureCause::Timeout, "not finished after 0.5 s"),
+            "{name}"
+        );
+        assert_eq!(episode.frames.len(), 30 + 6, "{name}: horizon and settling");
+    }
+}
+
+/// `rate_hz` repeats actions, `execute_steps` cuts chunks, `finished` counts once the chunk was executed.
+#[test]
+fn rate_and_chunks_mean_what_the_spec_says() {
+    let mut policy =
+        Scripted::new(|observation| Ok(ActionChunk { actions: vec![home(); 5], finished: observation.time_s > 0.2 }));
+    (policy.spec.rate_hz, policy.spec.execute_steps) = (20.0, 2);
+    let episode = run(&mut policy, 1.0).unwrap();
+    assert_eq!(episode.result.failure.unwrap().cause, FailureCause::Timeout, "two of five actions never finish it");
+
+    policy.spec.execute_steps = 5;
+    let episode = run(&mut policy, 1.0).unwrap();
+    assert_eq!(episode.result.failure.unwrap().cause, FailureCause::GoalMissed);
+    assert_eq!(episode.frames.len(), 2 * 5 * 3 + 6, "asked at 0 s and 0.25 s; five actions of three steps; settling");
+}
