@@ -36,10 +36,17 @@ impl Catalogue {
     /// [`AssetError::Data`] with the place of the mistake.
     pub fn from_json(cards: &str, recipes: &str) -> Result<Self, AssetError> {
         let recipes: BTreeMap<String, Recipe> = read("recipes", recipes)?;
+        let cards: Vec<ObjectCard> = read("cards", cards)?;
         for (uid, recipe) in &recipes {
             check_parts("recipes", uid, &recipe.parts)?;
+            for link in &recipe.links {
+                check_parts("recipes", &format!("{uid}.{}", link.name), &link.parts)?;
+            }
+            if let Some(message) = cards.iter().find(|card| card.uid == *uid).and_then(|card| recipe.flaw(card)) {
+                return Err(AssetError::Data { file: "recipes".into(), message: format!("{uid}: {message}") });
+            }
         }
-        Ok(Self { cards: read("cards", cards)?, recipes, models: Mutex::new(BTreeMap::new()) })
+        Ok(Self { cards, recipes, models: Mutex::new(BTreeMap::new()) })
     }
 
     /// All cards, by uid.

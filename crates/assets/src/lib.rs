@@ -4,6 +4,12 @@
 //! `data/catalog.json` says what each object is (cards), `data/recipes.json` of which parts it is made,
 //! and the part families know how to make a part: its surface, its exact convex collision bodies and their moments.
 //!
+//! Articulated objects add links with a joint each, and say which joint positions a state of the card stands for.
+//! All states are such that the object stays in them by itself: doors and dials turn about upright axes, drawers lie
+//! level, a chest's lid and a faucet's lever lean against their stops, and a spring carries most of a laptop's lid.
+//! The push button latches: a soft spring carries its cap's weight and dry friction of 2 N keeps it where it was
+//! pushed, so that `pressed` can be checked after the hand has left.
+//!
 //! ```
 //! use genmanip_assets::Catalogue;
 //! let mug = Catalogue::builtin().build("001")?;
@@ -15,6 +21,7 @@
 mod catalogue;
 mod error;
 mod finish;
+mod handle;
 mod paint;
 mod parts;
 mod recipe;
@@ -27,4 +34,5 @@ mod tests;
 
 pub use catalogue::Catalogue;
 pub use error::AssetError;
+pub use handle::{HANDLE, handle_bounds};
 pub use robot::{panda, robot_from_json};

@@ -1,6 +1,9 @@
-//! Recipes: of which parts an object is made, as data.
+//! Recipes: of which parts an object is made and how they move, as data.
 
-use genmanip_core::{ObjectCard, ObjectLink, ObjectModel, Piece, Seed, VisualPart};
+use genmanip_core::{
+    Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, VisualPart,
+};
+use glam::DVec3;
 use serde::Deserialize;
 
 use crate::parts::Part;
@@ -8,6 +11,9 @@ use crate::solid::{Moments, Solid};
 
 /// Version of the physics that recipes and parts give; grows when pieces or inertia of any object change.
 pub const GENERATOR_VERSION: u32 = 1;
+
+/// Name of the link that stands on the table.
+const ROOT: &str = "body";
 
 /// An object as a list of parts in its frame.
 #[derive(Clone, Debug, Deserialize)]
@@ -17,11 +23,67 @@ pub struct Recipe {
     pub family: String,
     /// Sliding friction coefficient against a like surface.
     pub friction: f64,
-    /// The parts; their union is the object.
+    /// The parts of what stands on the table; their union is the object or, with links, its body.
+    pub parts: Vec<Part>,
+    /// What moves against the body.
+    #[serde(default)]
+    pub links: Vec<LinkRecipe>,
+    /// What the states of the card mean.
+    #[serde(default)]
+    pub states: Vec<StateRecipe>,
+}
+
+/// A drawer, door, lid, lever, dial or button.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkRecipe {
+    /// Name of the link and of its joint.
+    pub name: String,
+    /// Its share of the card's mass, kg.
+    pub mass_kg: f64,
+    /// How it moves.
+    pub joint: JointRecipe,
+    /// Its parts, in the object's frame at joint position 0.
+    ///
+    /// The part by which a hand moves it is named `handle`.
     pub parts: Vec<Part>,
 }
 
-/// What parts leave behind while an object is put together.
+/// A joint to the body, its frame parallel to the object's.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointRecipe {
+    /// Turning or sliding.
+    pub kind: JointKind,
+    /// A point of the axis in the object's frame, m.
+    pub at: DVec3,
+    /// Unit axis.
+    pub axis: DVec3,
+    /// Smallest and largest position, rad or m.
+    pub range: [f64; 2],
+    /// Viscous damping, N·s/m or N·m·s/rad.
+    pub damping: f64,
+    /// Dry friction, N or N·m.
+    pub friction_loss: f64,
+    /// Spring, N/m or N·m/rad; it carries the link's weight where the engine's dry friction, which creeps, would not.
+    #[serde(default)]
+    pub stiffness: f64,
+    /// Rest position of the spring; far outside the range for a force that is nearly constant.
+    #[serde(default)]
+    pub spring_reference: f64,
+}
+
+/// A named state of an articulated object.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StateRecipe {
+    /// Name as on the card.
+    pub name: String,
+    /// Least, nominal and largest position of each joint, in the order of the links.
+    pub joints: Vec<[f64; 3]>,
+}
+
+/// What parts leave behind while a link is put together.
 #[derive(Debug, Default)]
 pub struct Draft {
     /// Surfaces to draw.
@@ -33,28 +95,115 @@ pub struct Draft {
 }
 
 impl Recipe {
-    /// The object: the mass of the card spread evenly over the parts.
+    /// The object: the mass of the card less that of the links spread evenly over the body's parts.
     pub fn build(&self, card: &ObjectCard, seed: Seed) -> ObjectModel {
-        let mut draft = Draft::default();
-        for (index, part) in self.parts.iter().enumerate() {
-            part.add_to(&mut draft, seed.fork("part").fork_index(index as u64));
-        }
-        let moments: Vec<Moments> = draft.solids.iter().map(|solid| solid.moments).collect();
+        let mut body = Draft::of(&self.parts, seed.fork("part"));
+        let cavity = std::mem::take(&mut body.cavity);
+        let body_mass = card.mass_kg - self.links.iter().map(|link| link.mass_kg).sum::<f64>();
+        let mut links = vec![body.into_link(ROOT, body_mass, None)];
+        links.extend(self.links.iter().map(|link| link.build(seed.fork(&link.name))));
         ObjectModel {
             card: card.clone(),
             family: self.family.clone(),
             seed,
             generator_version: GENERATOR_VERSION,
-            links: vec![ObjectLink {
-                name: "body".into(),
-                joint: None,
-                visual: draft.visual,
-                pieces: draft.solids.into_iter().map(|solid| solid.piece).collect(),
-                mass: Moments::sum(&moments).with_mass(card.mass_kg),
-            }],
-            cavity: draft.cavity,
+            links,
+            cavity,
             friction: self.friction,
-            joint_states: Vec::new(),
+            joint_states: self.states.iter().map(|state| self.joint_state(state)).collect(),
         }
     }
+
+    fn joint_state(&self, state: &StateRecipe) -> JointState {
+        let intervals = self.links.iter().zip(&state.joints);
+        JointState {
+            name: state.name.clone(),
+            intervals: intervals.map(|(link, &[low, _, high])| (link.name.clone(), [low, high])).collect(),
+            nominal: state.joints.iter().map(|joint| joint[1]).collect(),
+        }
+    }
+
+    /// Why the links and states cannot be those of a card, if they cannot.
+    pub fn flaw(&self, card: &ObjectCard) -> Option<String> {
+        let moving: f64 = self.links.iter().map(|link| link.mass_kg).sum();
+        let weightless = self.links.iter().any(|link| link.mass_kg <= 0.0) || moving >= card.mass_kg;
+        if !self.links.is_empty() && weightless {
+            return Some(format!(
+                "links of {moving} kg: expected positive masses below the card's {} kg",
+                card.mass_kg
+            ));
+        }
+        let names: Vec<&String> = self.states.iter().map(|state| &state.name).collect();
+        if names != card.states.iter().collect::<Vec<_>>() {
+            return Some(format!("states {names:?}: expected those of the card, {:?}", card.states));
+        }
+        let ordered = |[low, nominal, high]: &[f64; 3]| low <= nominal && nominal <= high;
+        self.states.iter().find_map(|state| {
+            let sound = state.joints.len() == self.links.len() && state.joints.iter().all(ordered);
+            (!sound).then(|| {
+                format!("state {}: expected [least, nominal, largest] for {} joints", state.name, self.links.len())
+            })
+        })
+    }
+}
+
+impl LinkRecipe {
+    fn build(&self, seed: Seed) -> ObjectLink {
+        let mut draft = Draft::of(&self.parts, seed);
+        draft.shift(-self.joint.at);
+        draft.into_link(&self.name, self.mass_kg, Some(self.joint.joint(&self.name)))
+    }
+}
+
+impl JointRecipe {
+    fn joint(&self, name: &str) -> Joint {
+        Joint {
+            name: name.to_owned(),
+            parent: 0,
+            kind: self.kind,
+            parent_from_joint: Pose::from_position(self.at),
+            axis: self.axis.normalize_or(DVec3::Z),
+            range: self.range,
+            damping: self.damping,
+            friction_loss: self.friction_loss,
+            stiffness: self.stiffness,
+            spring_reference: self.spring_reference,
+        }
+    }
+}
+
+impl Draft {
+    fn of(parts: &[Part], seed: Seed) -> Self {
+        let mut draft = Self::default();
+        for (index, part) in parts.iter().enumerate() {
+            part.add_to(&mut draft, seed.fork_index(index as u64));
+        }
+        draft
+    }
+
+    fn shift(&mut self, by: DVec3) {
+        for part in &mut self.visual {
+            part.link_from_part.position += by;
+        }
+        for solid in &mut self.solids {
+            solid.piece.link_from_piece.position += by;
+            solid.moments.center += by;
+        }
+    }
+
+    fn into_link(self, name: &str, mass_kg: f64, joint: Option<Joint>) -> ObjectLink {
+        ObjectLink {
+            name: name.to_owned(),
+            joint,
+            mass: mass_of(&self.solids, mass_kg),
+            visual: self.visual,
+            pieces: self.solids.into_iter().map(|solid| solid.piece).collect(),
+        }
+    }
+}
+
+/// Matter of uniform density in all solids.
+fn mass_of(solids: &[Solid], mass_kg: f64) -> MassProperties {
+    let moments: Vec<Moments> = solids.iter().map(|solid| solid.moments).collect();
+    Moments::sum(&moments).with_mass(mass_kg)
 }

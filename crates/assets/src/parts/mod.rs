@@ -2,6 +2,7 @@
 
 mod block;
 mod capsules;
+mod case;
 mod open_box;
 mod prism;
 mod ring;
@@ -16,6 +17,7 @@ use serde::Deserialize;
 
 pub use block::Block;
 pub use capsules::Capsules;
+pub use case::Case;
 pub use open_box::OpenBox;
 pub use prism::Prism;
 pub use ring::Ring;
@@ -40,6 +42,8 @@ pub enum Part {
     Block(Block),
     /// A box without a lid.
     OpenBox(OpenBox),
+    /// A box that is open towards the front.
+    Case(Case),
     /// A convex polygon with thickness.
     Prism(Prism),
     /// A ring lying flat.
@@ -57,6 +61,7 @@ impl Part {
             Self::Tube(part) => part.add_to(draft, seed),
             Self::Block(part) => part.add_to(draft, seed),
             Self::OpenBox(part) => part.add_to(draft, seed),
+            Self::Case(part) => part.add_to(draft, seed),
             Self::Prism(part) => part.add_to(draft, seed),
             Self::Ring(part) => part.add_to(draft, seed),
             Self::Capsules(part) => part.add_to(draft),
@@ -100,6 +105,7 @@ impl Part {
                     && 2.0 * part.wall < part.size.x.min(part.size.y),
                 "an open box needs walls and a floor thinner than its size",
             ),
+            Self::Case(part) => (part.is_sound(), "a case needs walls and shelves that leave room between them"),
             Self::Prism(part) => (
                 part.polygon.len() >= 3 && part.span[0] < part.span[1],
                 "a prism needs at least 3 corners and a rising span",

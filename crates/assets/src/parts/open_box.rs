@@ -16,6 +16,9 @@ use crate::surface::{from_rings, rounded_rectangle};
 pub struct OpenBox {
     /// Outer extent.
     pub size: DVec3,
+    /// Centre of the base.
+    #[serde(default)]
+    pub at: DVec3,
     /// Thickness of the walls.
     pub wall: f64,
     /// Thickness of the floor.
@@ -34,7 +37,10 @@ pub struct OpenBox {
 impl OpenBox {
     pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
         let half = DVec2::new(self.size.x, self.size.y) / 2.0;
-        let ring = |inset: f64, z: f64| rounded_rectangle(half - inset, (self.corner - inset).max(1e-4), z, 5);
+        let ring = |inset: f64, z: f64| -> Vec<DVec3> {
+            let ring = rounded_rectangle(half - inset, (self.corner - inset).max(1e-4), z, 5);
+            ring.into_iter().map(|point| point + self.at).collect()
+        };
         let (top, wall, floor) = (self.size.z, self.wall, self.floor);
         let lip = (wall * 0.3).min(0.0015);
         let outside = from_rings(&[ring(0.0, 0.0), ring(0.0, top - lip)]);
@@ -48,14 +54,14 @@ impl OpenBox {
         draft.visual.push(surface("underside", fan(&ring(0.0, 0.0), false), &self.bottom, seed.fork("floor")));
         self.add_solids(draft);
         let hollow = DVec3::new(half.x - wall, half.y - wall, (top - floor) / 2.0);
-        let center = Pose::from_position(DVec3::Z * (floor + hollow.z));
+        let center = Pose::from_position(self.at + DVec3::Z * (floor + hollow.z));
         draft.cavity.push(Solid::cuboid(center, hollow).piece);
     }
 
     fn add_solids(&self, draft: &mut Draft) {
         let half = self.size / 2.0;
         let mut add = |center: DVec3, half: DVec3| {
-            draft.solids.push(Solid::cuboid(Pose::from_position(center), half));
+            draft.solids.push(Solid::cuboid(Pose::from_position(self.at + center), half));
         };
         add(DVec3::Z * (self.floor / 2.0), DVec3::new(half.x, half.y, self.floor / 2.0));
         let (middle, half_height) = ((self.size.z + self.floor) / 2.0, (self.size.z - self.floor) / 2.0);

@@ -1,9 +1,10 @@
 //! Checks of the built-in data, with the geometry they share.
 
+mod joints;
 mod objects;
 mod robot;
 
-use genmanip_core::{Piece, VisualPart};
+use genmanip_core::{Piece, Pose, VisualPart};
 use glam::DVec3;
 
 /// The largest value of a function of a unit vector: the best of a fine sphere, then of ever smaller caps around it.
@@ -49,4 +50,22 @@ fn uncovered(visual: &[VisualPart], pieces: &[Piece], stride: usize) -> f64 {
         within_reach.map(|piece| separation(piece, point)).fold(0.02, f64::min)
     };
     corners.step_by(stride).map(gap).fold(0.0, f64::max)
+}
+
+/// Smallest separation of two sets of pieces; negative when they overlap, at most 5 cm.
+fn gap(a: &[Piece], world_from_a: &Pose, b: &[Piece], world_from_b: &Pose) -> f64 {
+    let mut smallest: f64 = 0.05;
+    for first in a {
+        for second in b {
+            let place =
+                |pose: &Pose, piece: &Piece| Piece { link_from_piece: *pose * piece.link_from_piece, ..piece.clone() };
+            let (first, second) = (place(world_from_a, first), place(world_from_b, second));
+            let reach = first.shape.bounding_radius() + second.shape.bounding_radius();
+            if first.link_from_piece.position.distance(second.link_from_piece.position) < reach + smallest.max(0.0) {
+                let separation = largest_over_directions(|d| (second.support(-d) - first.support(d)).dot(d));
+                smallest = smallest.min(separation);
+            }
+        }
+    }
+    smallest
 }

@@ -1,6 +1,6 @@
 //! Every object of the catalogue against its card.
 
-use genmanip_core::{Aabb, ObjectModel, PlacedObject, Pose, Shape};
+use genmanip_core::{Aabb, ObjectModel, Piece, PlacedObject, Pose, Shape};
 use glam::{DMat3, DVec3};
 
 use super::{largest_over_directions, separation, uncovered};
@@ -11,7 +11,7 @@ use crate::{AssetError, Catalogue};
 fn check_all(check: impl Fn(&ObjectModel) -> Vec<String>) {
     let catalogue = Catalogue::builtin();
     let mut flaws = Vec::new();
-    for card in catalogue.cards().iter().filter(|card| !card.is_articulated) {
+    for card in catalogue.cards() {
         match catalogue.build(&card.uid) {
             Ok(model) => {
                 flaws.extend(check(&model).into_iter().map(|flaw| format!("{} {}: {flaw}", card.uid, card.name)));
@@ -23,9 +23,12 @@ fn check_all(check: impl Fn(&ObjectModel) -> Vec<String>) {
 }
 
 fn visual_bounds(model: &ObjectModel) -> Aabb {
-    let parts = model.links.iter().flat_map(|link| &link.visual);
-    Aabb::from_points(parts.flat_map(|part| {
-        part.mesh.positions.iter().map(|position| part.link_from_part.transform_point(position.as_dvec3()))
+    let poses = model.link_poses(&[]);
+    let parts =
+        model.links.iter().zip(&poses).flat_map(|(link, pose)| link.visual.iter().map(move |part| (pose, part)));
+    Aabb::from_points(parts.flat_map(|(&object_from_link, part)| {
+        let object_from_part = object_from_link * part.link_from_part;
+        part.mesh.positions.iter().map(move |position| object_from_part.transform_point(position.as_dvec3()))
     }))
 }
 
@@ -51,12 +54,12 @@ fn sizes_are_those_of_the_cards() {
 #[test]
 fn lofts_are_convex_and_few() {
     check_all(|model| {
-        let pieces = &model.links[0].pieces;
+        let pieces = || model.links.iter().flat_map(|link| &link.pieces);
         let mut flaws = Vec::new();
-        if pieces.is_empty() || pieces.len() > 48 {
-            flaws.push(format!("{} pieces", pieces.len()));
+        if !(1..=48).contains(&pieces().count()) {
+            flaws.push(format!("{} pieces", pieces().count()));
         }
-        for (index, piece) in pieces.iter().chain(&model.cavity).enumerate() {
+        for (index, piece) in pieces().chain(&model.cavity).enumerate() {
             let Shape::Hull { points } = &piece.shape else { continue };
             // A point that is no corner of the hull can be left out without changing it: every point must be extreme
             // in some direction, up to the chord error of a bent tube.
@@ -79,21 +82,24 @@ fn depth_in_hull(points: &[DVec3], point: DVec3) -> f64 {
 #[test]
 fn mass_and_inertia_are_physical() {
     check_all(|model| {
-        let mass = &model.links[0].mass;
         let mut flaws = Vec::new();
-        if mass.mass_kg != model.card.mass_kg {
-            flaws.push(format!("mass {}", mass.mass_kg));
+        let total: f64 = model.links.iter().map(|link| link.mass.mass_kg).sum();
+        if (total - model.card.mass_kg).abs() > 1e-12 {
+            flaws.push(format!("mass {total}"));
         }
-        if (mass.inertia - mass.inertia.transpose()).to_cols_array().iter().any(|value| value.abs() > 1e-12) {
-            flaws.push("inertia is not symmetric".into());
-        }
-        let moments = eigenvalues(mass.inertia);
-        if moments[0] <= 0.0 || moments[0] + moments[1] < moments[2] * (1.0 - 1e-9) {
-            flaws.push(format!("principal moments {moments:?}"));
-        }
-        let bounds = model.world_bounds(&Pose::IDENTITY, &[]);
-        if mass.center.cmplt(bounds.min).any() || mass.center.cmpgt(bounds.max).any() {
-            flaws.push(format!("centre of mass {} outside", mass.center));
+        for link in &model.links {
+            let mass = &link.mass;
+            if (mass.inertia - mass.inertia.transpose()).to_cols_array().iter().any(|value| value.abs() > 1e-12) {
+                flaws.push(format!("{}: inertia is not symmetric", link.name));
+            }
+            let moments = eigenvalues(mass.inertia);
+            if moments[0] <= 0.0 || moments[0] + moments[1] < moments[2] * (1.0 - 1e-9) {
+                flaws.push(format!("{}: principal moments {moments:?}", link.name));
+            }
+            let bounds = Aabb::from_pieces(&Pose::IDENTITY, &link.pieces);
+            if mass.center.cmplt(bounds.min).any() || mass.center.cmpgt(bounds.max).any() {
+                flaws.push(format!("{}: centre of mass {} outside", link.name, mass.center));
+            }
         }
         flaws
     });
@@ -121,33 +127,46 @@ fn eigenvalues(mut m: DMat3) -> [f64; 3] {
 #[test]
 fn resting_pose_is_stable() {
     check_all(|model| {
-        // The centre of mass must stand inside what touches the table, by at least 0.8 mm.
-        let mass = &model.links[0].mass;
-        let reach = |direction: DVec3| {
-            let touching = model.links[0].pieces.iter().flat_map(|piece| {
-                let tilted = [0.0, 1e-3, -1e-3].map(|t| {
+        let states = model.joint_states.iter().map(|state| (state.name.as_str(), state.nominal.as_slice()));
+        let rigid = model.joint_states.is_empty().then_some(("rigid", [].as_slice()));
+        let margins = states.chain(rigid).map(|(state, joints)| (state, standing_margin(model, joints)));
+        let unstable = margins.filter(|(_, margin)| *margin < 0.0008);
+        unstable.map(|(state, margin)| format!("{state}: tips over, margin {:.1} mm", margin * 1e3)).collect()
+    });
+}
+
+/// By how much the centre of mass stands inside what touches the table, m.
+fn standing_margin(model: &ObjectModel, joints: &[f64]) -> f64 {
+    let poses = model.link_poses(joints);
+    let masses = model.links.iter().zip(&poses);
+    let weighted = masses.map(|(link, pose)| pose.transform_point(link.mass.center) * link.mass.mass_kg);
+    let center = weighted.sum::<DVec3>() / model.card.mass_kg;
+    let reach = |direction: DVec3| {
+        let touching = model.links.iter().zip(&poses).flat_map(|(link, pose)| {
+            link.pieces.iter().flat_map(move |piece| {
+                let piece = Piece { link_from_piece: *pose * piece.link_from_piece, ..piece.clone() };
+                [0.0, 1e-3, -1e-3].map(|t| {
                     let side = direction.cross(DVec3::Z) * t;
                     piece.support(DVec3::NEG_Z + direction * 1e-3 + side)
-                });
-                tilted.into_iter().filter(|point| point.z < 1.2e-3)
-            });
-            touching.map(|point| (point - mass.center).dot(direction)).fold(f64::NEG_INFINITY, f64::max)
-        };
-        let worst = (0..16)
-            .map(|i| {
-                let angle = f64::from(i) / 16.0 * std::f64::consts::TAU;
-                reach(DVec3::new(angle.cos(), angle.sin(), 0.0))
+                })
             })
-            .fold(f64::INFINITY, f64::min);
-        if worst < 0.0008 { vec![format!("tips over: margin {:.1} mm", worst * 1e3)] } else { Vec::new() }
-    });
+        });
+        let touching = touching.filter(|point| point.z < 1.2e-3);
+        touching.map(|point| (point - center).dot(direction)).fold(f64::NEG_INFINITY, f64::max)
+    };
+    (0..16)
+        .map(|i| {
+            let angle = f64::from(i) / 16.0 * std::f64::consts::TAU;
+            reach(DVec3::new(angle.cos(), angle.sin(), 0.0))
+        })
+        .fold(f64::INFINITY, f64::min)
 }
 
 #[test]
 fn few_pieces_touch_the_table() {
     // Every contact costs time in each physics step; a base or a few feet are enough to stand on.
     check_all(|model| {
-        let lowest = |piece: &genmanip_core::Piece| piece.support(DVec3::NEG_Z).z;
+        let lowest = |piece: &Piece| piece.support(DVec3::NEG_Z).z;
         let touching = model.links[0].pieces.iter().filter(|piece| lowest(piece) < 3e-4).count();
         if touching > 6 { vec![format!("stands on {touching} pieces")] } else { Vec::new() }
     });
@@ -179,8 +198,9 @@ fn hollow_objects_are_hollow() {
 #[test]
 fn surfaces_stay_close_to_the_pieces() {
     check_all(|model| {
-        let out = uncovered(&model.links[0].visual, &model.links[0].pieces, 127);
-        if out > 0.0035 { vec![format!("the surface stands out by {:.1} mm", out * 1e3)] } else { Vec::new() }
+        let out = model.links.iter().map(|link| (&link.name, uncovered(&link.visual, &link.pieces, 127)));
+        let flaws = out.filter(|(_, out)| *out > 0.0035);
+        flaws.map(|(link, out)| format!("{link}: the surface stands out by {:.1} mm", out * 1e3)).collect()
     });
 }
 
@@ -188,7 +208,7 @@ fn surfaces_stay_close_to_the_pieces() {
 fn surfaces_are_sound() {
     check_all(|model| {
         let mut flaws = Vec::new();
-        for part in &model.links[0].visual {
+        for part in model.links.iter().flat_map(|link| &link.visual) {
             let mesh = &part.mesh;
             let count = mesh.positions.len();
             if count == 0 || mesh.normals.len() != count || mesh.uvs.len() != count {
@@ -319,7 +339,7 @@ fn broken_data_is_an_error_with_its_place() {
 #[test]
 fn same_uid_same_bytes() {
     let text = |catalogue: &Catalogue| {
-        let models = catalogue.cards().iter().filter_map(|card| catalogue.build(&card.uid).ok());
+        let models = catalogue.cards().iter().map(|card| catalogue.build(&card.uid).unwrap());
         models.map(|model| format!("{:?}", model.links)).collect::<Vec<_>>()
     };
     let fresh =

@@ -1,10 +1,10 @@
 //! The Panda against its published figures and outline.
 
-use genmanip_core::{Aabb, Piece, Pose, RobotModel, Seed};
+use genmanip_core::{Aabb, Pose, RobotModel, Seed};
 use glam::DVec3;
 use rand::RngExt;
 
-use super::{largest_over_directions, uncovered};
+use super::{gap, uncovered};
 use crate::{AssetError, panda, robot_from_json};
 
 /// Arm positions, position, y axis, z axis.
@@ -142,24 +142,6 @@ fn self_collision(robot: &RobotModel, arm: &[f64], width: f64) -> Option<(usize,
     pairs
         .filter(|pair| !robot.never_colliding.contains(pair))
         .find(|&(a, b)| gap(&robot.links[a].pieces, &poses[a], &robot.links[b].pieces, &poses[b]) < -5e-4)
-}
-
-/// Smallest separation of two sets of pieces; negative when they overlap, at most 5 cm.
-fn gap(a: &[Piece], world_from_a: &Pose, b: &[Piece], world_from_b: &Pose) -> f64 {
-    let mut smallest: f64 = 0.05;
-    for first in a {
-        for second in b {
-            let place =
-                |pose: &Pose, piece: &Piece| Piece { link_from_piece: *pose * piece.link_from_piece, ..piece.clone() };
-            let (first, second) = (place(world_from_a, first), place(world_from_b, second));
-            let reach = first.shape.bounding_radius() + second.shape.bounding_radius();
-            if first.link_from_piece.position.distance(second.link_from_piece.position) < reach + smallest.max(0.0) {
-                let separation = largest_over_directions(|d| (second.support(-d) - first.support(d)).dot(d));
-                smallest = smallest.min(separation);
-            }
-        }
-    }
-    smallest
 }
 
 #[test]

@@ -1,0 +1,18 @@
+//! Where a hand takes hold of a link.
+
+use genmanip_core::{Aabb, ObjectLink};
+
+/// Name of the part of a link by which a hand moves it.
+pub const HANDLE: &str = "handle";
+
+/// Bounds of a link's handle in the link's frame: bar, knob, tab, lever, button; `None` without one.
+///
+/// Every moving link of the catalogue has one. A laptop's is the lip of its lid that overhangs the base.
+pub fn handle_bounds(link: &ObjectLink) -> Option<Aabb> {
+    let handles = link.visual.iter().filter(|part| part.name == HANDLE);
+    let corners = handles.flat_map(|part| {
+        part.mesh.positions.iter().map(|position| part.link_from_part.transform_point(position.as_dvec3()))
+    });
+    let bounds = Aabb::from_points(corners);
+    bounds.size().is_finite().then_some(bounds)
+}
