@@ -65,9 +65,14 @@ impl Arrival {
         self.find_plain_tiles(assets, reach as usize + 1);
         let from_world = view.lens.turn.transpose();
         let columns = self.width.div_ceil(TILE);
-        for y in 0..self.height {
+        // Even rows first: an odd row's pixel among four that nothing darkens is not darkened either.
+        for y in (0..self.height).step_by(2).chain((1..self.height).step_by(2)) {
             for x in (y % 2..self.width).step_by(2) {
                 let pixel = y * self.width + x;
+                if y % 2 == 1 && self.is_open_around(x, y) {
+                    (self.key[pixel], self.ambient[pixel]) = (1.0, 1.0);
+                    continue;
+                }
                 let Some((part, triangle)) = part_and_triangle(visible.ids[pixel]) else { continue };
                 let ray = view.lens.ray(x as f32, y as f32);
                 let point = ray * self.depth[pixel];
@@ -113,6 +118,19 @@ impl Arrival {
             }
         }
         best
+    }
+
+    /// Whether the four diagonal neighbours show the same surface and receive all light.
+    #[inline]
+    fn is_open_around(&self, x: usize, y: usize) -> bool {
+        if x == 0 || x + 1 >= self.width || y + 1 >= self.height {
+            return false;
+        }
+        let pixel = y * self.width + x;
+        let surface = self.surface[pixel];
+        [pixel - self.width - 1, pixel - self.width + 1, pixel + self.width - 1, pixel + self.width + 1]
+            .iter()
+            .all(|&other| self.surface[other] == surface && self.key[other] == 1.0 && self.ambient[other] == 1.0)
     }
 
     fn ambient_at(
