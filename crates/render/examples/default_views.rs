@@ -45,6 +45,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// The buffers and the shortest wall time in milliseconds: other programs only ever add to it.
+///
+/// Views of one frame share its shadows, so the time is that of a picture without drawing them.
 fn timed(renderer: &mut Renderer, job: ViewJob<'_>) -> Result<(FrameBuffers, f64), Box<dyn Error>> {
     let mut out = [FrameBuffers::default()];
     renderer.render(&[job], &mut out)?;

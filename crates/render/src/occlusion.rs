@@ -1,7 +1,8 @@
 //! Per pixel of the opaque surfaces: share of the key light and of the ambient light that arrives.
 //!
-//! Both are estimated at every other pixel, like the black fields of a chess board, with few taps whose pattern
-//! repeats every 4×4 pixels, then averaged over such a block without crossing from one surface to another.
+//! Both are estimated at every other pixel, like the black fields of a chess board, and only where coarser neighbours
+//! do not agree already; with few taps whose pattern repeats every 4×4 pixels, then averaged over such a block without
+//! crossing from one surface to another.
 //! Ambient occlusion after McGuire et al., "Scalable Ambient Obscurance", 2012.
 
 use glam::{Vec2, Vec3A, Vec4};
@@ -65,29 +66,36 @@ impl Arrival {
         self.find_plain_tiles(assets, reach as usize + 1);
         let from_world = view.lens.turn.transpose();
         let columns = self.width.div_ceil(TILE);
-        for y in 0..self.height {
-            for x in (y % 2..self.width).step_by(2) {
-                let pixel = y * self.width + x;
-                let Some((part, triangle)) = part_and_triangle(visible.ids[pixel]) else { continue };
-                let ray = view.lens.ray(x as f32, y as f32);
-                let point = ray * self.depth[pixel];
-                let normal = view.parts[part].world_from_body * Vec3A::from(assets.parts[part].faces[triangle].normal);
-                let in_camera = from_world * normal;
-                let flip = if in_camera.dot(ray) > 0.0 { -1.0 } else { 1.0 };
-                let pattern = PATTERN[y % 4][x % 4];
-                let key = if shadow.is_on() && flip * normal.dot(light) > -0.2 {
-                    shadow.visibility(view.lens.turn * point + view.lens.eye, normal * flip, pattern)
-                } else {
-                    1.0
-                };
-                let is_plain = self.plain[y / TILE * columns + x / TILE];
-                let ambient = if variation.occlusion_radius_m > 0.0 && !is_plain {
-                    self.ambient_at([x, y], point, in_camera * flip, focal, pattern, variation)
-                } else {
-                    1.0
-                };
+        for (x, y, around) in passes(self.width, self.height) {
+            let pixel = y * self.width + x;
+            let [known_key, known_ambient] = around.map_or([None; 2], |step| self.agreed_around(x, y, step));
+            if let (Some(key), Some(ambient)) = (known_key, known_ambient) {
                 (self.key[pixel], self.ambient[pixel]) = (key, ambient);
+                continue;
             }
+            let Some((part, triangle)) = part_and_triangle(visible.ids[pixel]) else { continue };
+            let ray = view.lens.ray(x as f32, y as f32);
+            let point = ray * self.depth[pixel];
+            let normal = view.parts[part].world_from_body * Vec3A::from(assets.parts[part].faces[triangle].normal);
+            let in_camera = from_world * normal;
+            let flip = if in_camera.dot(ray) > 0.0 { -1.0 } else { 1.0 };
+            let pattern = PATTERN[y % 4][x % 4];
+            let key = if let Some(key) = known_key {
+                key
+            } else if shadow.is_on() && flip * normal.dot(light) > -0.2 {
+                shadow.visibility(view.lens.turn * point + view.lens.eye, normal * flip, pattern)
+            } else {
+                1.0
+            };
+            let is_plain = self.plain[y / TILE * columns + x / TILE];
+            let ambient = if let Some(ambient) = known_ambient {
+                ambient
+            } else if variation.occlusion_radius_m > 0.0 && !is_plain {
+                self.ambient_at([x, y], point, in_camera * flip, focal, pattern, variation)
+            } else {
+                1.0
+            };
+            (self.key[pixel], self.ambient[pixel]) = (key, ambient);
         }
         self.blur();
     }
@@ -113,6 +121,25 @@ impl Arrival {
             }
         }
         best
+    }
+
+    /// Shares of the key and of the ambient light on which four neighbours on the same surface agree.
+    #[inline]
+    fn agreed_around(&self, x: usize, y: usize, steps: [[isize; 2]; 4]) -> [Option<f32>; 2] {
+        if x < 2 || y < 2 || x + 2 >= self.width || y + 2 >= self.height {
+            return [None; 2];
+        }
+        let pixel = y * self.width + x;
+        let around = steps.map(|[dx, dy]| pixel.wrapping_add_signed(dy * self.width as isize + dx));
+        if around.iter().any(|&other| self.surface[other] != self.surface[pixel]) {
+            return [None; 2];
+        }
+        let [a, b, c, d] = around.map(|other| self.key[other]);
+        let key = (a == b && b == c && c == d && (a == 0.0 || a == 1.0)).then_some(a);
+        let [a, b, c, d] = around.map(|other| self.ambient[other]);
+        let spread = a.max(b).max(c.max(d)) - a.min(b).min(c.min(d));
+        let ambient = (spread < 0.04).then_some((a + b + c + d) * 0.25);
+        [key, ambient]
     }
 
     fn ambient_at(
@@ -272,6 +299,19 @@ fn mean_of_lines(taps: &[Tap<'_>; 5], key_out: &mut [f32], ambient_out: &mut [f3
         key_out[x] = if total > 0.0 { key * inverse } else { UNKNOWN };
         ambient_out[x] = if total > 0.0 { ambient * inverse } else { UNKNOWN };
     }
+}
+
+/// The pixels to estimate, coarse ones first, and where their estimated neighbours are:
+/// every other field of a chess board in three passes.
+fn passes(width: usize, height: usize) -> impl Iterator<Item = (usize, usize, Option<[[isize; 2]; 4]>)> {
+    const STRAIGHT: [[isize; 2]; 4] = [[-2, 0], [2, 0], [0, -2], [0, 2]];
+    const DIAGONAL: [[isize; 2]; 4] = [[-1, -1], [1, -1], [-1, 1], [1, 1]];
+    let row =
+        move |y: usize, first: usize, step: usize, around| (first..width).step_by(step).map(move |x| (x, y, around));
+    let coarse = (0..height).step_by(2).flat_map(move |y| row(y, y % 4, 4, None));
+    let middle = (0..height).step_by(2).flat_map(move |y| row(y, 2 - y % 4, 4, Some(STRAIGHT)));
+    let fine = (1..height).step_by(2).flat_map(move |y| row(y, 1, 2, Some(DIAGONAL)));
+    coarse.chain(middle).chain(fine)
 }
 
 /// Share of a pixel that was not estimated.

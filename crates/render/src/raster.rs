@@ -74,7 +74,8 @@ impl Target {
             return;
         }
         let middle_row = first_sample(b.y, self.height);
-        let gradient = Gradient::new(a, b, c, area);
+        // Most triangles are so small that they cover no sample.
+        let mut gradient = None;
         let long_slope = (c.x - a.x) / (c.y - a.y);
         for (upper, lower, rows) in [(a, b, first_row..middle_row), (b, c, middle_row..end_row)] {
             let short_slope = (lower.x - upper.x) / (lower.y - upper.y);
@@ -85,8 +86,9 @@ impl Target {
                 let (left, right) = if area > 0.0 { (long_x, short_x) } else { (short_x, long_x) };
                 let (start, end) = (first_sample(left, self.width), first_sample(right, self.width));
                 if start < end {
+                    let gradient = gradient.get_or_insert_with(|| Gradient::new(a, b, c, area));
                     let nearness = gradient.at(start as f64, f64::from(y));
-                    self.fill::<IDS>(row * self.width + start, end - start, nearness, &gradient, id);
+                    self.fill::<IDS>(row * self.width + start, end - start, nearness, gradient, id);
                 }
             }
         }

@@ -42,7 +42,7 @@ struct Spot {
     /// Visibility id; 0 is the background.
     id: u32,
     /// Column of the pixel.
-    column: usize,
+    column: u32,
     x: f32,
     y: f32,
     /// Share of the pixel's samples.
@@ -69,12 +69,17 @@ impl Resolve<'_> {
         let mut row = Row::default();
         let mut colors = Vec::new();
         for y in 0..height {
-            self.find_spots(y, &mut row);
+            match self.supersample {
+                1 => self.find_spots::<1>(y, &mut row),
+                2 => self.find_spots::<2>(y, &mut row),
+                3 => self.find_spots::<3>(y, &mut row),
+                _ => self.find_spots::<4>(y, &mut row),
+            }
             self.shade(y, &row.spots, background, &mut colors);
             row.sums.clear();
             row.sums.resize(width, Vec3A::ZERO);
             for (spot, &color) in row.spots.iter().zip(&colors) {
-                row.sums[spot.column] += color * spot.share;
+                row.sums[spot.column as usize] += color * spot.share;
             }
             for (x, spots, spot_of_sample) in &row.behind_glass {
                 row.sums[*x] = self.glass_over([*x, y], &colors[spots.clone()], spot_of_sample);
@@ -85,77 +90,61 @@ impl Resolve<'_> {
         }
     }
 
-    /// The spots of a row of pixels.
-    fn find_spots(&self, y: usize, row: &mut Row) {
+    /// The spots of a row of pixels with `N`² samples each.
+    fn find_spots<const N: usize>(&self, y: usize, row: &mut Row) {
         row.spots.clear();
         row.behind_glass.clear();
-        let n = self.supersample;
+        let [from, to] = self.view.glass_bounds;
+        let glass = self.glass.filter(|_| from[1] <= y && y <= to[1]);
+        let [rows, far, near] = [Some(self.opaque), glass.map(|[far, _]| far), glass.map(|[_, near]| near)]
+            .map(|target| target.map_or([[].as_slice(); N], |target| rows_of_samples(target, y)));
         for x in 0..self.view.lens.width {
-            let first = y * n * self.opaque.width + x * n;
-            let id = self.opaque.ids[first];
-            let has_glass = self.has_glass(x, y, first);
-            if !has_glass && self.is_filled(self.opaque, first, id) {
-                row.spots.push(Spot { id, column: x, x: x as i32 as f32, y: y as i32 as f32, share: 1.0 });
+            let id = rows[0][x * N];
+            let is_before_glass = glass.is_some() && from[0] <= x && x <= to[0];
+            let has_glass = is_before_glass && !(is_filled(&far, x, 0) && is_filled(&near, x, 0));
+            if !has_glass && is_filled(&rows, x, id) {
+                row.spots.push(Spot { id, column: x as u32, x: x as i32 as f32, y: y as i32 as f32, share: 1.0 });
                 continue;
             }
             let first_spot = row.spots.len();
-            let spot_of_sample = self.find_spots_of_pixel(x, y, first, &mut row.spots);
+            let spot_of_sample = self.find_spots_of_pixel::<N>(x, y, &rows, &mut row.spots);
             if has_glass {
                 row.behind_glass.push((x, first_spot..row.spots.len(), spot_of_sample));
             }
         }
     }
 
-    /// Whether all samples of a pixel show one id; without division, as this is asked for every pixel.
-    #[inline]
-    fn is_filled(&self, target: &Target, first: usize, id: u32) -> bool {
-        let n = self.supersample;
-        (0..n).all(|row| target.ids[first + row * target.width..][..n].iter().all(|&other| other == id))
-    }
-
-    #[inline]
-    fn has_glass(&self, x: usize, y: usize, first: usize) -> bool {
-        self.glass.is_some_and(|layers| {
-            let [from, to] = self.view.glass_bounds;
-            let is_inside = from[0] <= x && x <= to[0] && from[1] <= y && y <= to[1];
-            is_inside && !layers.iter().all(|layer| self.is_filled(layer, first, 0))
-        })
-    }
-
     /// Appends a spot per surface that a pixel's samples see; returns which one each sample belongs to.
-    fn find_spots_of_pixel(&self, x: usize, y: usize, first: usize, spots: &mut Vec<Spot>) -> [usize; MAX_SAMPLES] {
-        let n = self.supersample;
+    fn find_spots_of_pixel<const N: usize>(
+        &self,
+        x: usize,
+        y: usize,
+        rows: &[&[u32]; N],
+        spots: &mut Vec<Spot>,
+    ) -> [usize; MAX_SAMPLES] {
         let first_spot = spots.len();
         let mut spot_of_sample = [0; MAX_SAMPLES];
         let mut counts = [0.0; MAX_SAMPLES];
-        for (index, spot_of_sample) in spot_of_sample.iter_mut().enumerate().take(n * n) {
-            let id = self.opaque.ids[first + index / n * self.opaque.width + index % n];
+        for (index, spot_of_sample) in spot_of_sample.iter_mut().enumerate().take(N * N) {
+            let id = rows[index / N][x * N + index % N];
             let known = spots[first_spot..].iter().position(|spot| self.is_same_surface(spot.id, id));
             let spot = known.unwrap_or(spots.len() - first_spot);
             if known.is_none() {
-                spots.push(Spot { id, column: x, ..Spot::default() });
+                spots.push(Spot { id, column: x as u32, ..Spot::default() });
             }
             let entry = &mut spots[first_spot + spot];
             if entry.id == id {
-                let [x, y] = self.place(x, y, index);
+                let [x, y] = place(N, x, y, index);
                 (entry.x, entry.y) = (entry.x + x, entry.y + y);
                 counts[spot] += 1.0;
             }
-            entry.share += 1.0 / (n * n) as f32;
+            entry.share += 1.0 / (N * N) as f32;
             *spot_of_sample = spot;
         }
         for (spot, count) in spots[first_spot..].iter_mut().zip(counts) {
             (spot.x, spot.y) = (spot.x / count, spot.y / count);
         }
         spot_of_sample
-    }
-
-    /// Where a sample of a pixel lies on the image.
-    #[inline]
-    fn place(&self, x: usize, y: usize, sample: usize) -> [f32; 2] {
-        let n = self.supersample;
-        let along = |pixel: usize, step: usize| pixel as f32 + (step as f32 + 0.5) / n as f32 - 0.5;
-        [along(x, sample % n), along(y, sample / n)]
     }
 
     /// Whether two visibility ids belong to one smooth piece of surface.
@@ -199,9 +188,9 @@ impl Resolve<'_> {
         let depth = hits.depth.to_array();
         let (mut key_share, mut ambient_share) = ([1.0; 4], [1.0; 4]);
         for (lane, spot) in spots.iter().enumerate() {
-            match self.arrival.at(spot.column, y, spot.id >> TRIANGLE_BITS, depth[lane]) {
+            match self.arrival.at(spot.column as usize, y, spot.id >> TRIANGLE_BITS, depth[lane]) {
                 Some(shares) => [key_share[lane], ambient_share[lane]] = shares,
-                None => key_share[lane] = self.key_share(&hits, lane, [spot.column, y]),
+                None => key_share[lane] = self.key_share(&hits, lane, [spot.column as usize, y]),
             }
         }
         let points = hits.lit_by(gather(|lane| key_share[lane]), gather(|lane| ambient_share[lane]));
@@ -229,7 +218,7 @@ impl Resolve<'_> {
         let first = y * n * self.opaque.width + x * n;
         let sum = spot_of_sample.iter().take(n * n).enumerate().fold(Vec3A::ZERO, |sum, (index, &spot)| {
             let sample = first + index / n * self.opaque.width + index % n;
-            sum + self.behind_glass(colors[spot], sample, [x, y], self.place(x, y, index))
+            sum + self.behind_glass(colors[spot], sample, [x, y], place(n, x, y, index))
         });
         sum / (n * n) as f32
     }
@@ -256,4 +245,23 @@ impl Resolve<'_> {
             front + behind * tint * (1.0 - cover)
         })
     }
+}
+
+/// Where a sample of a pixel with `n`² samples lies on the image.
+#[inline]
+fn place(n: usize, x: usize, y: usize, sample: usize) -> [f32; 2] {
+    let along = |pixel: usize, step: usize| pixel as f32 + (step as f32 + 0.5) / n as f32 - 0.5;
+    [along(x, sample % n), along(y, sample / n)]
+}
+
+/// Ids of the rows of samples of a row of pixels.
+#[inline]
+fn rows_of_samples<const N: usize>(target: &Target, y: usize) -> [&[u32]; N] {
+    std::array::from_fn(|row| &target.ids[(y * N + row) * target.width..][..target.width])
+}
+
+/// Whether all samples of a pixel show one id.
+#[inline]
+fn is_filled<const N: usize>(rows: &[&[u32]; N], x: usize, id: u32) -> bool {
+    rows.iter().all(|row| row[x * N..][..N].iter().all(|&other| other == id))
 }

@@ -89,20 +89,20 @@ impl ShadowMap {
             return 0.0;
         }
         let taps = &tap_table()[pattern % 16];
-        let ahead = |radius: f32| -> [Vec4; HALVES] {
-            std::array::from_fn(|half| {
-                let [dx, dy] = [taps[half][0] * radius, taps[half][1] * radius];
-                let within = |place: Vec4| (place.max(Vec4::ZERO).min(Vec4::splat(limit)) + 0.5).to_array();
-                let (x, y) = (within(dx + place.x), within(dy + place.y));
-                let stored = gather(|lane| {
-                    self.map.nearness[y[lane] as i32 as usize * self.map.width + x[lane] as i32 as usize]
-                });
-                stored - (dx * tilt.x + dy * tilt.y + place.nearness)
-            })
+        // How much nearer to the light than the receiving plane the map is, at four taps.
+        let ahead = |half: usize, radius: f32| {
+            let (dx, dy) = (taps[half][0] * radius, taps[half][1] * radius);
+            let within = |place: Vec4| (place.max(Vec4::ZERO).min(Vec4::splat(limit)) + 0.5).to_array();
+            let (x, y) = (within(dx + place.x), within(dy + place.y));
+            let stored =
+                gather(|lane| self.map.nearness[y[lane] as i32 as usize * self.map.width + x[lane] as i32 as usize]);
+            stored - (dx * tilt.x + dy * tilt.y + place.nearness)
         };
+        let search = (self.spread * 0.5 * self.texels_per_m).clamp(2.0, MAX_RADIUS);
         let mut blockers = 0;
         let mut distance = Vec4::ZERO;
-        for ahead in ahead((self.spread * 0.5 * self.texels_per_m).clamp(2.0, MAX_RADIUS)) {
+        for half in 0..HALVES {
+            let ahead = ahead(half, search);
             blockers += ahead.cmpgt(Vec4::ZERO).bitmask().count_ones();
             distance += ahead.max(Vec4::ZERO);
         }
@@ -110,8 +110,9 @@ impl ShadowMap {
             return 1.0;
         }
         let radius = distance.element_sum() / blockers as f32 * self.spread * self.texels_per_m;
-        let open = ahead(radius.clamp(1.2, MAX_RADIUS)).map(|ahead| ahead.cmple(Vec4::ZERO).bitmask().count_ones());
-        open.iter().sum::<u32>() as f32 / TAPS as f32
+        let radius = radius.clamp(1.2, MAX_RADIUS);
+        let open: u32 = (0..HALVES).map(|half| ahead(half, radius).cmple(Vec4::ZERO).bitmask().count_ones()).sum();
+        open as f32 / TAPS as f32
     }
 
     fn on_map(&self, in_light: Vec3A) -> Corner {

@@ -174,6 +174,12 @@ fn the_same_job_gives_the_same_bytes_whatever_came_before() {
     let mut renderer = Renderer::new(assets, RenderVariation::default());
     renderer.render(&jobs, &mut out).unwrap();
     assert!(out[1] == first && out[3] == first);
+    // Shadows are kept from call to call: they must be those of the frame that is drawn.
+    for (job, expected) in jobs.iter().zip(&out) {
+        let mut alone = [FrameBuffers::default()];
+        renderer.render(&[*job], &mut alone).unwrap();
+        assert!(alone[0] == *expected);
+    }
 }
 
 #[test]

@@ -170,16 +170,20 @@ impl View {
         let keep_front = layer != Layer::TransparentBack;
         let keep_back = layer != Layer::TransparentFront && !part.closed;
         for (&triangle, id) in part.triangles.iter().zip(first_id..) {
-            let projected = triangle.map(|index| corners[index as usize]);
-            let [a, b, c] = projected;
+            let (a, b, c) =
+                (corners[triangle[0] as usize], corners[triangle[1] as usize], corners[triangle[2] as usize]);
             if a.depth.min(b.depth).min(c.depth) < NEAR_M {
                 if a.depth.max(b.depth).max(c.depth) >= NEAR_M {
                     self.draw_clipped(part, placed, triangle, [keep_front, keep_back], scale, id, target);
                 }
                 continue;
             }
-            let on_target = [a, b, c].map(|corner| corner.on_target(scale));
-            draw_facing(on_target, [keep_front, keep_back], id, target);
+            draw_facing(
+                [a.on_target(scale), b.on_target(scale), c.on_target(scale)],
+                [keep_front, keep_back],
+                id,
+                target,
+            );
         }
     }
 
@@ -258,7 +262,7 @@ fn include_corners(bounds: &mut [[usize; 2]; 2], corners: &[ProjectedCorner], le
 }
 
 /// Draws a triangle if its side is wanted: `keep` = [front, back].
-#[inline]
+#[inline(always)]
 pub(crate) fn draw_facing(corners: [Corner; 3], keep: [bool; 2], id: u32, target: &mut Target) {
     let [a, b, c] = corners;
     let area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
