@@ -4,6 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub use lab::{LabCommand, RelationsArguments};
+
+mod lab;
+
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
 #[derive(Debug, Parser)]
 #[command(name = "genmanip", version, about, max_term_width = 100)]
@@ -54,6 +58,12 @@ pub enum Command {
         after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-000.json > scene.xml"
     )]
     Export(ExportArguments),
+    /// Measure the parts on cases of your own: agreement, validity, processor time
+    Lab {
+        /// What to measure
+        #[command(subcommand)]
+        command: LabCommand,
+    },
     /// Say what this machine has, what is missing and how to mend it
     #[command(after_help = "Example:\n  genmanip doctor")]
     Doctor,

@@ -11,7 +11,7 @@ mod stop;
 
 use clap::Parser;
 
-use args::{Arguments, Command, TaskCommand};
+use args::{Arguments, Command, LabCommand, TaskCommand};
 use error::{ExitStatus, Failed};
 
 fn main() -> std::process::ExitCode {
@@ -37,6 +37,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Replay(arguments) => commands::replay::run(arguments, printer),
         Command::Report(arguments) => commands::report::run(arguments, printer),
         Command::Export(arguments) => commands::export::run(arguments, printer),
+        Command::Lab { command: LabCommand::Relations(arguments) } => commands::lab::relations::run(arguments, printer),
         Command::Doctor => commands::doctor::run(printer),
     }
 }

@@ -1,0 +1,25 @@
+//! What the user may type after `lab`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+/// Measurements that take data the project has not seen.
+#[derive(Debug, Subcommand)]
+pub enum LabCommand {
+    /// Compare a compatibility profile with recorded verdicts of the evaluator it reproduces
+    #[command(after_help = "Example:\n  genmanip lab relations --cases cases.json --profile genmanip-0.9 --json\n\n\
+                      The clouds are read from the archive beside the file: cases.npz.")]
+    Relations(RelationsArguments),
+}
+
+/// Arguments of `lab relations`.
+#[derive(Debug, Args)]
+pub struct RelationsArguments {
+    /// Recorded cases; the archive of clouds beside it has the ending .npz
+    #[arg(long, value_name = "FILE")]
+    pub cases: PathBuf,
+    /// Evaluator: genmanip-0.9 or suite-0.2.3
+    #[arg(long)]
+    pub profile: String,
+}

@@ -1,0 +1,11 @@
+//! `genmanip lab`: one module per measurement; figures are of one thread and in processor time.
+
+pub mod relations;
+
+use cpu_time::ThreadTime;
+
+/// A clock of this thread's processor time, in seconds since it was made.
+fn cpu_clock() -> impl FnMut() -> f64 {
+    let start = ThreadTime::now();
+    move || start.elapsed().as_secs_f64()
+}
