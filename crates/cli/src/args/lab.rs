@@ -11,6 +11,20 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab relations --cases cases.json --profile genmanip-0.9 --json\n\n\
                       The clouds are read from the archive beside the file: cases.npz.")]
     Relations(RelationsArguments),
+    /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
+    #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
+    Design(DesignArguments),
+}
+
+/// Arguments of `lab design`.
+#[derive(Debug, Args)]
+pub struct DesignArguments {
+    /// Seed
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Tasks, the six kinds in turn
+    #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
+    pub count: usize,
 }
 
 /// Arguments of `lab relations`.
