@@ -13,6 +13,9 @@ use crate::designer::things::things;
 /// Supports only; what several things share.
 const SUPPORTS: [Relation; 3] = [Relation::Top, Relation::On, Relation::In];
 
+/// Share of sentences that begin with the first step.
+const PLAIN_OPENINGS: f64 = 0.6;
+
 /// One step: what goes where, or where else.
 struct Step {
     subject: usize,
@@ -80,7 +83,7 @@ fn compose_steps(studio: &mut Studio) -> Option<Draft> {
 /// `Tidy up: put …`; what follows a colon begins small.
 fn opened(studio: &mut Studio, sentence: String) -> String {
     let opening = choose(&phrases().steps.opening, &mut studio.rng);
-    if opening.is_empty() {
+    if toss(studio, PLAIN_OPENINGS) {
         return sentence;
     }
     let mut letters = sentence.chars();

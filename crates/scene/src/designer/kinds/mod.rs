@@ -39,6 +39,9 @@ pub(super) fn compose(kind: TaskKind, studio: &mut Studio) -> Option<Draft> {
 
 /// Finishes a design whose scene is complete.
 fn draft(studio: &mut Studio, instruction: String, goal: Vec<Vec<Condition>>) -> Option<Draft> {
+    if studio.scene.len() < studio.settings.objects[0] {
+        return None;
+    }
     initial_states(studio);
     let description = describe(&studio.scene);
     Some(Draft { instruction: capitalised(&instruction), description, goal })
