@@ -7,7 +7,7 @@ use crate::{genmanip, program};
 #[test]
 fn help_of_every_verb_reads_well_and_shows_an_example() {
     let folder = tempfile::tempdir().unwrap();
-    let verbs: [&[&str]; 13] = [
+    let verbs: &[&[&str]] = &[
         &["demo"],
         &["task", "new"],
         &["task", "check"],
@@ -19,6 +19,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["report"],
         &["export"],
         &["lab", "relations"],
+        &["lab", "expert"],
         &["lab", "design"],
         &["doctor"],
     ];
