@@ -20,7 +20,7 @@ fn report(seed: u64, count: usize) -> DesignReport {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
 
     /// Valid, understood, short, and all kinds and relations near their quotas.
     #[test]

@@ -11,7 +11,7 @@ use crate::designer::studio::{Place, Studio};
 use crate::designer::things::things;
 
 /// Share of things that are only wanted near by.
-const AT_HAND: f64 = 0.5;
+const AT_HAND: f64 = 0.8;
 
 /// A scene with exactly one thing that meets the need.
 pub(super) fn compose(studio: &mut Studio) -> Option<Draft> {

@@ -25,8 +25,9 @@ struct Step {
 
 /// Steps in a row, two things to one place, or a tower.
 pub(super) fn compose(studio: &mut Studio) -> Option<Draft> {
-    match studio.rng.random_range(0..10) {
-        0 | 1 => compose_pair(studio),
+    // Pairs and towers nearly always work out, steps often do not and are drawn again.
+    match studio.rng.random_range(0..40) {
+        0..2 => compose_pair(studio),
         2 => compose_tower(studio),
         _ => compose_steps(studio),
     }
