@@ -1,6 +1,8 @@
 //! `genmanip lab`: one module per measurement; figures are of one thread and in processor time.
 
+pub mod answers;
 pub mod relations;
+mod rendered;
 
 use cpu_time::ThreadTime;
 
