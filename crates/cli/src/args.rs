@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{AnswersArguments, LabCommand, RelationsArguments};
+pub use lab::{AnswersArguments, ExpertArguments, LabCommand, RelationsArguments};
 
 mod lab;
 

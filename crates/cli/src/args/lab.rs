@@ -18,6 +18,10 @@ pub enum LabCommand {
     #[command(after_help = "Examples:\n  genmanip lab answers --seed 1 --count 10000 --json\n  \
                       genmanip lab answers --seed 1 --minutes 10 --json")]
     Answers(AnswersArguments),
+    /// Let the expert (oracle) try tasks, each on fresh layouts until an attempt is verified
+    #[command(after_help = "Example:\n  genmanip lab expert --tasks examples/tasks --seed 2000 --json\n\n\
+                      One thread; processor time covers layout, planning, physics and checks.")]
+    Expert(ExpertArguments),
 }
 
 /// Arguments of `lab answers`.
@@ -58,4 +62,18 @@ pub struct RelationsArguments {
     /// Tasks that are laid out in turn: a file or a folder
     #[arg(long, value_name = "PATH", default_value = "examples/tasks", requires = "rendered")]
     pub tasks: PathBuf,
+}
+
+/// Arguments of `lab expert`.
+#[derive(Debug, Args)]
+pub struct ExpertArguments {
+    /// Seed of tasks, layouts and attempts
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Attempts at a task before it counts as not solved
+    #[arg(long, default_value_t = 5)]
+    pub tries: u64,
+    /// Tasks: recorded answers, task documents or folders of them
+    #[arg(long, value_name = "PATH", required = true)]
+    pub tasks: Vec<PathBuf>,
 }
