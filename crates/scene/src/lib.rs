@@ -9,7 +9,9 @@
 
 pub mod answer;
 pub mod clouds;
+pub mod designer;
 mod hull;
 pub mod observed;
 mod planar;
+pub mod references;
 pub mod relations;
