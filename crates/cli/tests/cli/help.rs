@@ -19,6 +19,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["report"],
         &["export"],
         &["lab", "relations"],
+        &["lab", "answers"],
         &["lab", "expert"],
         &["lab", "design"],
         &["doctor"],
