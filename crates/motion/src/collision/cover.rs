@@ -24,7 +24,7 @@ pub(crate) fn cover(body: &Convex) -> Vec<Ball> {
 }
 
 /// Corners of a polyhedron that holds the core.
-fn corners(core: &Core) -> Vec<DVec3> {
+pub(super) fn corners(core: &Core) -> Vec<DVec3> {
     const SIDES: usize = 16;
     let prism = |radius: f64, half_height: f64| {
         // Circumscribed: its sides touch the circle.

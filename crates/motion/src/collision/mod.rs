@@ -6,6 +6,8 @@ pub(crate) mod convex;
 mod cover;
 mod fast;
 mod lanes;
+mod narrow;
+mod edge;
 mod pair_table;
 pub(crate) mod robot_shape;
 #[cfg(test)]

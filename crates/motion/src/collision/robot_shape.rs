@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use super::convex::{Ball, Convex, GeometryError};
 use super::cover::cover;
+use super::narrow::Skeleton;
 use super::pair_table::PairTable;
 use super::world::compile;
 use crate::chain::{Chain, ModelError};
@@ -27,6 +28,8 @@ pub(crate) struct LinkShape {
     pub(crate) pieces: Vec<Convex>,
     /// Balls that hold the pieces, in the link's frame.
     pub(crate) cover: Vec<Ball>,
+    /// The pieces for the closer look.
+    pub(crate) skeletons: Vec<Skeleton>,
 }
 
 /// A robot model that cannot be compiled for collision checks.
@@ -50,7 +53,8 @@ impl RobotShape {
             .map(|link| {
                 let pieces = compile(&link.name, &link.pieces)?;
                 let cover = pieces.iter().flat_map(cover).collect();
-                Ok(LinkShape { name: link.name.clone(), pieces, cover })
+                let skeletons = pieces.iter().map(Skeleton::new).collect();
+                Ok(LinkShape { name: link.name.clone(), pieces, cover, skeletons })
             })
             .collect::<Result<Vec<_>, GeometryError>>()?;
         let frame = |link: usize| chain.link_mount(link, 0.0).0;

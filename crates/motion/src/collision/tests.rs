@@ -140,7 +140,7 @@ fn covers_hold_their_bodies() {
 fn lane_sine_is_precise() {
     for index in -4000..=4000 {
         let x = index as f32 * 0.002;
-        let error = (f64::from(lanes::Lanes::all(x).sin().0[0]) - f64::from(x).sin()).abs();
+        let error = (f64::from(lanes::Lanes::all(x).sin().to_array()[0]) - f64::from(x).sin()).abs();
         assert!(error < 5e-7, "sin {x}: {error}");
     }
 }
