@@ -1,6 +1,7 @@
 //! What is tested against what: the moving bodies, the obstacles around them, and exact answers about pairs.
 
 use super::convex::{self, Ball, Convex, Separation};
+use super::cover::CoverBall;
 use super::narrow::Skeleton;
 use super::pair_table::PairTable;
 use super::robot_shape::{LinkShape, RobotShape, ball_around};
@@ -18,7 +19,7 @@ pub(super) struct Body<'a> {
     pub(super) frame: usize,
     pub(super) frame_from_body: Rigid,
     pub(super) pieces: &'a [Convex],
-    pub(super) cover: &'a [Ball],
+    pub(super) cover: &'a [CoverBall],
     pub(super) skeletons: &'a [Skeleton],
     /// Ball around the body, in the moving frame.
     pub(super) ball: Ball,
@@ -144,8 +145,8 @@ pub(super) fn bodies_separation(
 }
 
 pub(super) fn bodies<'a>(robot: &'a RobotShape, attached: Option<&'a Attached>, gripper_width: f64) -> Vec<Body<'a>> {
-    let around = |frame_from_body: &Rigid, cover: &[Ball]| {
-        ball_around(cover.iter().map(|ball| moved(frame_from_body, ball)))
+    let around = |frame_from_body: &Rigid, cover: &[CoverBall]| {
+        ball_around(cover.iter().map(|ball| moved(frame_from_body, &ball.ball)))
     };
     let links = robot.links.iter().enumerate().filter(|(_, link)| !link.pieces.is_empty()).map(|(index, link)| {
         let (frame, frame_from_body) = robot.chain.link_mount(index, gripper_width);

@@ -1,10 +1,13 @@
 //! Tests of configurations and of straight joint-space edges for one robot, world and carried object.
 
+use std::cell::RefCell;
+
 use super::bodies::{
     Body, BodyPair, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved, reaches,
 };
 use super::convex::Separation;
-use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, FastPiece};
+use super::cover::CoverBall;
+use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, FastPiece, Scratch};
 use super::robot_shape::RobotShape;
 use super::world::{Allowed, Attached, World};
 
@@ -48,6 +51,8 @@ pub struct Checker<'a> {
     pub(super) reach: Vec<f64>,
     /// The same scene for the fast path.
     pub(super) fast: FastModel<'a>,
+    /// Storage of the fast path.
+    pub(super) scratch: RefCell<Scratch>,
 }
 
 impl<'a> Checker<'a> {
@@ -75,7 +80,7 @@ impl<'a> Checker<'a> {
         let widest = |joint: usize| reaches.iter().map(|body| body[joint]).fold(0.0, f64::max);
         let reach = (0..robot.chain.dof()).map(widest).collect();
         let fast = fast_model(robot, &bodies, &obstacles);
-        let mut checker = Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reaches, reach, fast };
+        let mut checker = Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reaches, reach, fast, scratch: RefCell::default() };
         checker.refresh_fast_margins();
         checker
     }
@@ -193,12 +198,13 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target])
         parent_from_joint: (&joint.parent_from_joint).into(),
         slides: joint.slides,
     };
+    let placed = |body: &Body, cover: &CoverBall| CoverBall { ball: moved(&body.frame_from_body, &cover.ball), ..*cover };
     let body = |body: &Body<'a>| FastBody {
         frame: body.frame,
         frame_from_body: (&body.frame_from_body).into(),
         skeletons: body.skeletons,
         ball: (&body.ball).into(),
-        cover: body.cover.iter().map(|ball| (&moved(&body.frame_from_body, ball)).into()).collect(),
+        cover: body.cover.iter().map(|ball| (&placed(body, ball)).into()).collect(),
     };
     let piece = |piece: &TargetPiece| FastPiece::new(&piece.convex.core, piece.convex.radius, &piece.core_from_world);
     let obstacle = |target: &Target| FastObstacle {

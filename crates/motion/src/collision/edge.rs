@@ -1,5 +1,7 @@
 //! Tests of straight joint-space edges, eight states at a time.
 
+use std::cell::RefMut;
+
 use super::bodies::{BodyPair, LOOK, bodies_separation};
 use super::checker::Checker;
 use super::convex::Separation;
@@ -28,17 +30,18 @@ impl Checker<'_> {
     pub fn edge_is_free(&self, from: &[f64], to: &[f64], spacing: f64) -> bool {
         let steps = self.edge_steps(from, to, spacing);
         let batches = steps.div_ceil(LANES);
-        let mut config = vec![Lanes::all(0.0); from.len()];
-        let swell = vec![0.0; self.bodies.len()];
-        let mut scratch = Scratch::default();
+        let mut scratch = self.scratch.borrow_mut();
+        scratch.config.resize(from.len(), Lanes::all(0.0));
+        scratch.swell.clear();
+        scratch.swell.resize(self.bodies.len(), 0.0);
         let mut proven_pairs = vec![false; self.body_pairs.len()];
         // The lanes are spread over the edge and walk backwards together; the first state is the caller's to test.
         (0..batches).rev().all(|batch| {
             let time = |lane: usize| ((lane * batches + batch + 1).min(steps)) as f64 / steps as f64;
-            for ((q, a), b) in config.iter_mut().zip(from).zip(to) {
+            for ((q, a), b) in scratch.config.iter_mut().zip(from).zip(to) {
                 *q = Lanes::from_array(std::array::from_fn(|lane| (a + (b - a) * time(lane)) as f32));
             }
-            if !fast::find_doubts(&self.fast, &config, &swell, &mut scratch) {
+            if !fast::find_doubts(&self.fast, &mut scratch) {
                 return false;
             }
             let pairs_are_free = scratch.doubts.iter().all(|doubt| match *doubt {
@@ -68,7 +71,7 @@ impl Checker<'_> {
         let mut stretches: Vec<Stretch> = (0..edges.len())
             .flat_map(|edge| (0..per_edge).map(move |k| Stretch { edge, middle: half * (2 * k + 1) as f64 }))
             .collect();
-        let mut query = Query { checker: self, edges, speeds, spacing, proven: Vec::new(), scratch: Scratch::default() };
+        let mut query = Query { checker: self, edges, speeds, spacing, proven: Vec::new(), scratch: self.scratch.borrow_mut() };
         while !stretches.is_empty() {
             let last = longest * half * 2.0 <= spacing;
             let Some(open) = query.level(&stretches, half, last) else { return false };
@@ -154,7 +157,7 @@ struct Query<'a, 'c> {
     spacing: f64,
     /// Edges and pairs of bodies that are known to keep their distance.
     proven: Vec<(usize, usize)>,
-    scratch: Scratch,
+    scratch: RefMut<'a, Scratch>,
 }
 
 impl Query<'_, '_> {
@@ -164,10 +167,10 @@ impl Query<'_, '_> {
         let mut open = Vec::new();
         let batches = stretches.len().div_ceil(LANES);
         let dof = self.checker.robot.chain.dof();
-        let mut config = vec![Lanes::all(0.0); dof];
+        self.scratch.config.resize(dof, Lanes::all(0.0));
         for batch in 0..batches {
             let at = |lane: usize| stretches[(lane * batches + batch).min(stretches.len() - 1)];
-            for (joint, q) in config.iter_mut().enumerate() {
+            for (joint, q) in self.scratch.config.iter_mut().enumerate() {
                 *q = Lanes::from_array(std::array::from_fn(|lane| {
                     let Stretch { edge, middle } = at(lane);
                     let [from, to] = self.edges[edge];
@@ -176,8 +179,10 @@ impl Query<'_, '_> {
             }
             let widest = |body: usize| (0..LANES).map(|lane| self.speeds[at(lane).edge][body]).fold(0.0, f64::max);
             let reach = if last { 0.0 } else { half };
-            let swell: Vec<f32> = (0..self.checker.bodies.len()).map(|body| (widest(body) * reach) as f32).collect();
-            if !fast::find_doubts(&self.checker.fast, &config, &swell, &mut self.scratch) {
+            let swell = (0..self.checker.bodies.len()).map(|body| (widest(body) * reach) as f32);
+            self.scratch.swell.clear();
+            self.scratch.swell.extend(swell);
+            if !fast::find_doubts(&self.checker.fast, &mut self.scratch) {
                 return None;
             }
             let mut doubtful = 0;

@@ -6,6 +6,7 @@
 use multiversion::multiversion;
 
 use super::convex::{Ball, Core};
+use super::cover::CoverBall;
 use super::lanes::{LANES, Lanes};
 use super::narrow::{Skeleton, Verdict};
 use crate::rigid::Rigid;
@@ -87,6 +88,8 @@ pub(super) struct Transform {
 pub(super) struct FastBall {
     center: [f32; 3],
     radius: f32,
+    /// Everything within this distance of the centre belongs to the body; 0 where that is not known.
+    inner: f32,
 }
 
 /// A pair that may be too near; for obstacles in the lanes whose bit is set.
@@ -99,40 +102,57 @@ pub(super) enum Doubt {
 pub(super) type Point = [Lanes; 3];
 
 /// `world_from_frame` in every lane: columns of the rotation, and the origin.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct LaneFrame {
     pub(super) columns: [Point; 3],
     pub(super) origin: Point,
 }
 
+/// A body and an obstacle whose balls do not prove clearance in some lanes.
+#[derive(Clone, Copy, Debug)]
+struct Near {
+    body: usize,
+    obstacle: usize,
+    lanes: u8,
+    accept: f32,
+    reject: f32,
+}
+
 /// Storage that is used again from batch to batch.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
+    /// One position per joint and lane.
+    pub(super) config: Vec<Lanes>,
+    /// Per body: added to the distance that proves clearance.
+    pub(super) swell: Vec<f32>,
     frames: Vec<LaneFrame>,
     centers: Vec<Point>,
     cover: Vec<Point>,
+    near: Vec<Near>,
     pub(super) doubts: Vec<Doubt>,
 }
 
-/// Lists the pairs that are not proven clear; `config` holds one position per joint and lane.
+/// Lists the pairs that are not proven clear in the scratch's configurations.
 ///
-/// `swell` is added per body to the distance that proves clearance. Returns `false`, the list unfinished, as soon as
+/// Returns `false`, the list unfinished, as soon as
 /// a body and an obstacle certainly do not keep their distance in one of the lanes.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
-pub(super) fn find_doubts(model: &FastModel<'_>, config: &[Lanes], swell: &[f32], scratch: &mut Scratch) -> bool {
+pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool {
     scratch.doubts.clear();
-    forward(model, config, &mut scratch.frames);
+    forward(model, &scratch.config, &mut scratch.frames);
     scratch.centers.clear();
     for body in &model.bodies {
         scratch.centers.push(place(&scratch.frames[body.frame], body.ball.center));
     }
     let count = model.obstacles.len();
-    for (index, body) in model.bodies.iter().enumerate() {
+    scratch.near.clear();
+    // From the hand to the base: most contacts are at the tip, and one is enough.
+    for (index, body) in model.bodies.iter().enumerate().rev() {
         let center = scratch.centers[index];
         scratch.cover.clear();
         for (other, obstacle) in model.obstacles.iter().enumerate() {
             let Some(margin) = model.margins[index * count + other] else { continue };
-            let accept = margin.accept + swell[index];
+            let accept = margin.accept + scratch.swell[index];
             let near = near_obstacle(obstacle, &center, body.ball.radius + accept);
             if near == 0 {
                 continue;
@@ -140,26 +160,31 @@ pub(super) fn find_doubts(model: &FastModel<'_>, config: &[Lanes], swell: &[f32]
             place_all(&scratch.frames[body.frame], &body.cover, &mut scratch.cover);
             let mut lanes = 0;
             for (ball, center) in body.cover.iter().zip(&scratch.cover) {
-                lanes |= near_obstacle(obstacle, center, ball.radius + accept);
-                if lanes == near {
-                    break;
+                let found = compare(obstacle, center, ball, accept, margin.reject);
+                if found.touching != 0 {
+                    return false;
                 }
+                lanes |= found.undecided;
             }
-            if lanes == 0 {
-                continue;
+            if lanes != 0 {
+                scratch.near.push(Near { body: index, obstacle: other, lanes, accept, reject: margin.reject });
             }
-            let verdict = look(body, obstacle, &scratch.frames[body.frame], accept, margin.reject, lanes);
-            if verdict.touching != 0 {
-                return false;
-            }
-            if verdict.undecided != 0 {
-                scratch.doubts.push(Doubt::Obstacle { body: index, obstacle: other, lanes: verdict.undecided });
-            }
+        }
+    }
+    for near in &scratch.near {
+        let body = &model.bodies[near.body];
+        let verdict = look(body, &model.obstacles[near.obstacle], &scratch.frames[body.frame], near);
+        if verdict.touching != 0 {
+            return false;
+        }
+        if verdict.undecided != 0 {
+            let Near { body, obstacle, .. } = *near;
+            scratch.doubts.push(Doubt::Obstacle { body, obstacle, lanes: verdict.undecided });
         }
     }
     for (pair, &(first, second, margin)) in model.body_pairs.iter().enumerate() {
         let (a, b) = (&model.bodies[first], &model.bodies[second]);
-        let margin = margin + swell[first] + swell[second];
+        let margin = margin + scratch.swell[first] + scratch.swell[second];
         let reach = a.ball.radius + b.ball.radius + margin;
         let near = near_point(&scratch.centers[first], &scratch.centers[second], reach);
         if near == 0 {
@@ -189,14 +214,8 @@ pub(super) fn find_doubts(model: &FastModel<'_>, config: &[Lanes], swell: &[f32]
 
 /// The closer look at one body and one obstacle, piece by piece.
 #[inline(always)]
-fn look(
-    body: &FastBody,
-    obstacle: &FastObstacle,
-    frame: &LaneFrame,
-    accept: f32,
-    reject: f32,
-    lanes: u8,
-) -> Verdict {
+fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near) -> Verdict {
+    let Near { lanes, accept, reject, .. } = *near;
     let mut found = Verdict::default();
     let world_from_body = then(frame, &body.frame_from_body);
     for skeleton in body.skeletons {
@@ -265,6 +284,22 @@ fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
     obstacle.pieces.iter().fold(0, |lanes, piece| lanes | piece.near(center, reach))
 }
 
+/// Compares a ball of a body with an obstacle: near (undecided) or certainly touching, lane by lane.
+#[inline(always)]
+fn compare(obstacle: &FastObstacle, center: &Point, ball: &FastBall, accept: f32, reject: f32) -> Verdict {
+    let mut found = Verdict::default();
+    for piece in &obstacle.pieces {
+        let squared = piece.squared_distance(center);
+        let reach = ball.radius + accept + piece.rounding + ROUNDING;
+        found.undecided |= (squared - Lanes::all(reach * reach)).not_positive();
+        let touch = ball.inner + reject + piece.rounding - ROUNDING;
+        if found.undecided != 0 && ball.inner > 0.0 && reject >= 0.0 && piece.exact && touch > 0.0 {
+            found.touching |= (squared - Lanes::all(touch * touch)).not_positive();
+        }
+    }
+    found
+}
+
 #[inline(always)]
 fn near_point(a: &Point, b: &Point, reach: f32) -> u8 {
     let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -276,14 +311,20 @@ fn near_point(a: &Point, b: &Point, reach: f32) -> u8 {
 impl FastPiece {
     #[inline(always)]
     fn near(&self, center: &Point, reach: f32) -> u8 {
+        let reach = reach + self.rounding + ROUNDING;
+        (self.squared_distance(center) - Lanes::all(reach * reach)).not_positive()
+    }
+
+    /// Squared distance from a point in the world to the primitive without its rounding.
+    #[inline(always)]
+    fn squared_distance(&self, center: &Point) -> Lanes {
         let Transform { rows, translation } = &self.core_from_world;
         let local = |k: usize| {
             center[0] * rows[k][0] + center[1] * rows[k][1] + center[2] * rows[k][2] + Lanes::all(translation[k])
         };
         let point = [local(0), local(1), local(2)];
         let away = subtract(point, self.nearest(&point));
-        let reach = reach + self.rounding + ROUNDING;
-        (dot(away, away) - Lanes::all(reach * reach)).not_positive()
+        dot(away, away)
     }
 
     /// The point of the primitive, without its rounding, that is nearest to `point`, both in its own frame.
@@ -385,7 +426,13 @@ impl From<&Rigid> for Transform {
 
 impl From<&Ball> for FastBall {
     fn from(ball: &Ball) -> Self {
-        Self { center: ball.center.as_vec3().to_array(), radius: ball.radius as f32 }
+        Self { center: ball.center.as_vec3().to_array(), radius: ball.radius as f32, inner: 0.0 }
+    }
+}
+
+impl From<&CoverBall> for FastBall {
+    fn from(ball: &CoverBall) -> Self {
+        Self { inner: ball.inner as f32, ..Self::from(&ball.ball) }
     }
 }
 

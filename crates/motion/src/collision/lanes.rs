@@ -27,7 +27,7 @@ impl Lanes {
         Self(f32x8::new(values))
     }
 
-    #[cfg(test)]
+    #[inline(always)]
     pub(crate) fn to_array(self) -> [f32; LANES] {
         self.0.to_array()
     }
@@ -36,6 +36,12 @@ impl Lanes {
     #[inline(always)]
     pub(crate) fn max(self, other: f32) -> Self {
         Self(self.0.fast_max(f32x8::splat(other)))
+    }
+
+    /// The smaller of two; not for numbers that are not finite.
+    #[inline(always)]
+    pub(crate) fn lower(self, other: Self) -> Self {
+        Self(self.0.fast_min(other.0))
     }
 
     /// The smaller of two; not for numbers that are not finite.

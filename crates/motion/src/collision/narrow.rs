@@ -18,7 +18,7 @@ const STEPS: usize = 5;
 /// Hulls with more corners are thinned out.
 const MANY_CORNERS: usize = 32;
 /// Distance that may be lost when corners are left out, m.
-const THINNING: f64 = 0.0008;
+const THINNING: f64 = 0.0015;
 
 /// Corners that stand for a convex body, in the frame of its owner.
 #[derive(Clone, Debug)]
@@ -115,18 +115,16 @@ impl Skeleton {
     #[inline(always)]
     fn lowest(&self, direction: &Point) -> (Lanes, Point) {
         let mut best = Lanes::all(f32::MAX);
-        let mut corner = [Lanes::all(0.0); 3];
+        let mut lowest = Lanes::all(0.0);
+        let mut index = 0.0;
         for &[x, y, z] in &self.corners {
             let along = direction[0] * x + direction[1] * y + direction[2] * z;
-            let better = along.below(best);
-            best = better.pick(along, best);
-            corner = [
-                better.pick(Lanes::all(x), corner[0]),
-                better.pick(Lanes::all(y), corner[1]),
-                better.pick(Lanes::all(z), corner[2]),
-            ];
+            lowest = along.below(best).pick(Lanes::all(index), lowest);
+            best = along.lower(best);
+            index += 1.0;
         }
-        (best, corner)
+        let chosen = lowest.to_array().map(|index| self.corners.get(index as usize).copied().unwrap_or(self.center));
+        (best, [0, 1, 2].map(|axis| Lanes::from_array(chosen.map(|corner| corner[axis]))))
     }
 }
 

@@ -130,8 +130,14 @@ fn covers_hold_their_bodies() {
             // Points between boundary points are inside, because the body is convex.
             let (a, b, t) = (body.support(draw()), body.support(draw()), (draw().x + 1.0) / 2.0);
             let point = a.lerp(b, t);
-            let outside = balls.iter().map(|ball| ball.center.distance(point) - ball.radius).fold(f64::MAX, f64::min);
+            let outside = balls.iter().map(|cover| cover.ball.center.distance(point) - cover.ball.radius).fold(f64::MAX, f64::min);
             assert!(outside < 1e-9, "{shape:?}: {point} is {outside} m outside its {} balls", balls.len());
+            // And whatever is within the inner radius is inside: no support plane cuts it off.
+            let outward = draw().normalize();
+            for cover::CoverBall { ball, inner } in &balls {
+                let room = (body.support(outward) - ball.center).dot(outward);
+                assert!(*inner <= room.max(0.0) + 1e-9, "{shape:?}: {inner} m around {} are not inside", ball.center);
+            }
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use genmanip_core::{Piece, Pose};
 
-use super::convex::{Ball, Convex, GeometryError};
-use super::cover::cover;
+use super::convex::{Convex, GeometryError};
+use super::cover::{CoverBall, cover};
 use super::narrow::Skeleton;
 use crate::rigid::Rigid;
 
@@ -38,7 +38,7 @@ pub struct Attached {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
     /// Balls that hold the pieces, in the object's frame.
-    pub(crate) cover: Vec<Ball>,
+    pub(crate) cover: Vec<CoverBall>,
     pub(crate) skeletons: Vec<Skeleton>,
     pub(crate) tcp_from_object: Rigid,
 }
