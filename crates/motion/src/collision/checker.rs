@@ -9,7 +9,7 @@ use super::convex::Separation;
 use super::cover::CoverBall;
 use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, FastPiece, Scratch};
 use super::robot_shape::RobotShape;
-use super::world::{Allowed, Attached, World};
+use super::world::{Allowed, Attached, Part, World};
 
 /// Two things that are too close.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,6 +115,21 @@ impl<'a> Checker<'a> {
             note(a.name, b.name, margin, bodies_separation(a, b, &world_from_a, &world_from_b, margin));
         }
         worst.map(|(_, report)| report)
+    }
+
+    /// Pairs of links that penetrate each other.
+    pub(crate) fn touching_links(&self, config: &[f64]) -> Vec<(usize, usize)> {
+        let frames = self.robot.chain.frames(config);
+        let touching = |pair: &BodyPair| {
+            let [a, b] = [pair.first, pair.second].map(|index| &self.bodies[index]);
+            let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
+            let (Part::Link(first), Part::Link(second)) = (a.part, b.part) else { return None };
+            match bodies_separation(a, b, &world_from_a, &world_from_b, 0.0) {
+                Separation::Within(distance) if distance <= 0.0 => Some((first, second)),
+                _ => None,
+            }
+        };
+        self.body_pairs.iter().filter_map(touching).collect()
     }
 
     /// Whether every pair keeps its distance.
