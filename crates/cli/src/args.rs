@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{ExpertArguments, LabCommand, RelationsArguments};
+pub use lab::{ExpertArguments, LabCommand, MotionArguments, RelationsArguments};
 
 mod lab;
 

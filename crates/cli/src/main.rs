@@ -6,6 +6,7 @@ mod error;
 mod inputs;
 mod pictures;
 mod printer;
+mod robots;
 mod run_folder;
 mod stop;
 
@@ -40,6 +41,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Lab { command } => match command {
             LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
             LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
+            LabCommand::Motion(arguments) => commands::lab::motion::run(arguments, printer),
         },
         Command::Doctor => commands::doctor::run(printer),
     }

@@ -3,7 +3,8 @@
 use std::cell::RefCell;
 
 use super::bodies::{
-    Body, BodyPair, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved, reaches,
+    Body, BodyPair, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved,
+    reaches,
 };
 use super::convex::Separation;
 use super::cover::CoverBall;
@@ -80,7 +81,17 @@ impl<'a> Checker<'a> {
         let widest = |joint: usize| reaches.iter().map(|body| body[joint]).fold(0.0, f64::max);
         let reach = (0..robot.chain.dof()).map(widest).collect();
         let fast = fast_model(robot, &bodies, &obstacles);
-        let mut checker = Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reaches, reach, fast, scratch: RefCell::default() };
+        let mut checker = Self {
+            robot,
+            bodies,
+            obstacles,
+            obstacle_margin,
+            body_pairs,
+            reaches,
+            reach,
+            fast,
+            scratch: RefCell::default(),
+        };
         checker.refresh_fast_margins();
         checker
     }
@@ -213,7 +224,8 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target])
         parent_from_joint: (&joint.parent_from_joint).into(),
         slides: joint.slides,
     };
-    let placed = |body: &Body, cover: &CoverBall| CoverBall { ball: moved(&body.frame_from_body, &cover.ball), ..*cover };
+    let placed =
+        |body: &Body, cover: &CoverBall| CoverBall { ball: moved(&body.frame_from_body, &cover.ball), ..*cover };
     let body = |body: &Body<'a>| FastBody {
         frame: body.frame,
         frame_from_body: (&body.frame_from_body).into(),

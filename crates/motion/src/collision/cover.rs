@@ -38,9 +38,7 @@ fn depth_in(core: &Core, point: DVec3) -> f64 {
         Core::Point => -point.length(),
         Core::Segment(half_length) => -point.distance(DVec3::Z * point.z.clamp(-half_length, *half_length)),
         Core::Box(half) => (*half - point.abs()).min_element(),
-        Core::Cylinder { radius, half_height } => {
-            (radius - point.truncate().length()).min(half_height - point.z.abs())
-        }
+        Core::Cylinder { radius, half_height } => (radius - point.truncate().length()).min(half_height - point.z.abs()),
         // Of a ball stretched along its axes.
         Core::Ellipsoid(radii) => (1.0 - (point / *radii).length()) * radii.min_element(),
         Core::Hull { corners, .. } => depth_in_hull(corners, point),

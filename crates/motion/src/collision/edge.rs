@@ -71,7 +71,8 @@ impl Checker<'_> {
         let mut stretches: Vec<Stretch> = (0..edges.len())
             .flat_map(|edge| (0..per_edge).map(move |k| Stretch { edge, middle: half * (2 * k + 1) as f64 }))
             .collect();
-        let mut query = Query { checker: self, edges, speeds, spacing, proven: Vec::new(), scratch: self.scratch.borrow_mut() };
+        let mut query =
+            Query { checker: self, edges, speeds, spacing, proven: Vec::new(), scratch: self.scratch.borrow_mut() };
         while !stretches.is_empty() {
             let last = longest * half * 2.0 <= spacing;
             let Some(open) = query.level(&stretches, half, last) else { return false };
@@ -87,7 +88,8 @@ impl Checker<'_> {
 
     /// The largest speed of any point of each body along an edge that takes unit time.
     fn speeds(&self, from: &[f64], to: &[f64]) -> Vec<f64> {
-        let speed = |reach: &Vec<f64>| reach.iter().zip(from).zip(to).map(|((reach, a), b)| reach * (a - b).abs()).sum();
+        let speed =
+            |reach: &Vec<f64>| reach.iter().zip(from).zip(to).map(|((reach, a), b)| reach * (a - b).abs()).sum();
         self.reaches.iter().map(speed).collect()
     }
 

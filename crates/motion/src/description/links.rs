@@ -7,7 +7,7 @@ use genmanip_core::{
 use roxmltree::Node;
 
 use super::tree::Tree;
-use super::{DescriptionError, mesh};
+use super::{DescriptionError, MeshFile, mesh};
 
 /// What URDF does not say about a joint: rad/s² or m/s², and rad/s³ or m/s³.
 const ACCELERATION: f64 = 10.0;
@@ -15,7 +15,7 @@ const JERK: f64 = 5000.0;
 
 pub(super) fn read(
     tree: &Tree,
-    load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+    load: &mut dyn FnMut(&str) -> Result<MeshFile, String>,
 ) -> Result<Vec<RobotLink>, DescriptionError> {
     // Planning needs no masses; a unit mass keeps the model well formed.
     let mass = MassProperties { mass_kg: 1.0, center: DVec3::ZERO, inertia: DMat3::IDENTITY };
@@ -55,12 +55,13 @@ fn joint(place: &str, node: Node) -> Result<Option<RobotJoint>, DescriptionError
     };
     let Some(axis) = axis.try_normalize() else { return bad("axis", "a direction", &axis.to_string()) };
     let limit = child("limit");
-    let number = |attribute: &'static str, missing: Option<f64>| {
-        match (limit.and_then(|limit| limit.attribute(attribute)), missing) {
-            (Some(text), _) => finite(place, attribute, text),
-            (None, Some(value)) => Ok(value),
-            (None, None) => finite(place, attribute, "nothing"),
-        }
+    let number = |attribute: &'static str, missing: Option<f64>| match (
+        limit.and_then(|limit| limit.attribute(attribute)),
+        missing,
+    ) {
+        (Some(text), _) => finite(place, attribute, text),
+        (None, Some(value)) => Ok(value),
+        (None, None) => finite(place, attribute, "nothing"),
     };
     let (lower, upper) = if turns_freely {
         (-std::f64::consts::PI, std::f64::consts::PI)
@@ -90,7 +91,7 @@ fn joint(place: &str, node: Node) -> Result<Option<RobotJoint>, DescriptionError
 fn piece(
     link: &str,
     collision: Node,
-    load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+    load: &mut dyn FnMut(&str) -> Result<MeshFile, String>,
 ) -> Result<Piece, DescriptionError> {
     let place = format!("link {link}");
     let link_from_piece = origin(&place, collision)?;
@@ -116,8 +117,8 @@ fn piece(
             let scale = shape.attribute("scale").map_or(Ok(DVec3::ONE), |scale| three(&place, "scale", scale))?;
             let name = text("filename");
             let broken = |what| DescriptionError::Mesh { name: name.to_owned(), link: link.to_owned(), what };
-            let bytes = load(name).map_err(broken)?;
-            Shape::Hull { points: mesh::hull_corners(name, &bytes, scale).map_err(broken)? }
+            let file = load(name).map_err(broken)?;
+            Shape::Hull { points: mesh::hull_corners(&file.name, &file.bytes, scale).map_err(broken)? }
         }
         other => {
             return Err(DescriptionError::BadAttribute {

@@ -26,9 +26,18 @@ pub const MAX_MESH_BYTES: usize = 32 << 20;
 /// Configurations at which links that always touch are found.
 const SAMPLES: usize = 64;
 
+/// What was found for the name of a mesh.
+#[derive(Clone, Debug)]
+pub struct MeshFile {
+    /// Its file name; the ending tells the format (`stl`, `obj`).
+    pub name: String,
+    /// Its contents.
+    pub bytes: Vec<u8>,
+}
+
 /// A robot from its URDF, and the pairs of links that its SRDF lets touch.
 ///
-/// `mesh` gives the bytes of a mesh by the name in the file, or says why it cannot.
+/// `mesh` gives the mesh, or another with the same convex hull, for a name in the file, or says why it cannot.
 /// `tip` names the link that is the tool frame; without it, the SRDF's end effector, or the last frame of the arm, is.
 /// Links that are joined, and without an SRDF those that touch at every sampled configuration, are never tested
 /// against each other.
@@ -40,7 +49,7 @@ pub fn read_robot(
     urdf: &str,
     srdf: Option<&str>,
     tip: Option<&str>,
-    mesh: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+    mesh: &mut dyn FnMut(&str) -> Result<MeshFile, String>,
 ) -> Result<RobotModel, DescriptionError> {
     for text in [Some(urdf), srdf].into_iter().flatten() {
         if text.len() > MAX_TEXT_BYTES {
@@ -89,9 +98,7 @@ pub fn read_robot(
     let hand = named_tip.unwrap_or_else(|| tree::last_frame(&links));
     let home = links.iter().filter_map(|link| link.joint.as_ref());
     let home: Vec<f64> = home
-        .map(|joint| {
-            if joint.lower < 0.0 && joint.upper > 0.0 { 0.0 } else { 0.5 * (joint.lower + joint.upper) }
-        })
+        .map(|joint| if joint.lower < 0.0 && joint.upper > 0.0 { 0.0 } else { 0.5 * (joint.lower + joint.upper) })
         .collect();
     let mut robot = RobotModel {
         name: root.attribute("name").unwrap_or("robot").to_owned(),

@@ -33,8 +33,12 @@ const ARM: &str = r#"<robot name="six">
 const BRICK: &str = "v -0.15 -0.03 -0.03\nv 0.15 -0.03 -0.03\nv -0.15 0.03 -0.03\nv 0.15 0.03 -0.03\n\
                      v -0.15 -0.03 0.03\nv 0.15 -0.03 0.03\nv -0.15 0.03 0.03\nv 0.15 0.03 0.03\nv 0 0 0\n";
 
-fn brick(name: &str) -> Result<Vec<u8>, String> {
-    if name == "fore.obj" { Ok(BRICK.into()) } else { Err("no such file".into()) }
+fn file(bytes: Vec<u8>) -> Result<MeshFile, String> {
+    Ok(MeshFile { name: "fore.obj".into(), bytes })
+}
+
+fn brick(name: &str) -> Result<MeshFile, String> {
+    if name == "fore.obj" { file(BRICK.into()) } else { Err("no such file".into()) }
 }
 
 fn six() -> RobotModel {
@@ -98,9 +102,17 @@ fn the_balls_of_a_loaded_robot_hold_its_meshes() {
 fn every_flaw_has_its_own_message() {
     let cases: [(&str, &str, &str); 13] = [
         ("<robot name", "<rowboat name", "not well-formed XML"),
-        ("<parent link=\"base\"/>", "<parent link=\"bass\"/>", "joint j1, as parent, names link bass, which does not exist"),
+        (
+            "<parent link=\"base\"/>",
+            "<parent link=\"bass\"/>",
+            "joint j1, as parent, names link bass, which does not exist",
+        ),
         ("<link name=\"roll\"/>", "<link name=\"roll\"/><link name=\"roll\"/>", "there are two links named roll"),
-        ("<link name=\"roll\"/>", "<link name=\"roll\"/><link name=\"loose\"/>", "no tree with one base: loose, world have"),
+        (
+            "<link name=\"roll\"/>",
+            "<link name=\"roll\"/><link name=\"loose\"/>",
+            "no tree with one base: loose, world have",
+        ),
         ("<parent link=\"world\"/>", "<parent link=\"flange\"/>", "no tree with one base: base is part of a ring"),
         ("<child link=\"roll\"/>", "<child link=\"upper\"/>", "link upper is the child of two joints"),
         ("xyz=\"0 0 0.4\"", "xyz=\"0 0 nan\"", "joint j3: xyz should be three finite numbers, got \"0 0 nan\""),
@@ -108,7 +120,11 @@ fn every_flaw_has_its_own_message() {
         ("lower=\"-2.5\"", "lower=\"2.6\"", "joint j3: limit should be an interval, got \"2.6..2.5\""),
         ("xyz=\"0 2 0\"", "xyz=\"0 0 0\"", "joint j3: axis should be a direction"),
         ("fore.obj", "gone.obj", "mesh gone.obj of link fore: no such file"),
-        ("type=\"continuous\"", "type=\"floating\"", "joint j4: type should be fixed, revolute, continuous or prismatic"),
+        (
+            "type=\"continuous\"",
+            "type=\"floating\"",
+            "joint j4: type should be fixed, revolute, continuous or prismatic",
+        ),
         ("radius=\"0.07\"", "radius=\"-0.07\"", "collision piece 0 of shoulder: sizes must be positive"),
     ];
     for (old, new, message) in cases {
@@ -116,17 +132,20 @@ fn every_flaw_has_its_own_message() {
         let error = read_robot(&ARM.replacen(old, new, 1), None, None, &mut brick).unwrap_err().to_string();
         assert!(error.contains(message), "{old} -> {new}: {error}");
     }
-    let error = |urdf: &str, tip, mesh: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>| {
+    let error = |urdf: &str, tip, mesh: &mut dyn FnMut(&str) -> Result<MeshFile, String>| {
         read_robot(urdf, None, tip, mesh).unwrap_err().to_string()
     };
     assert!(error(ARM, Some("claw"), &mut brick).contains("names link claw, which does not exist"));
-    assert!(error(ARM, None, &mut |_| Ok(vec![0; MAX_MESH_BYTES + 1])).contains("at most"));
-    assert!(error(ARM, None, &mut |_| Ok(b"v 1 2\n".to_vec())).contains("line 1: expected three numbers"));
-    assert!(error(ARM, None, &mut |_| Ok(b"v 1 2 3\n".to_vec())).contains("a body needs at least 4"));
-    assert!(error(ARM, None, &mut |_| Ok(b"v nan 2 3\n".to_vec())).contains("not finite"));
+    assert!(error(ARM, None, &mut |_| file(vec![0; MAX_MESH_BYTES + 1])).contains("at most"));
+    assert!(error(ARM, None, &mut |_| file(b"v 1 2\n".to_vec())).contains("line 1: expected three numbers"));
+    assert!(error(ARM, None, &mut |_| file(b"v 1 2 3\n".to_vec())).contains("a body needs at least 4"));
+    assert!(error(ARM, None, &mut |_| file(b"v nan 2 3\n".to_vec())).contains("not finite"));
     let many = "<link name=\"x\"/>".repeat(MAX_LINKS + 1);
     assert!(error(&format!("<robot>{many}</robot>"), None, &mut brick).contains("at most 512 are read"));
-    assert_eq!(error("<robot><link name=\"a\"/></robot>", None, &mut brick), "no joint moves: there is no arm and no tip");
+    assert_eq!(
+        error("<robot><link name=\"a\"/></robot>", None, &mut brick),
+        "no joint moves: there is no arm and no tip"
+    );
 }
 
 #[test]
