@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use genmanip_assets::AssetError;
-use genmanip_core::Atom;
+use genmanip_core::{Atom, PlacedObject};
+use genmanip_scene::relations::Window;
 
 /// Why a task has no layout.
 #[derive(Debug, thiserror::Error)]
@@ -35,7 +36,20 @@ pub enum LayoutError {
         restarts: usize,
         /// What stood in the way, by reason.
         rejections: Rejections,
+        /// The attempt that got furthest, when one got anywhere.
+        furthest: Option<Box<Unfinished>>,
     },
+}
+
+/// A layout in which some object found no place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unfinished {
+    /// What had its place.
+    pub placed: Vec<PlacedObject>,
+    /// Uid of the object that found none.
+    pub object: String,
+    /// Where each of its relations to placed objects alone would have had the middle of it.
+    pub windows: Vec<(Atom, Window)>,
 }
 
 /// Counted reasons, the edges that conflict named.
@@ -54,6 +68,11 @@ impl Rejections {
     /// Counts a rejection caused by one edge.
     pub fn count_edge(&mut self, reason: &str, edge: &Atom) {
         self.count(reason);
+        self.blame(edge);
+    }
+
+    /// Names an edge as one that stood in the way.
+    pub fn blame(&mut self, edge: &Atom) {
         *self.edges.entry(edge.to_string()).or_default() += 1;
     }
 
