@@ -54,7 +54,7 @@ impl Draft {
     /// Turns every object at random and closes the networks; `aligned` turns them by quarters and uses the wide area.
     pub fn new(context: &Context, aligned: bool, rng: &mut impl Rng) -> Result<Self, Contradiction> {
         let mut stances: Vec<Option<Stance>> = vec![None; context.models.len()];
-        for step in context.steps {
+        for step in &context.steps {
             let carrier = step.support.and_then(|(support, relation)| Some((stances[support].clone()?, relation)));
             let stance = Stance::draw(context, step.object, carrier.as_ref(), aligned, rng);
             stances[step.object] = Some(stance.ok_or_else(|| Contradiction(step.support_edge.into_iter().collect()))?);
@@ -79,7 +79,7 @@ impl Draft {
             self.x.bound(a, b, x, edge);
             self.y.bound(a, b, y, edge);
         };
-        for step in context.steps {
+        for step in &context.steps {
             let stance = &self.stances[step.object];
             let half = stance.bounds.size() * 0.5;
             match step.support.zip(stance.seat) {

@@ -36,7 +36,7 @@ pub enum LayoutError {
         restarts: usize,
         /// What stood in the way, by reason.
         rejections: Rejections,
-        /// The attempt that got furthest, when one got anywhere.
+    /// The attempt that got furthest.
         furthest: Option<Box<Unfinished>>,
     },
 }
@@ -44,7 +44,7 @@ pub enum LayoutError {
 /// A layout in which some object found no place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unfinished {
-    /// What had its place.
+    /// What had its place; when no attempt got anywhere, all objects as they would stand without the edges in conflict.
     pub placed: Vec<PlacedObject>,
     /// Uid of the object that found none.
     pub object: String,
@@ -56,7 +56,7 @@ pub struct Unfinished {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rejections {
     reasons: BTreeMap<String, usize>,
-    edges: BTreeMap<String, usize>,
+    edges: BTreeMap<Atom, usize>,
 }
 
 impl Rejections {
@@ -73,25 +73,22 @@ impl Rejections {
 
     /// Names an edge as one that stood in the way.
     pub fn blame(&mut self, edge: &Atom) {
-        *self.edges.entry(edge.to_string()).or_default() += 1;
+        *self.edges.entry(edge.clone()).or_default() += 1;
     }
 
     /// Reasons with their counts, most frequent first.
     pub fn reasons(&self) -> Vec<(&str, usize)> {
-        ranked(&self.reasons)
+        ranked(&self.reasons).into_iter().map(|(reason, count)| (reason.as_str(), count)).collect()
     }
 
     /// Edges that caused rejections, most frequent first.
-    pub fn conflicting_edges(&self) -> Vec<(&str, usize)> {
+    pub fn conflicting_edges(&self) -> Vec<(&Atom, usize)> {
         ranked(&self.edges)
     }
 }
 
 impl fmt::Display for Rejections {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let list = |entries: Vec<(&str, usize)>| {
-            entries.iter().take(4).map(|(name, count)| format!("{name} ({count}×)")).collect::<Vec<_>>().join(", ")
-        };
         write!(f, "{}", list(self.reasons()))?;
         if !self.edges.is_empty() {
             write!(f, "; edges in conflict: {}", list(self.conflicting_edges()))?;
@@ -100,8 +97,13 @@ impl fmt::Display for Rejections {
     }
 }
 
-fn ranked(counts: &BTreeMap<String, usize>) -> Vec<(&str, usize)> {
-    let mut entries: Vec<_> = counts.iter().map(|(name, &count)| (name.as_str(), count)).collect();
-    entries.sort_by_key(|&(name, count)| (std::cmp::Reverse(count), name));
+fn list<T: fmt::Display>(entries: Vec<(T, usize)>) -> String {
+    entries.iter().take(4).map(|(name, count)| format!("{name} ({count}×)")).collect::<Vec<_>>().join(", ")
+}
+
+/// Most frequent first, then in their order.
+fn ranked<K: Ord>(counts: &BTreeMap<K, usize>) -> Vec<(&K, usize)> {
+    let mut entries: Vec<_> = counts.iter().map(|(key, &count)| (key, count)).collect();
+    entries.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
     entries
 }

@@ -8,6 +8,7 @@
 
 mod audit;
 mod between;
+mod distractors;
 mod draft;
 mod error;
 mod goal_pose;
@@ -20,7 +21,7 @@ mod settings;
 pub mod surroundings;
 mod visibility;
 
-pub use audit::{AuditError, LayoutAudit, audit};
+pub use audit::{AuditError, LayoutAudit, audit, posed};
 pub use error::{LayoutError, Rejections, Unfinished};
 pub use goal_pose::{GoalPose, GoalPoseSettings, goal_poses};
 pub use moves::{Move, moves, references};
@@ -97,16 +98,14 @@ pub fn lay_out_observed(
     let relations = RelationSettings::default();
     let edges = indexed_edges(&task.scene_graph)?;
     let uid = |index: usize| task.scene_graph.nodes[index].uid.clone();
-    let steps = order::steps(&edges, models.len(), uid)?;
-    let moved = |model: &ObjectModel| is_moved(task, &model.card.uid);
-    let context = Context {
+    let mut context = Context {
         task,
-        goal_rooms: goal_rooms(task),
         joints: models.iter().enumerate().map(|(index, model)| initial_joints(task, index, model)).collect(),
-        moved: models.iter().map(|model| moved(model)).collect(),
+        moved: models.iter().map(|model| is_moved(task, &model.card.uid)).collect(),
+        goal_rooms: goal_rooms(task),
+        steps: order::steps(&edges, models.len(), uid)?,
         models,
         edges,
-        steps: &steps,
         settings,
         relations: &relations,
     };
@@ -117,6 +116,9 @@ pub fn lay_out_observed(
         begin(Phase::Placing);
         let attempt = seed.fork("layout").fork_index(restart as u64);
         let aligned = restart >= ALIGNED_AFTER;
+        let uids = distractors::draw(task, catalogue.cards(), settings.distractors, attempt);
+        let models = uids.iter().map(|uid| catalogue.build(uid)).collect::<Result<Vec<_>, _>>()?;
+        context.set_distractors(models);
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
             Ok(mut scene) => match accept(&context, &mut scene, planner, attempt, &mut rejections, begin) {
                 Ok(()) => return Ok(scenario(task, seed, &scene, planner.robot())),
@@ -131,7 +133,11 @@ pub fn lay_out_observed(
             Err(partial) => keep_furthest(&mut furthest, partial),
         }
     }
-    let furthest = furthest.and_then(|partial| unfinished(&context, &partial)).map(Box::new);
+    let furthest = match &furthest {
+        Some(partial) => unfinished(&context, partial),
+        None => without_conflicts(&mut context, seed, &rejections, &mut shapes),
+    };
+    let furthest = furthest.map(Box::new);
     Err(LayoutError::Infeasible { task: task.id.clone(), restarts, rejections, furthest })
 }
 
@@ -232,6 +238,28 @@ fn keep_furthest(furthest: &mut Option<Partial>, partial: Option<Partial>) {
     {
         *furthest = Some(partial);
     }
+}
+
+/// What a layout looks like that does without the edges in conflict, so that there is something to show.
+fn without_conflicts(
+    context: &mut Context,
+    seed: Seed,
+    rejections: &Rejections,
+    shapes: &mut ShapeCache,
+) -> Option<Unfinished> {
+    let conflicts = rejections.conflicting_edges();
+    let (worst, _) = conflicts.first()?;
+    let edges = context.edges.clone();
+    let (_, indices) = edges.iter().find(|(atom, _)| atom == *worst)?;
+    context.edges.retain(|(atom, _)| !conflicts.iter().any(|(conflict, _)| *conflict == atom));
+    let nodes = context.task.scene_graph.nodes.len();
+    context.set_distractors(Vec::new());
+    context.steps = order::steps(&context.edges, nodes, |_| String::new()).ok()?;
+    context.goal_rooms.clear();
+    let seed = seed.fork("without conflicts");
+    let scene = placement::place_all(context, seed, true, shapes, &mut Rejections::default()).ok()?;
+    context.edges.clone_from(&edges);
+    unfinished(context, &Partial { scene, placed: (0..nodes).collect(), stuck: indices.first().copied() })
 }
 
 /// What a failed attempt looked like when it got stuck.

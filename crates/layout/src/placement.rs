@@ -31,7 +31,7 @@ pub(crate) struct Context<'a> {
     pub joints: Vec<Vec<f64>>,
     /// The graph's edges with the indices of their objects, subject first.
     pub edges: Vec<(Atom, Vec<usize>)>,
-    pub steps: &'a [Step],
+    pub steps: Vec<Step>,
     /// Whether the goal moves the object.
     pub moved: Vec<bool>,
     /// Per alternative of the goal: where moved objects must find room.
@@ -48,6 +48,21 @@ pub(crate) struct GoalRoom {
 }
 
 impl Context<'_> {
+    /// Replaces the distractors: free objects that are placed last.
+    pub fn set_distractors(&mut self, models: Vec<Arc<ObjectModel>>) {
+        let nodes = self.task.scene_graph.nodes.len();
+        self.models.truncate(nodes);
+        self.joints.truncate(nodes);
+        self.moved.truncate(nodes);
+        self.steps.truncate(nodes);
+        for model in models {
+            self.steps.push(Step { object: self.models.len(), support: None, support_edge: None });
+            self.joints.push(vec![0.0; model.joint_count()]);
+            self.moved.push(false);
+            self.models.push(model);
+        }
+    }
+
     fn support_of(&self, object: usize) -> Option<usize> {
         self.steps.iter().find(|step| step.object == object)?.support.map(|(support, _)| support)
     }
@@ -209,7 +224,7 @@ impl Search<'_> {
                 let pose = stance.pose(center, 0.0);
                 // Most candidates fall here, by their bounds alone.
                 if let Some(blocker) = self.neighbour(object, &bounds, None) {
-                    return self.refuse(blocker, rejections);
+                    return self.refuse(object, blocker, rejections);
                 }
                 self.put(object, pose);
             }
@@ -222,7 +237,7 @@ impl Search<'_> {
                 let gap = |other| context.gap(object, other);
                 let blocker = self.placed.iter().copied().filter(|other| beside(other));
                 if let Some(blocker) = blocker.into_iter().find(|&other| !outlines_apart(&self.scene, object, other, gap(other))) {
-                    return self.refuse(blocker, rejections);
+                    return self.refuse(object, blocker, rejections);
                 }
                 if !seat.covered && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
                 {
@@ -234,7 +249,7 @@ impl Search<'_> {
         }
         let Some(bounds) = self.scene.bounds(object) else { return false };
         if let Some(blocker) = self.neighbour(object, &bounds, Some(&self.scene)) {
-            return self.refuse(blocker, rejections);
+            return self.refuse(object, blocker, rejections);
         }
         self.edges_hold(object, rejections)
     }
@@ -247,8 +262,14 @@ impl Search<'_> {
         }
     }
 
-    fn refuse(&mut self, blocker: usize, rejections: &mut Rejections) -> bool {
+    fn refuse(&mut self, object: usize, blocker: usize, rejections: &mut Rejections) -> bool {
         rejections.count("too close to a neighbour");
+        // On a carrier it is the relations to it that leave no room.
+        for step in self.context.steps.iter().filter(|step| step.object == object || step.object == blocker) {
+            if let Some(edge) = step.support_edge {
+                rejections.blame(&self.context.edges[edge].0);
+            }
+        }
         self.blockers.push(blocker);
         false
     }
