@@ -155,6 +155,7 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
         kind: recorded.task_type,
         offered: offered(&recorded.objects)?,
         min_objects: recorded.num_objects,
+        between: false,
         source: format!("recorded answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
     Ok(check_answer(&recorded.response, &request))
@@ -162,16 +163,13 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
 
 /// Judges a bare answer.
 pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, Failed> {
-    let kinds = TaskKind::ALL.map(TaskKind::name).join(", ");
-    let kind = TaskKind::ALL
-        .into_iter()
-        .find(|known| known.name() == kind)
-        .ok_or_else(|| Failed::new(format!("unknown kind `{kind}`")).hint(format!("kinds are {kinds}")))?;
+    let kind = task_kind(kind)?;
     let request = TaskRequest {
         id: id_from(path),
         kind,
         offered: offered(objects)?,
         min_objects,
+        between: false,
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
     // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
@@ -182,6 +180,15 @@ pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usiz
         .read_to_end(&mut bytes)
         .map_err(|error| Failed::because(format!("cannot read {}", path.display()), &error))?;
     Ok(check_answer(&String::from_utf8_lossy(&bytes), &request))
+}
+
+/// A kind of task by its name in files.
+pub fn task_kind(name: &str) -> Result<TaskKind, Failed> {
+    let kinds = TaskKind::ALL.map(TaskKind::name).join(", ");
+    TaskKind::ALL
+        .into_iter()
+        .find(|known| known.name() == name)
+        .ok_or_else(|| Failed::new(format!("unknown kind `{name}`")).hint(format!("kinds are {kinds}")))
 }
 
 fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, Failed> {

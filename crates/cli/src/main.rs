@@ -29,6 +29,7 @@ fn main() -> std::process::ExitCode {
 fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Failed> {
     match command {
         Command::Demo(arguments) => commands::demo::run(arguments, printer),
+        Command::Task { command: TaskCommand::New(arguments) } => commands::task_new::run(arguments, printer),
         Command::Task { command: TaskCommand::Check(arguments) } => commands::task::check(arguments, printer),
         Command::Task { command: TaskCommand::Show(arguments) } => commands::task::show(arguments, printer),
         Command::Layout(arguments) => commands::layout::run(arguments, printer),
@@ -41,6 +42,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
             LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
             LabCommand::Layout(arguments) => commands::lab::layout::run(arguments, printer),
             LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
+            LabCommand::Design(arguments) => commands::lab::design::run(arguments, printer),
         },
         Command::Doctor => commands::doctor::run(printer),
     }

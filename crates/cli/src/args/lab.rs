@@ -20,6 +20,20 @@ pub enum LabCommand {
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
                       visibility) is not timed.")]
     Layout(LabLayoutArguments),
+    /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
+    #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
+    Design(DesignArguments),
+}
+
+/// Arguments of `lab design`.
+#[derive(Debug, Args)]
+pub struct DesignArguments {
+    /// Seed
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Tasks, the six kinds in turn
+    #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
+    pub count: usize,
 }
 
 /// Arguments of `lab relations`.
@@ -54,7 +68,7 @@ pub struct LabLayoutArguments {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Tasks to design and lay out; with --tasks: layouts of each
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
     pub count: usize,
     /// Tasks instead of designed ones: recorded answers, task documents or folders of them
     #[arg(long, value_name = "PATH")]

@@ -7,8 +7,9 @@ use crate::{genmanip, program};
 #[test]
 fn help_of_every_verb_reads_well_and_shows_an_example() {
     let folder = tempfile::tempdir().unwrap();
-    let verbs: [&[&str]; 13] = [
+    let verbs: [&[&str]; 15] = [
         &["demo"],
+        &["task", "new"],
         &["task", "check"],
         &["task", "show"],
         &["layout"],
@@ -20,6 +21,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["lab", "layout"],
         &["lab", "relations"],
         &["lab", "expert"],
+        &["lab", "design"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);
