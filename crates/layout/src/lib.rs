@@ -207,9 +207,8 @@ fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
         let mut rooms: Vec<GoalRoom> = Vec::new();
         for atom in atoms {
             let Atom::Relation { subject, relation, reference, .. } = atom else { continue };
-            let moves = |uid: &str| {
-                atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == uid)
-            };
+            let moves =
+                |uid: &str| atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == uid);
             let (Some(object), Some(anchor)) = (index_of(subject), index_of(reference)) else { continue };
             if moves(reference) || *relation == Relation::Between {
                 continue;

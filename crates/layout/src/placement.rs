@@ -5,8 +5,7 @@ use std::sync::Arc;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, ObjectModel, Pose, Relation, Seed, Task, Workspace};
 use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair, outlines_apart,
-    placement_window,
+    PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair, outlines_apart, placement_window,
 };
 use rand::{Rng, RngExt};
 
@@ -118,7 +117,8 @@ pub(crate) fn place_all(
             return Err(None);
         }
     };
-    let mut search = Search { context, draft, scene: parked(context, shapes), placed: Vec::new(), blockers: Vec::new() };
+    let mut search =
+        Search { context, draft, scene: parked(context, shapes), placed: Vec::new(), blockers: Vec::new() };
     let mut furthest: Option<Partial> = None;
     let mut failures = 0;
     loop {
@@ -189,7 +189,8 @@ impl Search<'_> {
         let y = self.draft.y.range(object, centers().map(|(other, center)| (other, center.y)));
         let (mut low, mut high) = (DVec2::new(x[0], y[0]), DVec2::new(x[1], y[1]));
         for (atom, indices) in &self.context.edges {
-            if let (Atom::Relation { relation: Relation::Between, .. }, &[subject, one, other]) = (atom, indices.as_slice())
+            if let (Atom::Relation { relation: Relation::Between, .. }, &[subject, one, other]) =
+                (atom, indices.as_slice())
             {
                 let place = |index: usize| self.placed.contains(&index).then(|| self.center(index));
                 if let Some([least, most]) = between::window(object, [subject, one, other], place) {
@@ -236,10 +237,13 @@ impl Search<'_> {
                 let beside = |&other: &usize| context.support_of(other) == Some(carrier);
                 let gap = |other| context.gap(object, other);
                 let blocker = self.placed.iter().copied().filter(|other| beside(other));
-                if let Some(blocker) = blocker.into_iter().find(|&other| !outlines_apart(&self.scene, object, other, gap(other))) {
+                if let Some(blocker) =
+                    blocker.into_iter().find(|&other| !outlines_apart(&self.scene, object, other, gap(other)))
+                {
                     return self.refuse(object, blocker, rejections);
                 }
-                if !seat.covered && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
+                if !seat.covered
+                    && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
                 {
                     rejections.count("not above its carrier");
                     self.blockers.push(carrier);

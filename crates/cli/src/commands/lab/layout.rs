@@ -73,9 +73,8 @@ pub fn run(arguments: &LabLayoutArguments, printer: &Printer) -> Result<ExitStat
         cpu_ms.push(seconds * 1e3);
         match outcome {
             Ok(scenario) => {
-                let report = audit(&scenario, catalogue, planner.robot(), ALONE_S).map_err(|error| {
-                    Failed::because(format!("cannot audit the layout of {}", task.id), &error)
-                })?;
+                let report = audit(&scenario, catalogue, planner.robot(), ALONE_S)
+                    .map_err(|error| Failed::because(format!("cannot audit the layout of {}", task.id), &error))?;
                 measured.add(task, &report);
                 let (objects, microseconds) = goal_verdict(&scenario)?;
                 verdicts.entry(objects).or_default().push(microseconds);
