@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{AnswersArguments, DesignArguments, ExpertArguments, LabCommand, RelationsArguments};
+pub use lab::*;
 
 mod lab;
 

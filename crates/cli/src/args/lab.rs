@@ -25,6 +25,13 @@ pub enum LabCommand {
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
     #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
+    /// Plan a file of motion problems, test every returned path again, and time planning, timing and kinematics
+    #[command(after_help = "Examples:\n  genmanip lab motion --problems problems.json --json\n  \
+                      genmanip lab motion --problems problems.json --robot panda/ --json\n\n\
+                      A problem holds joint positions start and goal, and obstacles (box: size; cylinder: radius, \
+                      length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
+                      SRDF.")]
+    Motion(MotionArguments),
 }
 
 /// Arguments of `lab design`.
@@ -93,4 +100,24 @@ pub struct ExpertArguments {
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
+}
+
+/// Arguments of `lab motion`.
+#[derive(Debug, Args)]
+pub struct MotionArguments {
+    /// Problems: {"problems": [{"start", "goal", "obstacles"}]}
+    #[arg(long, value_name = "FILE")]
+    pub problems: PathBuf,
+    /// Folder of another robot, or its URDF; without it, the built-in Panda
+    #[arg(long, value_name = "DIR")]
+    pub robot: Option<PathBuf>,
+    /// Link of that robot that is the tool frame
+    #[arg(long, value_name = "LINK", requires = "robot")]
+    pub tip: Option<String>,
+    /// Seed of the searches
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Write the states of every path, 0.02 rad apart, to this JSON file
+    #[arg(long, value_name = "FILE")]
+    pub paths: Option<PathBuf>,
 }
