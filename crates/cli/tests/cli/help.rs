@@ -18,9 +18,12 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["replay"],
         &["report"],
         &["export"],
+        &["lab", "layout"],
         &["lab", "relations"],
+        &["lab", "answers"],
         &["lab", "expert"],
         &["lab", "design"],
+        &["lab", "motion"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);

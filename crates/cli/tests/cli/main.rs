@@ -6,6 +6,7 @@ mod answers;
 mod designing;
 mod help;
 mod interrupted;
+mod motion;
 mod refusals;
 mod runs;
 
