@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{DesignArguments, ExpertArguments, LabCommand, LabLayoutArguments, RelationsArguments};
+pub use lab::{
+    AnswersArguments, DesignArguments, ExpertArguments, LabCommand, LabLayoutArguments, RelationsArguments,
+};
 
 mod lab;
 

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
-use genmanip_core::{Document, DocumentError, ObjectCard, Task, TaskKind};
+use genmanip_core::{Document, DocumentError, ObjectCard, Seed, Task, TaskKind};
 use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
+use genmanip_scene::designer::{DesignSettings, design_many};
 
 use crate::error::Failed;
 
@@ -84,6 +85,14 @@ pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, Failed> {
         tasks.push(task);
     }
     Ok(tasks)
+}
+
+/// Tasks of the rule-based designer, the six kinds in turn.
+pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, Failed> {
+    let cards = Catalogue::builtin().cards();
+    let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
+        .map_err(|error| Failed::because("the designer gave up", &error))?;
+    Ok(batch.tasks)
 }
 
 /// Reads one task from a task document or a recorded answer.

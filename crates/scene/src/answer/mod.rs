@@ -26,7 +26,10 @@
 mod decode;
 mod extract;
 mod flaw;
+pub mod hostile;
 mod json;
+#[cfg(test)]
+mod mutation_tests;
 mod recorded;
 mod resolve;
 mod rules;
