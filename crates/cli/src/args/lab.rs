@@ -32,6 +32,11 @@ pub enum LabCommand {
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
     Motion(MotionArguments),
+    /// Lay designed tasks out, once each, and audit what comes of it
+    #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
+                      One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
+                      visibility) is not timed.")]
+    Layout(LabLayoutArguments),
 }
 
 /// Arguments of `lab design`.
@@ -120,4 +125,21 @@ pub struct MotionArguments {
     /// Write the states of every path, 0.02 rad apart, to this JSON file
     #[arg(long, value_name = "FILE")]
     pub paths: Option<PathBuf>,
+}
+
+/// Arguments of `lab layout`.
+#[derive(Debug, Args)]
+pub struct LabLayoutArguments {
+    /// Seed of tasks and layouts
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Tasks to design and lay out; with --tasks: layouts of each
+    #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Tasks instead of designed ones: recorded answers, task documents or folders of them
+    #[arg(long, value_name = "PATH")]
+    pub tasks: Vec<PathBuf>,
+    /// Unmentioned objects to add to each scene
+    #[arg(long, default_value_t = 0)]
+    pub distractors: usize,
 }

@@ -18,6 +18,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["replay"],
         &["report"],
         &["export"],
+        &["lab", "layout"],
         &["lab", "relations"],
         &["lab", "answers"],
         &["lab", "expert"],
