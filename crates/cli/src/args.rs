@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{LabCommand, RelationsArguments};
+pub use lab::{GraspArguments, LabCommand, RelationsArguments};
 
 mod lab;
 

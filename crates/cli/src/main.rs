@@ -38,6 +38,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Report(arguments) => commands::report::run(arguments, printer),
         Command::Export(arguments) => commands::export::run(arguments, printer),
         Command::Lab { command: LabCommand::Relations(arguments) } => commands::lab::relations::run(arguments, printer),
+        Command::Lab { command: LabCommand::Grasp(arguments) } => commands::lab::grasp::run(arguments, printer),
         Command::Doctor => commands::doctor::run(printer),
     }
 }
