@@ -22,11 +22,13 @@ const APPROACH_STEPS: usize = 72;
 const CLOSE_STEPS: usize = 66;
 const LIFT_STEPS: usize = 84;
 const HOLD_STEPS: usize = 60;
-/// Shaking: two periods of 0.5 s along each axis, and about two axes.
+/// Shaking: a second of 2 Hz along each axis, up to 4.7 m/s², and a second of 1 Hz about two axes, up to 14 rad/s²,
+/// which is about what the arm's wrist can do.
 const SHAKE_STEPS: usize = 60;
 const SHAKE_PERIODS: f64 = 2.0;
 const SHAKE_M: f64 = 0.03;
-const SHAKE_RAD: f64 = 0.35;
+const TURN_PERIODS: f64 = 1.0;
+const TURN_RAD: f64 = 0.35;
 /// Largest joint step between two controls, rad; beyond, the way leads through a singular posture.
 const JOINT_STEP: f64 = 0.12;
 
@@ -152,11 +154,12 @@ fn shaken(pose: Pose) -> impl Iterator<Item = Pose> {
     (0..5).flat_map(move |way| {
         (1..=SHAKE_STEPS).map(move |step| {
             let t = step as f64 / SHAKE_STEPS as f64;
-            let swing = (TAU * SHAKE_PERIODS * t).sin() * (6.0 * t).min(6.0 * (1.0 - t)).min(1.0);
+            let periods = if way < 3 { SHAKE_PERIODS } else { TURN_PERIODS };
+            let swing = (TAU * periods * t).sin() * (6.0 * t).min(6.0 * (1.0 - t)).min(1.0);
             match way {
                 0..=2 => Pose { position: pose.position + DVec3::AXES[way] * (SHAKE_M * swing), ..pose },
-                3 => pose * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(SHAKE_RAD * swing) },
-                _ => pose * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(SHAKE_RAD * swing) },
+                3 => pose * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(TURN_RAD * swing) },
+                _ => pose * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(TURN_RAD * swing) },
             }
         })
     })

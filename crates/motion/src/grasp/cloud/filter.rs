@@ -17,6 +17,8 @@ pub(super) struct Seen {
 pub(super) struct Cloud {
     pub(super) target: Vec<Seen>,
     pub(super) scene: Vec<DVec3>,
+    /// All of it in cells of three voxels, for the hand's body.
+    pub(super) coarse: Vec<DVec3>,
     /// Stand-in for the centre of mass: the mean of the completed surface.
     pub(super) center: DVec3,
     /// Root mean square distance of the target's points from `center`, m.
@@ -61,9 +63,11 @@ pub(super) fn prepare(target: &CloudTarget, reach: f64, settings: &CloudSettings
     let scene = thinned(&scene, 2.0 * settings.voxel);
     let mut seen: Vec<Seen> = points.iter().map(|&point| Seen { point, guessed: false }).collect();
     seen.extend(complete(&points, &scene, target.cameras, settings));
+    let all: Vec<DVec3> = seen.iter().map(|seen| seen.point).chain(scene.iter().copied()).collect();
+    let coarse = thinned(&all, 3.0 * settings.voxel);
     let center = seen.iter().map(|seen| seen.point).sum::<DVec3>() / seen.len() as f64;
     let spread = (seen.iter().map(|seen| seen.point.distance_squared(center)).sum::<f64>() / seen.len() as f64).sqrt();
-    Ok(Cloud { target: seen, scene, center, spread, table_height: target.table_height })
+    Ok(Cloud { target: seen, scene, coarse, center, spread, table_height: target.table_height })
 }
 
 /// Means of the points in each cell of a grid, in the order of the cells; averaging also takes noise away where views

@@ -102,7 +102,7 @@ impl Default for CloudSettings {
             depths: vec![0.008, 0.014, 0.02, 0.028, 0.038],
             table_clearance: 0.0015,
             opening_clearances: vec![0.008, 0.004, 0.002],
-            hand_clearance: 0.003,
+            hand_clearance: 0.005,
             width_clearance: 0.003,
             max_candidates: 48,
             weights: Weights::default(),

@@ -193,19 +193,19 @@ pub struct Weights {
 impl Default for Weights {
     fn default() -> Self {
         Self {
-            bias: 3.0,
-            slope: -2.5,
-            offset: -2.0,
-            off_pad: -1.0,
-            at_tip: -2.0,
-            area: 1.0,
-            lever: -2.5,
-            width: -1.0,
-            tilt: -1.0,
-            guessed: -1.5,
-            below: -1.0,
-            torque: 0.0,
-            tight: -1.0,
+            bias: 2.81,
+            slope: -3.72,
+            offset: 0.0,
+            off_pad: -0.92,
+            at_tip: -2.08,
+            area: 2.46,
+            lever: -1.17,
+            width: 0.0,
+            tilt: -0.45,
+            guessed: -0.61,
+            below: -3.52,
+            torque: -0.16,
+            tight: -0.55,
         }
     }
 }

@@ -220,18 +220,13 @@ fn finger_thickness(gripper: &Gripper) -> f64 {
 pub(super) fn hand_is_clear(cloud: &Cloud, gripper: &Gripper, settings: &CloudSettings, pose: &Pose) -> bool {
     let clearance = settings.hand_clearance;
     let (low, high) = (gripper.hand_bounds.min - clearance, gripper.hand_bounds.max + clearance);
-    let tcp_from_world = pose.inverse();
-    let blocks = |point: DVec3| {
-        let p = tcp_from_world.transform_point(point);
-        p.z < high.z && p.x > low.x && p.x < high.x && p.y > low.y && p.y < high.y
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.transform_vector(axis));
+    let blocks = |point: &DVec3| {
+        let offset = *point - pose.position;
+        let within = |axis: usize| (low[axis]..high[axis]).contains(&offset.dot(axes[axis]));
+        // What is behind the hand's body now was in front of it on the way.
+        offset.dot(axes[2]) < high.z && within(0) && within(1)
     };
-    let up = tcp_from_world.transform_vector(DVec3::Z);
-    let lowest = pose.position.z
-        + [(low.x, high.x, up.x), (low.y, high.y, up.y), (low.z, high.z, up.z)]
-            .iter()
-            .map(|(low, high, up)| (low * up).min(high * up))
-            .sum::<f64>();
-    lowest > cloud.table_height
-        && !cloud.target.iter().any(|seen| blocks(seen.point))
-        && !cloud.scene.iter().any(|&point| blocks(point))
+    let lean = |axis: usize| (low[axis] * axes[axis].z).min(high[axis] * axes[axis].z);
+    pose.position.z + lean(0) + lean(1) + lean(2) > cloud.table_height && !cloud.coarse.iter().any(blocks)
 }
