@@ -29,6 +29,7 @@ fn main() -> std::process::ExitCode {
 fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Failed> {
     match command {
         Command::Demo(arguments) => commands::demo::run(arguments, printer),
+        Command::Task { command: TaskCommand::New(arguments) } => commands::task_new::run(arguments, printer),
         Command::Task { command: TaskCommand::Check(arguments) } => commands::task::check(arguments, printer),
         Command::Task { command: TaskCommand::Show(arguments) } => commands::task::show(arguments, printer),
         Command::Layout(arguments) => commands::layout::run(arguments, printer),
@@ -37,8 +38,12 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Replay(arguments) => commands::replay::run(arguments, printer),
         Command::Report(arguments) => commands::report::run(arguments, printer),
         Command::Export(arguments) => commands::export::run(arguments, printer),
-        Command::Lab { command: LabCommand::Relations(arguments) } => commands::lab::relations::run(arguments, printer),
-        Command::Lab { command: LabCommand::Grasp(arguments) } => commands::lab::grasp::run(arguments, printer),
+        Command::Lab { command } => match command {
+            LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
+            LabCommand::Design(arguments) => commands::lab::design::run(arguments, printer),
+            LabCommand::Grasp(arguments) => commands::lab::grasp::run(arguments, printer),
+            LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
+        },
         Command::Doctor => commands::doctor::run(printer),
     }
 }

@@ -8,6 +8,8 @@
 
 pub mod answer;
 pub mod clouds;
+pub mod designer;
 mod hull;
 mod planar;
+pub mod references;
 pub mod relations;

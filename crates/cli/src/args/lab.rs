@@ -16,6 +16,24 @@ pub enum LabCommand {
                       Things of three classes (compact, utensils, clutter), COUNT each, drawn by seed;\n\
                       docs/concepts/grasps.md says what is measured.")]
     Grasp(GraspArguments),
+    /// Let the expert (oracle) try tasks, each on fresh layouts until an attempt is verified
+    #[command(after_help = "Example:\n  genmanip lab expert --seed 2000 --count 60 --json\n\n\
+                      One thread; processor time covers layout, planning, physics and checks.")]
+    Expert(ExpertArguments),
+    /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
+    #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
+    Design(DesignArguments),
+}
+
+/// Arguments of `lab design`.
+#[derive(Debug, Args)]
+pub struct DesignArguments {
+    /// Seed
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Tasks, the six kinds in turn
+    #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
+    pub count: usize,
 }
 
 /// Arguments of `lab grasp`.
@@ -50,4 +68,21 @@ pub struct RelationsArguments {
     /// Evaluator: genmanip-0.9 or suite-0.2.3
     #[arg(long)]
     pub profile: String,
+}
+
+/// Arguments of `lab expert`.
+#[derive(Debug, Args)]
+pub struct ExpertArguments {
+    /// Seed of tasks, layouts and attempts
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Tasks of the rule-based designer, the six kinds in turn
+    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Attempts at a task before it counts as not solved
+    #[arg(long, default_value_t = 5)]
+    pub tries: u64,
+    /// Tasks of your own instead of designed ones: files or folders
+    #[arg(long, value_name = "PATH")]
+    pub tasks: Vec<PathBuf>,
 }

@@ -7,8 +7,9 @@ use crate::{genmanip, program};
 #[test]
 fn help_of_every_verb_reads_well_and_shows_an_example() {
     let folder = tempfile::tempdir().unwrap();
-    let verbs: [&[&str]; 12] = [
+    let verbs: &[&[&str]] = &[
         &["demo"],
+        &["task", "new"],
         &["task", "check"],
         &["task", "show"],
         &["layout"],
@@ -18,6 +19,8 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["report"],
         &["export"],
         &["lab", "relations"],
+        &["lab", "expert"],
+        &["lab", "design"],
         &["lab", "grasp"],
         &["doctor"],
     ];

@@ -55,6 +55,7 @@ fn request(kind: TaskKind) -> TaskRequest {
         kind,
         offered: uids.iter().map(|uid| cards.iter().find(|card| card.uid == *uid).unwrap().clone()).collect(),
         min_objects: 3,
+        between: false,
         source: "test".into(),
     }
 }

@@ -1,5 +1,7 @@
 //! `genmanip lab`: one module per measurement; figures are of one thread and in processor time.
 
+pub mod design;
+pub mod expert;
 pub mod grasp;
 pub mod relations;
 
