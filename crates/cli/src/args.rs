@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{AnswersArguments, DesignArguments, ExpertArguments, LabCommand, LabLayoutArguments, RelationsArguments};
+pub use lab::*;
 
 mod lab;
 

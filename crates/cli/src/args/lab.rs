@@ -22,14 +22,21 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab expert --seed 2000 --count 60 --json\n\n\
                       One thread; processor time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
+    /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
+    #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
+    Design(DesignArguments),
+    /// Plan a file of motion problems, test every returned path again, and time planning, timing and kinematics
+    #[command(after_help = "Examples:\n  genmanip lab motion --problems problems.json --json\n  \
+                      genmanip lab motion --problems problems.json --robot panda/ --json\n\n\
+                      A problem holds joint positions start and goal, and obstacles (box: size; cylinder: radius, \
+                      length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
+                      SRDF.")]
+    Motion(MotionArguments),
     /// Lay designed tasks out, once each, and audit what comes of it
     #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
                       visibility) is not timed.")]
     Layout(LabLayoutArguments),
-    /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
-    #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
-    Design(DesignArguments),
 }
 
 /// Arguments of `lab design`.
@@ -98,6 +105,26 @@ pub struct ExpertArguments {
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
+}
+
+/// Arguments of `lab motion`.
+#[derive(Debug, Args)]
+pub struct MotionArguments {
+    /// Problems: {"problems": [{"start", "goal", "obstacles"}]}
+    #[arg(long, value_name = "FILE")]
+    pub problems: PathBuf,
+    /// Folder of another robot, or its URDF; without it, the built-in Panda
+    #[arg(long, value_name = "DIR")]
+    pub robot: Option<PathBuf>,
+    /// Link of that robot that is the tool frame
+    #[arg(long, value_name = "LINK", requires = "robot")]
+    pub tip: Option<String>,
+    /// Seed of the searches
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Write the states of every path, 0.02 rad apart, to this JSON file
+    #[arg(long, value_name = "FILE")]
+    pub paths: Option<PathBuf>,
 }
 
 /// Arguments of `lab layout`.

@@ -23,6 +23,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["lab", "answers"],
         &["lab", "expert"],
         &["lab", "design"],
+        &["lab", "motion"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);

@@ -4,6 +4,7 @@ pub mod answers;
 pub mod design;
 pub mod expert;
 pub mod layout;
+pub mod motion;
 pub mod relations;
 mod rendered;
 
