@@ -7,13 +7,12 @@ use genmanip_core::{Pose, Seed, Task, Workspace};
 use genmanip_motion::{Allowed, Planner, Surroundings};
 use genmanip_scene::relations::{PosedScene, RelationSettings};
 
+use crate::articulation::{JointChange, JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalPoseSettings, goal_poses};
 use crate::moves::{Move, moves, references};
 use crate::surroundings;
 
 /// The reason when no alternative of the goal can be served.
-///
-/// States of articulated objects are not moves; a goal of states alone passes.
 pub(crate) fn unreachable(
     task: &Task,
     scene: &PosedScene,
@@ -42,6 +41,15 @@ fn obstacle(
 ) -> Option<String> {
     let object = scene.objects().nth(step.object)?;
     let name = &object.model.card.name;
+    if let Some(state) = step.state() {
+        let settings = JointSettings::default();
+        let cannot = |change: &JointChange| {
+            let sweeper = Sweeper::new(scene, change, planner, &settings)?;
+            sweeper.search(&planner.robot().home, &mut |_| Some(())).err()
+        };
+        let blocked = joint_changes(scene, step.object, state).iter().any(|change| cannot(change).is_some());
+        return blocked.then(|| format!("no way for the arm to bring {name} into the state {state}"));
+    }
     let world = surroundings::world(scene, None);
     let nothing = Allowed::none();
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };

@@ -6,6 +6,7 @@
 //! tried again, and when nothing is left to try the expert gives up with the cause and its evidence.
 
 mod commands;
+mod joint;
 mod pick;
 mod place;
 mod settings;
@@ -25,6 +26,7 @@ use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
 
+use self::joint::Turning;
 use self::pick::Pick;
 use crate::Stage;
 
@@ -53,6 +55,8 @@ enum Phase {
     Free,
     /// A pick was executed.
     Picked { step: Move, open_width: f64, hold_width: f64, taken_from: GoalPose },
+    /// The hand is at a link whose joint it moves.
+    Turning(Box<Turning>),
     /// Everything was done and the arm was sent home.
     Home,
 }
@@ -114,7 +118,25 @@ impl Expert {
             .cloned()
     }
 
-    fn pick(&mut self, scene: &PosedScene, arm: &[f64]) -> Result<ActionChunk, PolicyError> {
+    /// The next move begun: its first commands and what comes after them.
+    fn begin(
+        &self,
+        scene: &PosedScene,
+        step: Move,
+        arm: &[f64],
+        width: f64,
+        seed: Seed,
+    ) -> Result<(Vec<Vec<f32>>, Phase), Failure> {
+        if step.state().is_some() {
+            let (commands, turning) = joint::plan(self, scene, &step, arm, width, seed)?;
+            return Ok((commands, Phase::Turning(Box::new(turning))));
+        }
+        let Pick { commands, open_width, hold_width } = pick::plan(self, scene, &step, arm, seed)?;
+        let taken_from = self.taken_from(scene, step.object);
+        Ok((commands, Phase::Picked { step, open_width, hold_width, taken_from }))
+    }
+
+    fn next(&mut self, scene: &PosedScene, arm: &[f64], width: f64) -> Result<ActionChunk, PolicyError> {
         loop {
             let Some(step) = self.next_move(scene) else {
                 self.phase = Phase::Home;
@@ -127,12 +149,10 @@ impl Expert {
             let failure = if self.tries > self.settings.tries_per_move {
                 self.last_failure.clone()
             } else {
-                match pick::plan(self, scene, &step, arm, seed) {
-                    Ok(pick) => {
-                        let taken_from = self.taken_from(scene, step.object);
-                        let Pick { commands, open_width, hold_width } = pick;
-                        self.phase = Phase::Picked { step, open_width, hold_width, taken_from };
-                        return Ok(ActionChunk { actions: commands, finished: false });
+                match self.begin(scene, step, arm, width, seed) {
+                    Ok((actions, phase)) => {
+                        self.phase = phase;
+                        return Ok(ActionChunk { actions, finished: false });
                     }
                     Err(failure) => {
                         self.last_failure = Some(failure);
@@ -146,7 +166,7 @@ impl Expert {
             if self.plans.is_empty() {
                 return Err(PolicyError::GaveUp(failure.unwrap_or_else(|| Failure {
                     cause: FailureCause::NoGoalPose,
-                    evidence: "no alternative of the goal can be served by pick and place".into(),
+                    evidence: "no alternative of the goal can be served".into(),
                 })));
             }
         }
@@ -222,7 +242,7 @@ impl Policy for Expert {
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
         (self.picks, self.tries, self.waits, self.phase, self.last_failure) = (0, 0, 0, Phase::Free, None);
         if self.plans.is_empty() {
-            return Err(PolicyError::Unsuited("no alternative of the goal can be served by pick and place".into()));
+            return Err(PolicyError::Unsuited("no alternative of the goal can be served".into()));
         }
         Ok(())
     }
@@ -238,19 +258,29 @@ impl Policy for Expert {
             .get("observation.state")
             .ok_or_else(|| PolicyError::Unsuited("needs `observation.state`".into()))?;
         let (arm, width) = state.split_at(self.stage.robot.arm_dof().min(state.len()));
+        let width: f64 = width.iter().sum();
         let scene = self.stage.posed(&truth.objects);
         let moving = truth.objects.iter().any(|object| object.speed > self.settings.rest_speed);
         match std::mem::replace(&mut self.phase, Phase::Free) {
             // What rolls or rocks is not where it will be.
             Phase::Free if moving && self.waits < self.settings.longest_wait => {
                 self.waits += 1;
-                let width = self.stage.robot.gripper.max_width.min(width.iter().sum());
+                let width = self.stage.robot.gripper.max_width.min(width);
                 Ok(ActionChunk { actions: commands::wait(arm, width, self.settings.rest_steps), finished: false })
             }
-            Phase::Free => self.pick(&scene, arm),
+            Phase::Free => self.next(&scene, arm, width),
             Phase::Picked { step, open_width, hold_width, taken_from } => {
-                let hand = Hand { arm: arm.to_vec(), width: width.iter().sum(), open_width, hold_width };
+                let hand = Hand { arm: arm.to_vec(), width, open_width, hold_width };
                 self.place(&scene, &truth, &hand, &step, &taken_from)
+            }
+            Phase::Turning(mut turning) => {
+                let actions = joint::next(self, &mut turning, arm);
+                let finished = false;
+                if let Some(actions) = actions {
+                    self.phase = Phase::Turning(turning);
+                    return Ok(ActionChunk { actions, finished });
+                }
+                Ok(ActionChunk { actions: joint::release(self, &scene, &turning, arm), finished })
             }
             Phase::Home => Ok(ActionChunk { actions: Vec::new(), finished: true }),
         }
