@@ -51,7 +51,6 @@ pub(crate) fn of_link(
     let mut found = holds(link, motion, robot);
     found.extend(pushes(link, motion, settings));
     found.sort_by(|a, b| a.awkwardness.total_cmp(&b.awkwardness));
-    found.truncate(settings.contacts);
     found
 }
 
@@ -83,11 +82,11 @@ fn holds(link: &ObjectLink, motion: &Motion, robot: &RobotModel) -> Vec<JointCon
             if !is_natural(approach) {
                 continue;
             }
-            let Some((point, width)) = between_pads(&points, approach, closing, pad.z) else { continue };
-            if width + FINGER_ROOM_M > robot.gripper.max_width {
-                continue;
-            }
-            for side in [1.0, -1.0] {
+            for (share, side) in [(1.0, 1.0), (1.0, -1.0), (0.7, 1.0), (0.7, -1.0)] {
+                let Some((point, width)) = between_pads(&points, approach, closing, share, pad.z) else { continue };
+                if width + FINGER_ROOM_M > robot.gripper.max_width {
+                    continue;
+                }
                 let y = closing * side;
                 let world_from_tcp = Pose::from_axes(point, y.cross(approach), y, approach);
                 found.push(JointContact {
@@ -97,7 +96,7 @@ fn holds(link: &ObjectLink, motion: &Motion, robot: &RobotModel) -> Vec<JointCon
                     hold_width: (width - SQUEEZE_M).max(0.0),
                     gap_m: 0.0,
                     follow: 1.0,
-                    awkwardness: awkwardness(&world_from_tcp) + 0.15,
+                    awkwardness: awkwardness(&world_from_tcp) + 0.15 + 0.3 * (1.0 - share),
                 });
             }
         }
@@ -105,8 +104,14 @@ fn holds(link: &ObjectLink, motion: &Motion, robot: &RobotModel) -> Vec<JointCon
     found
 }
 
-/// Where the tcp must be so that the pads cover the near end of a handle, and the handle's width there.
-fn between_pads(points: &[DVec3], approach: DVec3, closing: DVec3, pad_length: f64) -> Option<(DVec3, f64)> {
+/// Where the tcp must be so that the pads cover the near end of a handle, or a share of it, and its width there.
+fn between_pads(
+    points: &[DVec3],
+    approach: DVec3,
+    closing: DVec3,
+    share: f64,
+    pad_length: f64,
+) -> Option<(DVec3, f64)> {
     let across = closing.cross(approach);
     let range = |axis: DVec3, points: &mut dyn Iterator<Item = &DVec3>| {
         points.map(|point| point.dot(axis)).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
@@ -114,7 +119,7 @@ fn between_pads(points: &[DVec3], approach: DVec3, closing: DVec3, pad_length: f
         })
     };
     let (near, far) = range(approach, &mut points.iter());
-    let depth = (far - near - 0.001).min(pad_length);
+    let depth = share * (far - near - 0.001).min(pad_length);
     let covered = |point: &&DVec3| point.dot(approach) <= near + depth;
     let (low, high) = range(closing, &mut points.iter().filter(covered));
     let (left, right) = range(across, &mut points.iter().filter(covered));
@@ -175,19 +180,19 @@ fn pushes_at(point: DVec3, direction: DVec3, lever: f64, settings: &JointSetting
     found
         .into_iter()
         .filter(|(pose, ..)| is_natural(pose.transform_vector(DVec3::Z)))
-        .flat_map(|(pose, tool_point, gap_m, kind)| {
+        .map(|(pose, tool_point, gap_m, kind)| {
             let world_from_tcp =
                 Pose { position: point - direction * gap_m - pose.transform_vector(tool_point), ..pose };
             let awkwardness = awkwardness(&world_from_tcp) + kind + 0.5 * (1.0 - lever);
-            [1.0, 0.5, 0.0].map(|follow| JointContact {
+            JointContact {
                 world_from_tcp,
                 tool_point,
                 open_width: 0.0,
                 hold_width: 0.0,
                 gap_m,
-                follow,
-                awkwardness: awkwardness + 0.05 * (1.0 - follow),
-            })
+                follow: 1.0,
+                awkwardness,
+            }
         })
         .collect()
 }

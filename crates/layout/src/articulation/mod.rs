@@ -24,8 +24,9 @@ pub struct JointSettings {
     pub gap_m: f64,
     /// Length of the straight way in and out, metres.
     pub approach_m: f64,
-    /// Contacts that are looked at before a change is given up.
-    pub contacts: usize,
+    /// Shares of the link's turn that a hand which pushes may follow, in the order in which they are tried;
+    /// a hand that holds follows it all.
+    pub follow: Vec<f64>,
     /// Arm configurations tried per contact.
     pub configurations: usize,
     /// Largest motion of the contact between two states that are tested, metres.
@@ -41,7 +42,7 @@ impl Default for JointSettings {
         Self {
             gap_m: 0.002,
             approach_m: 0.07,
-            contacts: 600,
+            follow: vec![1.0, 0.5, 0.0],
             configurations: 6,
             step_m: 0.012,
             step_rad: 0.06,

@@ -58,28 +58,45 @@ impl<'a> Sweeper<'a> {
     ) -> Result<T, Failure> {
         let name = &self.object.model.card.name;
         let mut tally = Tally::default();
-        for &target in &self.change.targets {
-            let Some(motion) = Motion::of(self.object, self.change, target) else { continue };
-            let Some(link) = self.object.model.links.get(self.change.link) else { continue };
-            let worlds = self.worlds(&motion, target);
-            for contact in of_link(link, &motion, self.planner.robot(), self.settings) {
-                let configs = self.planner.ik(&contact.world_from_tcp, reference);
-                if configs.is_empty() {
-                    tally.out_of_reach += 1;
-                    continue;
-                }
-                let Some((config, approach)) = configs
-                    .into_iter()
-                    .filter(|config| is_free(self.planner, &worlds[0].1, &contact, config))
-                    .take(self.settings.configurations)
-                    .filter(|config| self.is_possible(&motion, &contact, config, &worlds, &mut tally))
-                    .find_map(|config| self.approach(&contact, &config, &worlds[0].1).map(|path| (config, path)))
-                else {
-                    tally.blocked += 1;
-                    continue;
-                };
+        let motions: Vec<_> = self
+            .change
+            .targets
+            .iter()
+            .filter_map(|&target| {
+                let motion = Motion::of(self.object, self.change, target)?;
+                Some((target, motion, self.worlds(&motion, target)))
+            })
+            .collect();
+        let link = self.object.model.links.get(self.change.link);
+        let contacts = motions.first().zip(link).map(|((_, motion, _), link)| {
+            of_link(link, motion, self.planner.robot(), self.settings)
+        });
+        for start in contacts.into_iter().flatten() {
+            let configs = self.planner.ik(&start.world_from_tcp, reference);
+            if configs.is_empty() {
+                tally.out_of_reach += 1;
+                continue;
+            }
+            let world = &motions[0].2[0].1;
+            let starts: Vec<_> = configs
+                .into_iter()
+                .filter(|config| is_free(self.planner, world, &start, config))
+                .take(self.settings.configurations)
+                .collect();
+            if starts.is_empty() {
+                tally.blocked += 1;
+                continue;
+            }
+            let follows = if start.gap_m > 0.0 { self.settings.follow.as_slice() } else { &[1.0] };
+            for (&follow, (target, motion, worlds)) in follows.iter().flat_map(|f| motions.iter().map(move |m| (f, m))) {
+                let contact = JointContact { follow, ..start.clone() };
+                let found = starts
+                    .iter()
+                    .filter(|config| self.is_possible(motion, &contact, config, worlds, &mut tally))
+                    .find_map(|config| Some((config.clone(), self.approach(&contact, config, world)?)));
+                let Some((config, approach)) = found else { continue };
                 tally.possible += 1;
-                let sweep = JointSweep { change: self.change.clone(), target, contact, config, approach };
+                let sweep = JointSweep { change: self.change.clone(), target: *target, contact, config, approach };
                 if let Some(result) = accept(&sweep) {
                     return Ok(result);
                 }
