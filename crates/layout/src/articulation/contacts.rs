@@ -21,6 +21,8 @@ pub struct JointContact {
     pub hold_width: f64,
     /// Distance between the hand and the link before it touches, metres; 0 when the pads hold it.
     pub gap_m: f64,
+    /// Whether the hand need not follow the link's turn.
+    pub turns_freely: bool,
     /// Share of the link's turn that the hand follows.
     pub follow: f64,
     /// What a person would call awkward about it; the least is tried first.
@@ -75,14 +77,17 @@ fn holds(link: &ObjectLink, motion: &Motion, robot: &RobotModel) -> Vec<JointCon
         .collect();
     let pad = robot.gripper.pad_size;
     let mut found = Vec::new();
-    for closing in [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| motion.world_from_link.transform_vector(axis)) {
+    for (closing, slant) in closings() {
+        let closing = motion.world_from_link.transform_vector(closing);
+        // Pads that close along the axis of the joint turn on the handle like on a hinge.
+        let pivots = closing.dot(motion.axis).abs() > 0.99;
         let start = closing.any_orthonormal_vector();
         for turn in 0..24 {
             let approach = DQuat::from_axis_angle(closing, f64::from(turn) / 24.0 * TAU) * start;
             if !is_natural(approach) {
                 continue;
             }
-            for (share, side) in [(1.0, 1.0), (1.0, -1.0), (0.7, 1.0), (0.7, -1.0)] {
+            for (share, side) in [1.0, 0.7, 0.5].into_iter().flat_map(|share| [(share, 1.0), (share, -1.0)]) {
                 let Some((point, width)) = between_pads(&points, approach, closing, share, pad.z) else { continue };
                 if width + FINGER_ROOM_M > robot.gripper.max_width {
                     continue;
@@ -96,9 +101,22 @@ fn holds(link: &ObjectLink, motion: &Motion, robot: &RobotModel) -> Vec<JointCon
                     hold_width: (width - SQUEEZE_M).max(0.0),
                     gap_m: 0.0,
                     follow: 1.0,
-                    awkwardness: awkwardness(&world_from_tcp) + 0.15 + 0.3 * (1.0 - share),
+                    awkwardness: awkwardness(&world_from_tcp) + 0.15 + 0.3 * (1.0 - share) + slant,
+                    turns_freely: pivots,
                 });
             }
+        }
+    }
+    found
+}
+
+/// Closing directions in the link's frame with what is awkward about them: its axes, then directions between them.
+fn closings() -> Vec<(DVec3, f64)> {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let mut found: Vec<(DVec3, f64)> = axes.iter().map(|&axis| (axis, 0.0)).collect();
+    for &one in &axes {
+        for &other in axes.iter().filter(|&&other| other != one) {
+            found.extend([0.55, -0.55].map(|slant| ((one + other * slant).normalize(), 0.6)));
         }
     }
     found
@@ -190,6 +208,7 @@ fn pushes_at(point: DVec3, direction: DVec3, lever: f64, settings: &JointSetting
                 open_width: 0.0,
                 hold_width: 0.0,
                 gap_m,
+                turns_freely: true,
                 follow: 1.0,
                 awkwardness,
             }

@@ -24,8 +24,8 @@ pub struct JointSettings {
     pub gap_m: f64,
     /// Length of the straight way in and out, metres.
     pub approach_m: f64,
-    /// Shares of the link's turn that a hand which pushes may follow, in the order in which they are tried;
-    /// a hand that holds follows it all.
+    /// Shares of the link's turn that a hand may follow, in the order in which they are tried; a hand that holds
+    /// follows it all, unless the handle can turn between the pads.
     pub follow: Vec<f64>,
     /// Arm configurations tried per contact.
     pub configurations: usize,

@@ -87,7 +87,7 @@ impl<'a> Sweeper<'a> {
                 tally.blocked += 1;
                 continue;
             }
-            let follows = if start.gap_m > 0.0 { self.settings.follow.as_slice() } else { &[1.0] };
+            let follows = if start.turns_freely { self.settings.follow.as_slice() } else { &[1.0] };
             for (&follow, (target, motion, worlds)) in follows.iter().flat_map(|f| motions.iter().map(move |m| (f, m))) {
                 let contact = JointContact { follow, ..start.clone() };
                 let found = starts
