@@ -14,6 +14,9 @@ enum Outcome {
     Skipped(String),
 }
 
+/// The tests' own build, the program included, so that nothing is built twice with another choice of features.
+const BUILD: [&str; 4] = ["test", "--release", "--workspace", "--no-run"];
+
 type Phase = fn(&Workspace) -> Result<Outcome>;
 
 /// In this order: what fails in seconds comes before what takes minutes, and the tests' own lines come last.
@@ -28,8 +31,7 @@ const PHASES: [(&str, Phase); 10] = [
     ("typos", |w| if_installed(w, "typos", &[])),
     ("clippy", |w| cargo(w, &["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"])),
     ("doc", documentation),
-    // The tests' own build, so that nothing is built twice with another choice of features.
-    ("build", |w| cargo(w, &["test", "--release", "--workspace", "--no-run"])),
+    ("build", |w| cargo(w, &BUILD)),
     ("link check", link_check),
     ("test", tests),
 ];
@@ -115,7 +117,7 @@ fn documentation(workspace: &Workspace) -> Result<Outcome> {
 /// The program finds the simulator by itself: `command` has removed the library path that cargo would give it.
 /// Tests and doctests show the same under cargo, which adds no folder outside of the target folder.
 fn link_check(workspace: &Workspace) -> Result<Outcome> {
-    process::visible(&mut workspace.cargo(["build", "--release"]))?;
+    process::visible(&mut workspace.cargo(BUILD))?;
     process::visible(with_python(workspace, workspace.command(workspace.genmanip()?)).arg("doctor"))?;
     Ok(passed())
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{LabCommand, RelationsArguments};
+pub use lab::{ExpertArguments, LabCommand, RelationsArguments};
 
 mod lab;
 

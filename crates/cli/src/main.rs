@@ -37,7 +37,10 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Replay(arguments) => commands::replay::run(arguments, printer),
         Command::Report(arguments) => commands::report::run(arguments, printer),
         Command::Export(arguments) => commands::export::run(arguments, printer),
-        Command::Lab { command: LabCommand::Relations(arguments) } => commands::lab::relations::run(arguments, printer),
+        Command::Lab { command } => match command {
+            LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
+            LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
+        },
         Command::Doctor => commands::doctor::run(printer),
     }
 }

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task};
+use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
@@ -139,19 +139,43 @@ fn make(
     store: &EpisodeStore,
     settings: &CollectSettings,
 ) -> Result<EpisodeResult, RolloutError> {
+    match play(attempt, resources, settings)? {
+        Ok(episode) => {
+            store.write(&episode, &[])?;
+            Ok(episode.result)
+        }
+        Err(result) => {
+            store.write_result_only(&result, None)?;
+            Ok(*result)
+        }
+    }
+}
+
+/// Makes one attempt and keeps nothing but its result.
+///
+/// # Errors
+/// A defect; a task that cannot be solved is a result.
+pub fn trial(
+    attempt: &Attempt,
+    resources: Resources,
+    settings: &CollectSettings,
+) -> Result<EpisodeResult, RolloutError> {
+    Ok(play(attempt, resources, settings)?.map_or_else(|result| *result, |episode| episode.result))
+}
+
+/// One attempt: layout, then the expert; only a result where no layout was found.
+fn play(
+    attempt: &Attempt,
+    resources: Resources,
+    settings: &CollectSettings,
+) -> Result<Result<Episode, Box<EpisodeResult>>, RolloutError> {
     let scenario = match attempt.scenario(resources, &settings.layout) {
         Ok(scenario) => scenario,
-        Err(error) => {
-            let result = not_laid_out(attempt, &error, settings);
-            store.write_result_only(&result, None)?;
-            return Ok(result);
-        }
+        Err(error) => return Ok(Err(Box::new(not_laid_out(attempt, &error, settings)))),
     };
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot(), &settings.sim)?;
     let mut expert = Expert::new(&stage, resources.planner, settings.expert.clone());
-    let episode = run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?;
-    store.write(&episode, &[])?;
-    Ok(episode.result)
+    Ok(Ok(run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?))
 }
 
 fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, settings: &CollectSettings) -> EpisodeResult {

@@ -7,7 +7,7 @@ use crate::{genmanip, program};
 #[test]
 fn help_of_every_verb_reads_well_and_shows_an_example() {
     let folder = tempfile::tempdir().unwrap();
-    let verbs: [&[&str]; 11] = [
+    let verbs: [&[&str]; 12] = [
         &["demo"],
         &["task", "check"],
         &["task", "show"],
@@ -18,6 +18,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["report"],
         &["export"],
         &["lab", "relations"],
+        &["lab", "expert"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);

@@ -1,5 +1,6 @@
 //! `genmanip lab`: one module per measurement; figures are of one thread and in processor time.
 
+pub mod expert;
 pub mod relations;
 
 use cpu_time::ThreadTime;

@@ -1,0 +1,128 @@
+//! `genmanip lab expert`: attempts on fresh layouts until one is verified, nothing stored.
+
+use std::collections::BTreeMap;
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{EpisodeResult, Seed, Task};
+use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
+use serde::Serialize;
+
+use super::cpu_clock;
+use crate::args::ExpertArguments;
+use crate::error::{ExitStatus, Failed};
+use crate::inputs;
+use crate::printer::{Printer, table};
+
+/// Failed attempts whose evidence is kept per cause and kind; the counts have all.
+const SAMPLES: usize = 5;
+
+/// What the expert came to, per kind of task and altogether.
+#[derive(Serialize)]
+struct Measured {
+    seed: u64,
+    tries_per_task: u64,
+    total: Yield,
+    kinds: BTreeMap<&'static str, Yield>,
+}
+
+/// Attempts of some tasks: each task is tried until an attempt is verified or its tries are used up.
+#[derive(Default, Serialize)]
+struct Yield {
+    attempts: usize,
+    verified: usize,
+    tasks: usize,
+    tasks_solved: usize,
+    /// Verified demonstrations in an hour of one core, layout and planning included.
+    demos_per_core_hour: f64,
+    /// Failed attempts by cause.
+    causes: BTreeMap<&'static str, usize>,
+    cpu_s: f64,
+    worst_stray_contact_n: f64,
+    episodes_above_5_n: usize,
+    /// What was seen in the first failed attempts of each cause.
+    evidence: BTreeMap<&'static str, Vec<String>>,
+}
+
+pub fn run(arguments: &ExpertArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let tasks = inputs::read_tasks(&arguments.tasks)?;
+    let settings = CollectSettings::default();
+    let planner = inputs::planner(&settings.planner)?;
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
+    let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
+    let mut total = Yield::default();
+    let bar = printer.progress("trying", tasks.len());
+    for task in &tasks {
+        let mut clock = cpu_clock();
+        let results = solve(task, arguments, resources, &settings)?;
+        let cpu_s = clock();
+        for counted in [kinds.entry(task.kind.name()).or_default(), &mut total] {
+            counted.add(&results, cpu_s);
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let measured = Measured { seed: arguments.seed, tries_per_task: arguments.tries, total, kinds };
+    printer.data(&measured, &in_words(&measured));
+    Ok(ExitStatus::Done)
+}
+
+/// All attempts at a task up to the first verified one.
+fn solve(
+    task: &Task,
+    arguments: &ExpertArguments,
+    resources: Resources,
+    settings: &CollectSettings,
+) -> Result<Vec<EpisodeResult>, Failed> {
+    let stream = Seed::new(arguments.seed).fork("attempt").fork(&task.id);
+    let mut results = Vec::new();
+    for number in 0..arguments.tries {
+        let attempt = Attempt { task, number, seed: stream.fork_index(number) };
+        let result = trial(&attempt, resources, settings)
+            .map_err(|error| Failed::because(format!("attempt {} broke", attempt.id()), &error))?;
+        let verified = result.success;
+        results.push(result);
+        if verified {
+            break;
+        }
+    }
+    Ok(results)
+}
+
+impl Yield {
+    fn add(&mut self, results: &[EpisodeResult], cpu_s: f64) {
+        self.tasks += 1;
+        self.attempts += results.len();
+        self.cpu_s += cpu_s;
+        for result in results {
+            self.verified += usize::from(result.success);
+            self.tasks_solved += usize::from(result.success);
+            self.worst_stray_contact_n = self.worst_stray_contact_n.max(result.max_stray_contact_n);
+            self.episodes_above_5_n += usize::from(result.max_stray_contact_n > 5.0);
+            if let Some(failure) = &result.failure {
+                *self.causes.entry(failure.cause.name()).or_default() += 1;
+                let samples = self.evidence.entry(failure.cause.name()).or_default();
+                if samples.len() < SAMPLES {
+                    samples.push(format!("{}: {}", result.id, failure.evidence));
+                }
+            }
+        }
+        self.demos_per_core_hour = 3600.0 * self.verified as f64 / self.cpu_s.max(1e-9);
+    }
+}
+
+fn in_words(measured: &Measured) -> String {
+    let head = ["kind", "verified", "tasks solved", "per core-hour", "worst stray", "causes of failed attempts"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for (kind, counted) in measured.kinds.iter().chain([(&"all", &measured.total)]) {
+        let causes: Vec<String> = counted.causes.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
+        rows.push(vec![
+            (*kind).to_owned(),
+            format!("{}/{}", counted.verified, counted.attempts),
+            format!("{}/{}", counted.tasks_solved, counted.tasks),
+            format!("{:.0}", counted.demos_per_core_hour),
+            format!("{:.1} N", counted.worst_stray_contact_n),
+            causes.join(", "),
+        ]);
+    }
+    table(&rows)
+}
