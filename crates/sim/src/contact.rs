@@ -129,6 +129,8 @@ impl TouchTally {
                     BodyId::Robot { link } => grasping |= fingers.iter().any(|finger| finger.link == link),
                     BodyId::Table | BodyId::Floor => grasping = false,
                 }
+                // A drawer, door or button is there to be moved by the fingers, from whatever side.
+                grasping |= matches!(other, BodyId::Object { link: 1.., .. });
             }
             if !grasping {
                 *stray.entry((robot, other)).or_default() += contact.normal_force;
@@ -153,7 +155,8 @@ impl TouchTally {
         self.held_at_start
     }
 
-    /// Largest stray force, N; what is held does not count, whatever part of the robot it touches.
+    /// Largest stray force, N; what is held does not count, whatever part of the robot it touches, and neither do
+    /// fingers on a moving link of an articulated object.
     pub fn stray_force(&self) -> f64 {
         let is_held = |body: &BodyId| matches!(body, BodyId::Object { object, .. } if self.held.contains(object));
         self.stray.iter().filter(|((_, other), _)| !is_held(other)).map(|(_, force)| *force).fold(0.0, f64::max)

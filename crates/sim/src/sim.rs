@@ -66,6 +66,7 @@ impl Sim {
     ///   included) and one other body, the largest over pairs and physics steps.
     ///   Not counted are objects that both fingers press on at some step of the interval, a finger's inner side
     ///   pressing on an object in its closing direction (within 45°: the first touch of a grasp), and finger on finger.
+    ///   Nor are fingers on a moving link of an articulated object, which is there to be moved.
     ///   A fingertip on the table or on top of an object counts, and so does the outer side of a finger.
     ///
     /// # Errors

@@ -11,7 +11,7 @@ mod sweep;
 pub use contacts::JointContact;
 pub use sweep::{JointSweep, Sweeper};
 
-use genmanip_core::{JointKind, Pose};
+use genmanip_core::{Aabb, JointKind, Pose};
 use genmanip_scene::relations::{PosedObject, PosedScene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -67,6 +67,9 @@ pub struct JointChange {
 }
 
 /// The joints that must move to bring an object into a state; empty when it is in it, or has no such state.
+///
+/// In an order that leaves room: what goes back comes first, then from the lowest link up, so that nothing that was
+/// pulled out hangs over what is next.
 pub fn joint_changes(scene: &PosedScene, object: usize, state: &str) -> Vec<JointChange> {
     let Some(posed) = scene.objects().nth(object) else { return Vec::new() };
     let Some(wanted) = posed.model.joint_states.iter().find(|known| known.name == state) else { return Vec::new() };
@@ -83,6 +86,13 @@ pub fn joint_changes(scene: &PosedScene, object: usize, state: &str) -> Vec<Join
         let edge = if from < low { low } else { high };
         changes.push(JointChange { object, link, joint, from, targets: vec![nominal, 0.5 * (nominal + edge)] });
     }
+    let poses = posed.model.link_poses(&posed.joint_positions);
+    let height = |change: &JointChange| {
+        let bounds = Aabb::from_pieces(&poses[change.link], &posed.model.links[change.link].pieces);
+        bounds.center().z
+    };
+    let goes_back = |change: &JointChange| change.targets[0].abs() < change.from.abs();
+    changes.sort_by(|a, b| goes_back(b).cmp(&goes_back(a)).then(height(a).total_cmp(&height(b))));
     changes
 }
 
