@@ -33,8 +33,10 @@ pub struct JointContact {
 const NATURAL: DVec3 = DVec3::new(0.35, 0.0, -0.94);
 /// Room between the pads and a handle on both sides together, metres.
 const FINGER_ROOM_M: f64 = 0.016;
-/// How much narrower than the handle the width is that is commanded while holding, metres.
-const SQUEEZE_M: f64 = 0.012;
+/// How much narrower than the handle the width is that is commanded while holding, metres; the less, the gentler.
+const SQUEEZE_M: f64 = 0.006;
+/// The same where the handle is to turn between the pads: a firm grip would lift the whole object instead.
+const PIVOT_SQUEEZE_M: f64 = 0.0015;
 /// Reach of a closed finger's side and tip from the tcp: half a pad's breadth, both fingers' backs, the tip, metres.
 const SIDE_M: f64 = 0.0105;
 const BACK_M: f64 = 0.025;
@@ -98,7 +100,7 @@ fn holds(link: &ObjectLink, motion: &Motion, robot: &RobotModel) -> Vec<JointCon
                     world_from_tcp,
                     tool_point: DVec3::ZERO,
                     open_width: width + FINGER_ROOM_M,
-                    hold_width: (width - SQUEEZE_M).max(0.0),
+                    hold_width: (width - if pivots { PIVOT_SQUEEZE_M } else { SQUEEZE_M }).max(0.0),
                     gap_m: 0.0,
                     follow: 1.0,
                     awkwardness: awkwardness(&world_from_tcp) + 0.15 + 0.3 * (1.0 - share) + slant,
@@ -116,7 +118,7 @@ fn closings() -> Vec<(DVec3, f64)> {
     let mut found: Vec<(DVec3, f64)> = axes.iter().map(|&axis| (axis, 0.0)).collect();
     for &one in &axes {
         for &other in axes.iter().filter(|&&other| other != one) {
-            found.extend([0.55, -0.55].map(|slant| ((one + other * slant).normalize(), 0.6)));
+            found.extend([0.55, -0.55].map(|slant| ((one + other * slant).normalize(), 3.0)));
         }
     }
     found
