@@ -55,7 +55,9 @@ fn comes_first(one: &Move, other: &Move, scene: &PosedScene) -> bool {
     };
     match (one.state(), other.state()) {
         // A container is shut after it was filled, opened before; a laptop is shut before something is put on it.
-        (Some(state), None) => places_against(other, one.object) && !(shuts(state) && is_filled(other, one.object, scene)),
+        (Some(state), None) => {
+            places_against(other, one.object) && !(shuts(state) && is_filled(other, one.object, scene))
+        }
         (None, Some(state)) => places_against(one, other.object) && shuts(state) && is_filled(one, other.object, scene),
         (None, None) => places_against(other, one.object),
         (Some(_), Some(_)) => false,

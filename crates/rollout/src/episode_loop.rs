@@ -2,11 +2,11 @@
 
 use genmanip_core::{
     ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, Observation, Policy,
-    Pose, PolicyError, PolicySpec, PrivilegedState, Seed,
+    PolicyError, PolicySpec, Pose, PrivilegedState, Seed,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
-use glam::DVec3;
 use genmanip_sim::{Sim, SimError};
+use glam::DVec3;
 use std::sync::Arc;
 
 use crate::{RolloutError, RolloutSettings, Stage};
@@ -210,10 +210,13 @@ impl<'a> Recording<'a> {
         let success = verdict.success;
         let failure = (!success).then(|| {
             let failure = failure.unwrap_or_else(|| missed(&verdict));
-            self.disturbed().filter(|_| failure.cause == FailureCause::GoalMissed).map_or(failure.clone(), |disturbed| {
-                let evidence = format!("{disturbed}; {}", failure.evidence);
-                Failure { cause: FailureCause::Disturbed, evidence }
-            })
+            self.disturbed().filter(|_| failure.cause == FailureCause::GoalMissed).map_or(
+                failure.clone(),
+                |disturbed| {
+                    let evidence = format!("{disturbed}; {}", failure.evidence);
+                    Failure { cause: FailureCause::Disturbed, evidence }
+                },
+            )
         });
         let path = self.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
         let result = EpisodeResult {

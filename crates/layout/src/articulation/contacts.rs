@@ -134,18 +134,17 @@ fn between_pads(
 ) -> Option<(DVec3, f64)> {
     let across = closing.cross(approach);
     let range = |axis: DVec3, points: &mut dyn Iterator<Item = &DVec3>| {
-        points.map(|point| point.dot(axis)).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-            (low.min(value), high.max(value))
-        })
+        points
+            .map(|point| point.dot(axis))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
     };
     let (near, far) = range(approach, &mut points.iter());
     let depth = share * (far - near - 0.001).min(pad_length);
     let covered = |point: &&DVec3| point.dot(approach) <= near + depth;
     let (low, high) = range(closing, &mut points.iter().filter(covered));
     let (left, right) = range(across, &mut points.iter().filter(covered));
-    let tcp = approach * (near + depth - pad_length / 2.0)
-        + closing * (0.5 * (low + high))
-        + across * (0.5 * (left + right));
+    let tcp =
+        approach * (near + depth - pad_length / 2.0) + closing * (0.5 * (low + high)) + across * (0.5 * (left + right));
     (tcp.is_finite() && depth > 0.003).then_some((tcp, high - low))
 }
 

@@ -51,11 +51,7 @@ impl<'a> Sweeper<'a> {
     ///
     /// # Errors
     /// A failure that says how many contacts were out of reach, blocked, or could not be followed.
-    pub fn search<T>(
-        &self,
-        reference: &[f64],
-        accept: &mut dyn FnMut(&JointSweep) -> Option<T>,
-    ) -> Result<T, Failure> {
+    pub fn search<T>(&self, reference: &[f64], accept: &mut dyn FnMut(&JointSweep) -> Option<T>) -> Result<T, Failure> {
         let name = &self.object.model.card.name;
         let mut tally = Tally::default();
         let motions: Vec<_> = self
@@ -68,9 +64,10 @@ impl<'a> Sweeper<'a> {
             })
             .collect();
         let link = self.object.model.links.get(self.change.link);
-        let contacts = motions.first().zip(link).map(|((_, motion, _), link)| {
-            of_link(link, motion, self.planner.robot(), self.settings)
-        });
+        let contacts = motions
+            .first()
+            .zip(link)
+            .map(|((_, motion, _), link)| of_link(link, motion, self.planner.robot(), self.settings));
         for start in contacts.into_iter().flatten() {
             let configs = self.planner.ik(&start.world_from_tcp, reference);
             if configs.is_empty() {
@@ -88,7 +85,8 @@ impl<'a> Sweeper<'a> {
                 continue;
             }
             let follows = if start.turns_freely { self.settings.follow.as_slice() } else { &[1.0] };
-            for (&follow, (target, motion, worlds)) in follows.iter().flat_map(|f| motions.iter().map(move |m| (f, m))) {
+            for (&follow, (target, motion, worlds)) in follows.iter().flat_map(|f| motions.iter().map(move |m| (f, m)))
+            {
                 let contact = JointContact { follow, ..start.clone() };
                 let found = starts
                     .iter()

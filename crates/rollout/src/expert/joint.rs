@@ -9,9 +9,6 @@ use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, commands, pick::grasp_direction};
 
-/// How fast the opening surely changes, m/s.
-const FINGERS_M_S: f64 = 0.08;
-
 /// A joint under way, from the moment the hand touches the link.
 pub(super) struct Turning {
     /// The contact and what it is for.
@@ -56,11 +53,7 @@ pub(super) fn plan(
             skip -= 1;
             return None;
         }
-        let mut commands = commands::follow(planner, &reach, contact.open_width, settings.empty_speed);
-        // The fingers get there meanwhile, or are waited for.
-        let fingers = (width - contact.open_width).abs() / FINGERS_M_S * expert.stage.control_rate_hz();
-        let rest = (fingers.ceil() as usize).saturating_sub(commands.len());
-        commands.extend(commands::wait(reach.goal(), contact.open_width, rest));
+        let mut commands = expert.reach(&occupied, &reach, width, contact.open_width);
         commands.extend(commands::follow(planner, &sweep.approach, contact.open_width, settings.careful_speed));
         commands.extend(commands::wait(&sweep.config, contact.open_width, settings.rest_steps));
         if contact.hold_width < contact.open_width {
@@ -91,9 +84,10 @@ fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turnin
         let limits: Vec<f64> =
             expert.stage.robot.arm_joints().map(|joint| joint.max_velocity * settings.careful_speed).collect();
         let peak = 1.875 * 200.0 / count as f64 * rate;
-        let slow_enough = std::iter::once(&sweep.config).chain(&fine).zip(&fine).all(|(a, b)| {
-            a.iter().zip(b).zip(&limits).all(|((a, b), limit)| (a - b).abs() * peak <= *limit)
-        });
+        let slow_enough = std::iter::once(&sweep.config)
+            .chain(&fine)
+            .zip(&fine)
+            .all(|(a, b)| a.iter().zip(b).zip(&limits).all(|((a, b), limit)| (a - b).abs() * peak <= *limit));
         if slow_enough {
             let commands = (1..=count)
                 .map(|step| {
@@ -129,12 +123,7 @@ pub(super) fn next(expert: &Expert, turning: &mut Turning, arm: &[f64]) -> Optio
 }
 
 /// Opens the fingers, eases off and backs out.
-pub(super) fn release(
-    expert: &Expert,
-    scene: &PosedScene,
-    turning: &Turning,
-    arm: &[f64],
-) -> Vec<Vec<f32>> {
+pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, arm: &[f64]) -> Vec<Vec<f32>> {
     let (planner, settings) = (&expert.planner, &expert.settings);
     let contact = &turning.sweep.contact;
     let mut commands = commands::wait(arm, contact.hold_width, settings.rest_steps);
@@ -146,15 +135,16 @@ pub(super) fn release(
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
     let tcp = planner.tcp_pose(arm);
     let back = backward(scene, turning, &tcp);
-    let out = [-grasp_direction(&tcp), (back - grasp_direction(&tcp)).normalize_or_zero(), back, DVec3::Z, DVec3::NEG_X];
+    let out =
+        [-grasp_direction(&tcp), (back - grasp_direction(&tcp)).normalize_or_zero(), back, DVec3::Z, DVec3::NEG_X];
     // A finger that pushed leans on the link: first straight back, then out.
     let ease = if contact.gap_m > 0.0 { back * 0.006 } else { DVec3::ZERO };
     let eased = Pose { position: tcp.position + ease, ..tcp };
     let start = planner.ik_near(&eased, arm, settings.joint.max_arm_step_rad).unwrap_or_else(|| arm.to_vec());
     let ways = out.iter().flat_map(|&direction| [1.0, 0.4].map(|share| direction * settings.joint.approach_m * share));
-    let retreat = ways.into_iter().find_map(|way| {
-        planner.straight(&around, &start, &Pose { position: eased.position + way, ..tcp }).ok()
-    });
+    let retreat = ways
+        .into_iter()
+        .find_map(|way| planner.straight(&around, &start, &Pose { position: eased.position + way, ..tcp }).ok());
     if start != arm {
         let ease = Path::polyline(vec![arm.to_vec(), start]);
         commands.extend(commands::follow(planner, &ease, contact.open_width, settings.careful_speed));

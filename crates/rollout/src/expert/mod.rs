@@ -21,7 +21,7 @@ use genmanip_core::{
     Pose, PrivilegedState, Seed,
 };
 use genmanip_layout::{GoalPose, Move, goal_poses, moves, surroundings};
-use genmanip_motion::{Allowed, Planner, Surroundings};
+use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
@@ -29,6 +29,9 @@ use rand::seq::SliceRandom;
 use self::joint::Turning;
 use self::pick::Pick;
 use crate::Stage;
+
+/// How fast the opening surely changes, m/s.
+const FINGERS_M_S: f64 = 0.08;
 
 /// Solves tasks from simulator truth; results made with it say `oracle`.
 pub struct Expert {
@@ -131,7 +134,7 @@ impl Expert {
             let (commands, turning) = joint::plan(self, scene, &step, arm, width, seed)?;
             return Ok((commands, Phase::Turning(Box::new(turning))));
         }
-        let Pick { commands, open_width, hold_width } = pick::plan(self, scene, &step, arm, seed)?;
+        let Pick { commands, open_width, hold_width } = pick::plan(self, scene, &step, arm, width, seed)?;
         let taken_from = self.taken_from(scene, step.object);
         Ok((commands, Phase::Picked { step, open_width, hold_width, taken_from }))
     }
@@ -140,7 +143,7 @@ impl Expert {
         loop {
             let Some(step) = self.next_move(scene) else {
                 self.phase = Phase::Home;
-                return Ok(ActionChunk { actions: self.go_home(scene, arm), finished: true });
+                return Ok(ActionChunk { actions: self.go_home(scene, arm, width), finished: true });
             };
             self.picks += 1;
             self.waits = 0;
@@ -208,15 +211,39 @@ impl Expert {
         }
     }
 
-    fn go_home(&self, scene: &PosedScene, arm: &[f64]) -> Vec<Vec<f32>> {
+    fn go_home(&self, scene: &PosedScene, arm: &[f64], width: f64) -> Vec<Vec<f32>> {
         let world = surroundings::world(scene, None);
-        let width = self.stage.robot.gripper.max_width;
+        let open = self.stage.robot.gripper.max_width;
+        // The fingers open at home, where nothing is in their way.
         let around = Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
         match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
-            Ok(path) => commands::follow(&self.planner, &path, width, self.settings.empty_speed),
+            Ok(path) => {
+                let mut commands = commands::follow(&self.planner, &path, width, self.settings.empty_speed);
+                commands.extend(commands::fingers(path.goal(), width, open, self.settings.open_steps));
+                commands
+            }
             Err(_) => commands::wait(arm, width, self.settings.rest_steps),
         }
+    }
+
+    /// A free motion of the empty hand during which the fingers go to another opening; when there is no room for
+    /// that on the way, they do so first.
+    fn reach(&self, world: &World, path: &Path, from: f64, to: f64) -> Vec<Vec<f32>> {
+        let nothing = Allowed::none();
+        let room = |width: f64| {
+            let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: width };
+            let checker = self.planner.checker(&around, 0.0);
+            path.states(0.05).iter().all(|state| checker.is_free(state))
+        };
+        let steps = ((from - to).abs() / FINGERS_M_S * self.stage.control_rate_hz()).ceil() as usize;
+        let mut commands = Vec::new();
+        if steps > 1 && !(room(from) && room(0.5 * (from + to))) {
+            commands.extend(commands::fingers(path.start(), from, to, 2 * steps));
+        }
+        commands.extend(commands::follow(&self.planner, path, to, self.settings.empty_speed));
+        commands.extend(commands::wait(path.goal(), to, steps.saturating_sub(commands.len())));
+        commands
     }
 }
 
