@@ -13,7 +13,9 @@ mod markup;
 pub mod report;
 pub mod statistics;
 
-pub use drawing::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, Svg, graph_svg, layout_svg};
+pub use drawing::{
+    DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg, graph_svg, layout_svg,
+};
 pub use evaluation::{EvaluationError, EvaluationReport, suite_hash};
 pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
 pub use statistics::{

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{ExpertArguments, LabCommand, RelationsArguments};
+pub use lab::{ExpertArguments, LabCommand, LabLayoutArguments, RelationsArguments};
 
 mod lab;
 
@@ -123,9 +124,15 @@ pub struct LayoutArguments {
     /// Folder for the scenario files
     #[arg(long)]
     pub out: PathBuf,
-    /// Also draw every layout and its scene graph as SVG
+    /// Unmentioned objects to add to each scene; they make no instruction ambiguous
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=20).map(usize::from))]
+    pub distractors: usize,
+    /// Also draw each scene graph beside its layout as SVG, or why there is none
     #[arg(long)]
     pub explain: bool,
+    /// Worker threads; results do not depend on it [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `collect`.

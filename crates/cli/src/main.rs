@@ -39,6 +39,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Export(arguments) => commands::export::run(arguments, printer),
         Command::Lab { command } => match command {
             LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
+            LabCommand::Layout(arguments) => commands::lab::layout::run(arguments, printer),
             LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
         },
         Command::Doctor => commands::doctor::run(printer),

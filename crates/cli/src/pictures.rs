@@ -2,11 +2,13 @@
 
 use genmanip_assets::Catalogue;
 use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};
-use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture};
-use genmanip_core::{Episode, GraphEdge, Scenario};
+use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
+use genmanip_core::glam::DVec2;
+use genmanip_core::{Atom, Episode, PlacedObject, Scenario, Task, Workspace};
+use genmanip_layout::LayoutError;
 use genmanip_render::{Channels, FrameBuffers, encode};
 use genmanip_rollout::{Stage, images::Painter};
-use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
+use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
 
 use crate::error::Failed;
 
@@ -59,36 +61,78 @@ pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<
 
 /// What the drawing of a layout shows.
 pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<LayoutPicture, Failed> {
-    let mut shapes = ShapeCache::default();
-    let footprints = scenario
-        .objects
-        .iter()
-        .map(|placed| {
-            let model = catalogue
-                .instance(placed)
-                .map_err(|error| Failed::because(format!("cannot draw scenario {}", scenario.id), &error))?;
-            let color = model.card.colors.first().map_or([128; 3], |word| color_of_word(word));
-            let name = model.card.name.clone();
-            let object = PosedObject {
-                uid: placed.uid.clone(),
-                model,
-                pose: placed.pose,
-                joint_positions: placed.joint_positions.clone(),
-            };
-            let scene = PosedScene::new(vec![object], &mut shapes);
-            let polygons = scene
-                .footprints(0)
-                .into_iter()
-                .map(|polygon| polygon.iter().map(|point| point.to_array()).collect())
-                .collect();
-            Ok(Footprint { uid: placed.uid.clone(), name, color, polygons })
-        })
-        .collect::<Result<Vec<_>, Failed>>()?;
-    let edge = |edge: &GraphEdge, role| DrawnEdge { edge: edge.clone(), role };
+    let edges = scenario.task.scene_graph.edges.iter();
     Ok(LayoutPicture {
         workspace: scenario.workspace,
-        footprints,
-        edges: scenario.task.scene_graph.edges.iter().map(|e| edge(e, EdgeRole::Initial)).collect(),
+        footprints: footprints(&scenario.objects, catalogue)?,
+        edges: edges.map(|edge| DrawnEdge { edge: edge.clone(), role: EdgeRole::Initial }).collect(),
         reach_m: vec![PANDA_REACH_M],
+        windows: Vec::new(),
     })
+}
+
+/// The task's graph beside its layout.
+pub fn explained(scenario: &Scenario, catalogue: &Catalogue) -> Result<Svg, Failed> {
+    Ok(explain_svg(&scenario.task, &layout_picture(scenario, catalogue)?, None))
+}
+
+/// Why a task has no layout: what was placed, where the next object would have had to go, and which edges conflict.
+pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue) -> Result<Svg, Failed> {
+    let name = |uid: &str| task.card(uid).map_or_else(|| uid.to_owned(), |card| card.name.clone());
+    let in_words = |atom: &Atom| match atom {
+        Atom::Relation { subject, relation, reference, second_reference } => {
+            let second = second_reference.iter().map(|uid| format!(" and {}", name(uid)));
+            format!("{} {} {}{}", name(subject), relation.name(), name(reference), second.collect::<String>())
+        }
+        Atom::State { object, state } => format!("{} is {state}", name(object)),
+    };
+    let (mut refusal, mut placed, mut windows) = (Refusal::default(), Vec::new(), Vec::new());
+    if let LayoutError::Infeasible { restarts, rejections, furthest, .. } = error {
+        refusal.headline = format!("No layout in {restarts} attempts");
+        refusal.reasons = rejections.reasons().into_iter().map(|(reason, count)| (reason.to_owned(), count)).collect();
+        let edges = rejections.conflicting_edges().into_iter();
+        refusal.conflicts_in_words = edges.map(|(atom, count)| (in_words(atom), count)).collect();
+        refusal.conflicts = rejections.conflicting_edges().into_iter().map(|(atom, _)| atom.clone()).collect();
+        if let Some(furthest) = furthest {
+            refusal.headline += &format!(": no place for {}", name(&furthest.object));
+            placed.clone_from(&furthest.placed);
+            let window = |(atom, at): &(Atom, Window)| PlaceWindow { x: at.x, y: at.y, label: in_words(atom) };
+            windows = furthest.windows.iter().map(window).collect();
+        }
+    } else {
+        refusal.headline = error.to_string();
+    }
+    let role = |atom: &Atom| if refusal.conflicts.contains(atom) { EdgeRole::Conflict } else { EdgeRole::Initial };
+    let edges = task.scene_graph.edges.iter();
+    let picture = LayoutPicture {
+        workspace: Workspace::default(),
+        footprints: footprints(&placed, catalogue)?,
+        edges: edges.map(|edge| DrawnEdge { role: role(&edge.atom()), edge: edge.clone() }).collect(),
+        reach_m: vec![PANDA_REACH_M],
+        windows,
+    };
+    Ok(explain_svg(task, &picture, Some(&refusal)))
+}
+
+/// Objects seen from above.
+fn footprints(objects: &[PlacedObject], catalogue: &Catalogue) -> Result<Vec<Footprint>, Failed> {
+    let mut shapes = ShapeCache::default();
+    let footprint = |placed: &PlacedObject| {
+        let model = catalogue
+            .instance(placed)
+            .map_err(|error| Failed::because(format!("cannot draw object {}", placed.uid), &error))?;
+        let color = model.card.colors.first().map_or([128; 3], |word| color_of_word(word));
+        let name = model.card.name.clone();
+        let object = PosedObject {
+            uid: placed.uid.clone(),
+            model,
+            pose: placed.pose,
+            joint_positions: placed.joint_positions.clone(),
+        };
+        let scene = PosedScene::new(vec![object], &mut shapes);
+        let corners = |polygon: &[DVec2]| polygon.iter().map(|point| point.to_array()).collect();
+        let polygons = scene.footprints(0).into_iter().map(corners).collect();
+        Ok(Footprint { uid: placed.uid.clone(), name, color, polygons })
+    };
+    objects.iter().map(footprint).collect()
 }

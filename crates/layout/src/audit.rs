@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use genmanip_core::Scenario;
-use genmanip_scene::relations::{PosedObject, PosedScene};
+use genmanip_core::{Atom, RobotModel, Scenario};
+use genmanip_scene::relations::{
+    PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
+};
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError, SimSettings};
 
 use crate::LayoutSettings;
+use crate::visibility::hidden;
 
 /// Lets the objects come to rest without a robot; the reason when they do not, or fall over.
 pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Result<(), String> {
@@ -44,36 +47,35 @@ fn scene_object(object: &PosedObject) -> SceneObject {
     }
 }
 
-/// What a returned layout does when it is left alone in physics.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a returned layout is worth, found without the code that made it but with the same judges.
+#[derive(Clone, Debug, PartialEq)]
 pub struct LayoutAudit {
     /// Deepest penetration at the start, metres.
     pub penetration_m: f64,
     /// Farthest any object moved, metres.
     pub drift_m: f64,
+    /// Edges and states of the initial graph that were judged.
+    pub checked: usize,
+    /// Those of them that do not hold.
+    pub failed: Vec<Atom>,
+    /// Whether some alternative of the goal holds already.
+    pub goal_holds: bool,
+    /// Why some object of the task is not seen, when one is not.
+    pub hidden: Option<String>,
 }
 
-/// Leaves a scenario alone for some simulated seconds, sleep off, and measures penetration and drift.
+/// Judges a scenario, then leaves it alone for some simulated seconds, sleep off, and measures penetration and drift.
 ///
 /// # Errors
 /// When an object is unknown or physics refuses the scene.
 pub fn audit(
     scenario: &Scenario,
     catalogue: &genmanip_assets::Catalogue,
+    robot: &Arc<RobotModel>,
     seconds: f64,
 ) -> Result<LayoutAudit, AuditError> {
-    let objects = scenario
-        .objects
-        .iter()
-        .map(|placed| {
-            Ok(SceneObject {
-                name: placed.uid.clone(),
-                model: catalogue.instance(placed)?,
-                pose: placed.pose,
-                joint_positions: placed.joint_positions.clone(),
-            })
-        })
-        .collect::<Result<Vec<_>, AuditError>>()?;
+    let scene = posed(scenario, catalogue, &mut ShapeCache::default())?;
+    let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
     let settings = SimSettings::default();
     let steps = (seconds * f64::from(settings.physics_rate_hz)).round() as u32;
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&objects, &settings)?));
@@ -85,7 +87,37 @@ pub fn audit(
         .zip(sim.object_states())
         .map(|(from, to)| from.pose.position.distance(to.pose.position))
         .fold(0.0, f64::max);
-    Ok(LayoutAudit { penetration_m, drift_m })
+    let (task, relations) = (&scenario.task, RelationSettings::default());
+    let mut verdicts = judge_edges(&scene, &task.scene_graph, &relations);
+    verdicts.extend(judge_states(&scene, &task.scene_graph, &relations));
+    Ok(LayoutAudit {
+        penetration_m,
+        drift_m,
+        checked: verdicts.len(),
+        failed: verdicts.into_iter().filter(|verdict| !verdict.holds).map(|verdict| verdict.atom).collect(),
+        goal_holds: judge_goal(&scene, &task.goal, &Rest::default(), &relations).success,
+        hidden: hidden(&scene, task.scene_graph.nodes.len(), robot, &LayoutSettings::default()),
+    })
+}
+
+/// The objects of a scenario at their poses.
+///
+/// # Errors
+/// When an object is unknown or its physics have changed.
+pub fn posed(
+    scenario: &Scenario,
+    catalogue: &genmanip_assets::Catalogue,
+    shapes: &mut ShapeCache,
+) -> Result<PosedScene, genmanip_assets::AssetError> {
+    let objects = scenario.objects.iter().map(|placed| {
+        Ok(PosedObject {
+            uid: placed.uid.clone(),
+            model: catalogue.instance(placed)?,
+            pose: placed.pose,
+            joint_positions: placed.joint_positions.clone(),
+        })
+    });
+    Ok(PosedScene::new(objects.collect::<Result<Vec<_>, genmanip_assets::AssetError>>()?, shapes))
 }
 
 /// Why a scenario cannot be audited.

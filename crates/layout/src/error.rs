@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use genmanip_assets::AssetError;
-use genmanip_core::Atom;
+use genmanip_core::{Atom, PlacedObject};
+use genmanip_scene::relations::Window;
 
 /// Why a task has no layout.
 #[derive(Debug, thiserror::Error)]
@@ -35,14 +36,27 @@ pub enum LayoutError {
         restarts: usize,
         /// What stood in the way, by reason.
         rejections: Rejections,
+    /// The attempt that got furthest.
+        furthest: Option<Box<Unfinished>>,
     },
+}
+
+/// A layout in which some object found no place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unfinished {
+    /// What had its place; when no attempt got anywhere, all objects as they would stand without the edges in conflict.
+    pub placed: Vec<PlacedObject>,
+    /// Uid of the object that found none.
+    pub object: String,
+    /// Where each of its relations to placed objects alone would have had the middle of it.
+    pub windows: Vec<(Atom, Window)>,
 }
 
 /// Counted reasons, the edges that conflict named.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rejections {
     reasons: BTreeMap<String, usize>,
-    edges: BTreeMap<String, usize>,
+    edges: BTreeMap<Atom, usize>,
 }
 
 impl Rejections {
@@ -54,25 +68,27 @@ impl Rejections {
     /// Counts a rejection caused by one edge.
     pub fn count_edge(&mut self, reason: &str, edge: &Atom) {
         self.count(reason);
-        *self.edges.entry(edge.to_string()).or_default() += 1;
+        self.blame(edge);
+    }
+
+    /// Names an edge as one that stood in the way.
+    pub fn blame(&mut self, edge: &Atom) {
+        *self.edges.entry(edge.clone()).or_default() += 1;
     }
 
     /// Reasons with their counts, most frequent first.
     pub fn reasons(&self) -> Vec<(&str, usize)> {
-        ranked(&self.reasons)
+        ranked(&self.reasons).into_iter().map(|(reason, count)| (reason.as_str(), count)).collect()
     }
 
     /// Edges that caused rejections, most frequent first.
-    pub fn conflicting_edges(&self) -> Vec<(&str, usize)> {
+    pub fn conflicting_edges(&self) -> Vec<(&Atom, usize)> {
         ranked(&self.edges)
     }
 }
 
 impl fmt::Display for Rejections {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let list = |entries: Vec<(&str, usize)>| {
-            entries.iter().take(4).map(|(name, count)| format!("{name} ({count}×)")).collect::<Vec<_>>().join(", ")
-        };
         write!(f, "{}", list(self.reasons()))?;
         if !self.edges.is_empty() {
             write!(f, "; edges in conflict: {}", list(self.conflicting_edges()))?;
@@ -81,8 +97,13 @@ impl fmt::Display for Rejections {
     }
 }
 
-fn ranked(counts: &BTreeMap<String, usize>) -> Vec<(&str, usize)> {
-    let mut entries: Vec<_> = counts.iter().map(|(name, &count)| (name.as_str(), count)).collect();
-    entries.sort_by_key(|&(name, count)| (std::cmp::Reverse(count), name));
+fn list<T: fmt::Display>(entries: Vec<(T, usize)>) -> String {
+    entries.iter().take(4).map(|(name, count)| format!("{name} ({count}×)")).collect::<Vec<_>>().join(", ")
+}
+
+/// Most frequent first, then in their order.
+fn ranked<K: Ord>(counts: &BTreeMap<K, usize>) -> Vec<(&K, usize)> {
+    let mut entries: Vec<_> = counts.iter().map(|(key, &count)| (key, count)).collect();
+    entries.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
     entries
 }

@@ -8,9 +8,13 @@
 
 pub mod articulation;
 mod audit;
+mod between;
+mod distractors;
+mod draft;
 mod error;
 mod goal_pose;
 mod moves;
+mod network;
 mod order;
 mod placement;
 mod reach;
@@ -18,17 +22,43 @@ mod settings;
 pub mod surroundings;
 mod visibility;
 
-pub use audit::{AuditError, LayoutAudit, audit};
-pub use error::{LayoutError, Rejections};
+pub use audit::{AuditError, LayoutAudit, audit, posed};
+pub use error::{LayoutError, Rejections, Unfinished};
 pub use goal_pose::{GoalPose, GoalPoseSettings, goal_poses};
 pub use moves::{Move, moves, references};
 pub use reach::is_in_reach;
 pub use settings::LayoutSettings;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Camera, ObjectModel, PlacedObject, RobotModel, Scenario, Seed, Task, Workspace};
+use genmanip_core::{
+    Atom, Camera, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task, Workspace,
+};
 use genmanip_motion::Planner;
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal};
+use genmanip_scene::relations::{
+    PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
+    placement_window,
+};
+use placement::{Context, GoalRoom, Partial};
+
+/// Whole layouts after which things stand parallel to the table's edges, which takes less room.
+const ALIGNED_AFTER: usize = 10;
+
+/// A part of the work on one layout, in their order within an attempt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Phase {
+    /// Building models and reading the graph.
+    Preparing,
+    /// Drawing candidate poses.
+    Placing,
+    /// Physics.
+    Settling,
+    /// Judging edges, states and goal.
+    Judging,
+    /// Grasps and room at the goal.
+    Reaching,
+    /// What the cameras see.
+    Seeing,
+}
 
 /// Lays a task out for the planner's robot.
 ///
@@ -44,6 +74,22 @@ pub fn lay_out(
     seed: Seed,
     settings: &LayoutSettings,
 ) -> Result<Scenario, LayoutError> {
+    lay_out_observed(task, catalogue, planner, seed, settings, &mut |_| ())
+}
+
+/// [`lay_out`], telling whoever measures when each phase begins.
+///
+/// # Errors
+/// As [`lay_out`].
+pub fn lay_out_observed(
+    task: &Task,
+    catalogue: &Catalogue,
+    planner: &Planner,
+    seed: Seed,
+    settings: &LayoutSettings,
+    begin: &mut dyn FnMut(Phase),
+) -> Result<Scenario, LayoutError> {
+    begin(Phase::Preparing);
     let models = task
         .scene_graph
         .nodes
@@ -51,35 +97,192 @@ pub fn lay_out(
         .map(|node| catalogue.build(&node.uid).map_err(LayoutError::from))
         .collect::<Result<Vec<_>, _>>()?;
     let relations = RelationSettings::default();
-    let plan = order::PlacementPlan::new(task, &models)?;
-    let mut rejections = Rejections::default();
-
-    let context = placement::Context { task, models: &models, plan: &plan, settings, relations: &relations };
-    let mut shapes = ShapeCache::default();
+    let edges = indexed_edges(&task.scene_graph)?;
+    let uid = |index: usize| task.scene_graph.nodes[index].uid.clone();
+    let mut context = Context {
+        task,
+        joints: models.iter().enumerate().map(|(index, model)| initial_joints(task, index, model)).collect(),
+        moved: models.iter().map(|model| is_moved(task, &model.card.uid)).collect(),
+        goal_rooms: goal_rooms(task),
+        steps: order::steps(&edges, models.len(), uid)?,
+        models,
+        edges,
+        settings,
+        relations: &relations,
+    };
+    let (mut rejections, mut furthest, mut shapes) = (Rejections::default(), None, ShapeCache::default());
+    let (mut restarts, mut unaccepted) = (0, 0);
     for restart in 0..settings.max_restarts {
+        restarts += 1;
+        begin(Phase::Placing);
         let attempt = seed.fork("layout").fork_index(restart as u64);
-        let Some(mut scene) = placement::place_all(&context, attempt, &mut shapes, &mut rejections) else { continue };
-        if let Err(reason) = audit::settle(&mut scene, settings) {
-            rejections.count(reason);
-            continue;
+        let aligned = restart >= ALIGNED_AFTER;
+        let uids = distractors::draw(task, catalogue.cards(), settings.distractors, attempt);
+        let models = uids.iter().map(|uid| catalogue.build(uid)).collect::<Result<Vec<_>, _>>()?;
+        context.set_distractors(models);
+        match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
+            Ok(mut scene) => match accept(&context, &mut scene, planner, attempt, &mut rejections, begin) {
+                Ok(()) => return Ok(scenario(task, seed, &scene, planner.robot())),
+                Err(reason) => {
+                    rejections.count(reason);
+                    unaccepted += 1;
+                    if unaccepted >= settings.max_unaccepted {
+                        break;
+                    }
+                }
+            },
+            Err(partial) => keep_furthest(&mut furthest, partial),
         }
-        let broken = judge_edges(&scene, &task.scene_graph, &relations).into_iter().find(|verdict| !verdict.holds);
-        if let Some(verdict) = broken {
-            rejections.count_edge("an edge does not hold after settling", &verdict.atom);
-            continue;
-        }
-        if judge_goal(&scene, &task.goal, &Rest::default(), &relations).success {
-            rejections.count("the goal holds already");
-            continue;
-        }
-        let reach = reach::unreachable(task, &scene, planner, &relations, attempt);
-        if let Some(reason) = reach.or_else(|| visibility::hidden(&scene, planner.robot(), settings)) {
-            rejections.count(reason);
-            continue;
-        }
-        return Ok(scenario(task, seed, &scene, planner.robot()));
     }
-    Err(LayoutError::Infeasible { task: task.id.clone(), restarts: settings.max_restarts, rejections })
+    let furthest = match &furthest {
+        Some(partial) => unfinished(&context, partial),
+        None => without_conflicts(&mut context, seed, &rejections, &mut shapes),
+    };
+    let furthest = furthest.map(Box::new);
+    Err(LayoutError::Infeasible { task: task.id.clone(), restarts, rejections, furthest })
+}
+
+/// Settles a placed layout and validates everything; the reason when it cannot be kept.
+fn accept(
+    context: &Context,
+    scene: &mut PosedScene,
+    planner: &Planner,
+    seed: Seed,
+    rejections: &mut Rejections,
+    begin: &mut dyn FnMut(Phase),
+) -> Result<(), String> {
+    let Context { task, settings, relations, .. } = *context;
+    let holds_goal = |scene: &PosedScene| judge_goal(scene, &task.goal, &Rest::default(), relations).success;
+    if holds_goal(scene) {
+        return Err("the goal holds already".into());
+    }
+    begin(Phase::Settling);
+    audit::settle(scene, settings)?;
+    begin(Phase::Judging);
+    let edges = judge_edges(scene, &task.scene_graph, relations);
+    if let Some(verdict) = edges.iter().find(|verdict| !verdict.holds) {
+        rejections.blame(&verdict.atom);
+        return Err("an edge does not hold after settling".into());
+    }
+    if let Some(verdict) = judge_states(scene, &task.scene_graph, relations).iter().find(|verdict| !verdict.holds) {
+        return Err(format!("not so after settling: {}", verdict.atom));
+    }
+    if holds_goal(scene) {
+        return Err("the goal holds already".into());
+    }
+    begin(Phase::Reaching);
+    if let Some(reason) = reach::unreachable(task, scene, planner, relations, seed) {
+        return Err(reason);
+    }
+    begin(Phase::Seeing);
+    visibility::hidden(scene, task.scene_graph.nodes.len(), planner.robot(), settings).map_or(Ok(()), Err)
+}
+
+/// The graph's edges with the indices of their objects among the nodes, subject first.
+fn indexed_edges(graph: &SceneGraph) -> Result<Vec<(Atom, Vec<usize>)>, LayoutError> {
+    let index_of = |uid: &String, edge: &Atom| {
+        let found = graph.nodes.iter().position(|node| node.uid == *uid);
+        found.ok_or_else(|| LayoutError::NotANode { edge: edge.to_string(), uid: uid.clone() })
+    };
+    graph
+        .edges
+        .iter()
+        .map(|edge| {
+            let atom = edge.atom();
+            let uids = [&edge.subject, &edge.reference].into_iter().chain(&edge.second_reference);
+            let indices = uids.map(|uid| index_of(uid, &atom)).collect::<Result<Vec<_>, _>>()?;
+            Ok((atom, indices))
+        })
+        .collect()
+}
+
+fn is_moved(task: &Task, uid: &str) -> bool {
+    let atoms = || task.goal.alternatives.iter().flatten();
+    atoms().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == uid)
+}
+
+/// Where each alternative of the goal wants what it moves, as far as that is related to objects that stay.
+fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
+    let index_of = |uid: &str| task.scene_graph.nodes.iter().position(|node| node.uid == uid);
+    let of_alternative = |atoms: &Vec<Atom>| {
+        let mut rooms: Vec<GoalRoom> = Vec::new();
+        for atom in atoms {
+            let Atom::Relation { subject, relation, reference, .. } = atom else { continue };
+            let moves = |uid: &str| {
+                atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == uid)
+            };
+            let (Some(object), Some(anchor)) = (index_of(subject), index_of(reference)) else { continue };
+            if moves(reference) || *relation == Relation::Between {
+                continue;
+            }
+            match rooms.iter_mut().find(|room| room.object == object) {
+                Some(room) => room.anchors.push((*relation, anchor)),
+                None => rooms.push(GoalRoom { object, anchors: vec![(*relation, anchor)] }),
+            }
+        }
+        rooms
+    };
+    task.goal.alternatives.iter().map(of_alternative).collect()
+}
+
+/// Joint positions of the object's initial state.
+fn initial_joints(task: &Task, object: usize, model: &ObjectModel) -> Vec<f64> {
+    let state = task.scene_graph.nodes.get(object).and_then(|node| node.state.as_deref());
+    state
+        .and_then(|name| model.joint_states.iter().find(|state| state.name == name))
+        .map_or_else(|| vec![0.0; model.joint_count()], |state| state.nominal.clone())
+}
+
+fn keep_furthest(furthest: &mut Option<Partial>, partial: Option<Partial>) {
+    if let Some(partial) = partial
+        && furthest.as_ref().is_none_or(|best| best.placed.len() < partial.placed.len())
+    {
+        *furthest = Some(partial);
+    }
+}
+
+/// What a layout looks like that does without the edges in conflict, so that there is something to show.
+fn without_conflicts(
+    context: &mut Context,
+    seed: Seed,
+    rejections: &Rejections,
+    shapes: &mut ShapeCache,
+) -> Option<Unfinished> {
+    let conflicts = rejections.conflicting_edges();
+    let (worst, _) = conflicts.first()?;
+    let edges = context.edges.clone();
+    let (_, indices) = edges.iter().find(|(atom, _)| atom == *worst)?;
+    context.edges.retain(|(atom, _)| !conflicts.iter().any(|(conflict, _)| *conflict == atom));
+    let nodes = context.task.scene_graph.nodes.len();
+    context.set_distractors(Vec::new());
+    context.steps = order::steps(&context.edges, nodes, |_| String::new()).ok()?;
+    context.goal_rooms.clear();
+    let seed = seed.fork("without conflicts");
+    let scene = placement::place_all(context, seed, true, shapes, &mut Rejections::default()).ok()?;
+    context.edges.clone_from(&edges);
+    unfinished(context, &Partial { scene, placed: (0..nodes).collect(), stuck: indices.first().copied() })
+}
+
+/// What a failed attempt looked like when it got stuck.
+fn unfinished(context: &Context, partial: &Partial) -> Option<Unfinished> {
+    let stuck = partial.stuck?;
+    let objects: Vec<&PosedObject> = partial.scene.objects().collect();
+    let size = partial.scene.bounds(stuck)?.size();
+    let windows = context.edges.iter().filter_map(|(atom, indices)| {
+        let Atom::Relation { relation, .. } = atom else { return None };
+        let (relation, anchor) = match indices.as_slice() {
+            [subject, anchor] if *subject == stuck => (*relation, *anchor),
+            [anchor, object] if *object == stuck => (relation.inverse()?, *anchor),
+            _ => return None,
+        };
+        let bounds = partial.placed.contains(&anchor).then(|| partial.scene.bounds(anchor))??;
+        Some((atom.clone(), placement_window(relation, &bounds, size, context.relations)?))
+    });
+    Some(Unfinished {
+        windows: windows.collect(),
+        placed: partial.placed.iter().map(|&index| placed_object(objects[index])).collect(),
+        object: objects[stuck].uid.clone(),
+    })
 }
 
 fn scenario(task: &Task, seed: Seed, scene: &PosedScene, robot: &RobotModel) -> Scenario {

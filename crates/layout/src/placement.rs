@@ -1,50 +1,150 @@
-//! Candidate poses: sampled inside what the relations allow, kept only when every edge to a placed object holds.
+//! Candidate places: sampled inside what the relations leave, kept only when every edge to a placed object holds.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Aabb, GraphEdge, ObjectModel, Pose, Seed, Task};
+use genmanip_core::{Aabb, Atom, ObjectModel, Pose, Relation, Seed, Task, Workspace};
 use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair, placement_window,
+    PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair, outlines_apart,
+    placement_window,
 };
 use rand::{Rng, RngExt};
 
 use crate::LayoutSettings;
+use crate::between;
+use crate::draft::{Contradiction, Draft, Seat};
 use crate::error::Rejections;
-use crate::order::{PlacementPlan, Step};
+use crate::order::Step;
+
+/// Free space around an object at its goal, metres.
+const GOAL_CLEARANCE_M: f64 = 0.02;
+
+/// How much farther things may be put down than taken, metres; the exact answer comes after settling.
+const GOAL_REACH_M: f64 = 0.03;
 
 /// What every draw of one task shares.
 pub(crate) struct Context<'a> {
     pub task: &'a Task,
-    pub models: &'a [Arc<ObjectModel>],
-    pub plan: &'a PlacementPlan,
+    /// The graph's nodes in their order, distractors behind them.
+    pub models: Vec<Arc<ObjectModel>>,
+    /// Joint positions of each object's initial state.
+    pub joints: Vec<Vec<f64>>,
+    /// The graph's edges with the indices of their objects, subject first.
+    pub edges: Vec<(Atom, Vec<usize>)>,
+    pub steps: Vec<Step>,
+    /// Whether the goal moves the object.
+    pub moved: Vec<bool>,
+    /// Per alternative of the goal: where moved objects must find room.
+    pub goal_rooms: Vec<Vec<GoalRoom>>,
     pub settings: &'a LayoutSettings,
     pub relations: &'a RelationSettings,
 }
 
-/// One whole layout, objects in the order of the graph's nodes; `None` when some object found no place.
+/// Where the goal wants an object: its relations to objects that stay where they are.
+#[derive(Clone, Debug)]
+pub(crate) struct GoalRoom {
+    pub object: usize,
+    pub anchors: Vec<(Relation, usize)>,
+}
+
+impl Context<'_> {
+    /// Replaces the distractors: free objects that are placed last.
+    pub fn set_distractors(&mut self, models: Vec<Arc<ObjectModel>>) {
+        let nodes = self.task.scene_graph.nodes.len();
+        self.models.truncate(nodes);
+        self.joints.truncate(nodes);
+        self.moved.truncate(nodes);
+        self.steps.truncate(nodes);
+        for model in models {
+            self.steps.push(Step { object: self.models.len(), support: None, support_edge: None });
+            self.joints.push(vec![0.0; model.joint_count()]);
+            self.moved.push(false);
+            self.models.push(model);
+        }
+    }
+
+    fn support_of(&self, object: usize) -> Option<usize> {
+        self.steps.iter().find(|step| step.object == object)?.support.map(|(support, _)| support)
+    }
+
+    fn carries(&self, carrier: usize, mut object: usize) -> bool {
+        while let Some(support) = self.support_of(object) {
+            if support == carrier {
+                return true;
+            }
+            object = support;
+        }
+        false
+    }
+
+    fn is_distractor(&self, object: usize) -> bool {
+        object >= self.task.scene_graph.nodes.len()
+    }
+
+    /// Smallest distance in the plane between two objects of which neither carries the other, metres.
+    pub fn gap(&self, a: usize, b: usize) -> f64 {
+        match (self.support_of(a), self.support_of(b)) {
+            (None, None) if self.is_distractor(a) || self.is_distractor(b) => self.settings.distractor_gap_m,
+            (None, None) => self.settings.min_gap_m,
+            _ => self.settings.min_gap_on_carrier_m,
+        }
+    }
+}
+
+/// A layout under way.
+#[derive(Clone, Debug)]
+pub(crate) struct Partial {
+    pub scene: PosedScene,
+    /// What has its place, in the order of placing.
+    pub placed: Vec<usize>,
+    /// The object that found none.
+    pub stuck: Option<usize>,
+}
+
+/// One whole layout; what was reached when some object found no place.
 pub(crate) fn place_all(
     context: &Context,
     seed: Seed,
+    aligned: bool,
     shapes: &mut ShapeCache,
     rejections: &mut Rejections,
-) -> Option<PosedScene> {
+) -> Result<PosedScene, Option<Partial>> {
     let rng = &mut seed.rng();
-    let origin = group_origin(context, rng);
-    let mut scene = parked(context, shapes);
-    let mut placed: Vec<usize> = Vec::new();
-    for step in &context.plan.steps {
-        let found = (0..context.settings.candidates_per_object).any(|_| {
-            propose(context, step, origin, &placed, &mut scene, rng) && fits(context, step, &scene, &placed, rejections)
-        });
-        if !found {
-            rejections.count(format!("no free place for {}", context.models[step.object].card.name));
-            return None;
+    let draft = match Draft::new(context, aligned, rng) {
+        Ok(draft) => draft,
+        Err(Contradiction(edges)) => {
+            rejections.count("the relations leave no room");
+            edges.iter().for_each(|&edge| rejections.blame(&context.edges[edge].0));
+            return Err(None);
         }
-        placed.push(step.object);
+    };
+    let mut search = Search { context, draft, scene: parked(context, shapes), placed: Vec::new(), blockers: Vec::new() };
+    let mut furthest: Option<Partial> = None;
+    let mut failures = 0;
+    loop {
+        let step = context.steps.get(search.placed.len());
+        match step {
+            Some(step) if search.find_place(step, rng, rejections) => {
+                search.placed.push(step.object);
+                continue;
+            }
+            None if search.goal_has_room(rng, rejections) => return Ok(search.scene),
+            _ => {}
+        }
+        if furthest.as_ref().is_none_or(|partial| partial.placed.len() < search.placed.len()) {
+            let (scene, placed) = (search.scene.clone(), search.placed.clone());
+            furthest = Some(Partial { scene, placed, stuck: step.map(|step| step.object) });
+        }
+        failures += 1;
+        let retreat = search.retreat(rng);
+        if failures > context.settings.max_retreats || retreat.is_none() {
+            if let Some(stuck) = furthest.as_ref().and_then(|partial| partial.stuck) {
+                rejections.count(format!("no free place for {}", context.models[stuck].card.name));
+            }
+            return Err(furthest);
+        }
+        search.placed.truncate(retreat.unwrap_or(0));
     }
-    Some(scene)
 }
 
 /// All objects in their initial states, far from the table and from each other.
@@ -53,82 +153,268 @@ fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
         uid: model.card.uid.clone(),
         model: Arc::clone(model),
         pose: Pose::from_position(DVec3::new(-10.0 - index as f64, 0.0, 0.0)),
-        joint_positions: initial_joints(context.task, index, model),
+        joint_positions: context.joints[index].clone(),
     });
     PosedScene::new(objects.collect(), shapes)
 }
 
-/// Joint positions of the object's initial state.
-fn initial_joints(task: &Task, object: usize, model: &ObjectModel) -> Vec<f64> {
-    let state = task.scene_graph.nodes[object].state.as_deref();
-    state
-        .and_then(|name| model.joint_states.iter().find(|state| state.name == name))
-        .map_or_else(|| vec![0.0; model.joint_count()], |state| state.nominal.clone())
+struct Search<'a> {
+    context: &'a Context<'a>,
+    draft: Draft,
+    scene: PosedScene,
+    placed: Vec<usize>,
+    /// What stood in the way of the object at hand.
+    blockers: Vec<usize>,
 }
 
-/// Where the first object goes, so that the sketch of the whole group fits the area.
-fn group_origin(context: &Context, rng: &mut impl Rng) -> DVec2 {
-    let (plan, settings) = (context.plan, context.settings);
-    let mut draw = |area: [f64; 2], low: f64, high: f64| {
-        let (from, to) = (area[0] - low, area[1] - high);
-        let share = rng.random::<f64>();
-        if from < to { from + (to - from) * share } else { (from + to) / 2.0 }
-    };
-    DVec2::new(
-        draw(settings.x_m, plan.sketch_min.x, plan.sketch_max.x),
-        draw(settings.y_m, plan.sketch_min.y, plan.sketch_max.y),
-    )
+impl Search<'_> {
+    /// Puts the object where everything it is related to allows; false when no candidate fits.
+    fn find_place(&mut self, step: &Step, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
+        self.blockers.clear();
+        let Some([low, high]) = self.window(step.object) else {
+            rejections.count("the relations leave no room");
+            self.blame_relatives(step.object);
+            return false;
+        };
+        (0..self.context.settings.candidates_per_object).any(|_| {
+            let center = low + (high - low) * DVec2::new(rng.random(), rng.random());
+            self.fits(step, center, rejections)
+        })
+    }
+
+    /// Opposite corners of where the middle of the object may be.
+    fn window(&self, object: usize) -> Option<[DVec2; 2]> {
+        let centers = || self.placed.iter().map(|&other| (other, self.center(other)));
+        let x = self.draft.x.range(object, centers().map(|(other, center)| (other, center.x)));
+        let y = self.draft.y.range(object, centers().map(|(other, center)| (other, center.y)));
+        let (mut low, mut high) = (DVec2::new(x[0], y[0]), DVec2::new(x[1], y[1]));
+        for (atom, indices) in &self.context.edges {
+            if let (Atom::Relation { relation: Relation::Between, .. }, &[subject, one, other]) = (atom, indices.as_slice())
+            {
+                let place = |index: usize| self.placed.contains(&index).then(|| self.center(index));
+                if let Some([least, most]) = between::window(object, [subject, one, other], place) {
+                    (low, high) = (low.max(least), high.min(most));
+                }
+            }
+        }
+        // Rounding may leave an interval of one point a hair too short.
+        let (near, far) = (low.min(high), low.max(high));
+        ((near - low).abs().max_element() < 1e-9).then_some([near, far])
+    }
+
+    /// Middle of a placed object's bounds.
+    fn center(&self, object: usize) -> DVec2 {
+        self.scene.bounds(object).map_or(DVec2::ZERO, |bounds| bounds.center().truncate())
+    }
+
+    /// Whether the object keeps its distance, its reach and every edge to what is placed, with its middle at `center`;
+    /// it stands there then.
+    fn fits(&mut self, step: &Step, center: DVec2, rejections: &mut Rejections) -> bool {
+        let (context, object) = (self.context, step.object);
+        let [least, most] = context.settings.reach_m;
+        if context.moved[object] && !(least..=most).contains(&center.length()) {
+            rejections.count("out of reach");
+            self.blame_relatives(object);
+            return false;
+        }
+        let stance = &self.draft.stances[object];
+        match step.support.zip(stance.seat) {
+            None => {
+                let bounds = moved_to(&stance.bounds, center);
+                let pose = stance.pose(center, 0.0);
+                // Most candidates fall here, by their bounds alone.
+                if let Some(blocker) = self.neighbour(object, &bounds, None) {
+                    return self.refuse(object, blocker, rejections);
+                }
+                self.put(object, pose);
+            }
+            Some(((carrier, _), seat)) => {
+                let Some(bottom) = self.bottom_on(carrier, &seat) else { return false };
+                let pose = stance.pose(center, bottom);
+                self.put(object, pose);
+                // Letting down is costly, and most candidates fall to their neighbours on the same carrier.
+                let beside = |&other: &usize| context.support_of(other) == Some(carrier);
+                let gap = |other| context.gap(object, other);
+                let blocker = self.placed.iter().copied().filter(|other| beside(other));
+                if let Some(blocker) = blocker.into_iter().find(|&other| !outlines_apart(&self.scene, object, other, gap(other))) {
+                    return self.refuse(object, blocker, rejections);
+                }
+                if !seat.covered && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
+                {
+                    rejections.count("not above its carrier");
+                    self.blockers.push(carrier);
+                    return false;
+                }
+            }
+        }
+        let Some(bounds) = self.scene.bounds(object) else { return false };
+        if let Some(blocker) = self.neighbour(object, &bounds, Some(&self.scene)) {
+            return self.refuse(object, blocker, rejections);
+        }
+        self.edges_hold(object, rejections)
+    }
+
+    fn put(&mut self, object: usize, pose: Pose) {
+        let now = self.scene.objects().nth(object).map(|posed| posed.pose);
+        match now {
+            Some(now) if now.rotation == pose.rotation => self.scene.shift(object, pose.position - now.position),
+            _ => self.scene.set_pose(object, pose, &self.context.joints[object]),
+        }
+    }
+
+    fn refuse(&mut self, object: usize, blocker: usize, rejections: &mut Rejections) -> bool {
+        rejections.count("too close to a neighbour");
+        // On a carrier it is the relations to it that leave no room.
+        for step in self.context.steps.iter().filter(|step| step.object == object || step.object == blocker) {
+            if let Some(edge) = step.support_edge {
+                rejections.blame(&self.context.edges[edge].0);
+            }
+        }
+        self.blockers.push(blocker);
+        false
+    }
+
+    /// Height at which an object starts above its carrier, or stands in a covered place.
+    fn bottom_on(&self, carrier: usize, seat: &Seat) -> Option<f64> {
+        let posed = self.scene.objects().nth(carrier)?;
+        let bounds = self.scene.bounds(carrier)?;
+        Some(if seat.covered {
+            posed.pose.position.z + seat.area.min.z + self.context.settings.drop_m
+        } else {
+            bounds.max.z + 0.01
+        })
+    }
+
+    /// A placed object that is too close: for certain by its bounds, or exactly when a scene with the object is given.
+    fn neighbour(&self, object: usize, bounds: &Aabb, scene: Option<&PosedScene>) -> Option<usize> {
+        let context = self.context;
+        self.placed.iter().copied().find(|&other| {
+            let Some(theirs) = self.scene.bounds(other) else { return false };
+            let gap = context.gap(object, other);
+            let apart = (bounds.min - theirs.max).max(theirs.min - bounds.max);
+            let planar = apart.truncate().max(DVec2::ZERO).length();
+            let beside = context.support_of(object) == context.support_of(other);
+            if planar >= gap || context.carries(other, object) || context.carries(object, other) {
+                return false;
+            }
+            // Things on different supports may be above each other.
+            if !beside && apart.z > 0.01 {
+                return false;
+            }
+            match scene {
+                Some(scene) => !outlines_apart(scene, object, other, gap),
+                // Middles this close are never apart, whatever the outlines.
+                None => {
+                    let offset = (bounds.center() - theirs.center()).truncate().abs();
+                    let shorter = |bounds: &Aabb| bounds.size().truncate().min_element();
+                    beside && offset.max_element() < 0.25 * (shorter(bounds) + shorter(&theirs))
+                }
+            }
+        })
+    }
+
+    /// Whether every edge whose objects are all placed once this one is holds with a margin.
+    fn edges_hold(&mut self, object: usize, rejections: &mut Rejections) -> bool {
+        let context = self.context;
+        for (atom, indices) in context.edges.iter().filter(|(_, indices)| indices.contains(&object)) {
+            let Atom::Relation { relation, .. } = atom else { continue };
+            let unknown = |index: &&usize| **index != object && !self.placed.contains(index);
+            let holds = match (relation, indices.iter().find(unknown)) {
+                // Judged after settling, when it has come to rest.
+                (relation, _) if relation.is_support() => true,
+                (_, None) => {
+                    let verdict = judge_atom(&self.scene, atom, context.relations);
+                    verdict.holds && verdict.margin >= context.settings.relation_margin_m
+                }
+                (Relation::Between, Some(&subject)) if subject == indices[0] && indices.len() == 3 => {
+                    let stance = &self.draft.stances[subject];
+                    between::leaves_room(&self.scene, [indices[1], indices[2]], stance, context)
+                }
+                _ => true,
+            };
+            if !holds {
+                rejections.count_edge("an edge cannot be satisfied", atom);
+                self.blockers.extend(indices.iter().filter(|&&index| index != object));
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Whether the objects that the drawn alternative moves to a place on the table would find a free one there.
+    fn goal_has_room(&mut self, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
+        self.blockers.clear();
+        let rooms = self.draft.alternative.and_then(|index| self.context.goal_rooms.get(index));
+        for room in rooms.into_iter().flatten() {
+            if room.anchors.iter().any(|(relation, _)| relation.is_support()) || self.is_free_somewhere(room, rng) {
+                continue;
+            }
+            let name = &self.context.models[room.object].card.name;
+            rejections.count(format!("no room for {name} where the goal wants it"));
+            self.blockers.extend(room.anchors.iter().map(|(_, anchor)| anchor));
+            return false;
+        }
+        true
+    }
+
+    fn is_free_somewhere(&mut self, room: &GoalRoom, rng: &mut impl Rng) -> bool {
+        let context = self.context;
+        let bounds = self.draft.stances[room.object].bounds;
+        let area = Workspace::default();
+        let half = bounds.size().truncate() * 0.5;
+        let mut low = DVec2::new(area.x[0], area.y[0]) + half;
+        let mut high = DVec2::new(area.x[1], area.y[1]) - half;
+        for &(relation, anchor) in &room.anchors {
+            let anchor = self.scene.bounds(anchor);
+            let window = anchor.and_then(|at| placement_window(relation, &at, bounds.size(), context.relations));
+            let Some(window) = window else { continue };
+            low = low.max(DVec2::new(window.x[0], window.y[0]));
+            high = high.min(DVec2::new(window.x[1], window.y[1]));
+        }
+        if low.cmpgt(high).any() {
+            return false;
+        }
+        let clearance = DVec3::new(GOAL_CLEARANCE_M, GOAL_CLEARANCE_M, 0.0);
+        (0..context.settings.candidates_per_object).any(|_| {
+            let center = low + (high - low) * DVec2::new(rng.random(), rng.random());
+            let there = moved_to(&bounds, center);
+            let there = Aabb { min: there.min - clearance, max: there.max + clearance };
+            let blocker = self.placed.iter().copied().filter(|&other| other != room.object).find(|&other| {
+                let overlap = |at: Aabb| at.min.cmplt(there.max).all() && there.min.cmplt(at.max).all();
+                self.scene.bounds(other).is_some_and(overlap)
+            });
+            self.blockers.extend(blocker);
+            blocker.is_none() && center.length() < context.settings.reach_m[1] + GOAL_REACH_M
+        })
+    }
+
+    /// Whatever the object is tied to by relations stands in its way.
+    fn blame_relatives(&mut self, object: usize) {
+        let tied = |&other: &usize| {
+            self.draft.x.ties(object, other)
+                || self.context.edges.iter().any(|(_, indices)| indices.contains(&object) && indices.contains(&other))
+        };
+        let relatives: Vec<usize> = self.placed.iter().copied().filter(tied).collect();
+        self.blockers.extend(relatives);
+    }
+
+    /// How many objects keep their places when the search goes back; `None` when nothing is in the way.
+    ///
+    /// Mostly to the last one that was in the way, now and then to any of them, so that it does not go in circles.
+    fn retreat(&self, rng: &mut impl Rng) -> Option<usize> {
+        let mut culprits: Vec<usize> =
+            (0..self.placed.len()).filter(|&position| self.blockers.contains(&self.placed[position])).collect();
+        if culprits.is_empty() {
+            culprits = (0..self.placed.len()).collect();
+        }
+        let last = *culprits.last()?;
+        Some(if rng.random_bool(0.6) { last } else { culprits[rng.random_range(0..culprits.len())] })
+    }
 }
 
-/// Puts the object at a candidate pose; false when there is none.
-fn propose(
-    context: &Context,
-    step: &Step,
-    origin: DVec2,
-    placed: &[usize],
-    scene: &mut PosedScene,
-    rng: &mut impl Rng,
-) -> bool {
-    let model = &context.models[step.object];
-    let joints = initial_joints(context.task, step.object, model);
-    // Articulated objects face the robot; everything else may be turned.
-    let yaw = if model.card.is_articulated { rng.random_range(-0.25..0.25) } else { rng.random_range(0.0..TAU) };
-    let bounds = model.world_bounds(&Pose::from_position_yaw(DVec3::ZERO, yaw), &joints);
-    let (size, offset) = (bounds.size(), bounds.center().truncate());
-    let at = |center: DVec2, z: f64| Pose::from_position_yaw((center - offset).extend(z), yaw);
-
-    if let Some(support) = step.support {
-        let Some(carrier) = scene.bounds(support) else { return false };
-        let target = support_point(&carrier, size.truncate(), rng);
-        scene.set_pose(step.object, at(target, carrier.max.z + 0.01 - bounds.min.z), &joints);
-        return let_down(scene, step.object, support, context.settings.drop_m, context.relations);
-    }
-    let settings = context.settings;
-    let mut low = DVec2::new(settings.x_m[0], settings.y_m[0]) + size.truncate() * 0.5;
-    let mut high = DVec2::new(settings.x_m[1], settings.y_m[1]) - size.truncate() * 0.5;
-    for &(relation, anchor) in &step.relations {
-        let Some(anchor) = scene.bounds(anchor) else { return false };
-        let Some(window) = placement_window(relation, &anchor, size, context.relations) else { return false };
-        low = low.max(DVec2::new(window.x[0], window.y[0]));
-        high = high.min(DVec2::new(window.x[1], window.y[1]));
-    }
-    if low.cmpgt(high).any() {
-        return false;
-    }
-    let mut share = || rng.random::<f64>();
-    let mut center = low + (high - low) * DVec2::new(share(), share());
-    if placed.is_empty() {
-        let spread = DVec2::new(share() - 0.5, share() - 0.5) * 0.04;
-        center = (origin + step.sketch + spread).clamp(low, high);
-    }
-    scene.set_pose(step.object, at(center, -bounds.min.z), &joints);
-    true
-}
-
-/// A point over the carrier where something of this size can lie, near the middle.
-fn support_point(carrier: &Aabb, size: DVec2, rng: &mut impl Rng) -> DVec2 {
-    let slack = ((carrier.size().truncate() - size) * 0.5 - DVec2::splat(0.02)).max(DVec2::ZERO) * 0.7;
-    carrier.center().truncate() + slack * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0))
+fn moved_to(bounds: &Aabb, center: DVec2) -> Aabb {
+    let by = (center - bounds.center().truncate()).extend(-bounds.min.z);
+    Aabb { min: bounds.min + by, max: bounds.max + by }
 }
 
 /// Lets an object that hovers above another down until `gap` metres remain; false when it is not above it.
@@ -140,51 +426,7 @@ pub(crate) fn let_down(
     relations: &RelationSettings,
 ) -> bool {
     let fall = measure_pair(scene, object, carrier, relations).and_then(|pair| pair.a_over_b);
-    let Some((fall, posed)) = fall.zip(scene.objects().nth(object)) else { return false };
-    let (mut pose, joints) = (posed.pose, posed.joint_positions.clone());
-    pose.position.z -= fall.gap_m - gap;
-    scene.set_pose(object, pose, &joints);
+    let Some(fall) = fall else { return false };
+    scene.shift(object, DVec3::Z * (gap - fall.gap_m));
     true
-}
-
-/// Whether a candidate keeps its distance, its reach and every edge to what is placed.
-fn fits(context: &Context, step: &Step, scene: &PosedScene, placed: &[usize], rejections: &mut Rejections) -> bool {
-    let settings = context.settings;
-    let uid = &context.models[step.object].card.uid;
-    let shares_support = |other: usize| context.plan.support_of(other) == step.support;
-    for &other in placed.iter().filter(|&&other| shares_support(other)) {
-        let gap = measure_pair(scene, step.object, other, context.relations).map_or(0.0, |pair| pair.gap_m);
-        if gap < settings.min_gap_m {
-            rejections.count("too close to a neighbour");
-            return false;
-        }
-    }
-    let is_moved = context.task.goal.alternatives.iter().flatten().any(|atom| atom.subject() == uid);
-    let radius = scene.bounds(step.object).map_or(0.0, |bounds| bounds.center().truncate().length());
-    if is_moved && !(settings.reach_m[0]..=settings.reach_m[1]).contains(&radius) {
-        rejections.count("out of reach");
-        return false;
-    }
-    for edge in edges_between(context, uid, placed) {
-        if edge.relation.is_support() {
-            // Judged after settling, when it has come to rest.
-            continue;
-        }
-        let verdict = judge_atom(scene, &edge.atom(), context.relations);
-        if !verdict.holds || verdict.margin < settings.relation_margin_m {
-            rejections.count_edge("an edge cannot be satisfied", &edge.atom());
-            return false;
-        }
-    }
-    true
-}
-
-/// Edges of the graph whose objects are all placed once this one is.
-fn edges_between<'a>(context: &'a Context, uid: &'a str, placed: &'a [usize]) -> impl Iterator<Item = &'a GraphEdge> {
-    let known = move |other: &str| other == uid || placed.iter().any(|&index| context.models[index].card.uid == other);
-    context.task.scene_graph.edges.iter().filter(move |edge| {
-        let members =
-            || [Some(&edge.subject), Some(&edge.reference), edge.second_reference.as_ref()].into_iter().flatten();
-        members().any(|member| member == uid) && members().all(|member| known(member))
-    })
 }

@@ -59,7 +59,7 @@ fn obstacle(
     });
     let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
     let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);
-    let settings = GoalPoseSettings { count: 1, ..GoalPoseSettings::default() };
+    let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
     let places = goal_poses(
         scene,
         step,

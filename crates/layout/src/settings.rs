@@ -8,10 +8,20 @@ use serde::{Deserialize, Serialize};
 pub struct LayoutSettings {
     /// Whole layouts tried before the task is refused.
     pub max_restarts: usize,
+    /// Layouts that were placed but not accepted, before the task is refused.
+    pub max_unaccepted: usize,
     /// Candidate poses per object within one layout.
     pub candidates_per_object: usize,
-    /// Smallest gap between the footprints of objects that stand on the same support, metres; room for a finger.
+    /// Times an object that found no place sends the search back to one that stood in its way, within one layout.
+    pub max_retreats: usize,
+    /// Smallest gap between the footprints of objects on the table, metres; room for a finger.
     pub min_gap_m: f64,
+    /// The same for objects that something else carries or holds, metres.
+    pub min_gap_on_carrier_m: f64,
+    /// Objects that the task does not mention, put on the table beside it.
+    pub distractors: usize,
+    /// Smallest gap between a distractor and anything else, metres.
+    pub distractor_gap_m: f64,
     /// How far inside its threshold a relation must hold when an object is placed, metres;
     /// settling may eat some of it.
     pub relation_margin_m: f64,
@@ -21,6 +31,10 @@ pub struct LayoutSettings {
     pub x_m: [f64; 2],
     /// Area for objects: rightmost and leftmost y, metres.
     pub y_m: [f64; 2],
+    /// The same where a layout needs more room, metres; as much of the table as the cameras see well.
+    pub wide_x_m: [f64; 2],
+    /// Rightmost and leftmost y where a layout needs more room, metres.
+    pub wide_y_m: [f64; 2],
     /// Height from which supported objects are let down, metres.
     pub drop_m: f64,
     /// Longest settling, simulated seconds.
@@ -40,13 +54,20 @@ pub struct LayoutSettings {
 impl Default for LayoutSettings {
     fn default() -> Self {
         Self {
-            max_restarts: 100,
+            max_restarts: 60,
+            max_unaccepted: 30,
             candidates_per_object: 60,
+            max_retreats: 30,
             min_gap_m: 0.03,
+            min_gap_on_carrier_m: 0.01,
+            distractors: 0,
+            distractor_gap_m: 0.06,
             relation_margin_m: 0.01,
             reach_m: [0.32, 0.70],
             x_m: [0.26, 0.78],
             y_m: [-0.42, 0.42],
+            wide_x_m: [0.22, 0.88],
+            wide_y_m: [-0.48, 0.48],
             drop_m: 0.002,
             settle_s: 2.0,
             max_settle_shift_m: 0.03,

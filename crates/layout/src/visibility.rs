@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Pose, RobotModel};
+use genmanip_core::glam::{DVec2, DVec3};
+use genmanip_core::{Camera, ObjectModel, Pose, RobotModel};
 use genmanip_render::{
-    Channels, Environment, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob,
+    Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
 };
-use genmanip_scene::relations::PosedScene;
+use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::LayoutSettings;
 
@@ -15,8 +15,8 @@ use crate::LayoutSettings;
 const PROMPT_CAMERAS: [&str; 3] = ["overview", "left", "right"];
 
 /// The reason when some object is too small or too hidden in every prompt camera.
-pub(crate) fn hidden(scene: &PosedScene, robot: &Arc<RobotModel>, settings: &LayoutSettings) -> Option<String> {
-    let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
+pub(crate) fn hidden(scene: &PosedScene, task_objects: usize, robot: &Arc<RobotModel>, settings: &LayoutSettings) -> Option<String> {
+    let models: Vec<_> = scene.objects().map(|object| Arc::new(without_textures(&object.model))).collect();
     let assets = RenderAssets::new(Arc::clone(robot), &models, &Environment::default()).ok()?;
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let cameras: Vec<Camera> =
@@ -38,15 +38,23 @@ pub(crate) fn hidden(scene: &PosedScene, robot: &Arc<RobotModel>, settings: &Lay
         renderer.render(&jobs, &mut buffers).ok()?;
         Some(buffers)
     };
-    let count = |picture: &FrameBuffers, object: usize| {
-        let wanted = FIRST_OBJECT + object as u16;
-        picture.instance.iter().filter(|&&id| id == wanted).count()
+    let counts = |pictures: &[FrameBuffers]| -> Vec<Vec<usize>> {
+        pictures.iter().map(|picture| pixels_per_object(picture, models.len())).collect()
     };
-    let together = ids(None)?;
-    for (index, object) in scene.objects().enumerate() {
-        let alone = ids(Some(index))?;
+    let together = counts(&ids(None)?);
+    for (index, object) in scene.objects().take(task_objects).enumerate() {
+        // The outline of an object is never smaller than the object, so this settles nearly all cases at once.
+        let plainly_seen = together.iter().zip(&cameras).any(|(picture, camera)| {
+            let visible = picture[index];
+            visible >= settings.min_pixels
+                && visible as f64 >= settings.min_visible_share * outline_pixels(object, camera)
+        });
+        if plainly_seen {
+            continue;
+        }
+        let alone = counts(&ids(Some(index))?);
         let seen = together.iter().zip(&alone).any(|(together, alone)| {
-            let (visible, whole) = (count(together, index), count(alone, index));
+            let (visible, whole) = (together[index], alone[index]);
             visible >= settings.min_pixels && visible as f64 >= settings.min_visible_share * whole as f64
         });
         if !seen {
@@ -54,4 +62,40 @@ pub(crate) fn hidden(scene: &PosedScene, robot: &Arc<RobotModel>, settings: &Lay
         }
     }
     None
+}
+
+fn pixels_per_object(picture: &FrameBuffers, objects: usize) -> Vec<usize> {
+    let mut pixels = vec![0; objects];
+    for object in picture.instance.iter().filter_map(|&id| object_of_instance(id)) {
+        pixels[object] += 1;
+    }
+    pixels
+}
+
+/// The same shape, cheaper to prepare for drawing.
+fn without_textures(model: &ObjectModel) -> ObjectModel {
+    let mut bare = model.clone();
+    for part in bare.links.iter_mut().flat_map(|link| &mut link.visual) {
+        part.material.texture = None;
+    }
+    bare
+}
+
+/// Pixels in the bounds of what an object would cover if nothing hid it; infinite when a corner is behind the camera.
+fn outline_pixels(object: &PosedObject, camera: &Camera) -> f64 {
+    let camera_from_world = camera.mount_from_camera.inverse();
+    let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    let links = object.model.links.iter().zip(object.model.link_poses(&object.joint_positions));
+    for (link, object_from_link) in links {
+        for part in &link.visual {
+            let camera_from_part = camera_from_world * object.pose * object_from_link * part.link_from_part;
+            for corner in &part.mesh.positions {
+                let point = camera_from_part.transform_point(corner.as_dvec3());
+                let Some(pixel) = camera.intrinsics.project(point) else { return f64::INFINITY };
+                (low, high) = (low.min(pixel), high.max(pixel));
+            }
+        }
+    }
+    let size = (high - low).max(DVec2::ZERO);
+    size.x * size.y
 }

@@ -60,6 +60,25 @@ impl Polygon {
         one_way(self, other).min(one_way(other, self)).sqrt()
     }
 
+    /// Whether a line along one of the edges keeps the two apart by at least a distance; corners that face each other
+    /// can be a little farther apart than this sees.
+    pub fn is_apart(&self, other: &Self, distance: f64) -> bool {
+        let keeps_apart = |from: &Self, to: &Self| {
+            from.edges().any(|(a, b)| {
+                let outward = (b - a).normalize_or_zero();
+                outward != DVec2::ZERO && to.corners.iter().all(|&at| outward.perp_dot(at - a) <= -distance)
+            })
+        };
+        self.bounds_distance(other) >= distance || keeps_apart(self, other) || keeps_apart(other, self)
+    }
+
+    /// The same polygon elsewhere.
+    pub fn shift(&mut self, by: DVec2) {
+        self.corners.iter_mut().for_each(|corner| *corner += by);
+        self.min += by;
+        self.max += by;
+    }
+
     /// Smallest possible distance, from the bounds.
     pub fn bounds_distance(&self, other: &Self) -> f64 {
         (self.min - other.max).max(other.min - self.max).max(DVec2::ZERO).length()

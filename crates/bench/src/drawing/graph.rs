@@ -2,7 +2,7 @@
 
 use genmanip_core::{Atom, GraphEdge, Relation, Task};
 
-use super::colors::{GOAL, GOAL_WASH, HAIRLINE, INITIAL, INK, MUTED, WASH, color_of_word, hex};
+use super::colors::{CONFLICT, GOAL, GOAL_WASH, HAIRLINE, INITIAL, INK, MUTED, WASH, color_of_word, hex};
 use super::place::{Tie, Wish, cells};
 use super::route::{LABEL_SIZE, Routed, Shape, Wire, route};
 use super::svg::{Anchor, Area, BOLD, Canvas, Svg, text_width, wrap};
@@ -22,7 +22,13 @@ const MAX_WIDTH: f64 = 715.0;
 /// An arrow leads from the subject to the reference: *A —left→ B* says that A is to the robot's left of B.
 /// Up the page is front (away from the robot); an object that is carried stands above its carrier in a common frame.
 pub fn graph_svg(task: &Task) -> Svg {
-    let start = Panel::start(task);
+    let (canvas, [width, height]) = graph_drawing(task, &[]);
+    canvas.finish(width, height, &format!("Scene graph and goal of: {}", task.instruction))
+}
+
+/// The same with its size, edges in conflict drawn in red.
+pub(crate) fn graph_drawing(task: &Task, conflicts: &[Atom]) -> (Canvas, [f64; 2]) {
+    let start = Panel::start(task, conflicts);
     let goals: Vec<Panel> = (0..task.goal.alternatives.len()).map(|index| Panel::goal(task, index)).collect();
     let widest_goal = goals.iter().map(Panel::width).fold(0.0, f64::max);
     let goals_height: f64 = goals.iter().map(|goal| goal.height() + MARGIN).sum();
@@ -46,7 +52,7 @@ pub fn graph_svg(task: &Task) -> Svg {
         row_height = row_height.max(goal.height());
         at = if beside { [at[0], at[1] + goal.height() + MARGIN] } else { [at[0] + goal.width() + MARGIN, at[1]] };
     }
-    canvas.finish(width, height, &format!("Scene graph and goal of: {}", task.instruction))
+    (canvas, [width, height])
 }
 
 /// One graph with its heading.
@@ -55,6 +61,8 @@ pub(crate) struct Panel {
     is_goal: bool,
     nodes: Vec<Node>,
     wires: Vec<Wire>,
+    /// Which wires are drawn in red; none beyond the end.
+    conflicts: Vec<bool>,
     /// Boxes of the nodes, relative to the graph.
     pub boxes: Vec<Area>,
     /// Frames around stacks.
@@ -74,12 +82,27 @@ struct Node {
 
 impl Panel {
     /// The scene before the robot moves; what the goal moves or changes is outlined in the goal's colour.
-    pub fn start(task: &Task) -> Self {
+    pub fn start(task: &Task, conflicts: &[Atom]) -> Self {
         let atoms: Vec<&Atom> = task.goal.alternatives.iter().flatten().collect();
         let nodes = task.scene_graph.nodes.iter().map(|node| {
             Node::new(task, &node.uid, node.state.clone(), atoms.iter().any(|atom| atom.subject() == node.uid))
         });
-        Self::build("START".into(), false, nodes.collect(), &task.scene_graph.edges)
+        let edges = &task.scene_graph.edges;
+        let mut panel = Self::build("START".into(), false, nodes.collect(), edges);
+        let index = |uid: &str| task.scene_graph.nodes.iter().position(|node| node.uid == uid);
+        let in_conflict = |from: usize, to: usize, label: &str| {
+            conflicts.iter().any(|atom| match atom {
+                Atom::Relation { subject, relation, reference, second_reference } => {
+                    let ends = [Some(reference), second_reference.as_ref()];
+                    index(subject) == Some(from)
+                        && relation.name() == label
+                        && ends.into_iter().flatten().any(|uid| index(uid) == Some(to))
+                }
+                Atom::State { .. } => false,
+            })
+        };
+        panel.conflicts = panel.wires.iter().map(|wire| in_conflict(wire.from, wire.to, &wire.label)).collect();
+        panel
     }
 
     /// One alternative of the goal.
@@ -160,7 +183,7 @@ impl Panel {
                     wire.points.iter().map(|point| Area::around(*point, 8.0, 8.0)).chain([wire.label])
                 }),
             ));
-        Self { heading, is_goal, nodes, wires, boxes, frames, routed, bounds }
+        Self { heading, is_goal, nodes, wires, conflicts: Vec::new(), boxes, frames, routed, bounds }
     }
 
     fn width(&self) -> f64 {
@@ -189,15 +212,16 @@ impl Panel {
                 &format!(r##"fill="#ffffff" fill-opacity="0.6" stroke="{HAIRLINE}" stroke-dasharray="3 3""##),
             );
         }
-        for wire in &self.routed {
+        let ink = |wire: usize| if self.conflicts.get(wire) == Some(&true) { CONFLICT } else { color };
+        for (number, wire) in self.routed.iter().enumerate() {
             let points: Vec<[f64; 2]> = wire.points.iter().map(|point| [point[0] + by[0], point[1] + by[1]]).collect();
-            canvas.arrow(&points, color, 1.6, false);
+            canvas.arrow(&points, ink(number), 1.6, false);
         }
         for (node, area) in self.nodes.iter().zip(&self.boxes) {
             node.draw(canvas, &area.shifted(by), self.is_goal);
         }
-        for (wire, routed) in self.wires.iter().zip(&self.routed) {
-            canvas.plate(&routed.label.shifted(by), LABEL_SIZE, [color, wash], &wire.label);
+        for (number, (wire, routed)) in self.wires.iter().zip(&self.routed).enumerate() {
+            canvas.plate(&routed.label.shifted(by), LABEL_SIZE, [ink(number), wash], &wire.label);
         }
         if !self.is_goal {
             let foot = [at[0] + width / 2.0, frame.y + frame.height - 12.0];

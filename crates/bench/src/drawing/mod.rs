@@ -3,6 +3,7 @@
 //! In both drawings up the page is *front* (away from the robot, +x) and left is the robot's left (+y).
 
 mod colors;
+mod explain;
 mod graph;
 mod place;
 mod plan;
@@ -12,7 +13,8 @@ mod svg;
 mod tests;
 
 pub use colors::color_of_word;
+pub use explain::{Refusal, explain_svg};
 pub use graph::graph_svg;
 pub(crate) use graph::letter;
-pub use plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PANDA_REACH_M, layout_svg};
+pub use plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PANDA_REACH_M, PlaceWindow, layout_svg};
 pub use svg::Svg;

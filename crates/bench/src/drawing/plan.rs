@@ -21,6 +21,19 @@ pub struct LayoutPicture {
     pub edges: Vec<DrawnEdge>,
     /// Radii around the robot's base to draw as arcs, m, e.g. [`PANDA_REACH_M`].
     pub reach_m: Vec<f64>,
+    /// Where relations would have had the middle of an object that found no place.
+    pub windows: Vec<PlaceWindow>,
+}
+
+/// A rectangle on the table with its reason.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlaceWindow {
+    /// Smallest and largest x, m.
+    pub x: [f64; 2],
+    /// Smallest and largest y, m.
+    pub y: [f64; 2],
+    /// What asks for it.
+    pub label: String,
 }
 
 /// An object seen from above.
@@ -66,11 +79,18 @@ const FOOT: f64 = 34.0;
 ///
 /// Points that are not finite are left out; edges to objects without a footprint too.
 pub fn layout_svg(picture: &LayoutPicture) -> Svg {
+    let (canvas, [width, height]) = plan_drawing(picture);
+    canvas.finish(width, height, "Layout seen from above")
+}
+
+/// The same with its size.
+pub(crate) fn plan_drawing(picture: &LayoutPicture) -> (Canvas, [f64; 2]) {
     let view = View::of(picture);
     let mut canvas = Canvas::default();
     draw_table(&mut canvas, &view, picture);
     let scene = PlanScene::new(picture, &view);
     scene.draw(&mut canvas);
+    draw_windows(&mut canvas, &view, picture);
     let mut note = String::from("Up is front = away from the robot, left is the robot's left. Grid 10 cm.");
     let radii: Vec<String> = picture.radii().map(|radius| format!("{radius} m")).collect();
     if !radii.is_empty() {
@@ -78,7 +98,34 @@ pub fn layout_svg(picture: &LayoutPicture) -> Svg {
     }
     let foot = [14.0, view.height - 12.0];
     canvas.text(foot, 11.0, Anchor::Start, &format!(r#"fill="{MUTED}""#), &note);
-    canvas.finish(view.width, view.height, "Layout seen from above")
+    (canvas, [view.width, view.height])
+}
+
+fn draw_windows(canvas: &mut Canvas, view: &View, picture: &LayoutPicture) {
+    let Workspace { x, y } = picture.workspace;
+    let clip = |[low, high]: [f64; 2], [least, most]: [f64; 2]| [low.clamp(least, most), high.clamp(least, most)];
+    let style = format!(
+        r#"fill="{CONFLICT}" fill-opacity="0.10" stroke="{CONFLICT}" stroke-width="1.4" stroke-dasharray="6 4""#
+    );
+    let mut foot = 0.0_f64;
+    for window in &picture.windows {
+        if window.x.iter().chain(&window.y).any(|value| !value.is_finite()) {
+            continue;
+        }
+        // What lies off the table is kept at its edge, where it can be seen.
+        let (wx, wy) = (clip(window.x, [x[0] - 0.05, x[1] + 0.04]), clip(window.y, [y[0] - 0.05, y[1] + 0.05]));
+        let ([left, top], [right, bottom]) = (view.page([wx[1], wy[1]]), view.page([wx[0], wy[0]]));
+        let area = Area { x: left, y: top, width: (right - left).max(2.0), height: (bottom - top).max(2.0) };
+        canvas.rect(&area, 3.0, &style);
+        let width = text_width(&window.label, LABEL_SIZE) * BOLD + 8.0;
+        let mut middle = [area.center()[0], area.y + 10.0];
+        // Labels of windows that begin at the same height stand below each other.
+        if (middle[1] - foot).abs() < 18.0 {
+            middle[1] = foot + 18.0;
+        }
+        foot = middle[1];
+        canvas.plate(&Area::around(middle, width, 16.0), LABEL_SIZE, [CONFLICT, "#ffffff"], &window.label);
+    }
 }
 
 impl LayoutPicture {

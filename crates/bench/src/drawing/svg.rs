@@ -176,6 +176,13 @@ impl Canvas {
         self.polyline(&head, true, &format!(r#"fill="{color}""#));
     }
 
+    /// Another drawing, its corner at a point.
+    pub fn group(&mut self, at: Point, other: Self) {
+        let _ = writeln!(self.body, r#"<g transform="translate({} {})">"#, px(at[0]), px(at[1]));
+        self.body += &other.body;
+        self.body += "</g>\n";
+    }
+
     /// A text on its baseline; `style` is further attributes.
     pub fn text(&mut self, at: Point, size: f64, anchor: Anchor, style: &str, text: &str) {
         let anchor = match anchor {

@@ -4,7 +4,7 @@ use genmanip_core::{
 use proptest::prelude::*;
 
 use super::graph::{Panel, graph_svg};
-use super::plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlanScene, layout_svg};
+use super::plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, PlanScene, layout_svg};
 use super::svg::{Area, text_width, wrap};
 
 fn card(uid: &str, name: &str) -> ObjectCard {
@@ -89,7 +89,7 @@ fn recorded_tasks_are_drawn_without_overlaps_and_true_to_their_meaning() {
     let values: Vec<serde_json::Value> = serde_json::from_str(include_str!("../../testdata/tasks.json")).unwrap();
     for value in values {
         let task: Task = genmanip_core::Document::from_value(value).unwrap();
-        let start = Panel::start(&task);
+        let start = Panel::start(&task, &[]);
         check_panel(&start);
         assert_eq!(faithful(&task, &start), 1.0, "{}", task.id);
         for alternative in 0..task.goal.alternatives.len() {
@@ -134,7 +134,7 @@ fn odd_graphs_are_drawn_too() {
     for (name, task) in cases {
         let svg = graph_svg(&task);
         assert!(!svg.as_str().contains("<script") && !svg.as_str().contains("<b>"), "{name}");
-        check_panel(&Panel::start(&task));
+        check_panel(&Panel::start(&task, &[]));
     }
 }
 
@@ -155,6 +155,7 @@ fn what_is_not_finite_or_far_away_does_not_spoil_a_layout() {
             .map(|uid| DrawnEdge { edge: edge("a", Relation::Left, uid), role: EdgeRole::Conflict })
             .to_vec(),
         reach_m: vec![0.855, f64::NAN, -1.0],
+        windows: vec![PlaceWindow { x: [f64::NAN, 1e12], y: [-1e12, 0.1], label: "<b>".into() }],
     };
     let svg = layout_svg(&picture);
     assert!(!svg.as_str().contains("NaN") && !svg.as_str().contains("inf"), "{svg}");
@@ -209,7 +210,7 @@ proptest! {
 
     #[test]
     fn nothing_overlaps_in_scenes_of_3_to_10_objects(task in scene()) {
-        let panel = Panel::start(&task);
+        let panel = Panel::start(&task, &[]);
         check_panel(&panel);
         check_panel(&Panel::goal(&task, 0));
         prop_assert!(faithful(&task, &panel) >= 0.8, "{}", faithful(&task, &panel));
@@ -231,6 +232,7 @@ proptest! {
             footprints: footprints.collect(),
             edges: vec![DrawnEdge { edge: edge("u0", Relation::Left, "u1"), role: EdgeRole::Initial }],
             reach_m: vec![],
+            windows: vec![],
         };
         let scene = PlanScene::of(&picture);
         let areas: Vec<Area> = scene.names.iter().map(|(_, area)| *area).collect();

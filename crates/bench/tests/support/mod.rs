@@ -74,6 +74,7 @@ pub fn layout_picture(task: &Task) -> LayoutPicture {
             .map(|edge| DrawnEdge { edge: edge.clone(), role: EdgeRole::Initial })
             .collect(),
         reach_m: vec![PANDA_REACH_M],
+        windows: vec![],
     }
 }
 

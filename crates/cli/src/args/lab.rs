@@ -15,6 +15,11 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab expert --tasks examples/tasks --seed 2000 --json\n\n\
                       One thread; processor time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
+    /// Lay designed tasks out, once each, and audit what comes of it
+    #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
+                      One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
+                      visibility) is not timed.")]
+    Layout(LabLayoutArguments),
 }
 
 /// Arguments of `lab relations`.
@@ -40,4 +45,21 @@ pub struct ExpertArguments {
     /// Tasks: recorded answers, task documents or folders of them
     #[arg(long, value_name = "PATH", required = true)]
     pub tasks: Vec<PathBuf>,
+}
+
+/// Arguments of `lab layout`.
+#[derive(Debug, Args)]
+pub struct LabLayoutArguments {
+    /// Seed of tasks and layouts
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Tasks to design and lay out; with --tasks: layouts of each
+    #[arg(long, default_value_t = 100)]
+    pub count: usize,
+    /// Tasks instead of designed ones: recorded answers, task documents or folders of them
+    #[arg(long, value_name = "PATH")]
+    pub tasks: Vec<PathBuf>,
+    /// Unmentioned objects to add to each scene
+    #[arg(long, default_value_t = 0)]
+    pub distractors: usize,
 }

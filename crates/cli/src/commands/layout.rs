@@ -1,7 +1,9 @@
 //! `genmanip layout`.
 
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
 use genmanip_assets::Catalogue;
-use genmanip_bench::{graph_svg, layout_svg};
 use genmanip_core::{Document, Seed};
 use genmanip_layout::LayoutSettings;
 use genmanip_motion::PlannerSettings;
@@ -19,33 +21,22 @@ struct Row {
     task: String,
     scenario: Option<String>,
     refused: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    picture: Option<String>,
 }
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
     let planner = inputs::planner(&PlannerSettings::default())?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
-    let settings = LayoutSettings::default();
+    let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
     let attempts = Attempt::all(&tasks, arguments.count, Seed::new(arguments.seed));
     let bar = printer.progress("laying out", attempts.len());
-    let mut rows = Vec::new();
-    for attempt in &attempts {
-        let path = arguments.out.join(format!("{}.json", attempt.id()));
-        rows.push(match attempt.scenario(resources, &settings) {
-            Ok(scenario) => {
-                inputs::write_file(&path, scenario.to_json().as_bytes())?;
-                if arguments.explain {
-                    let layout = layout_svg(&pictures::layout_picture(&scenario, resources.catalogue)?);
-                    inputs::write_file(&path.with_extension("layout.svg"), layout.as_str().as_bytes())?;
-                    let graph = graph_svg(&scenario.task);
-                    inputs::write_file(&path.with_extension("graph.svg"), graph.as_str().as_bytes())?;
-                }
-                Row { task: attempt.task.id.clone(), scenario: Some(path.display().to_string()), refused: None }
-            }
-            Err(error) => Row { task: attempt.task.id.clone(), scenario: None, refused: Some(error.to_string()) },
-        });
+    let rows = in_parallel(&attempts, inputs::workers(arguments.workers), |attempt| {
+        let row = lay_out(attempt, arguments, resources, &settings);
         bar.inc(1);
-    }
+        row
+    })?;
     bar.finish_and_clear();
     let mut lines = vec![["task", "scenario"].map(String::from).to_vec()];
     for row in &rows {
@@ -55,4 +46,59 @@ pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus,
     printer.data(&rows, &table(&lines));
     let refused = rows.iter().filter(|row| row.refused.is_some()).count();
     Ok(if refused == 0 { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
+/// One layout, written with its picture when asked.
+fn lay_out(
+    attempt: &Attempt,
+    arguments: &LayoutArguments,
+    resources: Resources,
+    settings: &LayoutSettings,
+) -> Result<Row, Failed> {
+    let (task, path) = (attempt.task, arguments.out.join(format!("{}.json", attempt.id())));
+    let draw = |drawing: &dyn Fn() -> Result<genmanip_bench::Svg, Failed>| -> Result<Option<String>, Failed> {
+        let picture = path.with_extension("svg");
+        if arguments.explain {
+            inputs::write_file(&picture, drawing()?.as_str().as_bytes())?;
+        }
+        Ok(arguments.explain.then(|| picture.display().to_string()))
+    };
+    let id = task.id.clone();
+    match attempt.scenario(resources, settings) {
+        Ok(scenario) => {
+            inputs::write_file(&path, scenario.to_json().as_bytes())?;
+            let picture = draw(&|| pictures::explained(&scenario, resources.catalogue))?;
+            Ok(Row { task: id, scenario: Some(path.display().to_string()), refused: None, picture })
+        }
+        Err(error) => {
+            let picture = draw(&|| pictures::explained_refusal(task, &error, resources.catalogue))?;
+            Ok(Row { task: id, scenario: None, refused: Some(error.to_string()), picture })
+        }
+    }
+}
+
+/// Rows in the order of the attempts, whatever the number of workers; the first failure ends the work.
+fn in_parallel<'a, 'b>(
+    attempts: &'a [Attempt<'b>],
+    workers: usize,
+    work: impl Fn(&'a Attempt<'b>) -> Result<Row, Failed> + Sync,
+) -> Result<Vec<Row>, Failed> {
+    let (next, broken) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let rows = Mutex::new(Vec::with_capacity(attempts.len()));
+    std::thread::scope(|scope| {
+        for _ in 0..workers.min(attempts.len()) {
+            scope.spawn(|| {
+                while !broken.load(Ordering::Relaxed) {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(attempt) = attempts.get(index) else { break };
+                    let row = work(attempt);
+                    broken.fetch_or(row.is_err(), Ordering::Relaxed);
+                    rows.lock().unwrap_or_else(PoisonError::into_inner).push((index, row));
+                }
+            });
+        }
+    });
+    let mut rows = rows.into_inner().unwrap_or_else(PoisonError::into_inner);
+    rows.sort_by_key(|(index, _)| *index);
+    rows.into_iter().map(|(_, row)| row).collect()
 }

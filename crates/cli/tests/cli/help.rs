@@ -7,7 +7,7 @@ use crate::{genmanip, program};
 #[test]
 fn help_of_every_verb_reads_well_and_shows_an_example() {
     let folder = tempfile::tempdir().unwrap();
-    let verbs: [&[&str]; 12] = [
+    let verbs: [&[&str]; 13] = [
         &["demo"],
         &["task", "check"],
         &["task", "show"],
@@ -17,6 +17,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["replay"],
         &["report"],
         &["export"],
+        &["lab", "layout"],
         &["lab", "relations"],
         &["lab", "expert"],
         &["doctor"],

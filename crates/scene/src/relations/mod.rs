@@ -28,7 +28,7 @@ mod tests;
 mod window;
 
 pub use judge::{Rest, judge_atom, judge_edges, judge_goal, judge_states};
-pub use pair::{Contact, Label, PairGeometry, PairVerdict, label_pair, measure_pair};
+pub use pair::{Contact, Label, PairGeometry, PairVerdict, label_pair, measure_pair, outlines_apart};
 pub use scene::{PosedObject, PosedScene};
 pub use settings::RelationSettings;
 pub use shape::{ObjectShape, ShapeCache};

@@ -96,6 +96,13 @@ impl PosedScene {
         }
     }
 
+    /// Moves one object without turning it, which keeps its outlines. An index out of range changes nothing.
+    pub fn shift(&mut self, index: usize, by: DVec3) {
+        if let Some(body) = self.bodies.get_mut(index) {
+            body.shift(by);
+        }
+    }
+
     /// Exact bounds of an object in the world.
     pub fn bounds(&self, index: usize) -> Option<Aabb> {
         self.bodies.get(index).map(|body| body.bounds)
@@ -150,6 +157,20 @@ impl Body {
             bounds.center()
         };
         body
+    }
+
+    fn shift(&mut self, by: DVec3) {
+        self.object.pose.position += by;
+        self.center += by;
+        let moved = |bounds: &Aabb| Aabb { min: bounds.min + by, max: bounds.max + by };
+        self.bounds = moved(&self.bounds);
+        for piece in &mut self.pieces {
+            piece.world_from_piece.position += by;
+            piece.bounds = moved(&piece.bounds);
+        }
+        if let Some(footprint) = self.footprint.get_mut() {
+            footprint.pieces.iter_mut().chain([&mut footprint.hull]).for_each(|polygon| polygon.shift(by.truncate()));
+        }
     }
 
     /// Mean of a link's surface in the world.

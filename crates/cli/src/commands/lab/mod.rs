@@ -1,6 +1,7 @@
 //! `genmanip lab`: one module per measurement; figures are of one thread and in processor time.
 
 pub mod expert;
+pub mod layout;
 pub mod relations;
 
 use cpu_time::ThreadTime;

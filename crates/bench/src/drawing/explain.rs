@@ -1,0 +1,73 @@
+//! One picture of a task and its layout: the graph beside the table, and why nothing better came of it.
+
+use genmanip_core::{Atom, Task};
+
+use super::colors::{CONFLICT, INK, MUTED};
+use super::graph::graph_drawing;
+use super::plan::{LayoutPicture, plan_drawing};
+use super::svg::{Anchor, Canvas, Svg, wrap};
+
+const MARGIN: f64 = 16.0;
+const TITLE_SIZE: f64 = 17.0;
+const TEXT_SIZE: f64 = 13.0;
+const LINE: f64 = 20.0;
+
+/// Why a task has no layout.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Refusal {
+    /// The whole of it in one line.
+    pub headline: String,
+    /// Counted reasons, most frequent first.
+    pub reasons: Vec<(String, usize)>,
+    /// Edges that stood in the way, most frequent first; drawn in red.
+    pub conflicts: Vec<Atom>,
+    /// The same in words with their counts.
+    pub conflicts_in_words: Vec<(String, usize)>,
+}
+
+/// Draws the scene graph with its goals beside the layout; for a refused task the layout is what was reached, and the
+/// reasons stand below.
+pub fn explain_svg(task: &Task, picture: &LayoutPicture, refusal: Option<&Refusal>) -> Svg {
+    let conflicts = refusal.map_or(&[][..], |refusal| &refusal.conflicts);
+    let (graph, [graph_width, graph_height]) = graph_drawing(task, conflicts);
+    let (plan, [plan_width, plan_height]) = plan_drawing(picture);
+    let width = graph_width + plan_width + MARGIN;
+    let mut canvas = Canvas::default();
+    let title = wrap(&format!("“{}”", task.instruction), TITLE_SIZE, width - 2.0 * MARGIN, 3);
+    let mut y = 2.0 * MARGIN;
+    for line in &title {
+        canvas.text([MARGIN, y], TITLE_SIZE, Anchor::Start, &format!(r#"fill="{INK}" font-weight="600""#), line);
+        y += TITLE_SIZE * 1.35;
+    }
+    let subtitle = format!("{} · {}", task.id, task.kind.name().replace('_', " "));
+    canvas.text([MARGIN, y], TEXT_SIZE - 1.0, Anchor::Start, &format!(r#"fill="{MUTED}""#), &subtitle);
+    y += MARGIN;
+    let mut below = graph_height;
+    if let Some(refusal) = refusal {
+        // Below the graph, where the plan leaves room.
+        below = draw_reasons(&mut canvas, refusal, [MARGIN, y + graph_height + LINE], graph_width - MARGIN) - y;
+    }
+    canvas.group([0.0, y], graph);
+    canvas.group([graph_width + MARGIN, y], plan);
+    canvas.finish(width, y + plan_height.max(below) + MARGIN, &format!("Layout of: {}", task.instruction))
+}
+
+/// The height at which it ends.
+fn draw_reasons(canvas: &mut Canvas, refusal: &Refusal, at: [f64; 2], width: f64) -> f64 {
+    let mut y = at[1];
+    for line in wrap(&refusal.headline, TEXT_SIZE + 1.0, width, 4) {
+        let style = format!(r#"fill="{CONFLICT}" font-weight="700""#);
+        canvas.text([at[0], y], TEXT_SIZE + 1.0, Anchor::Start, &style, &line);
+        y += LINE;
+    }
+    let reasons = refusal.reasons.iter().take(6).map(|reason| (reason, INK));
+    let conflicts = refusal.conflicts_in_words.iter().take(8).map(|edge| (edge, CONFLICT));
+    for ((what, count), color) in reasons.chain(conflicts) {
+        canvas.text([at[0], y], TEXT_SIZE, Anchor::Start, &format!(r#"fill="{MUTED}""#), &format!("{count}×"));
+        for line in wrap(what, TEXT_SIZE, width - 72.0, 2) {
+            canvas.text([at[0] + 72.0, y], TEXT_SIZE, Anchor::Start, &format!(r#"fill="{color}""#), &line);
+            y += LINE;
+        }
+    }
+    y
+}
