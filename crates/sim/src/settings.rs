@@ -62,7 +62,7 @@ pub struct SimSettings {
     /// Impedance of all other contacts. 0.95, 0.99, 0.001: things rest less than 0.02 mm deep.
     pub contact_solimp: [f64; 3],
     /// Impedance of the dry friction of objects' joints: at rest, at speed, and the width between, as of contacts.
-    /// 0.999, 0.9999, 0.001: a lid that its friction holds creeps by less than 0.1° in a minute.
+    /// 0.999, 0.9999, 0.001: near 1, since dry friction as soft as a contact creeps under the weight of a lid.
     pub joint_friction_solimp: [f64; 3],
     /// Sliding friction of table and floor. 0.3; in a contact the larger coefficient of the two counts,
     /// so that the object decides.
