@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 
-pub use lab::{ExpertArguments, LabCommand, LabLayoutArguments, RelationsArguments};
+pub use lab::*;
 
 mod lab;
 
@@ -30,7 +30,7 @@ pub enum Command {
     /// The whole loop on recorded language-model answers: tasks, layouts, demonstrations, dataset, evaluation, report
     #[command(after_help = "Example:\n  genmanip demo --out out/demo")]
     Demo(DemoArguments),
-    /// Check and show tasks
+    /// Invent, check and show tasks
     Task {
         /// What to do with tasks
         #[command(subcommand)]
@@ -73,6 +73,9 @@ pub enum Command {
 /// Verbs for tasks.
 #[derive(Debug, Subcommand)]
 pub enum TaskCommand {
+    /// Invent tasks and write them as task documents
+    #[command(after_help = "Example:\n  genmanip task new --kind all --count 60 --seed 7 --out out/tasks")]
+    New(NewArguments),
     /// Judge language-model answers against every rule; exit 1 when any is rejected
     #[command(after_help = "Examples:\n  genmanip task check examples/tasks/*.json\n  \
                             genmanip task check answer.txt --objects 001,019,051 --kind pick_and_place")]
@@ -80,6 +83,26 @@ pub enum TaskCommand {
     /// Show a task: instruction, goal and scene graph
     #[command(after_help = "Example:\n  genmanip task show examples/tasks/017_pick_and_place.json --svg graph.svg")]
     Show(ShowArguments),
+}
+
+/// Arguments of `task new`.
+#[derive(Debug, Args)]
+pub struct NewArguments {
+    /// pick_and_place, spatial, appearance, common_sense, long_horizon, articulated, or all in turn
+    #[arg(long, default_value = "all")]
+    pub kind: String,
+    /// Number of tasks
+    #[arg(long, default_value_t = 12, value_parser = parse_count)]
+    pub count: usize,
+    /// Seed
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Who invents them: rules
+    #[arg(long, default_value = "rules")]
+    pub designer: String,
+    /// Folder for the task documents
+    #[arg(long)]
+    pub out: PathBuf,
 }
 
 /// Arguments of `task check`.

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
-use genmanip_core::{Document, DocumentError, ObjectCard, Task, TaskKind};
+use genmanip_core::{Document, DocumentError, ObjectCard, Seed, Task, TaskKind};
 use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
+use genmanip_scene::designer::{DesignSettings, design_many};
 
 use crate::error::Failed;
 
@@ -86,6 +87,14 @@ pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, Failed> {
     Ok(tasks)
 }
 
+/// Tasks of the rule-based designer, the six kinds in turn.
+pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, Failed> {
+    let cards = Catalogue::builtin().cards();
+    let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
+        .map_err(|error| Failed::because("the designer gave up", &error))?;
+    Ok(batch.tasks)
+}
+
 /// Reads one task from a task document or a recorded answer.
 pub fn read_task(path: &Path) -> Result<Task, Failed> {
     let text = read_text(path, MAX_DOCUMENT_BYTES)?;
@@ -155,6 +164,7 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
         kind: recorded.task_type,
         offered: offered(&recorded.objects)?,
         min_objects: recorded.num_objects,
+        between: false,
         source: format!("recorded answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
     Ok(check_answer(&recorded.response, &request))
@@ -162,16 +172,13 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
 
 /// Judges a bare answer.
 pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, Failed> {
-    let kinds = TaskKind::ALL.map(TaskKind::name).join(", ");
-    let kind = TaskKind::ALL
-        .into_iter()
-        .find(|known| known.name() == kind)
-        .ok_or_else(|| Failed::new(format!("unknown kind `{kind}`")).hint(format!("kinds are {kinds}")))?;
+    let kind = task_kind(kind)?;
     let request = TaskRequest {
         id: id_from(path),
         kind,
         offered: offered(objects)?,
         min_objects,
+        between: false,
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
     // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
@@ -182,6 +189,15 @@ pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usiz
         .read_to_end(&mut bytes)
         .map_err(|error| Failed::because(format!("cannot read {}", path.display()), &error))?;
     Ok(check_answer(&String::from_utf8_lossy(&bytes), &request))
+}
+
+/// A kind of task by its name in files.
+pub fn task_kind(name: &str) -> Result<TaskKind, Failed> {
+    let kinds = TaskKind::ALL.map(TaskKind::name).join(", ");
+    TaskKind::ALL
+        .into_iter()
+        .find(|known| known.name() == name)
+        .ok_or_else(|| Failed::new(format!("unknown kind `{name}`")).hint(format!("kinds are {kinds}")))
 }
 
 fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, Failed> {

@@ -6,6 +6,7 @@ mod error;
 mod inputs;
 mod pictures;
 mod printer;
+mod robots;
 mod run_folder;
 mod stop;
 
@@ -29,6 +30,7 @@ fn main() -> std::process::ExitCode {
 fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Failed> {
     match command {
         Command::Demo(arguments) => commands::demo::run(arguments, printer),
+        Command::Task { command: TaskCommand::New(arguments) } => commands::task_new::run(arguments, printer),
         Command::Task { command: TaskCommand::Check(arguments) } => commands::task::check(arguments, printer),
         Command::Task { command: TaskCommand::Show(arguments) } => commands::task::show(arguments, printer),
         Command::Layout(arguments) => commands::layout::run(arguments, printer),
@@ -40,7 +42,10 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Lab { command } => match command {
             LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
             LabCommand::Layout(arguments) => commands::lab::layout::run(arguments, printer),
+            LabCommand::Answers(arguments) => commands::lab::answers::run(arguments, printer),
+            LabCommand::Design(arguments) => commands::lab::design::run(arguments, printer),
             LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
+            LabCommand::Motion(arguments) => commands::lab::motion::run(arguments, printer),
         },
         Command::Doctor => commands::doctor::run(printer),
     }

@@ -137,6 +137,7 @@ impl Designer {
             kind,
             offered: offered.clone().unwrap_or_default(),
             min_objects: self.settings.min_objects,
+            between: false,
             source: format!("language model {}", self.model_name),
         };
         match offered {

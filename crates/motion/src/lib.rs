@@ -6,6 +6,7 @@
 
 mod chain;
 mod collision;
+pub mod description;
 pub mod grasp;
 mod ik;
 mod linear;
@@ -20,6 +21,7 @@ mod test_robot;
 
 pub use chain::{Chain, ModelError};
 pub use collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, World};
+pub use description::{DescriptionError, MeshFile, read_robot};
 pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper, ReachSettings, ReachableGrasp};
 pub use ik::{IkSettings, InverseKinematics};
 pub use path::Path;

@@ -2,12 +2,16 @@
 //!
 //! - [`answer`] turns the text a model sent into a valid [`genmanip_core::Task`], or says everything that is wrong with it.
 //! - [`relations`] judges relations and goals on exact posed geometry, and explains every verdict with numbers.
+//! - [`observed`] makes point clouds of depth images, which [`relations::CloudScene`] judges like posed geometry.
 //! - [`clouds`] reproduces the verdicts of two released evaluators on point clouds.
 //!
 //! All are pure: values in, values out.
 
 pub mod answer;
 pub mod clouds;
+pub mod designer;
 mod hull;
+pub mod observed;
 mod planar;
+pub mod references;
 pub mod relations;

@@ -7,12 +7,19 @@ use clap::{Args, Subcommand};
 /// Measurements that take data the project has not seen.
 #[derive(Debug, Subcommand)]
 pub enum LabCommand {
-    /// Compare a compatibility profile with recorded verdicts of the evaluator it reproduces
-    #[command(after_help = "Example:\n  genmanip lab relations --cases cases.json --profile genmanip-0.9 --json\n\n\
-                      The clouds are read from the archive beside the file: cases.npz.")]
+    /// Compare verdicts: of a profile with recorded ones, or of rendered clouds with posed geometry
+    #[command(after_help = "Examples:\n  genmanip lab relations --cases cases.json --profile genmanip-0.9 --json\n  \
+                      genmanip lab relations --rendered --seed 1 --count 500 --json\n\n\
+                      The clouds of cases are read from the archive beside the file: cases.npz.\n\
+                      With --rendered, scenes are laid out and drawn, and the clouds that three cameras see are\n\
+                      judged by profile seed, as posed geometry is.")]
     Relations(RelationsArguments),
+    /// Check hostile answers: how long it takes at worst, and whether anything breaks the reader
+    #[command(after_help = "Examples:\n  genmanip lab answers --seed 1 --count 10000 --json\n  \
+                      genmanip lab answers --seed 1 --minutes 10 --json")]
+    Answers(AnswersArguments),
     /// Let the expert (oracle) try tasks, each on fresh layouts until an attempt is verified
-    #[command(after_help = "Example:\n  genmanip lab expert --tasks examples/tasks --seed 2000 --json\n\n\
+    #[command(after_help = "Example:\n  genmanip lab expert --seed 2000 --count 60 --json\n\n\
                       One thread; processor time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
     /// Lay designed tasks out, once each, and audit what comes of it
@@ -20,17 +27,67 @@ pub enum LabCommand {
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
                       visibility) is not timed.")]
     Layout(LabLayoutArguments),
+    /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
+    #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
+    Design(DesignArguments),
+    /// Plan a file of motion problems, test every returned path again, and time planning, timing and kinematics
+    #[command(after_help = "Examples:\n  genmanip lab motion --problems problems.json --json\n  \
+                      genmanip lab motion --problems problems.json --robot panda/ --json\n\n\
+                      A problem holds joint positions start and goal, and obstacles (box: size; cylinder: radius, \
+                      length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
+                      SRDF.")]
+    Motion(MotionArguments),
+}
+
+/// Arguments of `lab design`.
+#[derive(Debug, Args)]
+pub struct DesignArguments {
+    /// Seed
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Tasks, the six kinds in turn
+    #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
+    pub count: usize,
+}
+
+/// Arguments of `lab answers`.
+#[derive(Debug, Args)]
+pub struct AnswersArguments {
+    /// Seed of the fuzzer
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Texts that the fuzzer makes
+    #[arg(long, default_value_t = 10_000, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Fuzz for so many minutes of processor time instead
+    #[arg(long, conflicts_with = "count")]
+    pub minutes: Option<f64>,
+    /// Recorded answers to check and to start from: a file or a folder
+    #[arg(long, value_name = "PATH", default_value = "examples/tasks")]
+    pub answers: PathBuf,
 }
 
 /// Arguments of `lab relations`.
 #[derive(Debug, Args)]
 pub struct RelationsArguments {
     /// Recorded cases; the archive of clouds beside it has the ending .npz
-    #[arg(long, value_name = "FILE")]
-    pub cases: PathBuf,
-    /// Evaluator: genmanip-0.9 or suite-0.2.3
-    #[arg(long)]
-    pub profile: String,
+    #[arg(long, value_name = "FILE", required_unless_present = "rendered")]
+    pub cases: Option<PathBuf>,
+    /// Judge: genmanip-0.9, suite-0.2.3 or seed
+    #[arg(long, required_unless_present = "rendered")]
+    pub profile: Option<String>,
+    /// Compare clouds from rendered depth and ids with posed geometry
+    #[arg(long, conflicts_with_all = ["cases", "profile"])]
+    pub rendered: bool,
+    /// Seed of the layouts
+    #[arg(long, default_value_t = 0, requires = "rendered")]
+    pub seed: u64,
+    /// Scenes that are laid out
+    #[arg(long, default_value_t = 500, requires = "rendered", value_parser = super::parse_count)]
+    pub count: usize,
+    /// Tasks that are laid out in turn: a file or a folder
+    #[arg(long, value_name = "PATH", default_value = "examples/tasks", requires = "rendered")]
+    pub tasks: PathBuf,
 }
 
 /// Arguments of `lab expert`.
@@ -39,11 +96,14 @@ pub struct ExpertArguments {
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+    /// Tasks of the rule-based designer, the six kinds in turn
+    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    pub count: usize,
     /// Attempts at a task before it counts as not solved
     #[arg(long, default_value_t = 5)]
     pub tries: u64,
-    /// Tasks: recorded answers, task documents or folders of them
-    #[arg(long, value_name = "PATH", required = true)]
+    /// Tasks of your own instead of designed ones: files or folders
+    #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
 }
 
@@ -62,4 +122,24 @@ pub struct LabLayoutArguments {
     /// Unmentioned objects to add to each scene
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
+}
+
+/// Arguments of `lab motion`.
+#[derive(Debug, Args)]
+pub struct MotionArguments {
+    /// Problems: {"problems": [{"start", "goal", "obstacles"}]}
+    #[arg(long, value_name = "FILE")]
+    pub problems: PathBuf,
+    /// Folder of another robot, or its URDF; without it, the built-in Panda
+    #[arg(long, value_name = "DIR")]
+    pub robot: Option<PathBuf>,
+    /// Link of that robot that is the tool frame
+    #[arg(long, value_name = "LINK", requires = "robot")]
+    pub tip: Option<String>,
+    /// Seed of the searches
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Write the states of every path, 0.02 rad apart, to this JSON file
+    #[arg(long, value_name = "FILE")]
+    pub paths: Option<PathBuf>,
 }

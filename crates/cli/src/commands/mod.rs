@@ -10,3 +10,4 @@ pub mod layout;
 pub mod replay;
 pub mod report;
 pub mod task;
+pub mod task_new;

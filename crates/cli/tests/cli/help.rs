@@ -7,8 +7,9 @@ use crate::{genmanip, program};
 #[test]
 fn help_of_every_verb_reads_well_and_shows_an_example() {
     let folder = tempfile::tempdir().unwrap();
-    let verbs: [&[&str]; 13] = [
+    let verbs: &[&[&str]] = &[
         &["demo"],
+        &["task", "new"],
         &["task", "check"],
         &["task", "show"],
         &["layout"],
@@ -19,7 +20,10 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["export"],
         &["lab", "layout"],
         &["lab", "relations"],
+        &["lab", "answers"],
         &["lab", "expert"],
+        &["lab", "design"],
+        &["lab", "motion"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);

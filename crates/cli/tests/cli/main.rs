@@ -5,6 +5,7 @@
 mod answers;
 mod help;
 mod interrupted;
+mod motion;
 mod refusals;
 mod runs;
 

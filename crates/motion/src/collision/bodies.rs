@@ -1,8 +1,10 @@
 //! What is tested against what: the moving bodies, the obstacles around them, and exact answers about pairs.
 
 use super::convex::{self, Ball, Convex, Separation};
+use super::cover::CoverBall;
+use super::narrow::Skeleton;
 use super::pair_table::PairTable;
-use super::robot_shape::{RobotShape, ball_around};
+use super::robot_shape::{LinkShape, RobotShape, ball_around};
 use super::world::{Attached, Obstacle, Part};
 use crate::rigid::Rigid;
 
@@ -17,7 +19,8 @@ pub(super) struct Body<'a> {
     pub(super) frame: usize,
     pub(super) frame_from_body: Rigid,
     pub(super) pieces: &'a [Convex],
-    pub(super) cover: &'a [Ball],
+    pub(super) cover: &'a [CoverBall],
+    pub(super) skeletons: &'a [Skeleton],
     /// Ball around the body, in the moving frame.
     pub(super) ball: Ball,
 }
@@ -142,18 +145,21 @@ pub(super) fn bodies_separation(
 }
 
 pub(super) fn bodies<'a>(robot: &'a RobotShape, attached: Option<&'a Attached>, gripper_width: f64) -> Vec<Body<'a>> {
-    let make = |part, name, frame, frame_from_body: Rigid, pieces: &'a [Convex], cover: &'a [Ball]| {
-        let ball = ball_around(cover.iter().map(|ball| moved(&frame_from_body, ball)));
-        Body { part, name, frame, frame_from_body, pieces, cover, ball }
+    let around = |frame_from_body: &Rigid, cover: &[CoverBall]| {
+        ball_around(cover.iter().map(|ball| moved(frame_from_body, &ball.ball)))
     };
     let links = robot.links.iter().enumerate().filter(|(_, link)| !link.pieces.is_empty()).map(|(index, link)| {
-        let (frame, frame_from_link) = robot.chain.link_mount(index, gripper_width);
-        make(Part::Link(index), link.name.as_str(), frame, frame_from_link, &link.pieces, &link.cover)
+        let (frame, frame_from_body) = robot.chain.link_mount(index, gripper_width);
+        let ball = around(&frame_from_body, &link.cover);
+        let LinkShape { name, pieces, cover, skeletons } = link;
+        Body { part: Part::Link(index), name, frame, frame_from_body, pieces, cover, skeletons, ball }
     });
     let carried = attached.map(|attached| {
         let (frame, frame_from_tcp) = robot.chain.tcp_mount();
-        let frame_from_object = frame_from_tcp * attached.tcp_from_object;
-        make(Part::Attached, attached.name.as_str(), frame, frame_from_object, &attached.pieces, &attached.cover)
+        let frame_from_body = frame_from_tcp * attached.tcp_from_object;
+        let ball = around(&frame_from_body, &attached.cover);
+        let Attached { name, pieces, cover, skeletons, .. } = attached;
+        Body { part: Part::Attached, name, frame, frame_from_body, pieces, cover, skeletons, ball }
     });
     links.chain(carried).collect()
 }

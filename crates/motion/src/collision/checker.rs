@@ -1,16 +1,16 @@
 //! Tests of configurations and of straight joint-space edges for one robot, world and carried object.
 
+use std::cell::RefCell;
+
 use super::bodies::{
-    Body, BodyPair, LOOK, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved,
+    Body, BodyPair, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved,
     reaches,
 };
 use super::convex::Separation;
-use super::fast::{self, Doubt, FastBody, FastJoint, FastModel, FastObstacle, FastPiece, Scratch};
-use super::lanes::{LANES, Lanes};
+use super::cover::CoverBall;
+use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, FastPiece, Scratch};
 use super::robot_shape::RobotShape;
-use super::world::{Allowed, Attached, World};
-use crate::path::lerp;
-use crate::rigid::Rigid;
+use super::world::{Allowed, Attached, Part, World};
 
 /// Two things that are too close.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,10 +46,14 @@ pub struct Checker<'a> {
     /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed.
     pub(super) obstacle_margin: Vec<Option<f64>>,
     pub(super) body_pairs: Vec<BodyPair>,
+    /// Largest speed of any point of each body per unit speed of each joint.
+    pub(super) reaches: Vec<Vec<f64>>,
     /// Largest speed of any point of the robot per unit speed of each joint.
-    reach: Vec<f64>,
+    pub(super) reach: Vec<f64>,
     /// The same scene for the fast path.
-    fast: FastModel,
+    pub(super) fast: FastModel<'a>,
+    /// Storage of the fast path.
+    pub(super) scratch: RefCell<Scratch>,
 }
 
 impl<'a> Checker<'a> {
@@ -73,11 +77,21 @@ impl<'a> Checker<'a> {
             })
             .collect();
         let body_pairs = body_pairs(robot, &bodies, padding);
-        let reach = bodies.iter().fold(vec![0.0; robot.chain.dof()], |widest: Vec<f64>, body| {
-            widest.iter().zip(reaches(robot, body)).map(|(a, b)| a.max(b)).collect()
-        });
+        let reaches: Vec<Vec<f64>> = bodies.iter().map(|body| reaches(robot, body)).collect();
+        let widest = |joint: usize| reaches.iter().map(|body| body[joint]).fold(0.0, f64::max);
+        let reach = (0..robot.chain.dof()).map(widest).collect();
         let fast = fast_model(robot, &bodies, &obstacles);
-        let mut checker = Self { robot, bodies, obstacles, obstacle_margin, body_pairs, reach, fast };
+        let mut checker = Self {
+            robot,
+            bodies,
+            obstacles,
+            obstacle_margin,
+            body_pairs,
+            reaches,
+            reach,
+            fast,
+            scratch: RefCell::default(),
+        };
         checker.refresh_fast_margins();
         checker
     }
@@ -114,6 +128,21 @@ impl<'a> Checker<'a> {
         worst.map(|(_, report)| report)
     }
 
+    /// Pairs of links that penetrate each other.
+    pub(crate) fn touching_links(&self, config: &[f64]) -> Vec<(usize, usize)> {
+        let frames = self.robot.chain.frames(config);
+        let touching = |pair: &BodyPair| {
+            let [a, b] = [pair.first, pair.second].map(|index| &self.bodies[index]);
+            let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
+            let (Part::Link(first), Part::Link(second)) = (a.part, b.part) else { return None };
+            match bodies_separation(a, b, &world_from_a, &world_from_b, 0.0) {
+                Separation::Within(distance) if distance <= 0.0 => Some((first, second)),
+                _ => None,
+            }
+        };
+        self.body_pairs.iter().filter_map(touching).collect()
+    }
+
     /// Whether every pair keeps its distance.
     pub fn is_free(&self, config: &[f64]) -> bool {
         let frames = self.robot.chain.frames(config);
@@ -137,89 +166,10 @@ impl<'a> Checker<'a> {
         })
     }
 
-    /// Whether every state of the straight joint-space edge keeps its distances.
-    ///
-    /// States are so close together that no point of the robot moves more than `spacing` metres between them;
-    /// with `spacing` at most twice the padding, nothing can be touched in between either.
-    pub fn edge_is_free(&self, from: &[f64], to: &[f64], spacing: f64) -> bool {
-        let steps = self.edge_steps(from, to, spacing);
-        let batches = steps.div_ceil(LANES);
-        let mut config = vec![Lanes::all(0.0); from.len()];
-        let mut scratch = Scratch::default();
-        let mut proven_pairs = vec![false; self.body_pairs.len()];
-        // The lanes are spread over the edge and walk backwards together; the first state is the caller's to test.
-        (0..batches).rev().all(|batch| {
-            let time = |lane: usize| ((lane * batches + batch + 1).min(steps)) as f64 / steps as f64;
-            for ((q, a), b) in config.iter_mut().zip(from).zip(to) {
-                for (lane, value) in q.0.iter_mut().enumerate() {
-                    *value = (a + (b - a) * time(lane)) as f32;
-                }
-            }
-            fast::find_doubts(&self.fast, &config, &mut scratch);
-            let pairs_are_free = scratch.doubts.iter().all(|doubt| match *doubt {
-                Doubt::Bodies { pair, .. } if !proven_pairs[pair] => {
-                    proven_pairs[pair] = self.pair_is_free(&self.body_pairs[pair], from, to, spacing);
-                    proven_pairs[pair]
-                }
-                _ => true,
-            });
-            pairs_are_free && self.doubts_are_unfounded(&scratch.doubts, |lane| lerp(from, to, time(lane)))
-        })
-    }
-
-    /// Whether two bodies keep their distance all along an edge, by conservative advancement: the distance at one
-    /// state is also how far the bodies may move before they can meet.
-    fn pair_is_free(&self, pair: &BodyPair, from: &[f64], to: &[f64], spacing: f64) -> bool {
-        let table = pair.table.and_then(|index| self.robot.tables[index].as_ref());
-        let speed: f64 = pair.movers.iter().map(|&(joint, reach)| (to[joint] - from[joint]).abs() * reach).sum();
-        let (a, b) = (&self.bodies[pair.first], &self.bodies[pair.second]);
-        let mut frames = Vec::new();
-        let mut time = 0.0;
-        loop {
-            let at = |joint: usize| from[joint] + (to[joint] - from[joint]) * time;
-            if let Some(bound) = table.and_then(|table| table.bound(at))
-                && bound - pair.margin > spacing
-            {
-                if time >= 1.0 || speed <= 0.0 {
-                    return true;
-                }
-                time = (time + (bound - pair.margin) / speed).min(1.0);
-                continue;
-            }
-            self.robot.chain.frames_into(&lerp(from, to, time), &mut frames);
-            let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
-            let clear = match bodies_separation(a, b, &world_from_a, &world_from_b, pair.margin.max(0.0) + LOOK) {
-                Separation::Within(distance) => distance - pair.margin,
-                Separation::Beyond => LOOK,
-            };
-            if clear < 0.0 {
-                return false;
-            }
-            if time >= 1.0 || speed <= 0.0 {
-                return true;
-            }
-            time = (time + clear.max(spacing) / speed).min(1.0);
-        }
-    }
-
-    /// Looks exactly at the bodies and obstacles that the fast path could not prove clear.
-    fn doubts_are_unfounded(&self, doubts: &[Doubt], config: impl Fn(usize) -> Vec<f64>) -> bool {
-        let mut cached: [Option<Vec<Rigid>>; LANES] = Default::default();
-        let count = self.obstacles.len();
-        doubts.iter().all(|doubt| {
-            let Doubt::Obstacle { body, obstacle, lanes } = *doubt else { return true };
-            let Some(margin) = self.obstacle_margin[body * count + obstacle] else { return true };
-            let (body, target) = (&self.bodies[body], &self.obstacles[obstacle]);
-            fast::lanes_of(lanes).all(|lane| {
-                let frames = cached[lane].get_or_insert_with(|| self.robot.chain.frames(&config(lane)));
-                !target.closer_than(body, &(frames[body.frame] * body.frame_from_body), margin)
-            })
-        })
-    }
-
     fn refresh_fast_margins(&mut self) {
         let single = |margin: &f64| margin.max(0.0) as f32;
-        self.fast.margins = self.obstacle_margin.iter().map(|margin| margin.as_ref().map(single)).collect();
+        let both = |margin: &f64| FastMargin { accept: margin.max(0.0) as f32, reject: *margin as f32 };
+        self.fast.margins = self.obstacle_margin.iter().map(|margin| margin.as_ref().map(both)).collect();
         self.fast.body_pairs =
             self.body_pairs.iter().map(|pair| (pair.first, pair.second, single(&pair.margin))).collect();
     }
@@ -262,28 +212,26 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Number of equal steps in which no point of the robot moves more than `spacing`.
-    pub(crate) fn edge_steps(&self, from: &[f64], to: &[f64], spacing: f64) -> usize {
-        let motion: f64 = from.iter().zip(to).zip(&self.reach).map(|((a, b), reach)| (a - b).abs() * reach).sum();
-        ((motion / spacing).ceil() as usize).clamp(1, 1 << 20)
-    }
-
     fn margins_of(&self, body: usize) -> &[Option<f64>] {
         let count = self.obstacles.len();
         &self.obstacle_margin[body * count..(body + 1) * count]
     }
 }
 
-fn fast_model(robot: &RobotShape, bodies: &[Body], obstacles: &[Target]) -> FastModel {
+fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target]) -> FastModel<'a> {
     let joint = |joint: &crate::chain::ChainJoint| FastJoint {
         parent_frame: joint.parent_frame,
         parent_from_joint: (&joint.parent_from_joint).into(),
         slides: joint.slides,
     };
-    let body = |body: &Body| FastBody {
+    let placed =
+        |body: &Body, cover: &CoverBall| CoverBall { ball: moved(&body.frame_from_body, &cover.ball), ..*cover };
+    let body = |body: &Body<'a>| FastBody {
         frame: body.frame,
+        frame_from_body: (&body.frame_from_body).into(),
+        skeletons: body.skeletons,
         ball: (&body.ball).into(),
-        cover: body.cover.iter().map(|ball| (&moved(&body.frame_from_body, ball)).into()).collect(),
+        cover: body.cover.iter().map(|ball| (&placed(body, ball)).into()).collect(),
     };
     let piece = |piece: &TargetPiece| FastPiece::new(&piece.convex.core, piece.convex.radius, &piece.core_from_world);
     let obstacle = |target: &Target| FastObstacle {

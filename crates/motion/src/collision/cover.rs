@@ -13,18 +13,51 @@ const OVERHANG: [f64; 2] = [0.008, 0.025];
 /// Halvings per body at most: 2^3 balls.
 const DEPTH: usize = 3;
 
+/// A ball of a cover, and how much around its centre certainly belongs to the body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CoverBall {
+    pub(crate) ball: Ball,
+    /// Everything within this distance of the centre is in the body; 0 where the centre is not.
+    pub(crate) inner: f64,
+}
+
 /// Balls around one body, in the frame of its owner.
-pub(crate) fn cover(body: &Convex) -> Vec<Ball> {
+pub(crate) fn cover(body: &Convex) -> Vec<CoverBall> {
     let mut balls = Vec::new();
     split(corners(&body.core), body.radius, DEPTH, &mut balls);
-    for ball in &mut balls {
-        ball.center = body.owner_from_core.point(ball.center);
+    let placed = |ball: Ball| {
+        let inner = (depth_in(&body.core, ball.center) + body.radius).max(0.0);
+        CoverBall { ball: Ball { center: body.owner_from_core.point(ball.center), ..ball }, inner }
+    };
+    balls.into_iter().map(placed).collect()
+}
+
+/// Distance from a point in the core to its surface; negative, at least as large as the distance, outside of it.
+fn depth_in(core: &Core, point: DVec3) -> f64 {
+    match core {
+        Core::Point => -point.length(),
+        Core::Segment(half_length) => -point.distance(DVec3::Z * point.z.clamp(-half_length, *half_length)),
+        Core::Box(half) => (*half - point.abs()).min_element(),
+        Core::Cylinder { radius, half_height } => (radius - point.truncate().length()).min(half_height - point.z.abs()),
+        // Of a ball stretched along its axes.
+        Core::Ellipsoid(radii) => (1.0 - (point / *radii).length()) * radii.min_element(),
+        Core::Hull { corners, .. } => depth_in_hull(corners, point),
     }
-    balls
+}
+
+fn depth_in_hull(corners: &[DVec3], point: DVec3) -> f64 {
+    let input: Vec<Vector> = corners.iter().map(|corner| Vector::from_array(corner.to_array())).collect();
+    let Ok((corners, triangles)) = try_convex_hull(&input) else { return f64::NEG_INFINITY };
+    let corner = |index: u32| DVec3::from_array(corners[index as usize].to_array());
+    let depth = |[a, b, c]: [u32; 3]| {
+        let (a, b, c) = (corner(a), corner(b), corner(c));
+        (b - a).cross(c - a).try_normalize().map_or(f64::INFINITY, |outward| outward.dot(a - point))
+    };
+    triangles.into_iter().map(depth).fold(f64::INFINITY, f64::min) - 1e-6
 }
 
 /// Corners of a polyhedron that holds the core.
-fn corners(core: &Core) -> Vec<DVec3> {
+pub(super) fn corners(core: &Core) -> Vec<DVec3> {
     const SIDES: usize = 16;
     let prism = |radius: f64, half_height: f64| {
         // Circumscribed: its sides touch the circle.

@@ -6,20 +6,22 @@
 use multiversion::multiversion;
 
 use super::convex::{Ball, Core};
+use super::cover::CoverBall;
 use super::lanes::{LANES, Lanes};
+use super::narrow::{Skeleton, Verdict};
 use crate::rigid::Rigid;
 
 /// Rounding of single precision over the length of an arm, m.
-const ROUNDING: f32 = 2e-5;
+pub(super) const ROUNDING: f32 = 2e-5;
 
 /// Robot, obstacles and margins in single precision.
 #[derive(Clone, Debug, Default)]
-pub(super) struct FastModel {
+pub(super) struct FastModel<'a> {
     pub(super) joints: Vec<FastJoint>,
-    pub(super) bodies: Vec<FastBody>,
+    pub(super) bodies: Vec<FastBody<'a>>,
     pub(super) obstacles: Vec<FastObstacle>,
     /// Row by row of bodies; `None` where contact is allowed.
-    pub(super) margins: Vec<Option<f32>>,
+    pub(super) margins: Vec<Option<FastMargin>>,
     pub(super) body_pairs: Vec<(usize, usize, f32)>,
 }
 
@@ -30,9 +32,20 @@ pub(super) struct FastJoint {
     pub(super) slides: bool,
 }
 
+/// Distance to keep between a body and an obstacle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FastMargin {
+    /// Clear beyond this distance.
+    pub(super) accept: f32,
+    /// Touching within this distance; negative: only the exact test can tell.
+    pub(super) reject: f32,
+}
+
 #[derive(Clone, Debug)]
-pub(super) struct FastBody {
+pub(super) struct FastBody<'a> {
     pub(super) frame: usize,
+    pub(super) frame_from_body: Transform,
+    pub(super) skeletons: &'a [Skeleton],
     pub(super) ball: FastBall,
     pub(super) cover: Vec<FastBall>,
 }
@@ -48,7 +61,9 @@ pub(super) struct FastObstacle {
 pub(super) struct FastPiece {
     core_from_world: Transform,
     shape: FastShape,
-    rounding: f32,
+    pub(super) rounding: f32,
+    /// The primitive is the piece, not only a bound.
+    pub(super) exact: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -73,91 +88,159 @@ pub(super) struct Transform {
 pub(super) struct FastBall {
     center: [f32; 3],
     radius: f32,
+    /// Everything within this distance of the centre belongs to the body; 0 where that is not known.
+    inner: f32,
 }
 
 /// A pair that may be too near; for obstacles in the lanes whose bit is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Doubt {
     Obstacle { body: usize, obstacle: usize, lanes: u8 },
-    Bodies { pair: usize },
+    Bodies { pair: usize, lanes: u8 },
 }
 
-type Point = [Lanes; 3];
+pub(super) type Point = [Lanes; 3];
 
 /// `world_from_frame` in every lane: columns of the rotation, and the origin.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct LaneFrame {
-    columns: [Point; 3],
-    origin: Point,
+    pub(super) columns: [Point; 3],
+    pub(super) origin: Point,
+}
+
+/// A body and an obstacle whose balls do not prove clearance in some lanes.
+#[derive(Clone, Copy, Debug)]
+struct Near {
+    body: usize,
+    obstacle: usize,
+    lanes: u8,
+    accept: f32,
+    reject: f32,
 }
 
 /// Storage that is used again from batch to batch.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
+    /// One position per joint and lane.
+    pub(super) config: Vec<Lanes>,
+    /// Per body: added to the distance that proves clearance.
+    pub(super) swell: Vec<f32>,
     frames: Vec<LaneFrame>,
     centers: Vec<Point>,
     cover: Vec<Point>,
+    near: Vec<Near>,
     pub(super) doubts: Vec<Doubt>,
 }
 
-/// Lists the pairs that are not proven clear; `config` holds one position per joint and lane.
+/// Lists the pairs that are not proven clear in the scratch's configurations.
+///
+/// Returns `false`, the list unfinished, as soon as
+/// a body and an obstacle certainly do not keep their distance in one of the lanes.
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
-pub(super) fn find_doubts(model: &FastModel, config: &[Lanes], scratch: &mut Scratch) {
+pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool {
     scratch.doubts.clear();
-    forward(model, config, &mut scratch.frames);
+    forward(model, &scratch.config, &mut scratch.frames);
     scratch.centers.clear();
     for body in &model.bodies {
-        scratch.centers.push(place(&scratch.frames[body.frame], &body.ball));
+        scratch.centers.push(place(&scratch.frames[body.frame], body.ball.center));
     }
     let count = model.obstacles.len();
-    for (index, body) in model.bodies.iter().enumerate() {
+    scratch.near.clear();
+    // From the hand to the base: most contacts are at the tip, and one is enough.
+    for (index, body) in model.bodies.iter().enumerate().rev() {
         let center = scratch.centers[index];
         scratch.cover.clear();
         for (other, obstacle) in model.obstacles.iter().enumerate() {
             let Some(margin) = model.margins[index * count + other] else { continue };
-            let near = near_obstacle(obstacle, &center, body.ball.radius + margin);
+            let accept = margin.accept + scratch.swell[index];
+            let near = near_obstacle(obstacle, &center, body.ball.radius + accept);
             if near == 0 {
                 continue;
             }
             place_all(&scratch.frames[body.frame], &body.cover, &mut scratch.cover);
             let mut lanes = 0;
             for (ball, center) in body.cover.iter().zip(&scratch.cover) {
-                lanes |= near_obstacle(obstacle, center, ball.radius + margin);
-                if lanes == near {
-                    break;
+                let found = compare(obstacle, center, ball, accept, margin.reject);
+                if found.touching != 0 {
+                    return false;
                 }
+                lanes |= found.undecided;
             }
             if lanes != 0 {
-                scratch.doubts.push(Doubt::Obstacle { body: index, obstacle: other, lanes });
+                scratch.near.push(Near { body: index, obstacle: other, lanes, accept, reject: margin.reject });
             }
+        }
+    }
+    for near in &scratch.near {
+        let body = &model.bodies[near.body];
+        let verdict = look(body, &model.obstacles[near.obstacle], &scratch.frames[body.frame], near);
+        if verdict.touching != 0 {
+            return false;
+        }
+        if verdict.undecided != 0 {
+            let Near { body, obstacle, .. } = *near;
+            scratch.doubts.push(Doubt::Obstacle { body, obstacle, lanes: verdict.undecided });
         }
     }
     for (pair, &(first, second, margin)) in model.body_pairs.iter().enumerate() {
         let (a, b) = (&model.bodies[first], &model.bodies[second]);
+        let margin = margin + scratch.swell[first] + scratch.swell[second];
         let reach = a.ball.radius + b.ball.radius + margin;
-        if near_point(&scratch.centers[first], &scratch.centers[second], reach) == 0 {
+        let near = near_point(&scratch.centers[first], &scratch.centers[second], reach);
+        if near == 0 {
             continue;
         }
         scratch.cover.clear();
         place_all(&scratch.frames[b.frame], &b.cover, &mut scratch.cover);
-        let near = a.cover.iter().any(|ball| {
-            let center = place(&scratch.frames[a.frame], ball);
-            near_point(&center, &scratch.centers[second], ball.radius + b.ball.radius + margin) != 0
-                && b.cover.iter().zip(&scratch.cover).any(|(other, other_center)| {
-                    near_point(&center, other_center, ball.radius + other.radius + margin) != 0
-                })
-        });
-        if near {
-            scratch.doubts.push(Doubt::Bodies { pair });
+        let mut lanes = 0;
+        for ball in &a.cover {
+            let center = place(&scratch.frames[a.frame], ball.center);
+            if near_point(&center, &scratch.centers[second], ball.radius + b.ball.radius + margin) & !lanes == 0 {
+                continue;
+            }
+            for (other, other_center) in b.cover.iter().zip(&scratch.cover) {
+                lanes |= near_point(&center, other_center, ball.radius + other.radius + margin);
+            }
+            if lanes == near {
+                break;
+            }
+        }
+        if lanes != 0 {
+            scratch.doubts.push(Doubt::Bodies { pair, lanes });
         }
     }
+    true
+}
+
+/// The closer look at one body and one obstacle, piece by piece.
+#[inline(always)]
+fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near) -> Verdict {
+    let Near { lanes, accept, reject, .. } = *near;
+    let mut found = Verdict::default();
+    let world_from_body = then(frame, &body.frame_from_body);
+    for skeleton in body.skeletons {
+        let center = place(&world_from_body, skeleton.center);
+        for piece in &obstacle.pieces {
+            let near = lanes & !found.undecided & piece.near(&center, skeleton.ball_radius + accept);
+            if near == 0 {
+                continue;
+            }
+            let core_from_body = piece.core_from_world.before(&world_from_body);
+            let verdict = skeleton.judge(piece, &core_from_body, accept, reject, near);
+            if verdict.touching != 0 {
+                return verdict;
+            }
+            found.undecided |= verdict.undecided;
+        }
+    }
+    found
 }
 
 /// Centres of the balls of a cover, unless they are there already.
 #[inline(always)]
 fn place_all(frame: &LaneFrame, balls: &[FastBall], centers: &mut Vec<Point>) {
     if centers.is_empty() {
-        centers.extend(balls.iter().map(|ball| place(frame, ball)));
+        centers.extend(balls.iter().map(|ball| place(frame, ball.center)));
     }
 }
 
@@ -201,6 +284,22 @@ fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
     obstacle.pieces.iter().fold(0, |lanes, piece| lanes | piece.near(center, reach))
 }
 
+/// Compares a ball of a body with an obstacle: near (undecided) or certainly touching, lane by lane.
+#[inline(always)]
+fn compare(obstacle: &FastObstacle, center: &Point, ball: &FastBall, accept: f32, reject: f32) -> Verdict {
+    let mut found = Verdict::default();
+    for piece in &obstacle.pieces {
+        let squared = piece.squared_distance(center);
+        let reach = ball.radius + accept + piece.rounding + ROUNDING;
+        found.undecided |= (squared - Lanes::all(reach * reach)).not_positive();
+        let touch = ball.inner + reject + piece.rounding - ROUNDING;
+        if found.undecided != 0 && ball.inner > 0.0 && reject >= 0.0 && piece.exact && touch > 0.0 {
+            found.touching |= (squared - Lanes::all(touch * touch)).not_positive();
+        }
+    }
+    found
+}
+
 #[inline(always)]
 fn near_point(a: &Point, b: &Point, reach: f32) -> u8 {
     let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -212,29 +311,35 @@ fn near_point(a: &Point, b: &Point, reach: f32) -> u8 {
 impl FastPiece {
     #[inline(always)]
     fn near(&self, center: &Point, reach: f32) -> u8 {
+        let reach = reach + self.rounding + ROUNDING;
+        (self.squared_distance(center) - Lanes::all(reach * reach)).not_positive()
+    }
+
+    /// Squared distance from a point in the world to the primitive without its rounding.
+    #[inline(always)]
+    fn squared_distance(&self, center: &Point) -> Lanes {
         let Transform { rows, translation } = &self.core_from_world;
         let local = |k: usize| {
             center[0] * rows[k][0] + center[1] * rows[k][1] + center[2] * rows[k][2] + Lanes::all(translation[k])
         };
-        let (x, y, z) = (local(0), local(1), local(2));
-        let beyond = |value: Lanes, half: f32| value.map(|v| (v.abs() - half).max(0.0));
-        let squared = match self.shape {
-            FastShape::Box([hx, hy, hz]) => {
-                let (x, y, z) = (beyond(x, hx), beyond(y, hy), beyond(z, hz));
-                x * x + y * y + z * z
-            }
+        let point = [local(0), local(1), local(2)];
+        let away = subtract(point, self.nearest(&point));
+        dot(away, away)
+    }
+
+    /// The point of the primitive, without its rounding, that is nearest to `point`, both in its own frame.
+    #[inline(always)]
+    pub(super) fn nearest(&self, point: &Point) -> Point {
+        let [x, y, z] = *point;
+        let within = |value: Lanes, half: f32| value.clamp(-half, half);
+        match self.shape {
+            FastShape::Box([hx, hy, hz]) => [within(x, hx), within(y, hy), within(z, hz)],
             FastShape::Cylinder { radius, half_height } => {
-                let across = (x * x + y * y).map(|squared| (squared.sqrt() - radius).max(0.0));
-                let z = beyond(z, half_height);
-                across * across + z * z
+                let shrink = Lanes::all(radius).over((x * x + y * y).sqrt().max(1e-9)).min(1.0);
+                [x * shrink, y * shrink, within(z, half_height)]
             }
-            FastShape::Segment(half_length) => {
-                let z = beyond(z, half_length);
-                x * x + y * y + z * z
-            }
-        };
-        let reach = reach + self.rounding + ROUNDING;
-        (squared - Lanes::all(reach * reach)).not_positive()
+            FastShape::Segment(half_length) => [Lanes::all(0.0), Lanes::all(0.0), within(z, half_length)],
+        }
     }
 
     pub(super) fn new(core: &Core, rounding: f64, core_from_world: &Rigid) -> Self {
@@ -251,13 +356,22 @@ impl FastPiece {
                 FastShape::Box(half.as_vec3().to_array())
             }
         };
-        Self { core_from_world: Transform::from(&core_from_world), shape, rounding: rounding as f32 }
+        let exact = !matches!(core, Core::Ellipsoid(_) | Core::Hull { .. });
+        Self { core_from_world: Transform::from(&core_from_world), shape, rounding: rounding as f32, exact }
     }
 }
 
 #[inline(always)]
-fn place(frame: &LaneFrame, ball: &FastBall) -> Point {
-    add(turn(frame, ball.center), frame.origin)
+pub(super) fn place(frame: &LaneFrame, point: [f32; 3]) -> Point {
+    add(turn(frame, point), frame.origin)
+}
+
+/// `outer_from_inner` of an outer frame per lane and a place in it that is the same in all.
+#[inline(always)]
+fn then(outer: &LaneFrame, inner: &Transform) -> LaneFrame {
+    let Transform { rows, translation } = inner;
+    let column = |k: usize| turn(outer, [rows[0][k], rows[1][k], rows[2][k]]);
+    LaneFrame { columns: [column(0), column(1), column(2)], origin: place(outer, *translation) }
 }
 
 #[inline(always)]
@@ -267,13 +381,36 @@ fn turn(frame: &LaneFrame, vector: [f32; 3]) -> Point {
     [row(0), row(1), row(2)]
 }
 
+impl Transform {
+    #[inline(always)]
+    fn before(&self, inner: &LaneFrame) -> LaneFrame {
+        let row = |v: &Point, k: usize| v[0] * self.rows[k][0] + v[1] * self.rows[k][1] + v[2] * self.rows[k][2];
+        let turned = |v: &Point| [row(v, 0), row(v, 1), row(v, 2)];
+        let [x, y, z] = &inner.columns;
+        LaneFrame {
+            columns: [turned(x), turned(y), turned(z)],
+            origin: add(turned(&inner.origin), self.translation.map(Lanes::all)),
+        }
+    }
+}
+
 #[inline(always)]
-fn add(a: Point, b: Point) -> Point {
+pub(super) fn subtract(a: Point, b: Point) -> Point {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+pub(super) fn dot(a: Point, b: Point) -> Lanes {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+pub(super) fn add(a: Point, b: Point) -> Point {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 #[inline(always)]
-fn scale(a: Point, factor: Lanes) -> Point {
+pub(super) fn scale(a: Point, factor: Lanes) -> Point {
     [a[0] * factor, a[1] * factor, a[2] * factor]
 }
 
@@ -289,7 +426,13 @@ impl From<&Rigid> for Transform {
 
 impl From<&Ball> for FastBall {
     fn from(ball: &Ball) -> Self {
-        Self { center: ball.center.as_vec3().to_array(), radius: ball.radius as f32 }
+        Self { center: ball.center.as_vec3().to_array(), radius: ball.radius as f32, inner: 0.0 }
+    }
+}
+
+impl From<&CoverBall> for FastBall {
+    fn from(ball: &CoverBall) -> Self {
+        Self { inner: ball.inner as f32, ..Self::from(&ball.ball) }
     }
 }
 

@@ -1,61 +1,111 @@
-//! Eight numbers at a time, written so that the compiler turns them into vector instructions.
+//! Eight numbers at a time.
 //!
 //! No fused multiply-add is used, so every instruction set gives the same bits.
 
 use std::ops::{Add, Mul, Sub};
 
+use wide::f32x8;
+
 pub(crate) const LANES: usize = 8;
 
 /// One number per lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(32))]
-pub(crate) struct Lanes(pub(crate) [f32; LANES]);
+pub(crate) struct Lanes(f32x8);
+
+/// Lanes that were chosen by a comparison.
+#[derive(Clone, Copy)]
+pub(crate) struct Mask(f32x8);
 
 impl Lanes {
     #[inline(always)]
     pub(crate) fn all(value: f32) -> Self {
-        Self([value; LANES])
+        Self(f32x8::splat(value))
     }
 
     #[inline(always)]
-    pub(crate) fn map(self, f: impl Fn(f32) -> f32) -> Self {
-        let mut out = self.0;
-        for value in &mut out {
-            *value = f(*value);
-        }
-        Self(out)
+    pub(crate) fn from_array(values: [f32; LANES]) -> Self {
+        Self(f32x8::new(values))
+    }
+
+    #[inline(always)]
+    pub(crate) fn to_array(self) -> [f32; LANES] {
+        self.0.to_array()
+    }
+
+    /// The larger of two; not for numbers that are not finite.
+    #[inline(always)]
+    pub(crate) fn max(self, other: f32) -> Self {
+        Self(self.0.fast_max(f32x8::splat(other)))
+    }
+
+    /// The smaller of two; not for numbers that are not finite.
+    #[inline(always)]
+    pub(crate) fn lower(self, other: Self) -> Self {
+        Self(self.0.fast_min(other.0))
+    }
+
+    /// The smaller of two; not for numbers that are not finite.
+    #[inline(always)]
+    pub(crate) fn min(self, other: f32) -> Self {
+        Self(self.0.fast_min(f32x8::splat(other)))
+    }
+
+    #[inline(always)]
+    pub(crate) fn clamp(self, low: f32, high: f32) -> Self {
+        self.max(low).min(high)
+    }
+
+    #[inline(always)]
+    pub(crate) fn sqrt(self) -> Self {
+        Self(self.0.sqrt())
+    }
+
+    #[inline(always)]
+    pub(crate) fn over(self, other: Self) -> Self {
+        Self(self.0 / other.0)
+    }
+
+    /// The lanes in which this is less than `other`.
+    #[inline(always)]
+    pub(crate) fn below(self, other: Self) -> Mask {
+        Mask(self.0.simd_lt(other.0))
     }
 
     /// Bit k is set when lane k is at most zero.
     #[inline(always)]
     pub(crate) fn not_positive(self) -> u8 {
-        let mut any = false;
-        for value in self.0 {
-            any |= value <= 0.0;
-        }
-        if !any {
-            return 0;
-        }
-        self.0.iter().enumerate().fold(0, |mask, (lane, value)| mask | (u8::from(*value <= 0.0) << lane))
+        (self.0.simd_le(f32x8::ZERO).to_bitmask() & 0xff) as u8
+    }
+
+    /// Bit k is set when lane k is below zero.
+    #[inline(always)]
+    pub(crate) fn negative(self) -> u8 {
+        (self.0.simd_lt(f32x8::ZERO).to_bitmask() & 0xff) as u8
     }
 
     /// Sine, to 2e-7 for arguments of a few turns.
     #[inline(always)]
     pub(crate) fn sin(self) -> Self {
-        self.map(|x| {
-            // Adding and subtracting 1.5·2²³ rounds to the nearest whole number.
-            const ROUND: f32 = 12_582_912.0;
-            let turns = (x * std::f32::consts::FRAC_1_PI + ROUND) - ROUND;
-            let r = (x - turns * 3.140_625) - turns * 9.676_536e-4;
-            let odd = turns - 2.0 * ((turns * 0.5 + ROUND) - ROUND);
-            let s = r * r;
-            let series = -2.505_210_8e-8;
-            let series = series * s + 2.755_731_9e-6;
-            let series = series * s - 1.984_127e-4;
-            let series = series * s + 8.333_334e-3;
-            let series = series * s - 0.166_666_67;
-            (r + r * s * series) * (1.0 - 2.0 * odd * odd)
-        })
+        // Adding and subtracting 1.5·2²³ rounds to the nearest whole number.
+        let rounded = |x: Self| (x + Self::all(12_582_912.0)) - Self::all(12_582_912.0);
+        let turns = rounded(self * std::f32::consts::FRAC_1_PI);
+        let r = (self - turns * 3.140_625) - turns * 9.676_536e-4;
+        let odd = turns - rounded(turns * 0.5) * 2.0;
+        let s = r * r;
+        let series = Self::all(-2.505_210_8e-8);
+        let series = series * s + Self::all(2.755_731_9e-6);
+        let series = series * s - Self::all(1.984_127e-4);
+        let series = series * s + Self::all(8.333_334e-3);
+        let series = series * s - Self::all(0.166_666_67);
+        (r + r * s * series) * (Self::all(1.0) - odd * odd * 2.0)
+    }
+}
+
+impl Mask {
+    /// `yes` in the chosen lanes, `no` in the others.
+    #[inline(always)]
+    pub(crate) fn pick(self, yes: Lanes, no: Lanes) -> Lanes {
+        Lanes(self.0.bitselect(yes.0, no.0))
     }
 }
 
@@ -66,11 +116,7 @@ macro_rules! lanewise {
 
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                let mut out = self.0;
-                for (value, other) in out.iter_mut().zip(other.0) {
-                    *value = $trait::$method(*value, other);
-                }
-                Self(out)
+                Self($trait::$method(self.0, other.0))
             }
         }
     };

@@ -4,8 +4,10 @@ mod bodies;
 pub(crate) mod checker;
 pub(crate) mod convex;
 mod cover;
+mod edge;
 mod fast;
 mod lanes;
+mod narrow;
 mod pair_table;
 pub(crate) mod robot_shape;
 #[cfg(test)]

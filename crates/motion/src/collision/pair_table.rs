@@ -43,6 +43,11 @@ impl PairTable {
         Self { axes, bounds }
     }
 
+    /// A lower bound on the distance everywhere in the table.
+    pub(crate) fn nearest(&self) -> f64 {
+        self.bounds.iter().copied().fold(f32::INFINITY, f32::min).into()
+    }
+
     /// A lower bound on the distance at a configuration; `None` outside the table.
     pub(crate) fn bound(&self, config: impl Fn(usize) -> f64) -> Option<f64> {
         let index = |axis: &Axis| {

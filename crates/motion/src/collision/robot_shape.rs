@@ -4,17 +4,21 @@ use genmanip_core::RobotModel;
 use glam::DVec3;
 
 use super::convex::{Ball, Convex, GeometryError};
-use super::cover::cover;
+use super::cover::{CoverBall, cover};
+use super::narrow::Skeleton;
 use super::pair_table::PairTable;
 use super::world::compile;
 use crate::chain::{Chain, ModelError};
+
+/// Links that stay farther apart than this within the joint limits are not tested against each other, m.
+const NEVER_NEAR: f64 = 0.02;
 
 /// Exact convex bodies of a robot's links and the pairs of links that are tested against each other.
 #[derive(Clone, Debug)]
 pub struct RobotShape {
     pub(crate) chain: Chain,
     pub(crate) links: Vec<LinkShape>,
-    /// Pairs of links that may meet: not in the same moving frame, not declared as never colliding.
+    /// Pairs of links that may meet: not in the same moving frame, not declared as never colliding, not always apart.
     pub(crate) pairs: Vec<(usize, usize)>,
     pub(crate) gripper_links: [usize; 3],
     /// For each of `pairs` that only two joints move: lower bounds on its distance.
@@ -26,7 +30,9 @@ pub(crate) struct LinkShape {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
     /// Balls that hold the pieces, in the link's frame.
-    pub(crate) cover: Vec<Ball>,
+    pub(crate) cover: Vec<CoverBall>,
+    /// The pieces for the closer look.
+    pub(crate) skeletons: Vec<Skeleton>,
 }
 
 /// A robot model that cannot be compiled for collision checks.
@@ -50,7 +56,8 @@ impl RobotShape {
             .map(|link| {
                 let pieces = compile(&link.name, &link.pieces)?;
                 let cover = pieces.iter().flat_map(cover).collect();
-                Ok(LinkShape { name: link.name.clone(), pieces, cover })
+                let skeletons = pieces.iter().map(Skeleton::new).collect();
+                Ok(LinkShape { name: link.name.clone(), pieces, cover, skeletons })
             })
             .collect::<Result<Vec<_>, GeometryError>>()?;
         let frame = |link: usize| chain.link_mount(link, 0.0).0;
@@ -65,6 +72,13 @@ impl RobotShape {
         let [left, right] = robot.gripper.fingers;
         let mut shape = Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables: vec![] };
         shape.tables = super::bodies::pair_tables(&shape, &[left, right]);
+        // Many pairs never come near each other, whatever the two joints do.
+        let kept: Vec<bool> =
+            shape.tables.iter().map(|table| table.as_ref().is_none_or(|table| table.nearest() < NEVER_NEAR)).collect();
+        let mut keep = kept.iter();
+        shape.pairs.retain(|_| keep.next() == Some(&true));
+        let mut keep = kept.iter();
+        shape.tables.retain(|_| keep.next() == Some(&true));
         Ok(shape)
     }
 

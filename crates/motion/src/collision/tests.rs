@@ -105,6 +105,15 @@ fn edges_are_free_exactly_when_their_states_are() {
         let states = (1..=steps).map(|step| crate::path::lerp(&from, &to, step as f64 / steps as f64));
         let expected = states.into_iter().all(|state| checker.is_free(&state));
         assert_eq!(checker.edge_is_free(&from, &to, 0.006), expected);
+        // The test of whole paths proves more, and says no only where something is too close.
+        let clear = checker.polyline_is_free(&[from.clone(), to.clone()], 0.006);
+        let exact = Checker::new(&shape, &world, Some(&held), &Allowed::none(), 0.05, 0.0);
+        let mut dense = (0..=2000).map(|k| crate::path::lerp(&from, &to, f64::from(k) / 2000.0));
+        if clear {
+            assert!(dense.all(|state| exact.is_free(&state)));
+        } else {
+            assert!(dense.any(|state| !checker.is_free(&state)));
+        }
         if expected { free += 1 } else { blocked += 1 }
     }
     assert!(free >= 5 && blocked >= 5, "the cases are one-sided: {free} free, {blocked} blocked");
@@ -130,8 +139,17 @@ fn covers_hold_their_bodies() {
             // Points between boundary points are inside, because the body is convex.
             let (a, b, t) = (body.support(draw()), body.support(draw()), (draw().x + 1.0) / 2.0);
             let point = a.lerp(b, t);
-            let outside = balls.iter().map(|ball| ball.center.distance(point) - ball.radius).fold(f64::MAX, f64::min);
+            let outside = balls
+                .iter()
+                .map(|cover| cover.ball.center.distance(point) - cover.ball.radius)
+                .fold(f64::MAX, f64::min);
             assert!(outside < 1e-9, "{shape:?}: {point} is {outside} m outside its {} balls", balls.len());
+            // And whatever is within the inner radius is inside: no support plane cuts it off.
+            let outward = draw().normalize();
+            for cover::CoverBall { ball, inner } in &balls {
+                let room = (body.support(outward) - ball.center).dot(outward);
+                assert!(*inner <= room.max(0.0) + 1e-9, "{shape:?}: {inner} m around {} are not inside", ball.center);
+            }
         }
     }
 }
@@ -140,7 +158,7 @@ fn covers_hold_their_bodies() {
 fn lane_sine_is_precise() {
     for index in -4000..=4000 {
         let x = index as f32 * 0.002;
-        let error = (f64::from(lanes::Lanes::all(x).sin().0[0]) - f64::from(x).sin()).abs();
+        let error = (f64::from(lanes::Lanes::all(x).sin().to_array()[0]) - f64::from(x).sin()).abs();
         assert!(error < 5e-7, "sin {x}: {error}");
     }
 }

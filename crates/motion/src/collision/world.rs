@@ -2,8 +2,9 @@
 
 use genmanip_core::{Piece, Pose};
 
-use super::convex::{Ball, Convex, GeometryError};
-use super::cover::cover;
+use super::convex::{Convex, GeometryError};
+use super::cover::{CoverBall, cover};
+use super::narrow::Skeleton;
 use crate::rigid::Rigid;
 
 /// Named obstacles in the world frame.
@@ -37,7 +38,8 @@ pub struct Attached {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
     /// Balls that hold the pieces, in the object's frame.
-    pub(crate) cover: Vec<Ball>,
+    pub(crate) cover: Vec<CoverBall>,
+    pub(crate) skeletons: Vec<Skeleton>,
     pub(crate) tcp_from_object: Rigid,
 }
 
@@ -97,7 +99,8 @@ impl Attached {
         let tcp_from_object = finite_pose(name, tcp_from_object)?;
         let pieces = compile(name, pieces)?;
         let cover = pieces.iter().flat_map(cover).collect();
-        Ok(Self { name: name.to_owned(), pieces, cover, tcp_from_object })
+        let skeletons = pieces.iter().map(Skeleton::new).collect();
+        Ok(Self { name: name.to_owned(), pieces, cover, skeletons, tcp_from_object })
     }
 
     /// Name of the object.

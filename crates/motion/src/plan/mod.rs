@@ -24,6 +24,9 @@ pub struct PlanSettings {
     pub contact_tolerance: f64,
     /// Longest edge of the search tree, rad (`rrt_range` of the paper's planner, which used 0.001).
     pub rrt_range: f64,
+    /// Every second sample is drawn at most this far outside the box that start and goals span, rad:
+    /// most ways lead through there, and shorter ones.
+    pub sample_around: f64,
     /// Nodes the search may add before it gives up.
     pub max_iterations: usize,
     /// Largest motion of any robot point between states tested during the search, m.
@@ -50,6 +53,7 @@ impl Default for PlanSettings {
             contact_tolerance: 0.001,
             rrt_range: 0.7,
             max_iterations: 20_000,
+            sample_around: 1.0,
             search_spacing: 0.05,
             final_spacing: 0.006,
             retries: 3,

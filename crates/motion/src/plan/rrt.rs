@@ -8,7 +8,9 @@ use crate::path::{distance, lerp};
 
 /// A tree of configurations; nodes without parent are roots.
 struct Tree {
-    configs: Vec<Vec<f64>>,
+    dof: usize,
+    /// All configurations, one after the other.
+    numbers: Vec<f64>,
     parents: Vec<Option<usize>>,
 }
 
@@ -34,16 +36,29 @@ pub(super) fn connect(
         return Some(vec![start.to_vec(), goal.clone()]);
     }
     let limits: Vec<(f64, f64)> = checker.chain().lower().zip(checker.chain().upper()).collect();
-    let mut trees = [Tree::rooted(&[start.to_vec()]), Tree::rooted(goals)];
+    let near: Vec<(f64, f64)> = limits
+        .iter()
+        .enumerate()
+        .map(|(joint, (lower, upper))| {
+            let ends = || goals.iter().map(|goal| goal[joint]).chain([start[joint]]);
+            let (low, high) = (ends().fold(f64::INFINITY, f64::min), ends().fold(f64::NEG_INFINITY, f64::max));
+            let clamped = |q: f64| q.max(*lower).min(*upper);
+            (clamped(low - settings.sample_around), clamped(high + settings.sample_around))
+        })
+        .collect();
+    let mut samples = 0;
+    let mut trees = [Tree::rooted(start.len(), &[start.to_vec()]), Tree::rooted(start.len(), goals)];
     let mut growing = 0;
     let budget = *iterations + settings.max_iterations;
     while *iterations < budget {
-        let sample: Vec<f64> = limits.iter().map(|(lower, upper)| rng.random_range(*lower..=*upper)).collect();
+        samples += 1;
+        let ranges = if samples % 2 == 1 { &near } else { &limits };
+        let sample: Vec<f64> = ranges.iter().map(|(lower, upper)| rng.random_range(*lower..=*upper)).collect();
         *iterations += 1;
         let [first, second] = &mut trees;
         let (active, other) = if growing == 0 { (first, second) } else { (second, first) };
         if let Growth::Stepped(node) | Growth::Arrived(node) = active.extend(checker, settings, spacing, &sample) {
-            let target = active.configs[node].clone();
+            let target = active.config(node).to_vec();
             let mut met = None;
             while *iterations < budget {
                 *iterations += 1;
@@ -66,23 +81,26 @@ pub(super) fn connect(
                 return Some(from_start);
             }
         }
-        growing = usize::from(trees[1].configs.len() < trees[0].configs.len());
+        growing = usize::from(trees[1].parents.len() < trees[0].parents.len());
     }
     None
 }
 
 impl Tree {
-    fn rooted(roots: &[Vec<f64>]) -> Self {
-        Self { configs: roots.to_vec(), parents: vec![None; roots.len()] }
+    fn rooted(dof: usize, roots: &[Vec<f64>]) -> Self {
+        Self { dof, numbers: roots.concat(), parents: vec![None; roots.len()] }
+    }
+
+    fn config(&self, node: usize) -> &[f64] {
+        &self.numbers[node * self.dof..(node + 1) * self.dof]
     }
 
     fn nearest(&self, target: &[f64]) -> usize {
-        let squared = |config: &Vec<f64>| config.iter().zip(target).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
         let mut best = (f64::INFINITY, 0);
-        for (index, config) in self.configs.iter().enumerate() {
-            let distance = squared(config);
-            if distance < best.0 {
-                best = (distance, index);
+        for (index, config) in self.numbers.chunks_exact(self.dof).enumerate() {
+            let squared = config.iter().zip(target).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+            if squared < best.0 {
+                best = (squared, index);
             }
         }
         best.1
@@ -90,21 +108,21 @@ impl Tree {
 
     fn extend(&mut self, checker: &Checker, settings: &PlanSettings, spacing: f64, target: &[f64]) -> Growth {
         let near = self.nearest(target);
-        let length = distance(&self.configs[near], target);
+        let from = self.config(near);
+        let length = distance(from, target);
         let arrives = length <= settings.rrt_range;
-        let next =
-            if arrives { target.to_vec() } else { lerp(&self.configs[near], target, settings.rrt_range / length) };
-        if !checker.edge_is_free(&self.configs[near], &next, spacing) {
+        let next = if arrives { target.to_vec() } else { lerp(from, target, settings.rrt_range / length) };
+        if !checker.edge_is_free(from, &next, spacing) {
             return Growth::Blocked;
         }
-        self.configs.push(next);
+        self.numbers.extend(next);
         self.parents.push(Some(near));
-        let node = self.configs.len() - 1;
+        let node = self.parents.len() - 1;
         if arrives { Growth::Arrived(node) } else { Growth::Stepped(node) }
     }
 
     fn to_root(&self, node: usize) -> Vec<Vec<f64>> {
         let parents = std::iter::successors(Some(node), |node| self.parents[*node]);
-        parents.map(|node| self.configs[node].clone()).collect()
+        parents.map(|node| self.config(node).to_vec()).collect()
     }
 }

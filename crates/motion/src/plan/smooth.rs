@@ -44,13 +44,11 @@ pub(super) fn shortcut(
 /// Tests every edge at the final spacing and rounds the corners; `None` when an edge does not pass.
 pub(super) fn finish(checker: &Checker, settings: &PlanSettings, waypoints: Vec<Vec<f64>>) -> Option<Path> {
     let spacing = settings.final_spacing;
-    if !waypoints.windows(2).all(|edge| checker.edge_is_free(&edge[0], &edge[1], spacing)) {
+    if !checker.polyline_is_free(&waypoints, spacing) {
         return None;
     }
     let mut path = Path::polyline(waypoints);
-    path.round_corners(settings.blend, settings.blend_halvings, |states| {
-        states.windows(2).all(|edge| checker.edge_is_free(&edge[0], &edge[1], spacing))
-    });
+    path.round_corners(settings.blend, settings.blend_halvings, |states| checker.polyline_is_free(states, spacing));
     Some(path)
 }
 

@@ -2,9 +2,13 @@
 
 use std::borrow::Cow;
 
+use genmanip_core::Relation;
 use serde_json::{Map, Value};
 
 use super::flaw::{Findings, FlawKind};
+
+/// Keys of the second reference of `between`.
+const SECOND_KEYS: [&str; 2] = ["obj3", "obj3_uid"];
 
 /// Longest list that is looked at; a table holds a dozen objects.
 const MAX_ITEMS: usize = 256;
@@ -31,6 +35,8 @@ pub(super) struct RawCondition {
     pub subject: RawObject,
     pub state: Option<String>,
     pub reference: RawObject,
+    /// Second reference of `between`; read only where the option allows it.
+    pub second: Option<RawObject>,
     pub position: Option<String>,
     pub path: String,
 }
@@ -40,6 +46,8 @@ pub(super) struct RawEdge {
     pub subject: RawObject,
     pub position: Option<String>,
     pub reference: RawObject,
+    /// Second reference of `between`; read only where the option allows it.
+    pub second: Option<RawObject>,
     pub path: String,
 }
 
@@ -51,7 +59,7 @@ pub(super) struct RawNode {
 }
 
 /// Reads every part; `None` when a part is missing that nothing can be said without.
-pub(super) fn decode(value: &Value, findings: &mut Findings) -> Option<RawAnswer> {
+pub(super) fn decode(value: &Value, between: bool, findings: &mut Findings) -> Option<RawAnswer> {
     let answer = value.as_object()?;
     let graph = scene_graph(answer, findings);
     let answer_keys: &[&str] = &["instruction", "goal_conditions", "scene_graph"];
@@ -59,13 +67,13 @@ pub(super) fn decode(value: &Value, findings: &mut Findings) -> Option<RawAnswer
         note_unknown_keys(answer, answer_keys, "$", findings);
     }
     let instruction = required_text(answer, "instruction", "$", findings);
-    let alternatives = alternatives(answer, findings);
+    let alternatives = alternatives(answer, between, findings);
     let graph = graph?;
     note_unknown_keys(&graph, &["description", "edges", "nodes"], "$.scene_graph", findings);
     let description = required_text(&graph, "description", "$.scene_graph", findings);
     let edges = objects(&graph, "edges", findings);
     let nodes = objects(&graph, "nodes", findings);
-    let edges = edges?.into_iter().map(|(map, path)| edge(map, path, findings)).collect();
+    let edges = edges?.into_iter().map(|(map, path)| edge(map, path, between, findings)).collect();
     let nodes = nodes?.into_iter().map(|(map, path)| node(map, path, findings)).collect();
     Some(RawAnswer { instruction: instruction?, alternatives: alternatives?, description: description?, edges, nodes })
 }
@@ -96,7 +104,7 @@ fn scene_graph<'a>(answer: &'a Map<String, Value>, findings: &mut Findings) -> O
 }
 
 /// The disjunction of conjunctions; a single condition or a flat list is one conjunction.
-fn alternatives(answer: &Map<String, Value>, findings: &mut Findings) -> Option<Vec<Vec<RawCondition>>> {
+fn alternatives(answer: &Map<String, Value>, between: bool, findings: &mut Findings) -> Option<Vec<Vec<RawCondition>>> {
     const PATH: &str = "$.goal_conditions";
     let conjunction = "read as one conjunction";
     let Some(goal) = answer.get("goal_conditions") else {
@@ -106,7 +114,7 @@ fn alternatives(answer: &Map<String, Value>, findings: &mut Findings) -> Option<
     if let Value::Object(only) = goal {
         let message = "expected a list of lists of conditions, got one condition";
         findings.repair(FlawKind::FlatDnf, PATH, message, conjunction);
-        return Some(vec![vec![condition(only, PATH.into(), findings)]]);
+        return Some(vec![vec![condition(only, PATH.into(), between, findings)]]);
     }
     let Some(items) = goal.as_array().filter(|items| fits(items, PATH, findings)) else {
         if goal.is_array() {
@@ -118,7 +126,7 @@ fn alternatives(answer: &Map<String, Value>, findings: &mut Findings) -> Option<
     if !items.is_empty() && items.iter().all(Value::is_object) {
         let message = "expected a list of lists of conditions, got a flat list of conditions";
         findings.repair(FlawKind::FlatDnf, PATH, message, conjunction);
-        return Some(vec![conditions(items, PATH, findings)?]);
+        return Some(vec![conditions(items, PATH, between, findings)?]);
     }
     let deeper = match items.as_slice() {
         [Value::Array(inner)] if !inner.is_empty() && inner.iter().all(Value::is_array) => Some(inner),
@@ -132,7 +140,7 @@ fn alternatives(answer: &Map<String, Value>, findings: &mut Findings) -> Option<
     for (index, item) in deeper.unwrap_or(items).iter().enumerate() {
         let path = if deeper.is_some() { format!("{PATH}[0][{index}]") } else { format!("{PATH}[{index}]") };
         match item.as_array() {
-            Some(list) => alternatives.push(conditions(list, &path, findings)?),
+            Some(list) => alternatives.push(conditions(list, &path, between, findings)?),
             None => {
                 wrong_type(&path, "a list of conditions", item, findings);
                 return None;
@@ -142,7 +150,7 @@ fn alternatives(answer: &Map<String, Value>, findings: &mut Findings) -> Option<
     Some(alternatives)
 }
 
-fn conditions(items: &[Value], path: &str, findings: &mut Findings) -> Option<Vec<RawCondition>> {
+fn conditions(items: &[Value], path: &str, between: bool, findings: &mut Findings) -> Option<Vec<RawCondition>> {
     let mut list = Vec::new();
     if !fits(items, path, findings) {
         return None;
@@ -150,7 +158,7 @@ fn conditions(items: &[Value], path: &str, findings: &mut Findings) -> Option<Ve
     for (index, item) in items.iter().enumerate() {
         let path = format!("{path}[{index}]");
         match item.as_object() {
-            Some(map) => list.push(condition(map, path, findings)),
+            Some(map) => list.push(condition(map, path, between, findings)),
             None => {
                 wrong_type(&path, "a condition", item, findings);
                 return None;
@@ -160,26 +168,39 @@ fn conditions(items: &[Value], path: &str, findings: &mut Findings) -> Option<Ve
     Some(list)
 }
 
-fn condition(map: &Map<String, Value>, path: String, findings: &mut Findings) -> RawCondition {
-    let keys = ["obj1", "obj1_uid", "obj1_state", "obj2", "obj2_uid", "position"];
+fn condition(map: &Map<String, Value>, path: String, between: bool, findings: &mut Findings) -> RawCondition {
+    let second = second_reference(map, &path, between, findings);
+    let mut keys = vec!["obj1", "obj1_uid", "obj1_state", "obj2", "obj2_uid", "position"];
+    keys.extend(second.iter().flat_map(|_| SECOND_KEYS));
     note_unknown_keys(map, &keys, &path, findings);
     RawCondition {
         subject: object(map, "obj1", &path, findings),
         state: text(map, "obj1_state", &path, findings),
         reference: object(map, "obj2", &path, findings),
+        second,
         position: text(map, "position", &path, findings),
         path,
     }
 }
 
-fn edge(map: &Map<String, Value>, path: String, findings: &mut Findings) -> RawEdge {
-    note_unknown_keys(map, &["obj1", "obj1_uid", "position", "obj2", "obj2_uid"], &path, findings);
+fn edge(map: &Map<String, Value>, path: String, between: bool, findings: &mut Findings) -> RawEdge {
+    let second = second_reference(map, &path, between, findings);
+    let mut keys = vec!["obj1", "obj1_uid", "position", "obj2", "obj2_uid"];
+    keys.extend(second.iter().flat_map(|_| SECOND_KEYS));
+    note_unknown_keys(map, &keys, &path, findings);
     RawEdge {
         subject: object(map, "obj1", &path, findings),
         position: text(map, "position", &path, findings),
         reference: object(map, "obj2", &path, findings),
+        second,
         path,
     }
+}
+
+/// The third object, where the option is on and the position asks for one.
+fn second_reference(map: &Map<String, Value>, path: &str, between: bool, findings: &mut Findings) -> Option<RawObject> {
+    let asks = map.get("position").and_then(Value::as_str).is_some_and(|word| word == Relation::Between.name());
+    (between && asks).then(|| object(map, "obj3", path, findings))
 }
 
 fn node(map: &Map<String, Value>, path: String, findings: &mut Findings) -> RawNode {

@@ -15,6 +15,7 @@
 //!     kind: TaskKind::PickAndPlace,
 //!     offered: Vec::new(),
 //!     min_objects: 3,
+//!     between: false,
 //!     source: "doc example".into(),
 //! };
 //! let report = check_answer("I am sorry, I cannot do that.", &request);
@@ -25,7 +26,10 @@
 mod decode;
 mod extract;
 mod flaw;
+pub mod hostile;
 mod json;
+#[cfg(test)]
+mod mutation_tests;
 mod recorded;
 mod resolve;
 mod rules;
@@ -55,6 +59,10 @@ pub struct TaskRequest {
     pub offered: Vec<ObjectCard>,
     /// Smallest number of objects in the scene.
     pub min_objects: usize,
+    /// Whether `between` is a position, with the second reference in `obj3` and `obj3_uid`; no part of the published
+    /// exchange format.
+    #[serde(default)]
+    pub between: bool,
     /// Where the answer comes from, stored in the task.
     pub source: String,
 }
@@ -121,8 +129,8 @@ pub fn check_answer(raw: &str, request: &TaskRequest) -> AnswerReport {
 /// A flaw of the text hides what comes after it; from the resolved answer on, every rule is checked.
 fn read_task(raw: &str, request: &TaskRequest, findings: &mut Findings) -> Option<Task> {
     let value = extract::find_answer(raw, findings)?;
-    let answer = decode::decode(&value, findings)?;
-    let draft = resolve::resolve(answer, &request.offered, findings);
+    let answer = decode::decode(&value, request.between, findings)?;
+    let draft = resolve::resolve(answer, &request.offered, request.between, findings);
     let draft = rules::check(draft, request, findings);
     draft.into_task(request)
 }

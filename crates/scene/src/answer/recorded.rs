@@ -68,6 +68,7 @@ impl RecordedAnswer {
             kind: self.task_type,
             offered: self.objects.iter().map(card).collect::<Result<_, _>>()?,
             min_objects: self.num_objects,
+            between: false,
             source: format!("recorded answer {id}"),
         })
     }

@@ -39,7 +39,8 @@ pub(super) struct Condition {
 /// What a condition tests.
 #[derive(Clone, PartialEq)]
 pub(super) enum Test {
-    Relation(Relation, usize),
+    /// Relation, reference and, for `between`, the second reference.
+    Relation(Relation, usize, Option<usize>),
     State(String),
 }
 
@@ -48,6 +49,8 @@ pub(super) struct Edge {
     pub subject: usize,
     pub relation: Relation,
     pub reference: usize,
+    /// Second reference of `between`.
+    pub second: Option<usize>,
     pub path: String,
 }
 
@@ -63,11 +66,11 @@ impl Draft {
     pub fn into_task(self, request: &TaskRequest) -> Option<Task> {
         let uid = |index: usize| request.offered.get(index).map(|card| card.uid.clone());
         let atom = |condition: &Condition| match &condition.test {
-            Test::Relation(relation, reference) => Some(Atom::Relation {
+            Test::Relation(relation, reference, second) => Some(Atom::Relation {
                 subject: uid(condition.subject)?,
                 relation: *relation,
                 reference: uid(*reference)?,
-                second_reference: None,
+                second_reference: second.and_then(uid),
             }),
             Test::State(state) => Some(Atom::State { object: uid(condition.subject)?, state: state.clone() }),
         };
@@ -81,7 +84,7 @@ impl Draft {
                 subject: uid(edge.subject)?,
                 relation: edge.relation,
                 reference: uid(edge.reference)?,
-                second_reference: None,
+                second_reference: edge.second.and_then(uid),
             })
         });
         let nodes = self
@@ -102,8 +105,8 @@ impl Draft {
 }
 
 /// Resolves every part of an answer.
-pub(super) fn resolve(answer: RawAnswer, offered: &[ObjectCard], findings: &mut Findings) -> Draft {
-    let mut resolver = Resolver { offered, seen: BTreeSet::new(), findings };
+pub(super) fn resolve(answer: RawAnswer, offered: &[ObjectCard], between: bool, findings: &mut Findings) -> Draft {
+    let mut resolver = Resolver { offered, between, seen: BTreeSet::new(), findings };
     let written_conditions = answer.alternatives.iter().map(Vec::len).collect();
     let alternatives = answer
         .alternatives
@@ -141,6 +144,9 @@ enum Named {
     Unreadable,
 }
 
+/// Something is wrong and already noted.
+struct Noted;
+
 /// What a written edge stands for.
 enum EdgeReading {
     Edge(Edge),
@@ -151,6 +157,8 @@ enum EdgeReading {
 
 struct Resolver<'a> {
     offered: &'a [ObjectCard],
+    /// Whether `between` is a word of the format.
+    between: bool,
     /// Flaws of objects already noted, so that one wrong uid is one flaw however often it is used.
     seen: BTreeSet<(FlawKind, String)>,
     findings: &'a mut Findings,
@@ -182,7 +190,8 @@ impl Resolver<'_> {
                 if let Some(state) = state {
                     beside = Some(self.state(subject, state, &raw.path)?);
                 }
-                Test::Relation(relation, reference)
+                let second = self.second(relation, raw.second.as_ref(), &raw.path).ok()?;
+                Test::Relation(relation, reference, second)
             }
             (None, Named::Absent, Some(state)) => Test::State(self.state(subject, state, &raw.path)?),
             (None, Named::Absent, None) => {
@@ -230,9 +239,31 @@ impl Resolver<'_> {
         };
         match (subject, self.relation(position, &raw.path), reference) {
             (Named::Object(subject), Some(relation), Named::Object(reference)) => {
-                EdgeReading::Edge(Edge { subject, relation, reference, path: raw.path.clone() })
+                match self.second(relation, raw.second.as_ref(), &raw.path) {
+                    Ok(second) => {
+                        EdgeReading::Edge(Edge { subject, relation, reference, second, path: raw.path.clone() })
+                    }
+                    Err(Noted) => EdgeReading::Unreadable,
+                }
             }
             _ => EdgeReading::Unreadable,
+        }
+    }
+
+    /// The second reference of `between`; nothing for any other relation.
+    fn second(&mut self, relation: Relation, raw: Option<&RawObject>, path: &str) -> Result<Option<usize>, Noted> {
+        if relation != Relation::Between {
+            return Ok(None);
+        }
+        match raw.map(|raw| self.object(raw)) {
+            Some(Named::Object(second)) => Ok(Some(second)),
+            Some(Named::Unreadable) => Err(Noted),
+            Some(Named::Table | Named::Absent) | None => {
+                let message = "expected a second object in obj3 for `between`, got none";
+                let hint = "between takes obj1, obj2 and obj3";
+                self.findings.reject(FlawKind::IncompleteCondition, path, message, hint);
+                Err(Noted)
+            }
         }
     }
 
@@ -352,6 +383,9 @@ impl Resolver<'_> {
 
     fn relation(&mut self, word: &str, path: &str) -> Option<Relation> {
         let path = format!("{path}.position");
+        if self.between && word == Relation::Between.name() {
+            return Some(Relation::Between);
+        }
         if let Some(relation) = RELATIONS.iter().copied().find(|relation| relation.name() == word) {
             return Some(relation);
         }

@@ -6,6 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::npz::{NpzError, read_npz};
+use crate::relations::{CloudScene, Label, RelationSettings};
+
 use super::{Cloud, CloudError, CloudGoal, CloudLabel, Profile, articulation, goal_score, labels, subgoal};
 
 /// Relative distance to a threshold within which rounding decides and a case is not compared.
@@ -15,7 +17,7 @@ const FENCE: f64 = 1e-6;
 const SCORE_TOLERANCE: f64 = 1e-12;
 
 /// How a profile agrees with recorded verdicts.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Comparison {
     /// Cases compared: two label lists and a verdict for each word.
     pub compared: usize,
@@ -43,6 +45,9 @@ pub enum CasesError {
     /// The JSON file is not as expected.
     #[error("expected recorded cases, got: {0}")]
     Json(#[from] serde_json::Error),
+    /// The number of units per metre is none.
+    #[error("expected a positive `scale`, got {0}")]
+    Scale(f64),
     /// The archive cannot be read.
     #[error(transparent)]
     Npz(#[from] NpzError),
@@ -71,26 +76,13 @@ pub fn compare(
     profile: Profile,
     cpu_s: &mut dyn FnMut() -> f64,
 ) -> Result<Comparison, CasesError> {
-    // Python writes numbers that are none as NaN.
-    let file: File = serde_json::from_str(&json.replace(": NaN", ": null"))?;
-    let arrays = read_npz(npz, file.scale)?;
-    let points = |name: &str| arrays.get(name).cloned().ok_or_else(|| CasesError::Missing(name.into()));
-    let cloud = |name: &str| Cloud::new(points(name)?).map_err(|error| CasesError::Cloud { name: name.into(), error });
-    let mut report = Comparison {
-        compared: 0,
-        agreed: 0,
-        excluded: 0,
-        dnf_compared: 0,
-        dnf_agreed: 0,
-        articulation_compared: 0,
-        articulation_agreed: 0,
-        calls_per_cpu_s: 0.0,
-        disagreements: Vec::new(),
-    };
+    let recorded = Recording::read(json, npz)?;
+    let file = &recorded.file;
+    let mut report = Comparison::default();
     let (mut calls, mut seconds) = (0, 0.0);
     for case in &file.cases {
-        let part = |letter: &str| cloud(&format!("{}_{letter}", case.id));
-        let has_c = arrays.contains_key(&format!("{}_c", case.id));
+        let has_c = recorded.has(case, "c");
+        let part = |letter: &str| recorded.part(case, letter);
         let (a, b, c) = (part("a")?, part("b")?, if has_c { Some(part("c")?) } else { None });
         let start = cpu_s();
         let ab = labels(profile, &a, &b, c.as_ref());
@@ -102,7 +94,7 @@ pub fn compare(
             report.excluded += 1;
             continue;
         }
-        let recorded = match profile {
+        let known = match profile {
             Profile::GenManip09 => &case.v09,
             Profile::Suite023 => &case.suite,
         };
@@ -112,11 +104,11 @@ pub fn compare(
                 report.disagreements.push(format!("case {} ({}): {what}", case.id, case.family));
             }
         };
-        check("labels of a to b", ab == recorded.ab);
-        check("labels of b to a", has_c || ba == recorded.ba);
+        check("labels of a to b", ab == known.ab);
+        check("labels of b to a", has_c || ba == known.ba);
         for (word, holds) in file.positions.iter().zip(words) {
             // Where the original raised an error, any verdict will do.
-            let expected = recorded.subgoal.get(word).and_then(serde_json::Value::as_bool);
+            let expected = known.subgoal.get(word).and_then(serde_json::Value::as_bool);
             check(word, expected.is_none_or(|expected| expected == holds));
         }
         report.compared += 1;
@@ -125,7 +117,7 @@ pub fn compare(
     report.calls_per_cpu_s = if seconds > 0.0 { f64::from(calls as u32) / seconds } else { 0.0 };
     if profile == Profile::GenManip09 {
         for dnf in &file.dnf {
-            let named = |uid: &String| Ok((uid.clone(), cloud(&format!("dnf{}_{uid}", dnf.id))?));
+            let named = |uid: &String| Ok((uid.clone(), recorded.cloud(&format!("dnf{}_{uid}", dnf.id))?));
             let clouds = dnf.objects.iter().map(named).collect::<Result<BTreeMap<_, _>, CasesError>>()?;
             let score = goal_score(profile, &dnf.goal, &clouds);
             report.dnf_compared += 1;
@@ -146,6 +138,88 @@ pub fn compare(
         }
     }
     Ok(report)
+}
+
+/// Compares profile `seed` with the labels that GenManip V0.9 gave: nobody recorded verdicts of its own, so this tells
+/// how the two differ, not whether one is right.
+///
+/// A case agrees when the label of profile `seed` is among the recorded ones, seen from the same side of the table, or
+/// both have none. Cases with three clouds are left out.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_seed(json: &str, npz: &[u8], cpu_s: &mut dyn FnMut() -> f64) -> Result<Comparison, CasesError> {
+    let recorded = Recording::read(json, npz)?;
+    let settings = RelationSettings::default();
+    let mut report = Comparison::default();
+    let (mut calls, mut seconds) = (0, 0.0);
+    for case in &recorded.file.cases {
+        if case.on_the_fence() || recorded.has(case, "c") {
+            report.excluded += 1;
+            continue;
+        }
+        let part = |letter: &str| -> Result<_, CasesError> { Ok((letter.to_owned(), recorded.part(case, letter)?)) };
+        let clouds = [part("a")?, part("b")?];
+        let start = cpu_s();
+        let label = CloudScene::new(clouds).label_pair(0, 1, &settings).and_then(|pair| pair.a_to_b);
+        seconds += cpu_s() - start;
+        calls += 1;
+        report.compared += 1;
+        let known = &case.v09.ab;
+        if label.map_or(known.is_empty(), |label| known.contains(&from_the_other_side(label))) {
+            report.agreed += 1;
+        } else {
+            report.disagreements.push(format!("case {} ({}): {label:?}, recorded {known:?}", case.id, case.family));
+        }
+    }
+    report.calls_per_cpu_s = if seconds > 0.0 { f64::from(calls) / seconds } else { 0.0 };
+    Ok(report)
+}
+
+/// The label of the released evaluators that means the same.
+fn from_the_other_side(label: Label) -> CloudLabel {
+    match label {
+        Label::In => CloudLabel::In,
+        Label::OutOf => CloudLabel::OutOf,
+        Label::On => CloudLabel::On,
+        Label::Beneath => CloudLabel::Below,
+        Label::Left => CloudLabel::Right,
+        Label::Right => CloudLabel::Left,
+        Label::Front => CloudLabel::Back,
+        Label::Back => CloudLabel::Front,
+        Label::Near => CloudLabel::Near,
+    }
+}
+
+/// A recorded file with its clouds.
+struct Recording {
+    file: File,
+    arrays: BTreeMap<String, Vec<[f64; 3]>>,
+}
+
+impl Recording {
+    fn read(json: &str, npz: &[u8]) -> Result<Self, CasesError> {
+        // Python writes numbers that are none as NaN.
+        let file: File = serde_json::from_str(&json.replace(": NaN", ": null"))?;
+        if !(file.scale.is_finite() && file.scale > 0.0) {
+            return Err(CasesError::Scale(file.scale));
+        }
+        let arrays = read_npz(npz, file.scale)?;
+        Ok(Self { file, arrays })
+    }
+
+    fn cloud(&self, name: &str) -> Result<Cloud, CasesError> {
+        let points = self.arrays.get(name).cloned().ok_or_else(|| CasesError::Missing(name.into()))?;
+        Cloud::new(points).map_err(|error| CasesError::Cloud { name: name.into(), error })
+    }
+
+    fn part(&self, case: &Case, letter: &str) -> Result<Cloud, CasesError> {
+        self.cloud(&format!("{}_{letter}", case.id))
+    }
+
+    fn has(&self, case: &Case, letter: &str) -> bool {
+        self.arrays.contains_key(&format!("{}_{letter}", case.id))
+    }
 }
 
 #[derive(Deserialize)]

@@ -26,7 +26,7 @@ pub(crate) struct Enclosure {
 impl Enclosure {
     pub fn new(tree: &Tree) -> Self {
         let supports: Vec<(DVec3, DVec3)> =
-            directions().map(|direction| (direction, tree.farthest(direction))).collect();
+            spread_directions(38).map(|direction| (direction, tree.farthest(direction))).collect();
         let outer = supports.iter().map(|(direction, point)| (*direction, direction.dot(*point) + TOLERANCE)).collect();
         let extremes: Vec<DVec3> = supports.iter().map(|(_, point)| *point).collect();
         Self { outer, inner: Hull::of(&extremes).planes(TOLERANCE), exact: OnceLock::new() }
@@ -147,15 +147,15 @@ fn is_flat(points: &[DVec3]) -> bool {
     points.iter().all(|&point| normal.dot(point - origin).abs() < 1e-9)
 }
 
-/// Directions spread evenly: the corners, edges and faces of a cube and a spiral over the sphere.
-fn directions() -> impl Iterator<Item = DVec3> {
+/// Directions spread evenly: the corners, edges and faces of a cube and a spiral of `count` over the sphere.
+pub(crate) fn spread_directions(count: usize) -> impl Iterator<Item = DVec3> {
     let cube = (0..27).filter(|index| *index != 13).map(|index| {
         DVec3::new(f64::from(index % 3 - 1), f64::from(index / 3 % 3 - 1), f64::from(index / 9 - 1)).normalize()
     });
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    let spiral = (0..38).map(move |index| {
-        let z = 1.0 - (2.0 * f64::from(index) + 1.0) / 38.0;
-        let (sin, cos) = (golden * f64::from(index)).sin_cos();
+    let spiral = (0..count).map(move |index| {
+        let z = 1.0 - (2.0 * index as f64 + 1.0) / count as f64;
+        let (sin, cos) = (golden * index as f64).sin_cos();
         let radius = (1.0 - z * z).sqrt();
         DVec3::new(radius * cos, radius * sin, z)
     });

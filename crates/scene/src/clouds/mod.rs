@@ -25,6 +25,7 @@ use std::sync::OnceLock;
 use contour::Contour;
 use glam::DVec3;
 use inside::Enclosure;
+pub(crate) use inside::spread_directions;
 pub use judge::{CloudGoal, Subgoal, articulation, goal_score, labels, subgoal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -88,7 +89,16 @@ pub enum CloudError {
         /// Index of the point.
         index: usize,
     },
+    /// A coordinate beyond any table, with which lengths could not be computed.
+    #[error("expected coordinates within {MAX_COORDINATE_M:.0} m, got more in point {index}")]
+    TooFar {
+        /// Index of the point.
+        index: usize,
+    },
 }
+
+/// Largest coordinate of a cloud, metres.
+const MAX_COORDINATE_M: f64 = 1e6;
 
 /// A point cloud; search structures are built when first needed and kept.
 #[derive(Debug)]
@@ -106,13 +116,16 @@ impl Cloud {
     /// From points in metres.
     ///
     /// # Errors
-    /// Without points, or with a coordinate that is not finite.
+    /// Without points, or with a coordinate that is not finite or beyond 1,000 km.
     pub fn new(points: Vec<[f64; 3]>) -> Result<Self, CloudError> {
         if points.is_empty() {
             return Err(CloudError::Empty);
         }
         if let Some(index) = points.iter().position(|point| !point.iter().all(|value| value.is_finite())) {
             return Err(CloudError::NotFinite { index });
+        }
+        if let Some(index) = points.iter().position(|point| point.iter().any(|value| value.abs() > MAX_COORDINATE_M)) {
+            return Err(CloudError::TooFar { index });
         }
         Ok(Self::from_finite(points.into_iter().map(DVec3::from_array).collect()))
     }

@@ -2,8 +2,11 @@
 
 use std::collections::BTreeMap;
 
-/// Largest array that is read, bytes.
-const MAX_ARRAY_BYTES: usize = 1 << 28;
+/// Most that is read of an archive, bytes of all its arrays together; points take four times as much in memory.
+const MAX_BYTES: usize = 1 << 28;
+
+/// Longest part of a header that is told, characters.
+const MAX_TOLD: usize = 200;
 
 /// Why an archive cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -11,6 +14,9 @@ pub enum NpzError {
     /// Not a zip archive, or a damaged one.
     #[error("expected a zip archive, got a damaged one: {0}")]
     Archive(&'static str),
+    /// More than can be held.
+    #[error("expected arrays of at most {} MiB together, got more", MAX_BYTES >> 20)]
+    TooLarge,
     /// A member that is not an int16 array of points.
     #[error("expected `{name}` to be a little-endian int16 array of shape (n, 3), got {got}")]
     Array {
@@ -44,9 +50,14 @@ fn points(npy: &[u8], scale: f64) -> Result<Vec<[f64; 3]>, String> {
     };
     let header = npy.get(10..start).map(String::from_utf8_lossy).ok_or("a header cut short")?;
     let plain: String = header.chars().filter(|character| !character.is_whitespace()).collect();
-    let known = plain.contains("'descr':'<i2'") && plain.contains("'fortran_order':False") && plain.contains(",3)");
-    if !known {
-        return Err(header.trim().to_owned());
+    let known = plain.contains("'descr':'<i2'") && plain.contains("'fortran_order':False");
+    let rows = plain.split_once("'shape':(").and_then(|(_, shape)| shape.split_once(",3)"));
+    let Some(rows) = rows.and_then(|(rows, _)| rows.parse::<usize>().ok()).filter(|_| known) else {
+        return Err(header.trim().chars().take(MAX_TOLD).collect());
+    };
+    let held = npy.len() - start;
+    if rows.checked_mul(6) != Some(held) {
+        return Err(format!("{rows} points in {held} bytes"));
     }
     let values: Vec<f64> =
         npy[start..].chunks_exact(2).map(|pair| f64::from(i16::from_le_bytes([pair[0], pair[1]])) / scale).collect();
@@ -66,6 +77,7 @@ fn members(bytes: &[u8]) -> Result<Vec<(String, Vec<u8>)>, NpzError> {
     let count = short(end + 10).ok_or_else(cut)?;
     let mut entry = long(end + 16).ok_or_else(cut)?;
     let mut found = Vec::new();
+    let mut left = MAX_BYTES;
     for _ in 0..count {
         if !bytes.get(entry..).is_some_and(|rest| rest.starts_with(b"PK\x01\x02")) {
             return Err(NpzError::Archive("a wrong directory"));
@@ -80,12 +92,17 @@ fn members(bytes: &[u8]) -> Result<Vec<(String, Vec<u8>)>, NpzError> {
             Some((method, size, name, content, entry + 46 + name_length + extra + comment))
         };
         let (method, size, name, content, next) = read().ok_or_else(cut)?;
+        // What a member says about its size may be wrong: a bomb is stopped where it bursts.
+        if size > left || content.len() > left {
+            return Err(NpzError::TooLarge);
+        }
         let content = match method {
             0 => content.to_vec(),
-            8 => miniz_oxide::inflate::decompress_to_vec_with_limit(content, size.min(MAX_ARRAY_BYTES))
-                .map_err(|_| NpzError::Archive("data that cannot be inflated"))?,
+            8 => miniz_oxide::inflate::decompress_to_vec_with_limit(content, size)
+                .map_err(|_| NpzError::Archive("data that cannot be inflated to the size it names"))?,
             _ => return Err(NpzError::Archive("an unknown compression")),
         };
+        left -= content.len();
         found.push((String::from_utf8_lossy(name).into_owned(), content));
         entry = next;
     }

@@ -67,6 +67,36 @@ impl Tree {
         false
     }
 
+    /// Shortest distance between the two clouds seen from above.
+    pub fn planar_distance(&self, other: &Self) -> f64 {
+        let mask = DVec3::new(1.0, 1.0, 0.0);
+        let mut best = f64::INFINITY;
+        let mut stack = vec![(0, 0)];
+        while let Some((i, j)) = stack.pop() {
+            let (a, b) = (&self.nodes[i], &other.nodes[j]);
+            if ((a.min - b.max).max(b.min - a.max).max(DVec3::ZERO) * mask).length_squared() >= best {
+                continue;
+            }
+            match (a.children, b.children) {
+                (None, None) => {
+                    for &p in &self.points[a.start..a.end] {
+                        for &q in &other.points[b.start..b.end] {
+                            best = best.min(((p - q) * mask).length_squared());
+                        }
+                    }
+                }
+                (Some((left, right)), _) if b.children.is_none() || a.end - a.start >= b.end - b.start => {
+                    self.push_nearer_last(&mut stack, [(left, j), (right, j)], other, mask);
+                }
+                (_, Some((left, right))) => {
+                    self.push_nearer_last(&mut stack, [(i, left), (i, right)], other, mask);
+                }
+                (Some(_), None) => {}
+            }
+        }
+        best.sqrt()
+    }
+
     /// The farthest point along a direction.
     pub fn farthest(&self, direction: DVec3) -> DVec3 {
         let reach = |node: &Node| direction.dot(DVec3::select(direction.cmpge(DVec3::ZERO), node.max, node.min));

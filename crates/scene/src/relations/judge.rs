@@ -2,10 +2,9 @@
 
 use genmanip_core::{Atom, AtomVerdict, Goal, GoalVerdict, Relation, SceneGraph};
 
+use super::extent::{Extent, Scene};
 use super::pair::{Contact, PairGeometry, measure};
-use super::requirement::{Requirement, margin, verdict};
-use super::scene::Body;
-use super::state::state_requirements;
+use super::requirement::{Requirement, SINKING, margin, verdict};
 use super::{PosedScene, RelationSettings};
 
 /// What is known besides poses: an object held by the gripper or not at rest satisfies nothing.
@@ -35,6 +34,16 @@ pub fn judge_atom(scene: &PosedScene, atom: &Atom, settings: &RelationSettings) 
 
 /// Judges a goal: every condition of every alternative.
 pub fn judge_goal(scene: &PosedScene, goal: &Goal, rest: &Rest, settings: &RelationSettings) -> GoalVerdict {
+    judge_alternatives(scene, goal, rest, settings)
+}
+
+/// Judges a goal, whatever the extents are known from.
+pub(super) fn judge_alternatives(
+    scene: &impl Scene,
+    goal: &Goal,
+    rest: &Rest,
+    settings: &RelationSettings,
+) -> GoalVerdict {
     GoalVerdict::from_alternatives(
         goal.alternatives
             .iter()
@@ -57,7 +66,8 @@ pub fn judge_states(scene: &PosedScene, graph: &SceneGraph, settings: &RelationS
     atoms.map(|atom| judge_atom(scene, &atom, settings)).collect()
 }
 
-fn judge(scene: &PosedScene, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
+/// Judges one condition, whatever the extents are known from.
+pub(super) fn judge(scene: &impl Scene, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
     let (uids, word): (Vec<&str>, &str) = match atom {
         Atom::State { object, state } => (vec![object], state),
         Atom::Relation { subject, relation, reference, second_reference } => (
@@ -65,18 +75,18 @@ fn judge(scene: &PosedScene, atom: &Atom, rest: &Rest, settings: &RelationSettin
             relation.name(),
         ),
     };
-    let Some(indices) = uids.iter().map(|uid| scene.index_of(uid)).collect::<Option<Vec<_>>>() else {
+    let Some(indices) = uids.iter().map(|uid| scene.find(uid)).collect::<Option<Vec<_>>>() else {
         return verdict(atom, word, vec![Requirement::fact("in the scene", false)]);
     };
-    let bodies: Vec<&Body> = indices.iter().map(|&index| &scene.bodies[index]).collect();
+    let bodies: Vec<_> = indices.iter().filter_map(|&index| scene.extent(index)).collect();
     let mut requirements = match (atom, bodies.as_slice()) {
-        (Atom::State { state, .. }, [body]) => state_requirements(body, state, settings),
+        (Atom::State { state, .. }, [body]) => body.state(state, settings),
         (Atom::Relation { relation: Relation::Between, .. }, [subject, one, other]) => {
-            between(subject, one, other, settings)
+            between(*subject, *one, *other, settings)
         }
         (Atom::Relation { relation: Relation::Between, .. }, _) => vec![Requirement::fact("two references", false)],
         (Atom::Relation { relation, .. }, [subject, reference, ..]) if indices[0] != indices[1] => {
-            relation_requirements(*relation, &measure(subject, reference, settings), settings)
+            relation_requirements(*relation, &measure(*subject, *reference, settings), settings)
         }
         _ => vec![Requirement::fact("two different objects", false)],
     };
@@ -127,11 +137,10 @@ fn relation_requirements(relation: Relation, pair: &PairGeometry, settings: &Rel
 /// A in B.
 fn inside(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
     // When both hold, the smaller one is in the larger one.
-    let share = Requirement::above("share of the surface inside", pair.a_in_b, settings.inside_share).in_unit("1", 0.1);
+    let share = Requirement::above("share of the surface inside", pair.a_in_b, settings.inside_share).in_unit("1");
     let mut requirements = vec![share];
     if pair.b_in_a > settings.inside_share {
-        requirements
-            .push(Requirement::at_most("share of the other inside it", pair.b_in_a, pair.a_in_b).in_unit("1", 0.1));
+        requirements.push(Requirement::at_most("share of the other inside it", pair.b_in_a, pair.a_in_b).in_unit("1"));
     }
     requirements
 }
@@ -143,7 +152,7 @@ fn on(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
         [("share of the surface inside", pair.a_in_b), ("share of the other inside it", pair.b_in_a)]
     {
         if share > 0.0 {
-            requirements.push(Requirement::at_most(quantity, share, settings.inside_share).in_unit("1", 0.1));
+            requirements.push(Requirement::at_most(quantity, share, settings.inside_share).in_unit("1"));
         }
     }
     requirements
@@ -155,7 +164,7 @@ fn touching(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement
         Some(Contact { gap_m, rise_m }) => {
             let mut requirements = vec![
                 Requirement::at_most("vertical gap", gap_m, settings.touching_gap_m),
-                Requirement::at_most("sinking", -gap_m, settings.sinking_m),
+                Requirement::at_most(SINKING, -gap_m, settings.sinking_m),
                 Requirement::above("height of its middle over the other's", rise_m, 0.0),
             ];
             if pair.swapped().a_rests_on_b(settings) {
@@ -171,13 +180,12 @@ fn touching(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement
 }
 
 /// The subject stands on the way from one object to the other.
-fn between(subject: &Body, one: &Body, other: &Body, settings: &RelationSettings) -> Vec<Requirement> {
-    let (there, onward) = (subject.center - one.center, other.center - subject.center);
+fn between<E: Extent>(subject: &E, one: &E, other: &E, settings: &RelationSettings) -> Vec<Requirement> {
+    let (there, onward) = (subject.center() - one.center(), other.center() - subject.center());
     if there.length() == 0.0 || onward.length() == 0.0 {
         return vec![Requirement::fact("three different places", false)];
     }
     let angle = there.angle_between(onward);
     let below = Requirement::above("bend of the way under the limit", settings.between_angle_rad - angle, 0.0);
-    // A radian at the usual spacing of neighbours is about a decimetre.
-    vec![below.in_unit("rad", 0.1)]
+    vec![below.in_unit("rad")]
 }

@@ -10,13 +10,20 @@
 //! - *inside* is the share of an object's surface points in the other's cavity, or in its convex hull if the model
 //!   knows no cavity.
 //!
+//! [`CloudScene`] judges point clouds in the same way, for objects that are only seen.
+//!
 //! Curved outlines are polygons of 64 sides (error below 0.12 % of the radius); vertical gaps are exact to a micrometre.
 
 #[cfg(test)]
 mod catalogue_tests;
+mod cloud;
+#[cfg(test)]
+mod cloud_tests;
 mod contact;
+mod extent;
 mod judge;
 mod pair;
+mod posed;
 mod requirement;
 mod scene;
 mod settings;
@@ -27,8 +34,10 @@ mod state;
 mod tests;
 mod window;
 
+pub use cloud::CloudScene;
 pub use judge::{Rest, judge_atom, judge_edges, judge_goal, judge_states};
 pub use pair::{Contact, Label, PairGeometry, PairVerdict, label_pair, measure_pair, outlines_apart};
+pub use requirement::is_clear;
 pub use scene::{PosedObject, PosedScene};
 pub use settings::RelationSettings;
 pub use shape::{ObjectShape, ShapeCache};

@@ -1,12 +1,10 @@
 //! How two objects stand to each other.
 
-use genmanip_core::Aabb;
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::contact::vertical_gap;
-use super::scene::Body;
+use super::extent::{Extent, Scene};
 use super::{PosedScene, RelationSettings};
 
 /// How one object stands to another.
@@ -98,20 +96,30 @@ pub struct Contact {
 
 /// Measures and labels two objects of a scene; `None` for an index out of range.
 pub fn label_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationSettings) -> Option<PairVerdict> {
-    let (one, other) = (scene.bodies.get(a)?, scene.bodies.get(b)?);
-    let geometry = measure(one, other, settings);
-    let label = label(&geometry, settings);
-    let supporting = match label {
-        Some(Label::On) => supports(other, one, settings),
-        Some(Label::Beneath) => supports(one, other, settings),
-        _ => false,
-    };
-    Some(PairVerdict { a_to_b: label, b_to_a: label.map(Label::inverse), supporting, geometry })
+    label_extents(scene, a, b, settings)
 }
 
 /// Measures two objects of a scene; `None` for an index out of range.
 pub fn measure_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationSettings) -> Option<PairGeometry> {
-    Some(measure(scene.bodies.get(a)?, scene.bodies.get(b)?, settings))
+    Some(measure(scene.extent(a)?, scene.extent(b)?, settings))
+}
+
+/// Measures and labels two objects, whatever their extents are known from.
+pub(super) fn label_extents(
+    scene: &impl Scene,
+    a: usize,
+    b: usize,
+    settings: &RelationSettings,
+) -> Option<PairVerdict> {
+    let (one, other) = (scene.extent(a)?, scene.extent(b)?);
+    let geometry = measure(one, other, settings);
+    let label = label(&geometry, settings);
+    let supporting = match label {
+        Some(Label::On) => other.supports(one, settings),
+        Some(Label::Beneath) => one.supports(other, settings),
+        _ => false,
+    };
+    Some(PairVerdict { a_to_b: label, b_to_a: label.map(Label::inverse), supporting, geometry })
 }
 
 /// Whether the convex outlines of two objects on the table are certainly at least a distance apart; false for an index
@@ -126,8 +134,9 @@ fn label(pair: &PairGeometry, settings: &RelationSettings) -> Option<Label> {
     if pair.gap_m > settings.close_m {
         return None;
     }
-    let over_x_only = pair.overlap_x_m > 0.0 && pair.overlap_y_m <= 0.0;
-    let over_y_only = pair.overlap_y_m > 0.0 && pair.overlap_x_m <= 0.0;
+    // Flat things can share a bound; without an offset neither is on either side.
+    let over_x_only = pair.overlap_x_m > 0.0 && pair.overlap_y_m <= 0.0 && pair.offset.y != 0.0;
+    let over_y_only = pair.overlap_y_m > 0.0 && pair.overlap_x_m <= 0.0 && pair.offset.x != 0.0;
     let one_of = |condition: bool, yes: Label, no: Label| Some(if condition { yes } else { no });
     if pair.a_in_b > settings.inside_share || pair.b_in_a > settings.inside_share {
         one_of(pair.a_in_b >= pair.b_in_a, Label::In, Label::OutOf)
@@ -175,111 +184,25 @@ impl PairGeometry {
     }
 }
 
-pub(super) fn measure(a: &Body, b: &Body, settings: &RelationSettings) -> PairGeometry {
-    let overlap = a.bounds.max.min(b.bounds.max) - a.bounds.min.max(b.bounds.min);
+/// Every quantity of a pair.
+pub(super) fn measure<E: Extent>(a: &E, b: &E, settings: &RelationSettings) -> PairGeometry {
+    let (a_bounds, b_bounds) = (a.bounds(), b.bounds());
+    let overlap = a_bounds.max.min(b_bounds.max) - a_bounds.min.max(b_bounds.min);
     let (a_in_b, b_in_a) =
-        if overlap.min_element() > 0.0 { (share_inside(a, b), share_inside(b, a)) } else { (0.0, 0.0) };
+        if overlap.min_element() > 0.0 { (a.share_inside(b), b.share_inside(a)) } else { (0.0, 0.0) };
     let (a_over_b, b_over_a) = if overlap.x > 0.0 && overlap.y > 0.0 {
-        (contact(a, b, settings), contact(b, a, settings))
+        (a.contact_above(b, settings), b.contact_above(a, settings))
     } else {
         (None, None)
     };
     PairGeometry {
-        gap_m: planar_gap(a, b),
+        gap_m: a.planar_gap(b),
         overlap_x_m: overlap.x,
         overlap_y_m: overlap.y,
         a_in_b,
         b_in_a,
         a_over_b,
         b_over_a,
-        offset: a.center - b.center,
+        offset: a.center() - b.center(),
     }
-}
-
-/// Shortest distance between the unions of the projected pieces.
-fn planar_gap(a: &Body, b: &Body) -> f64 {
-    let (a, b) = (a.footprint(), b.footprint());
-    let mut best = f64::INFINITY;
-    for one in &a.pieces {
-        if one.bounds_distance(&b.hull) >= best {
-            continue;
-        }
-        for other in &b.pieces {
-            if one.bounds_distance(other) < best {
-                best = best.min(one.distance(other));
-                if best == 0.0 {
-                    return 0.0;
-                }
-            }
-        }
-    }
-    best
-}
-
-/// Share of A's surface points in B's cavity, or in B's convex hull where no cavity is known.
-fn share_inside(a: &Body, b: &Body) -> f64 {
-    let hull;
-    let solids = if b.shape.cavity.is_empty() {
-        hull = b.shape.hull(&b.object_from_link);
-        std::slice::from_ref(hull.as_ref())
-    } else {
-        &b.shape.cavity
-    };
-    let object_from_world = b.object.pose.inverse();
-    let near = Aabb { min: b.bounds.min - DVec3::splat(0.5), max: b.bounds.max + DVec3::splat(0.5) };
-    let (mut inside, mut count) = (0usize, 0usize);
-    for point in a.samples() {
-        count += 1;
-        // A cavity may reach above the pieces, but not far from them.
-        let possible = point.cmpge(near.min).all() && point.cmple(near.max).all();
-        let local = object_from_world.transform_point(point);
-        inside += usize::from(possible && solids.iter().any(|solid| solid.contains(local)));
-    }
-    if count == 0 { 0.0 } else { inside as f64 / count as f64 }
-}
-
-/// Where A would first touch B from above: the smallest gap of pieces that are above each other, or the least
-/// negative one when none is.
-fn contact(a: &Body, b: &Body, settings: &RelationSettings) -> Option<Contact> {
-    let mut best: Option<Contact> = None;
-    let (a_outlines, b_outlines) = (a.footprint(), b.footprint());
-    for (upper, upper_outline) in a.pieces.iter().zip(&a_outlines.pieces) {
-        if upper_outline.bounds_distance(&b_outlines.hull) > 0.0 {
-            continue;
-        }
-        for (lower, lower_outline) in b.pieces.iter().zip(&b_outlines.pieces) {
-            let least = upper.bounds.min.z - lower.bounds.max.z;
-            let known = best.map_or(f64::INFINITY, |contact| contact.gap_m);
-            let cannot_improve = known >= -settings.sinking_m && least > known;
-            if cannot_improve || upper_outline.bounds_distance(lower_outline) > 0.0 {
-                continue;
-            }
-            let (upper_shape, lower_shape) = (a.shape_of(upper), b.shape_of(lower));
-            let support =
-                |direction: DVec3| upper.support(upper_shape, direction) - lower.support(lower_shape, -direction);
-            let Some(gap_m) = vertical_gap(support, -settings.sinking_m) else { continue };
-            if better(gap_m, known, settings.sinking_m) {
-                best = Some(Contact { gap_m, rise_m: a.center.z - b.link_center(lower.link).z });
-            }
-        }
-    }
-    best
-}
-
-/// A gap between bodies above each other beats any other; of those the smaller counts, of the others the larger.
-fn better(gap: f64, known: f64, sinking: f64) -> bool {
-    match (gap >= -sinking, known >= -sinking) {
-        (true, true) => gap < known,
-        (true, false) => true,
-        (false, true) => known.is_infinite(),
-        (false, false) => gap > known,
-    }
-}
-
-/// Whether the overlap-area test holds for an object on another.
-fn supports(lower: &Body, upper: &Body, settings: &RelationSettings) -> bool {
-    let (lower, upper) = (&lower.footprint().hull, &upper.footprint().hull);
-    let (lower_area, upper_area) = (lower.area(), upper.area());
-    upper.intersection(lower).area() > settings.support_overlap * upper_area
-        && upper_area < settings.support_area_ratio * lower_area
 }

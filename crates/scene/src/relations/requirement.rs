@@ -2,6 +2,15 @@
 
 use genmanip_core::{Atom, AtomVerdict, Measurement};
 
+/// Metres that one unit is worth when requirements are compared with each other: a radian at the usual spacing of
+/// neighbours is about a decimetre, and so is a whole object.
+fn metres_per(unit: &str) -> f64 {
+    if unit == "m" { 1.0 } else { 0.1 }
+}
+
+/// The quantity of a contact that has sunk in.
+pub(super) const SINKING: &str = "sinking";
+
 /// One thing that has to be true for a condition to hold.
 #[derive(Clone, Debug)]
 pub(super) struct Requirement {
@@ -53,9 +62,9 @@ impl Requirement {
         Self { quantity, value, threshold, unit: "m", comparison: ">", met: margin > 0.0, margin, metres_per_unit: 1.0 }
     }
 
-    /// The same quantity in another unit, of which one is worth so many metres.
-    pub fn in_unit(self, unit: &'static str, metres_per_unit: f64) -> Self {
-        Self { unit, metres_per_unit, ..self }
+    /// The same quantity in a unit.
+    pub fn in_unit(self, unit: &'static str) -> Self {
+        Self { unit, metres_per_unit: metres_per(unit), ..self }
     }
 
     /// A requirement without a measure: 1 of 1 when met.
@@ -83,6 +92,16 @@ pub(super) fn margin(requirements: &[Requirement]) -> f64 {
         if requirement.met { requirement.weight().max(0.0) } else { requirement.weight().min(-f64::MIN_POSITIVE) }
     };
     requirements.iter().map(signed).fold(f64::INFINITY, f64::min)
+}
+
+/// Whether every measured quantity is farther from its threshold than a margin in metres, so that another way of
+/// measuring should come to the same verdict; a tenth of a share and a tenth of a radian count as a centimetre.
+///
+/// How deep a contact has sunk in is left out where it is allowed: between solid bodies it is never far from its limit.
+pub fn is_clear(verdict: &AtomVerdict, margin_m: f64) -> bool {
+    verdict.measurements.iter().all(|measured| {
+        measured.margin.abs() * metres_per(&measured.unit) > margin_m || (measured.quantity == SINKING && measured.met)
+    })
 }
 
 /// The verdict of a condition that holds when every requirement is met.

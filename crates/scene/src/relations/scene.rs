@@ -113,6 +113,11 @@ impl PosedScene {
         self.bodies.get(index).map(|body| body.center)
     }
 
+    /// Points spread evenly over an object's surface in the world, as many as the shapes were sampled with.
+    pub fn surface_points(&self, index: usize) -> Vec<DVec3> {
+        self.bodies.get(index).map(|body| body.samples().collect()).unwrap_or_default()
+    }
+
     /// Corners of each piece of an object projected onto the table; empty for an index out of range.
     pub fn footprints(&self, index: usize) -> Vec<&[DVec2]> {
         let pieces = self.bodies.get(index).map(|body| body.footprint().pieces.iter());

@@ -67,10 +67,8 @@ fn joints(body: &Body, state: &genmanip_core::JointState, widening: f64) -> Vec<
             let slack = widening * (high - low);
             match positions.iter().find(|(joint, ..)| joint == name) {
                 Some(&(_, position, unit)) => vec![
-                    Requirement::at_most("joint position above its least", low - slack - position, 0.0)
-                        .in_unit(unit, if unit == "m" { 1.0 } else { 0.1 }),
-                    Requirement::at_most("joint position over its most", position - high - slack, 0.0)
-                        .in_unit(unit, if unit == "m" { 1.0 } else { 0.1 }),
+                    Requirement::at_most("joint position above its least", low - slack - position, 0.0).in_unit(unit),
+                    Requirement::at_most("joint position over its most", position - high - slack, 0.0).in_unit(unit),
                 ],
                 None => vec![Requirement::fact("a joint of the object", false)],
             }

@@ -44,7 +44,11 @@ struct Yield {
 }
 
 pub fn run(arguments: &ExpertArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = inputs::read_tasks(&arguments.tasks)?;
+    let tasks = if arguments.tasks.is_empty() {
+        inputs::designed_tasks(arguments.count, arguments.seed)?
+    } else {
+        inputs::read_tasks(&arguments.tasks)?
+    };
     let settings = CollectSettings::default();
     let planner = inputs::planner(&settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };

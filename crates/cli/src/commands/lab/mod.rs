@@ -1,8 +1,12 @@
 //! `genmanip lab`: one module per measurement; figures are of one thread and in processor time.
 
+pub mod answers;
+pub mod design;
 pub mod expert;
 pub mod layout;
+pub mod motion;
 pub mod relations;
+mod rendered;
 
 use cpu_time::ThreadTime;
 

@@ -4,9 +4,9 @@ use std::fs;
 use std::io::Read;
 
 use genmanip_scene::clouds::Profile;
-use genmanip_scene::clouds::cases::{Comparison, compare};
+use genmanip_scene::clouds::cases::{Comparison, compare, compare_seed};
 
-use super::cpu_clock;
+use super::{cpu_clock, rendered};
 use crate::args::RelationsArguments;
 use crate::error::{ExitStatus, Failed};
 use crate::inputs;
@@ -19,18 +19,28 @@ const MAX_BYTES: u64 = 1 << 30;
 const SHOWN: usize = 20;
 
 pub fn run(arguments: &RelationsArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let profile: Profile = serde_json::from_value(arguments.profile.clone().into()).map_err(|_| {
-        Failed::new(format!("there is no profile `{}` with recorded verdicts", arguments.profile))
-            .hint("expected genmanip-0.9 or suite-0.2.3")
-    })?;
-    let text = inputs::read_text(&arguments.cases, MAX_BYTES)?;
-    let archive = read_bytes(&arguments.cases.with_extension("npz"))?;
-    let comparison = compare(&text, &archive, profile, &mut cpu_clock()).map_err(|error| {
-        Failed::because(format!("cannot compare {}", arguments.cases.display()), &error)
+    let (Some(cases), Some(profile)) = (&arguments.cases, &arguments.profile) else {
+        return rendered::run(&arguments.tasks, arguments.seed, arguments.count, printer);
+    };
+    let judge = if profile == "seed" { None } else { Some(compatibility(profile)?) };
+    let text = inputs::read_text(cases, MAX_BYTES)?;
+    let archive = read_bytes(&cases.with_extension("npz"))?;
+    let comparison = match judge {
+        Some(profile) => compare(&text, &archive, profile, &mut cpu_clock()),
+        None => compare_seed(&text, &archive, &mut cpu_clock()),
+    };
+    let comparison = comparison.map_err(|error| {
+        Failed::because(format!("cannot compare {}", cases.display()), &error)
             .hint("expected recorded cases as JSON, and their clouds in the .npz beside it")
     })?;
     printer.data(&comparison, &in_words(&comparison));
     Ok(ExitStatus::Done)
+}
+
+fn compatibility(profile: &str) -> Result<Profile, Failed> {
+    serde_json::from_value(profile.into()).map_err(|_| {
+        Failed::new(format!("there is no profile `{profile}`")).hint("expected genmanip-0.9, suite-0.2.3 or seed")
+    })
 }
 
 fn read_bytes(path: &std::path::Path) -> Result<Vec<u8>, Failed> {

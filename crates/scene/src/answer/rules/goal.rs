@@ -77,7 +77,16 @@ fn holds(condition: &Condition, draft: &Draft) -> Option<View> {
             let node = draft.nodes.iter().find(|node| node.object == condition.subject)?;
             return (node.state.as_ref() == Some(state)).then_some(View::Direct);
         }
-        Test::Relation(relation, reference) => (*relation, *reference),
+        Test::Relation(Relation::Between, reference, second) => {
+            let ends = |one: usize, other: Option<usize>| BTreeSet::from([Some(one), other]);
+            let said = draft.edges.iter().any(|edge| {
+                edge.relation == Relation::Between
+                    && edge.subject == condition.subject
+                    && ends(edge.reference, edge.second) == ends(*reference, *second)
+            });
+            return said.then_some(View::Direct);
+        }
+        Test::Relation(relation, reference, _) => (*relation, *reference),
     };
     let direct = draft.edges.iter().any(|edge| {
         (edge.subject, edge.reference) == (condition.subject, reference) && implies(edge.relation, relation)
@@ -98,11 +107,11 @@ fn implies(edge: Relation, condition: Relation) -> bool {
 }
 
 fn objects(condition: &Condition) -> impl Iterator<Item = usize> {
-    let reference = match condition.test {
-        Test::Relation(_, reference) => Some(reference),
-        Test::State(_) => None,
+    let (reference, second) = match condition.test {
+        Test::Relation(_, reference, second) => (Some(reference), second),
+        Test::State(_) => (None, None),
     };
-    std::iter::once(condition.subject).chain(reference)
+    std::iter::once(condition.subject).chain(reference).chain(second)
 }
 
 fn check_not_empty(draft: &Draft, findings: &mut Findings) {
@@ -129,11 +138,13 @@ fn check_condition(condition: &Condition, draft: &Draft, request: &TaskRequest, 
             let message = format!("expected an initial state in the node of {}, got none", name(condition.subject));
             findings.reject(FlawKind::MissingState, path, message, "a goal on a state needs another one to start from");
         }
-        Test::Relation(_, reference) if *reference == condition.subject => {
-            let message = format!("expected two different objects, got {} twice", name(*reference));
+        Test::Relation(_, reference, second)
+            if *reference == condition.subject || *second == Some(condition.subject) || *second == Some(*reference) =>
+        {
+            let message = format!("expected different objects, got {} twice", name(*reference));
             findings.reject(FlawKind::SelfRelation, path, message, "");
         }
-        Test::Relation(Relation::In, reference) if !request.offered[*reference].is_container => {
+        Test::Relation(Relation::In, reference, _) if !request.offered[*reference].is_container => {
             let message = format!("expected a container, got {}", name(*reference));
             findings.reject(FlawKind::NotAContainer, path, message, "use `on` or another object");
         }
@@ -151,7 +162,7 @@ fn check_consistency(index: usize, conjunction: &[Condition], request: &TaskRequ
     let links: Vec<Link> = conjunction
         .iter()
         .filter_map(|condition| match condition.test {
-            Test::Relation(relation, reference) if reference != condition.subject => {
+            Test::Relation(relation, reference, _) if reference != condition.subject => {
                 Some(Link { subject: condition.subject, relation, reference })
             }
             _ => None,

@@ -14,7 +14,7 @@ pub(super) fn check(mut draft: Draft, request: &TaskRequest, findings: &mut Find
     drop_repeated_nodes(&mut draft, request, findings);
     let name = |index: usize| object_name(request, index);
     for edge in &draft.edges {
-        if edge.subject == edge.reference {
+        if edge.subject == edge.reference || [edge.subject, edge.reference].map(Some).contains(&edge.second) {
             let message = format!("expected two different objects, got {} twice", name(edge.subject));
             findings.reject(FlawKind::SelfRelation, edge.path.as_str(), message, "");
         }
@@ -75,7 +75,7 @@ fn drop_repeated_nodes(draft: &mut Draft, request: &TaskRequest, findings: &mut 
 fn check_nodes_of_edges(draft: &Draft, request: &TaskRequest, findings: &mut Findings) {
     let mut missing: BTreeMap<usize, &str> = BTreeMap::new();
     for edge in &draft.edges {
-        for object in [edge.subject, edge.reference] {
+        for object in [edge.subject, edge.reference].into_iter().chain(edge.second) {
             if !draft.nodes.iter().any(|node| node.object == object) {
                 missing.entry(object).or_insert(&edge.path);
             }
@@ -94,7 +94,10 @@ fn check_edges_of_nodes(draft: &Draft, request: &TaskRequest, findings: &mut Fin
     }
     let has_edge = |object| {
         draft.on_table.contains(&object)
-            || draft.edges.iter().any(|edge| edge.subject == object || edge.reference == object)
+            || draft
+                .edges
+                .iter()
+                .any(|edge| edge.subject == object || edge.reference == object || edge.second == Some(object))
     };
     for node in draft.nodes.iter().filter(|node| !has_edge(node.object)) {
         let message = format!("expected an edge for {}, got none", object_name(request, node.object));

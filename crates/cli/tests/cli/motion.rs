@@ -1,0 +1,67 @@
+//! `lab motion`: problems of the user's own, for the built-in robot and for one from a folder.
+
+use crate::genmanip;
+
+/// Around a post, over a table; then the same way with the goal inside of the post.
+const PROBLEMS: &str = r#"{"seed": 3, "problems": [
+  {"id": 0, "start": [0.9, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8], "goal": [-0.9, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8], "obstacles": [
+    {"type": "box", "pos": [0.6, 0.0, -0.02], "size": [0.8, 1.2, 0.04], "yaw": 0.0},
+    {"type": "cylinder", "pos": [0.55, 0.0, 0.2], "radius": 0.04, "length": 0.4, "yaw": 0.0}]},
+  {"id": 1, "start": [0.9, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8], "goal": [0.0, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8], "obstacles": [
+    {"type": "box", "pos": [0.55, 0.0, 0.2], "size": [0.2, 0.2, 0.6], "yaw": 0.3}]}]}"#;
+
+const TURNTABLE: &str = r#"<robot name="turntable"><link name="base"/>
+  <link name="arm"><collision><origin xyz="0.3 0 0.1"/><geometry><mesh filename="package://m/bar.obj"/></geometry></collision></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="1"/></joint>
+  <link name="tool"/>
+  <joint name="slide" type="prismatic"><parent link="arm"/><child link="tool"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="0.3" velocity="1"/></joint></robot>"#;
+
+const BAR: &str = "v -.2 -.02 -.02\nv .2 -.02 -.02\nv -.2 .02 -.02\nv .2 .02 -.02\n\
+                   v -.2 -.02 .02\nv .2 -.02 .02\nv -.2 .02 .02\nv .2 .02 .02\n";
+
+#[test]
+fn lab_motion_plans_and_tests_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("problems.json"), PROBLEMS).unwrap();
+    let arguments = ["lab", "motion", "--problems", "problems.json", "--paths", "paths.json", "--json"];
+    let measured = genmanip(folder.path(), &arguments).json(0);
+    assert_eq!((&measured["problems"], &measured["solved"]), (&2.into(), &1.into()), "{measured}");
+    assert_eq!((&measured["invalid_paths"], &measured["limits_exceeded"]), (&0.into(), &0.into()), "{measured}");
+    assert!(measured["failures"][0].as_str().unwrap().contains("every goal is in collision"), "{measured}");
+    assert_eq!(measured["ik"]["solved"], measured["ik"]["poses"], "{measured}");
+    for key in ["time_scaling_ms", "ik_us"] {
+        assert!(measured[key].as_f64().unwrap() > 0.0, "{measured}");
+    }
+    // The post is in the straight way of 1.8 rad.
+    let length = measured["path_length_rad"]["median"].as_f64().unwrap();
+    assert!(length > 1.81 && length < 8.0 && measured["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{measured}");
+    let paths: serde_json::Value = serde_json::from_slice(&std::fs::read(at("paths.json")).unwrap()).unwrap();
+    assert!(paths[0].as_array().unwrap().len() > 90 && paths[1].is_null(), "{paths}");
+
+    std::fs::create_dir(at("robot")).unwrap();
+    std::fs::write(at("robot/turntable.urdf"), TURNTABLE).unwrap();
+    let turn = r#"{"problems": [{"start": [-1, 0], "goal": [1, 0.2], "obstacles": []}]}"#;
+    std::fs::write(at("turn.json"), turn).unwrap();
+    let arguments = ["lab", "motion", "--problems", "turn.json", "--robot", "robot", "--json"];
+    let missing = ["turntable.urdf is no robot", "mesh package://m/bar.obj of link arm: no such file"];
+    genmanip(folder.path(), &arguments).assert_refused(&missing);
+    std::fs::write(at("robot/bar.obj"), BAR).unwrap();
+    let measured = genmanip(folder.path(), &arguments).json(0);
+    assert_eq!((&measured["solved"], &measured["robot"]), (&1.into(), &"turntable".into()), "{measured}");
+    let length = measured["path_length_rad"]["median"].as_f64().unwrap();
+    assert!((length - 2.0_f64.hypot(0.2)).abs() < 1e-6, "a straight way is straight: {length}");
+
+    std::fs::write(at("bad.json"), turn.replace("[]", r#"[{"type": "torus"}]"#)).unwrap();
+    for (file, robot, wanted) in [
+        ("none.json", "robot", ["cannot read none.json", "check the path"]),
+        ("bad.json", "robot", ["bad.json is no file of motion problems", "torus"]),
+        ("turn.json", "nowhere", ["cannot read nowhere", "check the path"]),
+        ("turn.json", ".", [". holds 0 URDF files", "expected one"]),
+    ] {
+        let arguments = ["lab", "motion", "--problems", file, "--robot", robot];
+        genmanip(folder.path(), &arguments).assert_refused(&wanted);
+    }
+}

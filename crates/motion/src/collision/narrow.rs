@@ -1,0 +1,179 @@
+//! A closer look in lanes: corners of a convex body against simple bounds of an obstacle, eight states at a time.
+//!
+//! Frank-Wolfe steps (M. Frank and P. Wolfe, *An algorithm for quadratic programming*, 1956) move a point of the body
+//! towards the obstacle. At every step the point proves contact when it is near enough, and the direction to the
+//! obstacle proves clearance when all corners lie far enough along it; what neither proves is left to the exact test.
+
+use glam::DVec3;
+
+use super::convex::{Convex, Core, Separation, separation};
+use super::cover::corners;
+use super::fast::{FastPiece, LaneFrame, Point, ROUNDING, add, dot, place, scale, subtract};
+use super::lanes::Lanes;
+use crate::rigid::Rigid;
+use genmanip_core::Pose;
+
+/// Steps before the exact test is called.
+const STEPS: usize = 5;
+/// Hulls with more corners are thinned out.
+const MANY_CORNERS: usize = 32;
+/// Distance that may be lost when corners are left out, m.
+const THINNING: f64 = 0.0015;
+
+/// Corners that stand for a convex body, in the frame of its owner.
+#[derive(Clone, Debug)]
+pub(crate) struct Skeleton {
+    corners: Vec<[f32; 3]>,
+    pub(super) center: [f32; 3],
+    /// Radius of the ball around `center` that holds the body.
+    pub(super) ball_radius: f32,
+    /// The body holds everything within this distance of the corners' hull; negative when even the hull is too large.
+    inner: f32,
+    /// The body lies within this distance of the corners' hull.
+    outer: f32,
+}
+
+/// What a closer look found, lane by lane.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Verdict {
+    pub(super) touching: u8,
+    pub(super) undecided: u8,
+}
+
+impl Skeleton {
+    pub(crate) fn new(body: &Convex) -> Self {
+        let (corners, slack) = match &body.core {
+            Core::Hull { corners, .. } if corners.len() > MANY_CORNERS => thinned(corners),
+            // Sixteen sides inside the circle instead of around it.
+            Core::Cylinder { radius, .. } => {
+                let shrink = (std::f64::consts::PI / 16.0).cos();
+                let inside = |corner: DVec3| DVec3::new(corner.x * shrink, corner.y * shrink, corner.z);
+                (corners(&body.core).into_iter().map(inside).collect(), radius * (1.0 - shrink))
+            }
+            core => (corners(core), 0.0),
+        };
+        let corners: Vec<DVec3> = corners.iter().map(|corner| body.owner_from_core.point(*corner)).collect();
+        let inner = if matches!(body.core, Core::Ellipsoid(_)) { -1.0 } else { body.radius as f32 };
+        // The middle of the corners is inside, which the centre of the ball need not be.
+        let center = corners.iter().sum::<DVec3>() / corners.len().max(1) as f64;
+        let reach = corners.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max);
+        Self {
+            corners: corners.iter().map(|corner| corner.as_vec3().to_array()).collect(),
+            center: center.as_vec3().to_array(),
+            ball_radius: (reach + body.radius + slack) as f32 + ROUNDING,
+            inner,
+            outer: (body.radius + slack) as f32,
+        }
+    }
+
+    /// Compares with a piece of an obstacle in the given lanes: clear beyond `accept`, touching within `reject`
+    /// (never when negative).
+    #[inline(always)]
+    pub(super) fn judge(
+        &self,
+        piece: &FastPiece,
+        core_from_body: &LaneFrame,
+        accept: f32,
+        reject: f32,
+        lanes: u8,
+    ) -> Verdict {
+        let clear_reach = Lanes::all(accept + self.outer + piece.rounding + ROUNDING);
+        let certain = self.inner >= 0.0 && reject >= 0.0 && piece.exact;
+        let touch = if certain { reject + self.inner + piece.rounding - ROUNDING } else { -1.0 };
+        let touch_squared = Lanes::all(if touch > 0.0 { touch * touch } else { -1.0 });
+        let mut point = place(core_from_body, self.center);
+        let mut open = lanes;
+        for step in 0..STEPS {
+            let nearest = piece.nearest(&point);
+            let away = subtract(point, nearest);
+            let squared = dot(away, away);
+            let touching = open & (squared - touch_squared).not_positive();
+            if touching != 0 {
+                return Verdict { touching, undecided: 0 };
+            }
+            let direction = core_from_body.columns.map(|column| dot(column, away));
+            let (lowest, corner) = self.lowest(&direction);
+            let along = lowest + dot(core_from_body.origin, away) - dot(nearest, away);
+            let needed = squared.sqrt() * clear_reach;
+            open &= !(needed - along).negative();
+            if open == 0 || step + 1 == STEPS {
+                break;
+            }
+            let turned = core_from_body.columns;
+            let corner = add(
+                add(scale(turned[0], corner[0]), scale(turned[1], corner[1])),
+                add(scale(turned[2], corner[2]), core_from_body.origin),
+            );
+            let edge = subtract(corner, point);
+            let part = dot(away, edge).over(dot(edge, edge).max(1e-12) * -1.0).clamp(0.0, 1.0);
+            point = add(point, scale(edge, part));
+        }
+        Verdict { touching: 0, undecided: open }
+    }
+
+    /// The smallest product of a corner with `direction` (body frame), and that corner, per lane.
+    #[inline(always)]
+    fn lowest(&self, direction: &Point) -> (Lanes, Point) {
+        let mut best = Lanes::all(f32::MAX);
+        let mut lowest = Lanes::all(0.0);
+        let mut index = 0.0;
+        for &[x, y, z] in &self.corners {
+            let along = direction[0] * x + direction[1] * y + direction[2] * z;
+            lowest = along.below(best).pick(Lanes::all(index), lowest);
+            best = along.lower(best);
+            index += 1.0;
+        }
+        let chosen = lowest.to_array().map(|index| self.corners.get(index as usize).copied().unwrap_or(self.center));
+        (best, [0, 1, 2].map(|axis| Lanes::from_array(chosen.map(|corner| corner[axis]))))
+    }
+}
+
+/// Fewer corners, and how far the hull of all reaches beyond the hull of these.
+fn thinned(all: &[DVec3]) -> (Vec<DVec3>, f64) {
+    let mut kept: Vec<DVec3> = Vec::new();
+    for x in -1..=1 {
+        for y in -1..=1 {
+            for z in -1..=1 {
+                let direction = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+                let along = |corner: &&DVec3| corner.dot(direction);
+                if let Some(corner) = all.iter().max_by(|a, b| along(a).total_cmp(&along(b)))
+                    && !kept.contains(corner)
+                {
+                    kept.push(*corner);
+                }
+            }
+        }
+    }
+    loop {
+        let Some(hull) = hull(&kept) else { return (all.to_vec(), 0.0) };
+        let beyond: Vec<f64> = all.iter().map(|corner| distance_to(&hull, *corner)).collect();
+        let worst = beyond.iter().copied().fold(0.0, f64::max);
+        if worst <= THINNING || kept.len() >= all.len() {
+            return (kept, worst + 1e-6);
+        }
+        let before = kept.len();
+        // The farthest first; the others of this round must be well away from what was just added.
+        let mut order: Vec<usize> = (0..all.len()).filter(|index| beyond[*index] > 0.6 * worst).collect();
+        order.sort_by(|a, b| beyond[*b].total_cmp(&beyond[*a]));
+        for index in order {
+            if kept[before..].iter().all(|other| other.distance(all[index]) > 0.02) {
+                kept.push(all[index]);
+            }
+        }
+    }
+}
+
+fn hull(corners: &[DVec3]) -> Option<Convex> {
+    let shape = genmanip_core::Shape::Hull { points: corners.to_vec() };
+    Convex::new("", 0, &genmanip_core::Piece { shape, link_from_piece: Pose::IDENTITY }).ok()
+}
+
+fn distance_to(hull: &Convex, point: DVec3) -> f64 {
+    let ball = super::convex::Ball { center: DVec3::ZERO, radius: 0.0 };
+    let dot = Convex { core: Core::Point, radius: 0.0, owner_from_core: Rigid::IDENTITY, ball };
+    let place = Rigid { translation: point, ..Rigid::IDENTITY };
+    match separation(hull, &dot, &Rigid::IDENTITY, &place, 1.0) {
+        Separation::Within(distance) => distance.max(0.0),
+        Separation::Beyond => f64::INFINITY,
+    }
+}

@@ -1,0 +1,64 @@
+//! Corners of the convex hull of a mesh, from STL (binary or text) and OBJ.
+
+use genmanip_core::glam::DVec3;
+use parry3d_f64::{math::Vector, transformation::try_convex_hull};
+
+use super::MAX_MESH_BYTES;
+
+/// The corners of the mesh's convex hull, scaled; the words say what is wrong.
+pub(super) fn hull_corners(name: &str, bytes: &[u8], scale: DVec3) -> Result<Vec<DVec3>, String> {
+    if bytes.len() > MAX_MESH_BYTES {
+        return Err(format!("{} bytes; at most {MAX_MESH_BYTES} are read", bytes.len()));
+    }
+    let ending = name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
+    let mut points = match ending.as_str() {
+        "obj" => words_after("v", bytes)?,
+        "stl" if bytes.starts_with(b"solid") && !is_binary(bytes) => words_after("vertex", bytes)?,
+        "stl" if is_binary(bytes) => binary_stl(bytes),
+        "stl" => return Err("neither text nor binary STL: its length does not fit its number of triangles".into()),
+        other => return Err(format!("expected a mesh in STL or OBJ, got the ending `{other}`")),
+    };
+    for point in &mut points {
+        *point *= scale;
+    }
+    if !points.iter().all(|point| point.is_finite() && point.abs().max_element() < 1e3) {
+        return Err("a corner is not finite, or a kilometre away".into());
+    }
+    let mut input: Vec<Vector> = points.iter().map(|point| Vector::from_array(point.to_array())).collect();
+    input.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
+    input.dedup();
+    if input.len() < 4 {
+        return Err(format!("{} different corners; a body needs at least 4", input.len()));
+    }
+    let (corners, _) = try_convex_hull(&input).map_err(|error| format!("it has no convex hull: {error:?}"))?;
+    Ok(corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect())
+}
+
+fn is_binary(bytes: &[u8]) -> bool {
+    let count = bytes.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
+    count.is_some_and(|count| bytes.len() as u64 == 84 + 50 * u64::from(count))
+}
+
+fn binary_stl(bytes: &[u8]) -> Vec<DVec3> {
+    let number = |bytes: &[u8]| f64::from(bytes.try_into().map_or(f32::NAN, f32::from_le_bytes));
+    let corner = |bytes: &[u8]| DVec3::new(number(&bytes[..4]), number(&bytes[4..8]), number(&bytes[8..]));
+    bytes[84..].chunks_exact(50).flat_map(|triangle| triangle[12..48].chunks_exact(12).map(corner)).collect()
+}
+
+/// The three numbers in every line that starts with `key`.
+fn words_after(key: &str, bytes: &[u8]) -> Result<Vec<DVec3>, String> {
+    let text = std::str::from_utf8(bytes).map_err(|error| format!("not text: {error}"))?;
+    let mut points = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let mut words = line.split_whitespace();
+        if words.next() != Some(key) {
+            continue;
+        }
+        let values: Vec<f64> = words.take(3).filter_map(|word| word.parse().ok()).collect();
+        let &[x, y, z] = values.as_slice() else {
+            return Err(format!("line {}: expected three numbers after `{key}`", index + 1));
+        };
+        points.push(DVec3::new(x, y, z));
+    }
+    Ok(points)
+}

@@ -1,0 +1,66 @@
+//! Keeps relations near their quotas: what is rarest so far, measured by its quota, is chosen next.
+
+use genmanip_core::{Relation, Task};
+use rand::{Rng, RngExt};
+
+use super::settings::{DesignSettings, RELATIONS};
+
+/// Relations counted so far over edges and goal conditions.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Balance {
+    counts: [usize; RELATIONS.len()],
+}
+
+impl Balance {
+    /// Counts every edge of the graph and every condition of the goal, in all alternatives.
+    pub fn count(&mut self, task: &Task) {
+        for relation in relations_of(task) {
+            self.add(relation);
+        }
+    }
+
+    pub fn add(&mut self, relation: Relation) {
+        if let Some(index) = index(relation) {
+            self.counts[index] += 1;
+        }
+    }
+
+    pub fn of(&self, relation: Relation) -> usize {
+        index(relation).map_or(0, |index| self.counts[index])
+    }
+
+    pub fn total(&self) -> usize {
+        self.counts.iter().sum()
+    }
+
+    /// The relation that lacks most, as a share of its quota; a little chance keeps single designs from being alike.
+    pub fn choose(&self, among: &[Relation], settings: &DesignSettings, rng: &mut impl Rng) -> Option<Relation> {
+        let mut best: Option<(f64, Relation)> = None;
+        for &relation in among {
+            let lack = self.lack(relation, settings) + settings.chance * rng.random::<f64>();
+            if best.is_none_or(|(most, _)| lack > most) {
+                best = Some((lack, relation));
+            }
+        }
+        best.map(|(_, relation)| relation)
+    }
+
+    /// How many more of it there should be by now.
+    pub fn lack(&self, relation: Relation, settings: &DesignSettings) -> f64 {
+        settings.relation_quota(relation) * self.total() as f64 - self.of(relation) as f64
+    }
+}
+
+/// Every relation of a task that quotas count: of edges, and of conditions in all alternatives of the goal.
+pub(super) fn relations_of(task: &Task) -> impl Iterator<Item = Relation> {
+    let edges = task.scene_graph.edges.iter().map(|edge| edge.relation);
+    let goal = task.goal.alternatives.iter().flatten().filter_map(|atom| match atom {
+        genmanip_core::Atom::Relation { relation, .. } => Some(*relation),
+        genmanip_core::Atom::State { .. } => None,
+    });
+    edges.chain(goal)
+}
+
+fn index(relation: Relation) -> Option<usize> {
+    RELATIONS.iter().position(|known| *known == relation)
+}

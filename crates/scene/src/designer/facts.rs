@@ -1,0 +1,99 @@
+//! What the graph of a scene says about pairs, and what it rules out.
+//!
+//! Left and front are strict orders of bounds, so they carry over from pair to pair; and what is apart along one axis
+//! stands in no relation that needs an overlap along it.
+
+use genmanip_core::Relation;
+
+use super::scene::Scene;
+
+/// What is known about a relation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Known {
+    Yes,
+    No,
+    Open,
+}
+
+/// Strict orders of the objects of a scene.
+pub(super) struct Facts {
+    /// `farther[a][b]`: all of a is farther from the robot than all of b.
+    farther: Vec<Vec<bool>>,
+    /// `lefter[a][b]`: all of a is more to the robot's left than all of b.
+    lefter: Vec<Vec<bool>>,
+}
+
+impl Facts {
+    pub fn new(scene: &Scene) -> Self {
+        let count = scene.len();
+        let mut farther = vec![vec![false; count]; count];
+        let mut lefter = vec![vec![false; count]; count];
+        for link in &scene.edges {
+            let (a, b) = (link.subject, link.reference);
+            match link.relation {
+                Relation::Front => farther[a][b] = true,
+                Relation::Back => farther[b][a] = true,
+                Relation::Left => lefter[a][b] = true,
+                Relation::Right => lefter[b][a] = true,
+                _ => {}
+            }
+        }
+        close(&mut farther);
+        close(&mut lefter);
+        Self { farther, lefter }
+    }
+
+    /// Whether one is wholly farther from the robot than the other.
+    pub fn is_farther(&self, a: usize, b: usize) -> bool {
+        self.farther[a][b]
+    }
+
+    /// Whether one is wholly more to the robot's left than the other.
+    pub fn is_lefter(&self, a: usize, b: usize) -> bool {
+        self.lefter[a][b]
+    }
+
+    /// Whether `subject relation reference` holds in every layout of the scene.
+    pub fn known(&self, scene: &Scene, subject: usize, relation: Relation, reference: usize) -> Known {
+        let carried = |a: usize, b: usize| scene.carrier(a) == Some(b);
+        if relation.is_support() {
+            return if carried(subject, reference) { Known::Yes } else { Known::No };
+        }
+        if carried(subject, reference) || carried(reference, subject) {
+            return Known::No;
+        }
+        let stated = scene.edges.iter().any(|link| {
+            let pair = (link.subject, link.reference);
+            (pair == (subject, reference) && link.relation == relation)
+                || (pair == (reference, subject) && link.relation.inverse() == Some(relation))
+        });
+        if stated {
+            return Known::Yes;
+        }
+        let apart_in_depth = self.farther[subject][reference] || self.farther[reference][subject];
+        let apart_in_width = self.lefter[subject][reference] || self.lefter[reference][subject];
+        let excluded = match relation {
+            Relation::Left => apart_in_depth || self.lefter[reference][subject],
+            Relation::Right => apart_in_depth || self.lefter[subject][reference],
+            Relation::Front => apart_in_width || self.farther[reference][subject],
+            Relation::Back => apart_in_width || self.farther[subject][reference],
+            _ => false,
+        };
+        if excluded { Known::No } else { Known::Open }
+    }
+}
+
+fn close(order: &mut [Vec<bool>]) {
+    let count = order.len();
+    for via in 0..count {
+        for from in 0..count {
+            if order[from][via] {
+                for to in 0..count {
+                    if order[via][to] {
+                        order[from][to] = true;
+                    }
+                }
+            }
+        }
+    }
+}

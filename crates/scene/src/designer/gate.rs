@@ -1,0 +1,98 @@
+//! The last gate: a design is judged as an answer of a language model would be, and its sentence is read back.
+
+use genmanip_core::{Atom, ObjectCard, Task, TaskKind};
+use serde_json::{Value, json};
+
+use super::kinds::Draft;
+use super::scene::Scene;
+use crate::answer::{TaskRequest, Verdict, check_answer};
+use crate::references;
+
+/// The task, or why it was rejected.
+pub(super) fn pass(
+    scene: &Scene,
+    draft: &Draft,
+    kind: TaskKind,
+    id: &str,
+    _cards: &[ObjectCard],
+) -> Result<Task, String> {
+    let offered: Vec<ObjectCard> = scene.cards.iter().map(|card| (*card).clone()).collect();
+    let task = Task {
+        id: id.to_owned(),
+        kind,
+        instruction: draft.instruction.clone(),
+        goal: genmanip_core::Goal {
+            alternatives: draft
+                .goal
+                .iter()
+                .map(|conjunction| conjunction.iter().map(|condition| scene.atom(condition)).collect())
+                .collect(),
+        },
+        scene_graph: scene.graph(draft.description.clone()),
+        objects: offered.clone(),
+        source: "rules".into(),
+    };
+    let request = TaskRequest {
+        id: task.id.clone(),
+        kind,
+        min_objects: scene.len().min(3),
+        offered,
+        between: true,
+        source: task.source.clone(),
+    };
+    let report = check_answer(&as_answer(&task).to_string(), &request);
+    if report.verdict != Verdict::Valid {
+        let flaw = report.flaws.first().map_or_else(String::new, |flaw| flaw.kind.name());
+        return Err(format!("refused by the rules for tasks: {flaw}"));
+    }
+    let task = report.task.ok_or("refused by the rules for tasks")?;
+    match references::check(&task) {
+        Ok(()) => Ok(task),
+        Err(mismatch) => Err(format!("the sentence reads differently: {}", mismatch.reason())),
+    }
+}
+
+/// A task in the exchange format, as a language model would answer.
+pub fn as_answer(task: &Task) -> Value {
+    let name = |uid: &str| task.card(uid).map_or("none", |card| card.name.as_str()).to_owned();
+    let relation = |subject: &str, relation: &str, reference: &str, second: Option<&String>| {
+        let mut entry = json!({
+            "obj1": name(subject), "obj1_uid": subject, "position": relation,
+            "obj2": name(reference), "obj2_uid": reference,
+        });
+        if let Some(second) = second {
+            entry["obj3"] = name(second).into();
+            entry["obj3_uid"] = second.as_str().into();
+        }
+        entry
+    };
+    let condition = |atom: &Atom| match atom {
+        Atom::Relation { subject, relation: word, reference, second_reference } => {
+            let mut entry = relation(subject, word.name(), reference, second_reference.as_ref());
+            entry["obj1_state"] = "none".into();
+            entry
+        }
+        Atom::State { object, state } => json!({
+            "obj1": name(object), "obj1_uid": object, "obj1_state": state,
+            "obj2": "none", "obj2_uid": "none", "position": "none",
+        }),
+    };
+    let goal: Vec<Vec<Value>> =
+        task.goal.alternatives.iter().map(|conjunction| conjunction.iter().map(condition).collect()).collect();
+    let graph = &task.scene_graph;
+    let edges: Vec<Value> = graph
+        .edges
+        .iter()
+        .map(|edge| relation(&edge.subject, edge.relation.name(), &edge.reference, edge.second_reference.as_ref()))
+        .collect();
+    let nodes: Vec<Value> = graph
+        .nodes
+        .iter()
+        .map(|node| json!({"obj_uid": node.uid, "state": node.state.as_deref().unwrap_or("none")}))
+        .collect();
+    json!({
+        "instruction": task.instruction,
+        "goal_conditions": goal,
+        "scene_graph": {"description": graph.description, "edges": edges, "nodes": nodes},
+    })
+}

@@ -1,0 +1,256 @@
+//! Expressions for objects: by name, by looks, or by place, each meant to single out one object of its scene.
+//!
+//! What is proposed here is checked afterwards by [`crate::references`], which shares no words with it.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use genmanip_core::{ObjectCard, Relation};
+use rand::seq::IndexedRandom;
+use rand::{Rng, RngExt};
+
+use super::facts::{Facts, Known};
+use super::phrasing::phrases;
+use super::scene::{DIRECTIONS, Scene};
+use super::things::{Group, things};
+
+/// Looks of each object in words that avoid its name, `data/designer/looks.json`.
+static LOOKS: LazyLock<BTreeMap<String, Vec<String>>> =
+    LazyLock::new(|| super::data(include_str!("../../data/designer/looks.json")));
+
+/// How much larger one object must be than another to be called the larger one, by volume.
+const LARGER: f64 = 1.7;
+
+/// How an object is referred to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Style {
+    /// By its name, or by what it is.
+    Plain,
+    /// By where it is.
+    Place,
+    /// By what it looks like.
+    Looks,
+}
+
+/// Whether an object can be told by its looks.
+pub(super) fn has_looks(card: &ObjectCard) -> bool {
+    LOOKS.contains_key(&card.uid)
+}
+
+/// Finds expressions for the objects of a finished scene.
+pub(super) struct Namer<'s, 'a> {
+    scene: &'s Scene<'a>,
+    facts: Facts,
+}
+
+/// A word and the objects of the scene it may mean.
+struct Word<'a> {
+    one: &'a str,
+    several: Option<&'a str>,
+    meant: Vec<usize>,
+}
+
+impl<'s, 'a> Namer<'s, 'a> {
+    pub fn new(scene: &'s Scene<'a>) -> Self {
+        Self { scene, facts: Facts::new(scene) }
+    }
+
+    /// An expression with its article; `None` when there is none that singles the object out.
+    pub fn name(&self, object: usize, style: Style, rng: &mut impl Rng) -> Option<String> {
+        let options = match style {
+            Style::Plain => self.plain(object),
+            Style::Looks => self.looks(object),
+            Style::Place => self.by_place(object, rng),
+        };
+        options.choose(rng).map(|text| format!("the {text}")).map(|text| text.replace("the whatever", "whatever"))
+    }
+
+    fn plain(&self, object: usize) -> Vec<String> {
+        let card = self.scene.cards[object];
+        let name = card.name.to_lowercase();
+        let adjectives: Vec<&str> = name.split(' ').collect();
+        let adjectives = &adjectives[..adjectives.len().saturating_sub(1)];
+        let fits = |other: &ObjectCard| {
+            let text = format!("{} {}", other.name, other.colors.first().map_or("", String::as_str)).to_lowercase();
+            adjectives.iter().all(|adjective| text.contains(adjective))
+        };
+        let mut options = Vec::new();
+        if !self.alike(object).into_iter().any(|other| fits(self.scene.cards[other])) {
+            options.push(name);
+        }
+        if self.alike(object).is_empty() {
+            options.push(things().noun(card).to_owned());
+        }
+        options
+    }
+
+    /// Other objects that the object's noun could mean.
+    fn alike(&self, object: usize) -> Vec<usize> {
+        self.meant_by_noun(object).into_iter().filter(|&other| other != object).collect()
+    }
+
+    fn meant_by_noun(&self, object: usize) -> Vec<usize> {
+        let card = self.scene.cards[object];
+        let is_alike = |other: &ObjectCard| {
+            let alike = |one: &ObjectCard, two: &ObjectCard| {
+                things().kind(one).is_some_and(|kind| kind.alike.contains(&two.category))
+            };
+            other.category == card.category || alike(card, other) || alike(other, card)
+        };
+        (0..self.scene.len()).filter(|&other| is_alike(self.scene.cards[other])).collect()
+    }
+
+    fn meant_by_group(&self, group: &Group) -> Option<Vec<usize>> {
+        let category = |object: &usize| &self.scene.cards[*object].category;
+        let all = 0..self.scene.len();
+        let doubtful = all.clone().any(|object| group.doubtful.contains(category(&object)));
+        (!doubtful).then(|| all.filter(|object| group.members.contains(category(object))).collect())
+    }
+
+    fn looks(&self, object: usize) -> Vec<String> {
+        let card = self.scene.cards[object];
+        let mut options = LOOKS.get(&card.uid).cloned().unwrap_or_default();
+        let kin = self.same_kind(object);
+        let volume = |object: usize| self.scene.cards[object].size_m.element_product();
+        if let Some(kind) = things().kind(card)
+            && kin.len() == 2
+            && self.meant_by_noun(object).len() == 2
+        {
+            let other = if kin[0] == object { kin[1] } else { kin[0] };
+            if volume(object) > LARGER * volume(other) {
+                options.extend([format!("larger of the two {}", kind.plural), format!("bigger {}", kind.noun)]);
+            }
+            if LARGER * volume(object) < volume(other) {
+                options.extend([format!("smaller of the two {}", kind.plural), format!("smaller {}", kind.noun)]);
+            }
+        }
+        options
+    }
+
+    fn same_kind(&self, object: usize) -> Vec<usize> {
+        let category = |object: usize| &self.scene.cards[object].category;
+        (0..self.scene.len()).filter(|&other| category(other) == category(object)).collect()
+    }
+
+    /// Words for the object that mean others as well, so that its place is what singles it out.
+    fn words(&self, object: usize) -> Vec<Word<'a>> {
+        let card = self.scene.cards[object];
+        let mut words = Vec::new();
+        if let Some(kind) = things().kind(card) {
+            words.push(Word { one: &kind.noun, several: Some(&kind.plural), meant: self.meant_by_noun(object) });
+        }
+        for (word, group) in things().groups_of(card) {
+            if let Some(meant) = self.meant_by_group(group) {
+                words.push(Word { one: word, several: None, meant });
+            }
+        }
+        words.push(Word { one: "object", several: None, meant: (0..self.scene.len()).collect() });
+        words.retain(|word| word.meant.len() > 1);
+        words
+    }
+
+    fn by_place(&self, object: usize, rng: &mut impl Rng) -> Vec<String> {
+        let mut options = Vec::new();
+        for word in self.words(object) {
+            let others: Vec<usize> = word.meant.iter().copied().filter(|&other| other != object).collect();
+            self.beside_something(object, &word, &others, &mut options, rng);
+            self.between_two(object, &word, &others, &mut options, rng);
+            if word.one != "object" && others.iter().all(|&other| self.scene.carrier(other).is_none()) {
+                self.at_the_end(object, &word, &others, &mut options);
+            }
+        }
+        options
+    }
+
+    fn beside_something(
+        &self,
+        object: usize,
+        word: &Word,
+        others: &[usize],
+        options: &mut Vec<String>,
+        rng: &mut impl Rng,
+    ) {
+        let support = self.scene.edges.iter().find(|link| link.subject == object && link.relation.is_support());
+        let relations = DIRECTIONS.into_iter().chain(support.map(|link| link.relation));
+        for relation in relations {
+            for anchor in (0..self.scene.len()).filter(|&anchor| anchor != object) {
+                let known = |other: usize| self.facts.known(self.scene, other, relation, anchor);
+                let mut rivals = others.iter().filter(|&&other| other != anchor);
+                let needed = others.iter().any(|&other| other != anchor);
+                if known(object) != Known::Yes || !needed || !rivals.all(|&other| known(other) == Known::No) {
+                    continue;
+                }
+                let Some(reference) = self.name(anchor, Style::Plain, rng) else { continue };
+                let place = phrases().place(relation, self.scene.cards[anchor], &reference, "", rng);
+                let is = phrases().which(rng);
+                options.push(match word.one {
+                    "object" => format!("whatever is {place}"),
+                    one => format!("{one} {is} {place}"),
+                });
+            }
+        }
+    }
+
+    fn between_two(&self, object: usize, word: &Word, others: &[usize], options: &mut Vec<String>, rng: &mut impl Rng) {
+        for link in &self.scene.edges {
+            let (Relation::Between, Some(second)) = (link.relation, link.second) else { continue };
+            let ends = [link.reference, second];
+            let outside = |&other: &usize| ends.contains(&other) || self.is_outside(other, ends);
+            if link.subject != object || !others.iter().all(outside) {
+                continue;
+            }
+            let names = ends.map(|end| self.name(end, Style::Plain, rng));
+            let [Some(first), Some(last)] = names else { continue };
+            let mut places = vec![format!("between {first} and {last}")];
+            let kin = self.same_kind(ends[0]);
+            if kin.len() == 2 && kin.contains(&ends[1]) && self.meant_by_noun(ends[0]).len() == 2 {
+                let plural = things().kind(self.scene.cards[ends[0]]).map(|kind| kind.plural.as_str());
+                places = plural.map(|plural| vec![format!("between the two {plural}")]).unwrap_or(places);
+            }
+            let is = phrases().which(rng);
+            options.extend(places.into_iter().map(|place| match word.one {
+                "object" => format!("whatever is {place}"),
+                one => format!("{one} {is} {place}"),
+            }));
+        }
+    }
+
+    /// Whether an object is beyond both of two others, so that it cannot be between them.
+    fn is_outside(&self, object: usize, ends: [usize; 2]) -> bool {
+        let beyond = |order: &dyn Fn(usize, usize) -> bool| {
+            ends.iter().all(|&end| order(object, end)) || ends.iter().all(|&end| order(end, object))
+        };
+        beyond(&|a, b| self.facts.is_farther(a, b)) || beyond(&|a, b| self.facts.is_lefter(a, b))
+    }
+
+    fn at_the_end(&self, object: usize, word: &Word, others: &[usize], options: &mut Vec<String>) {
+        let facts = &self.facts;
+        let one = word.one;
+        if others.iter().all(|&other| facts.is_farther(object, other)) {
+            options
+                .extend([format!("{one} farthest from the robot"), format!("{one} that is farthest from the robot")]);
+        }
+        if others.iter().all(|&other| facts.is_farther(other, object)) {
+            options.extend([format!("{one} nearest to the robot"), format!("{one} that is closest to the robot")]);
+        }
+        if others.iter().all(|&other| facts.is_lefter(object, other)) {
+            options.push(format!("{one} farthest to the robot's left"));
+        }
+        if others.iter().all(|&other| facts.is_lefter(other, object)) {
+            options.push(format!("{one} farthest to the robot's right"));
+        }
+        if let ([a, b], Some(several)) = (others, word.several) {
+            let ordered = |order: &dyn Fn(usize, usize) -> bool| {
+                (order(*a, object) && order(object, *b)) || (order(*b, object) && order(object, *a))
+            };
+            if ordered(&|a, b| facts.is_farther(a, b)) || ordered(&|a, b| facts.is_lefter(a, b)) {
+                options.push(format!("middle one of the three {several}"));
+            }
+        }
+    }
+}
+
+/// A coin that shows heads with this probability.
+pub(super) fn chance(share: f64, rng: &mut impl Rng) -> bool {
+    rng.random::<f64>() < share
+}

@@ -1,0 +1,121 @@
+//! Sentences: templates from `data/designer/phrases.json`, filled in.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use genmanip_core::{ObjectCard, Relation};
+use rand::Rng;
+use rand::seq::IndexedRandom;
+use serde::Deserialize;
+
+use super::things::things;
+
+static PHRASES: LazyLock<Phrases> = LazyLock::new(|| super::data(include_str!("../../data/designer/phrases.json")));
+
+/// Every template; `{x}` is what is moved, `{to}` and `{at}` a place as a direction and as a location.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Phrases {
+    /// One object to one place.
+    pub r#move: Vec<String>,
+    /// The same when the object takes a whole clause to describe.
+    pub move_described: Vec<String>,
+    /// One object to one of two places.
+    pub alternatives: Vec<String>,
+    /// The same when the object takes a whole clause to describe.
+    pub alternatives_described: Vec<String>,
+    /// Several steps.
+    pub steps: Steps,
+    to: BTreeMap<String, Vec<String>>,
+    at: BTreeMap<String, Vec<String>>,
+    which: Vec<String>,
+    hollow_top: BTreeMap<String, Vec<String>>,
+}
+
+/// Templates of tasks with several steps.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Steps {
+    pub two: Vec<String>,
+    pub three: Vec<String>,
+    pub four: Vec<String>,
+    pub opening: Vec<String>,
+    pub step: Vec<String>,
+    pub step_or: Vec<String>,
+    pub pair: Vec<String>,
+    pub pair_or: Vec<String>,
+    pub tower: Vec<String>,
+}
+
+pub(super) fn phrases() -> &'static Phrases {
+    &PHRASES
+}
+
+impl Phrases {
+    /// A place as where something is: `in the bowl`.
+    pub fn place(
+        &self,
+        relation: Relation,
+        reference: &ObjectCard,
+        first: &str,
+        second: &str,
+        rng: &mut impl Rng,
+    ) -> String {
+        self.fill_place(&self.at, "at", relation, reference, first, second, rng)
+    }
+
+    /// A place as where something goes: `into the bowl`.
+    pub fn direction(
+        &self,
+        relation: Relation,
+        reference: &ObjectCard,
+        first: &str,
+        second: &str,
+        rng: &mut impl Rng,
+    ) -> String {
+        self.fill_place(&self.to, "to", relation, reference, first, second, rng)
+    }
+
+    /// `that stands` and the like.
+    pub fn which(&self, rng: &mut impl Rng) -> &str {
+        choose(&self.which, rng)
+    }
+
+    #[allow(clippy::too_many_arguments)] // one call site per direction of speech
+    fn fill_place(
+        &self,
+        table: &BTreeMap<String, Vec<String>>,
+        key: &str,
+        relation: Relation,
+        reference: &ObjectCard,
+        first: &str,
+        second: &str,
+        rng: &mut impl Rng,
+    ) -> String {
+        let is_hollow = things().host(reference).is_some_and(|host| host.relations.contains(&Relation::In));
+        let hollow = (relation == Relation::Top && is_hollow).then(|| self.hollow_top.get(key)).flatten();
+        let template = hollow.or_else(|| table.get(relation.name())).map_or("", |options| choose(options, rng));
+        fill(template, &[("y", first), ("z", second)])
+    }
+}
+
+/// One of some templates.
+pub(super) fn choose<'t>(templates: &'t [String], rng: &mut impl Rng) -> &'t str {
+    templates.choose(rng).map_or("", String::as_str)
+}
+
+/// Replaces `{key}` by its value; `{Key}` by the value with a capital.
+pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
+    let mut text = template.to_owned();
+    for (key, value) in values {
+        text = text.replace(&format!("{{{key}}}"), value);
+        text = text.replace(&format!("{{{}}}", capitalised(key)), &capitalised(value));
+    }
+    text
+}
+
+/// With a capital first letter.
+pub(super) fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}

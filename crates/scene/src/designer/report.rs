@@ -1,0 +1,131 @@
+//! Measures a batch of designs: validity, variety, quotas, references.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use genmanip_core::{ObjectCard, Seed, TaskKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::balance::Balance;
+use super::settings::RELATIONS;
+use super::{DesignError, DesignSettings, as_answer, design_many};
+use crate::answer::{TaskRequest, Verdict, check_answer};
+use crate::references;
+
+/// What a batch of designs is like.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DesignReport {
+    /// Seed of the batch.
+    pub seed: Seed,
+    /// Tasks made.
+    pub tasks: usize,
+    /// Tasks that the validator accepts without repairs.
+    pub valid: usize,
+    /// Different instructions.
+    pub distinct_instructions: usize,
+    /// Their share.
+    pub distinct_share: f64,
+    /// Tasks of each kind, and how many there should be.
+    pub kinds: BTreeMap<String, Occurrence>,
+    /// Edges and goal conditions with each relation, and how many there should be.
+    pub relations: BTreeMap<String, Occurrence>,
+    /// Largest difference from a quota, as a share of it.
+    pub worst_quota_deviation: f64,
+    /// Objects of goals that the instructions refer to.
+    pub references: usize,
+    /// Those that the independent reading finds, each uniquely and in its role.
+    pub references_unique: usize,
+    /// Words of the longest instruction.
+    pub words_max: usize,
+    /// Processor time of designing, seconds.
+    pub cpu_s: f64,
+    /// Reasons for which designs were drawn again.
+    pub rejections: BTreeMap<String, usize>,
+    /// What is wrong with finished tasks.
+    pub flaws: Vec<String>,
+}
+
+/// How often something occurs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Occurrence {
+    /// How often it does.
+    pub count: usize,
+    /// How often it should.
+    pub quota: f64,
+}
+
+/// Designs a batch and judges every task afresh: the design's own gate is not believed.
+///
+/// `clock` gives seconds of processor time.
+///
+/// # Errors
+/// [`DesignError`] when a task cannot be made.
+pub fn measure(
+    cards: &[ObjectCard],
+    count: usize,
+    seed: Seed,
+    settings: &DesignSettings,
+    clock: &mut dyn FnMut() -> f64,
+) -> Result<DesignReport, DesignError> {
+    let start = clock();
+    let batch = design_many(&TaskKind::ALL, count, cards, seed, settings)?;
+    let cpu_s = clock() - start;
+
+    let mut report = DesignReport {
+        seed,
+        tasks: batch.tasks.len(),
+        valid: 0,
+        distinct_instructions: batch.tasks.iter().map(|task| &task.instruction).collect::<BTreeSet<_>>().len(),
+        distinct_share: 1.0,
+        kinds: BTreeMap::new(),
+        relations: BTreeMap::new(),
+        worst_quota_deviation: 0.0,
+        references: 0,
+        references_unique: 0,
+        words_max: 0,
+        cpu_s,
+        rejections: batch.rejections,
+        flaws: Vec::new(),
+    };
+    let mut balance = Balance::default();
+    for task in &batch.tasks {
+        let request = TaskRequest {
+            id: task.id.clone(),
+            kind: task.kind,
+            offered: cards.to_vec(),
+            min_objects: settings.objects[0],
+            between: true,
+            source: task.source.clone(),
+        };
+        let judged = check_answer(&as_answer(task).to_string(), &request);
+        if judged.verdict == Verdict::Valid {
+            report.valid += 1;
+        } else {
+            report.flaws.push(format!("{}: {:?}", task.id, judged.flaws.first().map(|flaw| flaw.kind.name())));
+        }
+        let referred = references::intended(task);
+        report.references += referred.len();
+        report.references_unique += references::resolved(task);
+        if let Err(mismatch) = references::check(task) {
+            report.flaws.push(format!("{}: {mismatch}: {}", task.id, task.instruction));
+        }
+        report.words_max = report.words_max.max(task.instruction.split_whitespace().count());
+        balance.count(task);
+    }
+    if report.tasks > 0 {
+        report.distinct_share = report.distinct_instructions as f64 / report.tasks as f64;
+    }
+    for kind in TaskKind::ALL {
+        let count = batch.tasks.iter().filter(|task| task.kind == kind).count();
+        let quota = report.tasks as f64 / TaskKind::ALL.len() as f64;
+        report.kinds.insert(kind.name().into(), Occurrence { count, quota });
+    }
+    for relation in RELATIONS {
+        let quota = settings.relation_quota(relation) * balance.total() as f64;
+        report.relations.insert(relation.name().into(), Occurrence { count: balance.of(relation), quota });
+    }
+    let deviation = |occurrence: &Occurrence| (occurrence.count as f64 / occurrence.quota.max(1e-9) - 1.0).abs();
+    let all = report.kinds.values().chain(report.relations.values());
+    report.worst_quota_deviation = if report.tasks == 0 { 0.0 } else { all.map(deviation).fold(0.0, f64::max) };
+    Ok(report)
+}

@@ -1,0 +1,268 @@
+//! A scene in the making: a rough sketch on the table, from which the edges of the graph are read.
+//!
+//! Every object gets a place in the sketch with its neighbours at arm's length, so a graph that is read off it can be
+//! laid out: what is sketched is one such layout, with squares around everything that may be turned.
+
+use genmanip_core::{Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph};
+use glam::DVec2;
+use rand::{Rng, RngExt};
+
+use super::balance::Balance;
+use super::settings::DesignSettings;
+use super::things::things;
+
+/// The four directions.
+pub(super) const DIRECTIONS: [Relation; 4] = [Relation::Front, Relation::Back, Relation::Left, Relation::Right];
+
+/// Free space in front of a door or a drawer, metres.
+const SWING_M: f64 = 0.16;
+
+/// A condition on objects by their index.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Condition {
+    Relation(Link),
+    State(usize, String),
+}
+
+/// A relation between objects by their index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Link {
+    pub subject: usize,
+    pub relation: Relation,
+    pub reference: usize,
+    pub second: Option<usize>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Rect {
+    low: DVec2,
+    high: DVec2,
+}
+
+/// Objects, their relations and where they would roughly stand.
+#[derive(Clone, Debug)]
+pub(super) struct Scene<'a> {
+    pub cards: Vec<&'a ObjectCard>,
+    pub states: Vec<Option<String>>,
+    pub edges: Vec<Link>,
+    carriers: Vec<Option<usize>>,
+    places: Vec<Rect>,
+    /// Room that the goal needs.
+    kept_free: Vec<Rect>,
+    /// Objects that nothing else is put on or in, and nothing is said about beyond what is there.
+    pub closed: Vec<usize>,
+}
+
+impl<'a> Scene<'a> {
+    pub fn new() -> Self {
+        Self {
+            cards: Vec::new(),
+            states: Vec::new(),
+            edges: Vec::new(),
+            carriers: Vec::new(),
+            places: Vec::new(),
+            kept_free: Vec::new(),
+            closed: Vec::new(),
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.cards.len()
+    }
+
+    pub fn carrier(&self, object: usize) -> Option<usize> {
+        self.carriers[object]
+    }
+
+    /// What lies in or on an object.
+    pub fn carried(&self, host: usize) -> Vec<&'a ObjectCard> {
+        (0..self.len()).filter(|&other| self.carriers[other] == Some(host)).map(|other| self.cards[other]).collect()
+    }
+
+    pub fn contains(&self, card: &ObjectCard) -> bool {
+        self.cards.iter().any(|known| known.uid == card.uid)
+    }
+
+    /// Adds the first object, in the middle of nothing.
+    pub fn start(&mut self, card: &'a ObjectCard) -> usize {
+        self.push(card, around(DVec2::ZERO, half(card), card), None)
+    }
+
+    /// Adds an object beside another; `None` when there is no room.
+    pub fn beside(
+        &mut self,
+        card: &'a ObjectCard,
+        relation: Relation,
+        anchor: usize,
+        settings: &DesignSettings,
+        rng: &mut impl Rng,
+    ) -> Option<usize> {
+        let place = self.place_beside(card, relation, anchor, settings, rng)?;
+        Some(self.push(card, place, None))
+    }
+
+    /// Keeps the room free that a goal needs beside an object; false when there is none.
+    pub fn keep_free(
+        &mut self,
+        card: &ObjectCard,
+        relation: Relation,
+        anchor: usize,
+        settings: &DesignSettings,
+        rng: &mut impl Rng,
+    ) -> bool {
+        let place = self.place_beside(card, relation, anchor, settings, rng);
+        self.kept_free.extend(place);
+        place.is_some()
+    }
+
+    /// Adds an object beside the room that was kept free last: on the far side of it as seen from the anchor.
+    pub fn beyond(&mut self, card: &'a ObjectCard, relation: Relation, settings: &DesignSettings) -> Option<usize> {
+        let free = *self.kept_free.last()?;
+        let (half, middle) = (half(card), (free.low + free.high) * 0.5);
+        let reach = (free.high - free.low) * 0.5 + half + DVec2::splat(settings.gap_m + 0.005);
+        let place = around(middle + direction(relation) * reach, half, card);
+        self.is_free(&place, settings).then(|| self.push(card, place, None))
+    }
+
+    /// Puts an object in or on another.
+    pub fn put(&mut self, card: &'a ObjectCard, relation: Relation, host: usize) -> Option<usize> {
+        let fits = things().may_carry(self.cards[host], card, relation)
+            && things().has_space_for(self.cards[host], &self.carried(host), card);
+        if !fits || self.contains(card) || self.carriers[host].is_some() {
+            return None;
+        }
+        let object = self.push(card, self.places[host], Some(host));
+        self.edges.push(Link { subject: object, relation, reference: host, second: None });
+        Some(object)
+    }
+
+    /// States a relation, from whichever side is rarer.
+    pub fn relate(
+        &mut self,
+        subject: usize,
+        relation: Relation,
+        reference: usize,
+        balance: &mut Balance,
+        settings: &DesignSettings,
+    ) {
+        let inverse = relation.inverse().filter(|inverse| {
+            *inverse != relation && balance.lack(*inverse, settings) > balance.lack(relation, settings)
+        });
+        let link = match inverse {
+            Some(inverse) => Link { subject: reference, relation: inverse, reference: subject, second: None },
+            None => Link { subject, relation, reference, second: None },
+        };
+        balance.add(link.relation);
+        self.edges.push(link);
+    }
+
+    fn push(&mut self, card: &'a ObjectCard, place: Rect, carrier: Option<usize>) -> usize {
+        self.cards.push(card);
+        self.states.push(None);
+        self.carriers.push(carrier);
+        self.places.push(place);
+        self.len() - 1
+    }
+
+    fn place_beside(
+        &self,
+        card: &ObjectCard,
+        relation: Relation,
+        anchor: usize,
+        settings: &DesignSettings,
+        rng: &mut impl Rng,
+    ) -> Option<Rect> {
+        if self.carriers[anchor].is_some() || (relation == Relation::Back && swings(self.cards[anchor])) {
+            return None;
+        }
+        let (half, place) = (half(card), self.places[anchor]);
+        let (middle, other) = ((place.low + place.high) * 0.5, (place.high - place.low) * 0.5);
+        let gap = settings.gap_m + 0.02 * rng.random::<f64>();
+        let reach = half + other + DVec2::splat(gap);
+        let offset = match relation {
+            Relation::Near => {
+                let sign = |flip: bool| if flip { 1.0 } else { -1.0 };
+                reach * DVec2::new(sign(rng.random()), sign(rng.random()))
+            }
+            _ => {
+                let aside = 0.3 * half.min(other) * (2.0 * rng.random::<f64>() - 1.0);
+                let direction = direction(relation);
+                direction * reach + aside * DVec2::new(direction.y.abs(), direction.x.abs())
+            }
+        };
+        let place = around(middle + offset, half, card);
+        self.is_free(&place, settings).then_some(place)
+    }
+
+    fn is_free(&self, place: &Rect, settings: &DesignSettings) -> bool {
+        let on_table = self.places.iter().zip(&self.carriers).filter(|(_, carrier)| carrier.is_none());
+        let mut taken = on_table.map(|(place, _)| place).chain(&self.kept_free);
+        let gap = 0.9 * settings.gap_m;
+        let all = self.places.iter().chain(&self.kept_free).chain([place]);
+        let (low, high) =
+            all.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), r| (low.min(r.low), high.max(r.high)));
+        (high - low).cmple(DVec2::from(settings.area_m)).all()
+            && !taken.any(|other| (place.low - gap).cmplt(other.high).all() && other.low.cmplt(place.high + gap).all())
+    }
+
+    pub fn graph(&self, description: String) -> SceneGraph {
+        let uid = |object: usize| self.cards[object].uid.clone();
+        SceneGraph {
+            description,
+            nodes: self
+                .cards
+                .iter()
+                .zip(&self.states)
+                .map(|(card, state)| GraphNode { uid: card.uid.clone(), state: state.clone() })
+                .collect(),
+            edges: self
+                .edges
+                .iter()
+                .map(|link| GraphEdge {
+                    subject: uid(link.subject),
+                    relation: link.relation,
+                    reference: uid(link.reference),
+                    second_reference: link.second.map(uid),
+                })
+                .collect(),
+        }
+    }
+
+    pub fn atom(&self, condition: &Condition) -> Atom {
+        let uid = |object: usize| self.cards[object].uid.clone();
+        match condition {
+            Condition::Relation(link) => Atom::Relation {
+                subject: uid(link.subject),
+                relation: link.relation,
+                reference: uid(link.reference),
+                second_reference: link.second.map(uid),
+            },
+            Condition::State(object, state) => Atom::State { object: uid(*object), state: state.clone() },
+        }
+    }
+}
+
+fn direction(relation: Relation) -> DVec2 {
+    match relation {
+        Relation::Front => DVec2::X,
+        Relation::Back => DVec2::NEG_X,
+        Relation::Left => DVec2::Y,
+        Relation::Right => DVec2::NEG_Y,
+        _ => DVec2::ZERO,
+    }
+}
+
+/// Half of the square that an object needs however it is turned; articulated objects face the robot.
+fn half(card: &ObjectCard) -> DVec2 {
+    let size = card.size_m.truncate();
+    if card.is_articulated { size * 0.5 } else { DVec2::splat(size.max_element() * 0.5) }
+}
+
+fn swings(card: &ObjectCard) -> bool {
+    card.is_articulated && card.is_container && card.size_m.z > 0.15
+}
+
+fn around(middle: DVec2, half: DVec2, card: &ObjectCard) -> Rect {
+    let swing = if swings(card) { DVec2::new(SWING_M, 0.0) } else { DVec2::ZERO };
+    Rect { low: middle - half - swing, high: middle + half }
+}

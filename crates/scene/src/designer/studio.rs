@@ -1,0 +1,365 @@
+//! The building blocks of scenes: destinations with room, things to move, look-alikes, and everything else on the table.
+
+use genmanip_core::{ObjectCard, Relation};
+use rand::RngExt;
+use rand::seq::IndexedRandom;
+use rand_chacha::ChaCha8Rng;
+
+use super::balance::Balance;
+use super::naming::{Style, chance, has_looks};
+use super::scene::{Condition, DIRECTIONS, Link, Scene};
+use super::settings::DesignSettings;
+use super::things::{is_movable, things};
+
+/// Tries to find room for one object before it is given up.
+const PLACE_DRAWS: usize = 12;
+
+/// Longest side of what is put between two others, metres; they must stay close enough to both.
+const BETWEEN_M: f64 = 0.075;
+
+/// Share of fillers that come from the same part of the house.
+const THEMED: f64 = 0.85;
+
+/// Where something is to go.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub relation: Relation,
+    pub reference: usize,
+    pub second: Option<usize>,
+}
+
+impl Place {
+    /// The goal that an object is there.
+    pub fn of(self, subject: usize) -> Condition {
+        let Self { relation, reference, second } = self;
+        Condition::Relation(Link { subject, relation, reference, second })
+    }
+}
+
+/// A scene under construction, with everything that decides how it grows.
+pub(super) struct Studio<'a> {
+    pub cards: &'a [ObjectCard],
+    pub settings: &'a DesignSettings,
+    pub rng: ChaCha8Rng,
+    /// What was counted in earlier tasks and in this one so far.
+    pub balance: Balance,
+    pub scene: Scene<'a>,
+    /// Groups of things that this scene is mostly made of.
+    pub theme: &'static [&'static str],
+}
+
+const KITCHEN: &[&str] = &["tableware", "kitchen", "packaged goods", "food"];
+const DESK: &[&str] = &["office and toys", "tools", "containers"];
+
+impl<'a> Studio<'a> {
+    /// A random card that is not in the scene yet and that the designer has words for.
+    pub fn pick(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
+        let scene = &self.scene;
+        let known = |card: &&ObjectCard| things().kind(card).is_some() && !scene.contains(card) && suits(card);
+        let options: Vec<&'a ObjectCard> = self.cards.iter().filter(known).collect();
+        options.choose(&mut self.rng).copied()
+    }
+
+    /// A thing to carry; it decides what else is on the table.
+    pub fn pick_mover(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
+        let card = self.pick(|card| is_movable(card) && suits(card))?;
+        self.theme = if KITCHEN.contains(&card.general_category.as_str()) { KITCHEN } else { DESK };
+        Some(card)
+    }
+
+    /// Something rigid to stand about, mostly from the same part of the house.
+    pub fn pick_filler(&mut self) -> Option<&'a ObjectCard> {
+        let theme = if chance(THEMED, &mut self.rng) { self.theme } else { &[] };
+        let suits = |card: &ObjectCard| {
+            !card.is_articulated && (theme.is_empty() || theme.contains(&card.general_category.as_str()))
+        };
+        self.pick(suits)
+    }
+
+    /// Adds an object somewhere on the table, beside another one.
+    pub fn add(&mut self, card: &'a ObjectCard) -> Option<usize> {
+        self.add_with(card, None)
+    }
+
+    fn add_with(&mut self, card: &'a ObjectCard, relation: Option<Relation>) -> Option<usize> {
+        if self.scene.len() == 0 {
+            return Some(self.scene.start(card));
+        }
+        let all = [Relation::Front, Relation::Back, Relation::Left, Relation::Right, Relation::Near];
+        for _ in 0..PLACE_DRAWS {
+            let anchor = self.rng.random_range(0..self.scene.len());
+            let relation = relation.or_else(|| self.balance.choose(&all, self.settings, &mut self.rng))?;
+            if let Some(object) = self.add_beside(card, relation, anchor) {
+                return Some(object);
+            }
+        }
+        None
+    }
+
+    /// Adds an object beside a given one.
+    pub fn add_beside(&mut self, card: &'a ObjectCard, relation: Relation, anchor: usize) -> Option<usize> {
+        if self.scene.contains(card) {
+            return None;
+        }
+        let object = self.scene.beside(card, relation, anchor, self.settings, &mut self.rng)?;
+        self.scene.relate(object, relation, anchor, &mut self.balance, self.settings);
+        Some(object)
+    }
+
+    /// A place for an object, with room there; the relation is the one that is wanted.
+    pub fn destination(&mut self, item: &ObjectCard, relation: Relation, style: Style) -> Option<Place> {
+        if relation.is_support() {
+            let host = self
+                .pick(|card| things().may_carry(card, item, relation) && (style != Style::Looks || has_looks(card)))?;
+            let reference = self.add_styled(host, style)?;
+            self.scene.closed.push(reference);
+            return Some(Place { relation, reference, second: None });
+        }
+        let anchor = match style {
+            Style::Looks => self.pick(|card| !card.is_articulated && has_looks(card) && card.uid != item.uid)?,
+            _ => self.pick_filler().filter(|card| card.uid != item.uid)?,
+        };
+        let reference = self.add_styled(anchor, style)?;
+        let mut place = Place { relation, reference, second: None };
+        if relation == Relation::Between {
+            let aside = if chance(0.6, &mut self.rng) { Relation::Left } else { Relation::Front };
+            if item.size_m.x.max(item.size_m.y) > BETWEEN_M {
+                return None;
+            }
+            let twin = anchor.category.clone();
+            let like = self.pick(|card| card.category == twin && card.uid != item.uid);
+            let end = match like.filter(|_| style == Style::Plain && self.rng.random()) {
+                Some(card) => card,
+                None => self.pick_filler().filter(|card| card.uid != item.uid)?,
+            };
+            self.scene.keep_free(item, aside, reference, self.settings, &mut self.rng).then_some(())?;
+            let second = self.scene.beyond(end, aside, self.settings)?;
+            self.scene.relate(second, aside, reference, &mut self.balance, self.settings);
+            place.second = Some(second);
+        } else {
+            self.keep_free(item, relation, reference)?;
+        }
+        Some(place)
+    }
+
+    /// Keeps room free beside an object.
+    pub fn keep_free(&mut self, item: &ObjectCard, relation: Relation, anchor: usize) -> Option<()> {
+        (0..PLACE_DRAWS)
+            .any(|_| self.scene.keep_free(item, relation, anchor, self.settings, &mut self.rng))
+            .then_some(())
+    }
+
+    /// Adds an object together with what makes this style of reference worth while.
+    pub fn add_styled(&mut self, card: &'a ObjectCard, style: Style) -> Option<usize> {
+        match style {
+            Style::Plain => self.add(card),
+            Style::Looks => {
+                let object = self.add(card)?;
+                for _ in 0..self.rng.random_range(1..=2) {
+                    if let Some(twin) = self.pick(|other| looks_like(other, card)) {
+                        self.add(twin);
+                    }
+                }
+                Some(object)
+            }
+            Style::Place => self.add_placed(card),
+        }
+    }
+
+    /// Adds an object in a place that tells it from another of its kind.
+    fn add_placed(&mut self, card: &'a ObjectCard) -> Option<usize> {
+        let take_from = |host: &ObjectCard| {
+            things().host(host).is_some_and(|host| host.easy_to_take_from)
+                && things().may_carry(host, card, Relation::Top)
+        };
+        match self.rng.random_range(0..10) {
+            0..3 => self.add_between(card),
+            3..5 if is_movable(card) => {
+                let host = self.pick(take_from)?;
+                let host = self.add(host)?;
+                self.scene.closed.push(host);
+                let relation = self.support_relation(host)?;
+                let object = self.put(card, relation, host)?;
+                let twin = self.pick(|other| shares_word(other, card))?;
+                self.add(twin)?;
+                Some(object)
+            }
+            5..7 => self.add_to_row(card),
+            _ => self.add_opposite(card),
+        }
+    }
+
+    fn support_relation(&mut self, host: usize) -> Option<Relation> {
+        let relations = &things().host(self.scene.cards[host])?.relations;
+        self.balance.choose(relations, self.settings, &mut self.rng)
+    }
+
+    /// Puts something in or on an object.
+    pub fn put(&mut self, card: &'a ObjectCard, relation: Relation, host: usize) -> Option<usize> {
+        let object = self.scene.put(card, relation, host)?;
+        self.balance.add(relation);
+        Some(object)
+    }
+
+    /// `card` on one side of an anchor, another of its kind on the other side.
+    fn add_opposite(&mut self, card: &'a ObjectCard) -> Option<usize> {
+        let anchor = self.pick_filler().filter(|anchor| !shares_word(anchor, card) && anchor.uid != card.uid)?;
+        let anchor = self.add(anchor)?;
+        let side = *DIRECTIONS.choose(&mut self.rng)?;
+        let object = self.add_beside(card, side, anchor)?;
+        let twin = self.pick(|other| shares_word(other, card))?;
+        let mut sides: Vec<Relation> = DIRECTIONS.into_iter().filter(|other| *other != side).collect();
+        while !sides.is_empty() {
+            let other = sides.swap_remove(self.rng.random_range(0..sides.len()));
+            if self.add_beside(twin, other, anchor).is_some() {
+                return Some(object);
+            }
+        }
+        None
+    }
+
+    /// `card` between two others, another of its kind beyond one of them.
+    fn add_between(&mut self, card: &'a ObjectCard) -> Option<usize> {
+        let first = self.pick_filler().filter(|first| !shares_word(first, card) && first.uid != card.uid)?;
+        let category = first.category.clone();
+        let like = self.pick(|other| other.category == category && other.uid != first.uid);
+        let last = match like.filter(|_| self.rng.random()) {
+            Some(like) => like,
+            None => self.pick_filler().filter(|last| !shares_word(last, card) && last.uid != card.uid)?,
+        };
+        let side = *DIRECTIONS.choose(&mut self.rng)?;
+        let (_, object, last) = self.add_triple(first, card, last, side)?;
+        if let Some(twin) = self.pick(|other| shares_word(other, card)) {
+            self.add_beside(twin, side, last)?;
+        }
+        Some(object)
+    }
+
+    /// Three in a row with the middle one said to be between the others.
+    fn add_triple(
+        &mut self,
+        first: &'a ObjectCard,
+        middle: &'a ObjectCard,
+        last: &'a ObjectCard,
+        side: Relation,
+    ) -> Option<(usize, usize, usize)> {
+        if first.uid == last.uid || middle.uid == last.uid || first.uid == middle.uid {
+            return None;
+        }
+        let first = self.add(first)?;
+        let middle = self.add_beside(middle, side, first)?;
+        let last = self.add_beside(last, side, middle)?;
+        self.scene.edges.push(Link {
+            subject: middle,
+            relation: Relation::Between,
+            reference: first,
+            second: Some(last),
+        });
+        self.balance.add(Relation::Between);
+        Some((first, middle, last))
+    }
+
+    /// `card` in a row of its kind.
+    fn add_to_row(&mut self, card: &'a ObjectCard) -> Option<usize> {
+        let side = *DIRECTIONS.choose(&mut self.rng)?;
+        let position = self.rng.random_range(0..3);
+        let mut object = None;
+        let mut before: Option<usize> = None;
+        for index in 0..3 {
+            let member = if index == position {
+                card
+            } else {
+                self.pick(|other| shares_word(other, card) && other.uid != card.uid)?
+            };
+            let added = match before {
+                None => self.add(member)?,
+                Some(before) => self.add_beside(member, side, before)?,
+            };
+            if index == position {
+                object = Some(added);
+            }
+            before = Some(added);
+        }
+        object
+    }
+
+    /// Adds objects until there are this many, with the relations that are rarest so far.
+    pub fn fill(&mut self, count: usize) {
+        use Relation::{Back, Between, Front, In, Left, Near, On, Right, Top};
+        for _ in 0..4 * count {
+            let missing = count.saturating_sub(self.scene.len());
+            if missing == 0 {
+                return;
+            }
+            let all = [Front, Back, Left, Right, Near, Top, On, In, Between];
+            let Some(relation) = self.balance.choose(&all, self.settings, &mut self.rng) else { return };
+            match relation {
+                Between if missing >= 2 => self.fill_between(),
+                Top | On | In => self.fill_host(relation, missing),
+                Between => None,
+                _ => self.pick_filler().and_then(|card| self.add_with(card, Some(relation))),
+            };
+        }
+    }
+
+    fn fill_between(&mut self) -> Option<usize> {
+        let anchor = self.rng.random_range(0..self.scene.len());
+        let side = *DIRECTIONS.choose(&mut self.rng)?;
+        let middle = self.pick_filler()?;
+        let middle = self.add_beside(middle, side, anchor)?;
+        let last = self.pick_filler()?;
+        let last = self.add_beside(last, side, middle)?;
+        self.scene.edges.push(Link {
+            subject: middle,
+            relation: Relation::Between,
+            reference: anchor,
+            second: Some(last),
+        });
+        self.balance.add(Relation::Between);
+        Some(last)
+    }
+
+    fn fill_host(&mut self, relation: Relation, missing: usize) -> Option<usize> {
+        let open = |studio: &Self, host: usize| {
+            let rigid = !studio.scene.cards[host].is_articulated;
+            rigid && !studio.scene.closed.contains(&host) && studio.scene.carrier(host).is_none()
+        };
+        let hosts: Vec<usize> = (0..self.scene.len()).filter(|&host| open(self, host)).collect();
+        for &host in &hosts {
+            let card = self.scene.cards[host];
+            let item = self.pick(|item| things().may_carry(card, item, relation));
+            if let Some(object) = item.and_then(|item| self.put(item, relation, host)) {
+                return Some(object);
+            }
+        }
+        if missing < 2 {
+            return None;
+        }
+        let host = self.pick(|card| things().host(card).is_some_and(|host| host.relations.contains(&relation)))?;
+        let item = self.pick(|item| things().may_carry(host, item, relation))?;
+        let host = self.add(host)?;
+        self.put(item, relation, host)
+    }
+
+    /// How many objects the scene should have.
+    pub fn object_count(&mut self) -> usize {
+        let [fewest, most] = self.settings.objects;
+        let spread = (most - fewest) as f64 + 1.0;
+        let share = 0.5 * (self.rng.random::<f64>() + self.rng.random::<f64>());
+        fewest + (share * spread) as usize
+    }
+}
+
+/// Whether some word means both.
+pub(super) fn shares_word(one: &ObjectCard, other: &ObjectCard) -> bool {
+    one.category == other.category
+        || things().groups_of(one).any(|(_, group)| group.members.contains(&other.category))
+        || things().kind(one).is_some_and(|kind| kind.alike.contains(&other.category))
+        || things().kind(other).is_some_and(|kind| kind.alike.contains(&one.category))
+}
+
+/// Whether one could be taken for the other at a glance: of a kind, or of one class and colour.
+fn looks_like(one: &ObjectCard, other: &ObjectCard) -> bool {
+    let class = |card: &ObjectCard| things().kind(card).map(|kind| kind.class.clone());
+    shares_word(one, other) || (class(one) == class(other) && one.colors.first() == other.colors.first())
+}

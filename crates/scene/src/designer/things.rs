@@ -1,0 +1,150 @@
+//! What the designer knows about kinds of things: what they are called, and what may lie in or on what.
+//!
+//! All of it is data, `data/designer/things.json`; a kind that is missing there is never used.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use genmanip_core::{ObjectCard, Relation};
+use serde::Deserialize;
+
+/// Space that a dish keeps around what lies in it, metres.
+const RIM_M: f64 = 0.005;
+
+/// How far something may stick out over the edge of what it lies on, metres.
+const OVERHANG_M: f64 = 0.01;
+
+/// A hollow deeper than this keeps long things in; from a shallower one they may stick out, metres.
+const DEEP_M: f64 = 0.03;
+
+static THINGS: LazyLock<Things> = LazyLock::new(|| super::data(include_str!("../../data/designer/things.json")));
+
+/// The table.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Things {
+    kinds: BTreeMap<String, Kind>,
+    groups: BTreeMap<String, Group>,
+    hosts: BTreeMap<String, Host>,
+    room: BTreeMap<String, Room>,
+}
+
+/// A kind of thing, named after the category of its cards.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Kind {
+    /// What people call one.
+    pub noun: String,
+    /// What people call several.
+    pub plural: String,
+    /// What it is good for, for the choice of places.
+    pub class: String,
+    /// Other categories that the noun could mean as well.
+    pub alike: Vec<String>,
+}
+
+/// A word for several kinds.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Group {
+    /// Categories that it means.
+    pub members: Vec<String>,
+    /// Categories about which people would not agree.
+    pub doubtful: Vec<String>,
+}
+
+/// A kind of thing that others are put in or on.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Host {
+    /// How they may be put there: a hollow takes things `in`, a flat top `on`, and `top` leaves it open.
+    pub relations: Vec<Relation>,
+    /// Whether the hand can get hold of what lies there.
+    #[serde(default)]
+    pub easy_to_take_from: bool,
+    /// Classes or categories that belong there.
+    pub welcomes: Vec<String>,
+}
+
+/// Room in one object of the catalogue.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Room {
+    /// Length and width of the hollow at mid height, metres.
+    pub inside_m: [f64; 2],
+    /// Depth of the hollow, metres.
+    pub depth_m: f64,
+}
+
+pub(super) fn things() -> &'static Things {
+    &THINGS
+}
+
+impl Things {
+    pub fn kind(&self, card: &ObjectCard) -> Option<&Kind> {
+        self.kinds.get(&card.category)
+    }
+
+    /// The kind of a card that is known to have one.
+    pub fn noun<'a>(&'a self, card: &'a ObjectCard) -> &'a str {
+        self.kind(card).map_or(card.category.as_str(), |kind| &kind.noun)
+    }
+
+    /// Words for more than one kind that certainly mean this one.
+    pub fn groups_of<'a>(&'a self, card: &'a ObjectCard) -> impl Iterator<Item = (&'a str, &'a Group)> {
+        self.groups.iter().filter(|(_, group)| group.members.contains(&card.category)).map(|(w, g)| (w.as_str(), g))
+    }
+
+    pub fn host(&self, card: &ObjectCard) -> Option<&Host> {
+        self.hosts.get(&card.category)
+    }
+
+    /// Whether an object belongs in or on another and has room there.
+    pub fn may_carry(&self, host: &ObjectCard, item: &ObjectCard, relation: Relation) -> bool {
+        let (Some(kind), Some(manners)) = (self.kind(item), self.host(host)) else { return false };
+        let welcome = manners.welcomes.contains(&kind.class) || manners.welcomes.contains(&item.category);
+        host.uid != item.uid
+            && is_movable(item)
+            && manners.relations.contains(&relation)
+            && welcome
+            && self.has_room(host, item)
+            && (relation != Relation::In || self.is_low_enough(host, item))
+    }
+
+    fn has_room(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
+        let sorted = |x: f64, y: f64| if x > y { (x, y) } else { (y, x) };
+        let (length, width) = sorted(item.size_m.x, item.size_m.y);
+        match self.room.get(&host.uid) {
+            Some(room) => {
+                let (inner_length, inner_width) = sorted(room.inside_m[0], room.inside_m[1]);
+                let stick_out = if room.depth_m > DEEP_M { -RIM_M } else { 3.0 * OVERHANG_M };
+                length <= inner_length + stick_out && width <= inner_width - RIM_M
+            }
+            None => {
+                let (outer_length, outer_width) = sorted(host.size_m.x, host.size_m.y);
+                let lies_flat = host.size_m.z <= outer_width;
+                lies_flat && length <= outer_length + OVERHANG_M && width <= outer_width + OVERHANG_M
+            }
+        }
+    }
+
+    /// More than half of what lies *in* something is below its rim, also when it stands.
+    fn is_low_enough(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
+        self.room.get(&host.uid).is_some_and(|room| item.size_m.z <= 1.5 * room.depth_m)
+    }
+
+    /// Whether one more thing fits beside those that are already there, by area.
+    pub fn has_space_for(&self, host: &ObjectCard, there: &[&ObjectCard], item: &ObjectCard) -> bool {
+        let area = |card: &ObjectCard| (card.size_m.x + 0.03) * (card.size_m.y + 0.03);
+        let free = match self.room.get(&host.uid) {
+            Some(room) => room.inside_m[0] * room.inside_m[1],
+            None => host.size_m.x * host.size_m.y,
+        };
+        there.is_empty() || there.iter().map(|card| area(card)).sum::<f64>() + area(item) < 0.6 * free
+    }
+}
+
+/// Whether the hand can carry it.
+pub(super) fn is_movable(card: &ObjectCard) -> bool {
+    card.can_grasp && !card.is_articulated
+}

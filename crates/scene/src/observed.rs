@@ -1,0 +1,102 @@
+//! Point clouds of objects from depth images with instance ids, of several cameras fused.
+//!
+//! Cameras see the near sides only. What is missing is filled in from the convex hull of what was seen: its surface is
+//! kept where every camera looks at something in front of it, and left out where one looked through it. So a box gets
+//! its back and its underside, and a bowl stays open.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::{Intrinsics, Pose};
+use glam::{DVec2, DVec3};
+
+use crate::clouds::Cloud;
+use crate::hull::Hull;
+
+/// Points of one object are at least about so far apart, metres.
+const SPACING_M: f64 = 0.003;
+
+/// How far behind a point a camera must see something for the point to be in free space, metres.
+const FREE_M: f64 = 0.006;
+
+/// Fewest pixels of an object that tell anything about it.
+const MIN_POINTS: usize = 12;
+
+/// What one camera sees, row by row from the top left.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthView<'a> {
+    /// Projection.
+    pub intrinsics: Intrinsics,
+    /// Where the camera is.
+    pub world_from_camera: Pose,
+    /// Metres along the optical axis at the pixels' centres, 0 where nothing is seen.
+    pub depth_m: &'a [f32],
+    /// Which object a pixel sees.
+    pub instance: &'a [u16],
+}
+
+impl DepthView<'_> {
+    /// The points seen of an instance, in the world.
+    fn points(&self, instance: u16) -> impl Iterator<Item = DVec3> + '_ {
+        let width = self.intrinsics.width as usize;
+        let seen = self.instance.iter().zip(self.depth_m).enumerate();
+        seen.filter(move |(_, (id, depth))| **id == instance && depth.is_finite() && **depth > 0.0).map(
+            move |(index, (_, &depth))| {
+                let pixel = DVec2::new((index % width.max(1)) as f64, (index / width.max(1)) as f64);
+                self.world_from_camera.transform_point(self.intrinsics.unproject(pixel, f64::from(depth)))
+            },
+        )
+    }
+
+    /// Whether the camera looks through a point at something behind it.
+    fn looks_through(&self, camera_from_world: &Pose, point: DVec3) -> bool {
+        let local = camera_from_world.transform_point(point);
+        let Some(pixel) = self.intrinsics.project(local).map(DVec2::round) else { return false };
+        let size = DVec2::new(f64::from(self.intrinsics.width), f64::from(self.intrinsics.height));
+        if !(pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(size).all()) {
+            return false;
+        }
+        let index = pixel.y as usize * self.intrinsics.width as usize + pixel.x as usize;
+        self.depth_m.get(index).is_some_and(|&depth| depth <= 0.0 || f64::from(depth) > local.z + FREE_M)
+    }
+}
+
+/// The cloud of each instance in the world frame, hidden sides filled in; `None` for one that is hardly seen.
+///
+/// Pixels beyond the shorter of a view's two images are left out.
+pub fn clouds_of_views(views: &[DepthView<'_>], instances: &[u16]) -> Vec<Option<Cloud>> {
+    let cameras: Vec<Pose> = views.iter().map(|view| view.world_from_camera.inverse()).collect();
+    let free = |point: DVec3| views.iter().zip(&cameras).any(|(view, camera)| view.looks_through(camera, point));
+    let cloud = |&instance: &u16| {
+        let pixels: Vec<DVec3> = views.iter().flat_map(|view| view.points(instance)).collect();
+        if pixels.len() < MIN_POINTS {
+            return None;
+        }
+        let mut cells: BTreeMap<[i64; 3], (DVec3, f64)> = BTreeMap::new();
+        for point in pixels {
+            let (sum, count) = cells.entry(cell(point)).or_insert((DVec3::ZERO, 0.0));
+            *sum += point;
+            *count += 1.0;
+        }
+        let seen: Vec<DVec3> = cells.values().map(|(sum, count)| *sum / *count).collect();
+        let mut hidden: BTreeMap<[i64; 3], DVec3> = BTreeMap::new();
+        for point in Hull::of(&seen).faces().flat_map(spread) {
+            if !cells.contains_key(&cell(point)) && !free(point) {
+                hidden.entry(cell(point)).or_insert(point);
+            }
+        }
+        Cloud::new(seen.iter().chain(hidden.values()).map(DVec3::to_array).collect()).ok()
+    };
+    instances.iter().map(cloud).collect()
+}
+
+fn cell(point: DVec3) -> [i64; 3] {
+    (point / SPACING_M).floor().to_array().map(|index| index as i64)
+}
+
+/// Points over a triangle, about `SPACING_M` apart.
+fn spread([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = DVec3> {
+    let longest = (b - a).length().max((c - a).length()).max((c - b).length());
+    let steps = ((longest / SPACING_M).ceil() as usize).clamp(1, 1000);
+    let share = move |index: usize| index as f64 / steps as f64;
+    (0..=steps).flat_map(move |i| (0..=steps - i).map(move |j| a + (b - a) * share(i) + (c - a) * share(j)))
+}

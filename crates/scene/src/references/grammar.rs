@@ -1,0 +1,377 @@
+//! The fragment of English in which robots are told what to do: from words to commands.
+//!
+//! Sentences that command nothing are context and are skipped. A place after the verb's object is where that object
+//! goes; a place inside a description follows `that is`.
+
+use genmanip_core::Relation;
+
+/// One request.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Command {
+    /// Bring objects to a place, or to one of several.
+    Put { subjects: Vec<Group>, places: Vec<Place> },
+    /// Change the state of an object.
+    Change { object: Group, part: Option<Part>, action: Action },
+    /// One of these.
+    Either(Vec<Command>),
+}
+
+/// A noun group.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Group {
+    /// Its words without the article.
+    pub words: Vec<String>,
+    /// Where its object is, from a relative clause.
+    pub at: Option<Box<Place>>,
+}
+
+/// A preposition with one noun group or two.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Place {
+    /// Relations that the words allow.
+    pub relations: &'static [Relation],
+    pub objects: Vec<Group>,
+}
+
+/// A part of something with joints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    Upper,
+    Lower,
+    Both,
+    Other,
+}
+
+/// What is done to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Action {
+    Open,
+    Close,
+    On,
+    Off,
+    Low,
+    High,
+    Press,
+}
+
+use Relation::{Back, Between, Front, In, Left, Near, On, Right, Top};
+
+/// Prepositions, longer ones first.
+const PLACES: [(&str, &[Relation]); 15] = [
+    ("on the far side of", &[Front]),
+    ("on the robot's side of", &[Back]),
+    ("to the robot's left of", &[Left]),
+    ("to the robot's right of", &[Right]),
+    ("on top of", &[On, Top]),
+    ("next to", &[Near]),
+    ("close to", &[Near]),
+    ("beside", &[Near]),
+    ("near", &[Near]),
+    ("between", &[Between]),
+    ("inside", &[In, Top]),
+    ("into", &[In, Top]),
+    ("onto", &[On, Top]),
+    ("in", &[In, Top]),
+    ("on", &[On, Top]),
+];
+
+const TAKE: [&str; 5] = ["pick up", "take", "grab", "find", "fetch"];
+const PUT: [&str; 6] = ["put", "place", "set", "move", "stack", "bring"];
+const STATE: [&str; 15] = [
+    "open", "close", "shut", "pull", "push", "lift", "raise", "lower", "flip", "fold", "swing", "turn", "switch",
+    "press", "set",
+];
+const PARTICLES: [&str; 13] = [
+    "all the way up",
+    "to low",
+    "to high",
+    "open",
+    "shut",
+    "on",
+    "off",
+    "out",
+    "down",
+    "up",
+    "to off",
+    "all the way down",
+    "wide",
+];
+const JOINERS: [&str; 18] = [
+    "after that",
+    "as well",
+    "as you like",
+    "either will do",
+    "and then",
+    "first",
+    "finally",
+    "please",
+    "could you",
+    "can you",
+    "then",
+    "also",
+    "and",
+    ",",
+    ";",
+    ":",
+    "too",
+    "help me",
+];
+
+/// Reads an instruction; `None` when some command in it is not understood, or there is none.
+pub(super) fn read(instruction: &str) -> Option<Vec<Command>> {
+    let text = instruction.to_lowercase();
+    let mut commands = Vec::new();
+    for sentence in text.split(['.', '?', '!']) {
+        let sentence = sentence.split(", because ").next().unwrap_or_default();
+        let (before, after) = sentence.split_once(':').unwrap_or(("", sentence));
+        let mut reader = Reader::new(after);
+        reader.skip_joiners();
+        let tower = before.trim().ends_with("tower");
+        if reader.is_done() || !(reader.begins_command() || tower) {
+            continue;
+        }
+        if let Some(command) = reader.desire() {
+            reader.skip_joiners();
+            if reader.is_done() {
+                commands.push(command);
+                continue;
+            }
+            return None;
+        }
+        if reader.at("i want").is_some() {
+            continue;
+        }
+        while !reader.is_done() {
+            commands.push(reader.command()?);
+            reader.skip_joiners();
+        }
+    }
+    (!commands.is_empty()).then_some(commands)
+}
+
+struct Reader {
+    words: Vec<String>,
+    next: usize,
+}
+
+impl Reader {
+    fn new(text: &str) -> Self {
+        let spaced = text.replace(',', " , ").replace(';', " ; ");
+        Self { words: spaced.split_whitespace().map(String::from).collect(), next: 0 }
+    }
+
+    fn is_done(&self) -> bool {
+        self.next >= self.words.len()
+    }
+
+    fn word(&self, index: usize) -> &str {
+        self.words.get(index).map_or("", String::as_str)
+    }
+
+    /// The number of words of a phrase, if it comes next.
+    fn at(&self, phrase: &str) -> Option<usize> {
+        self.at_index(self.next, phrase)
+    }
+
+    fn at_index(&self, index: usize, phrase: &str) -> Option<usize> {
+        let mut length = 0;
+        for word in phrase.split(' ') {
+            if self.word(index + length) != word {
+                return None;
+            }
+            length += 1;
+        }
+        Some(length)
+    }
+
+    fn take(&mut self, phrase: &str) -> bool {
+        let length = self.at(phrase);
+        self.next += length.unwrap_or(0);
+        length.is_some()
+    }
+
+    fn take_any<'p>(&mut self, phrases: &[&'p str]) -> Option<&'p str> {
+        phrases.iter().copied().find(|phrase| self.take(phrase))
+    }
+
+    fn skip_joiners(&mut self) {
+        while self.take_any(&JOINERS).is_some() {}
+    }
+
+    fn begins_command(&self) -> bool {
+        let begins = |phrase: &&str| self.at(phrase).is_some();
+        TAKE.iter().any(begins)
+            || PUT.iter().any(begins)
+            || STATE.iter().any(begins)
+            || ["either", "i want"].iter().any(begins)
+    }
+
+    /// `I want … to be somewhere`.
+    fn desire(&mut self) -> Option<Command> {
+        let start = self.next;
+        let command = self.take("i want").then(|| {
+            let subject = self.group()?;
+            self.take("to be").then_some(())?;
+            let places = self.places()?;
+            Some(Command::Put { subjects: vec![subject], places })
+        });
+        let command = command.flatten();
+        if command.is_none() {
+            self.next = start;
+        }
+        command
+    }
+
+    fn command(&mut self) -> Option<Command> {
+        if self.take("either") {
+            let mut options = vec![self.command()?];
+            while self.take(",") || self.take("or") {
+                if !self.is_done() && self.at("or").is_none() {
+                    options.push(self.command()?);
+                }
+            }
+            return Some(Command::Either(options));
+        }
+        if self.take_any(&TAKE).is_some() {
+            let subject = self.group()?;
+            self.take("and").then_some(())?;
+            self.take_any(&PUT)?;
+            self.take("it").then_some(())?;
+            let places = self.places()?;
+            return Some(Command::Put { subjects: vec![subject], places });
+        }
+        let start = self.next;
+        if let Some(command) = self.put() {
+            return Some(command);
+        }
+        self.next = start;
+        self.change()
+    }
+
+    /// With its verb, or without one after another command.
+    fn put(&mut self) -> Option<Command> {
+        let verb = self.take_any(&PUT);
+        if verb.is_none() && STATE.iter().any(|verb| self.at(verb).is_some()) {
+            return None;
+        }
+        self.take("both");
+        let mut subjects = vec![self.group()?];
+        while self.take("and") {
+            subjects.push(self.group()?);
+        }
+        let places = self.places()?;
+        Some(Command::Put { subjects, places })
+    }
+
+    fn places(&mut self) -> Option<Vec<Place>> {
+        while self
+            .take_any(&["so that it is", "so that it ends up", "together", "either", "both", "down", ","])
+            .is_some()
+        {}
+        let mut places = vec![self.place()?];
+        while self.take("or") {
+            self.take("both");
+            places.push(self.place()?);
+        }
+        Some(places)
+    }
+
+    fn place(&mut self) -> Option<Place> {
+        let (relations, length) = self.preposition(self.next)?;
+        self.next += length;
+        let mut objects = vec![self.group()?];
+        if relations == [Between] && self.take("and") {
+            objects.push(self.group()?);
+        }
+        Some(Place { relations, objects })
+    }
+
+    /// The preposition at an index; followed by nothing it is none.
+    fn preposition(&self, index: usize) -> Option<(&'static [Relation], usize)> {
+        let (relations, length) = PLACES
+            .iter()
+            .find_map(|(phrase, relations)| self.at_index(index, phrase).map(|length| (*relations, length)))?;
+        let follows = self.word(index + length);
+        let ends = follows.is_empty() || [",", ";", "and", "or", "its"].contains(&follows);
+        (!ends).then_some((relations, length))
+    }
+
+    fn group(&mut self) -> Option<Group> {
+        let mut words = Vec::new();
+        let mut at = None;
+        if ["the", "a", "an", "some", "my"].contains(&self.word(self.next)) {
+            self.next += 1;
+        }
+        while !self.is_done() {
+            let relative = ["that is", "that lies", "that stands"].iter().find_map(|phrase| self.at(phrase));
+            let relative = relative.or_else(|| (words == ["whatever"]).then(|| self.at("is")).flatten());
+            if let Some(length) = relative
+                && self.preposition(self.next + length).is_some()
+            {
+                self.next += length;
+                at = Some(Box::new(self.place()?));
+                break;
+            }
+            let stops = [",", ";", "and", "or", "so", "together", "both", "either", "down"];
+            let ends = stops.contains(&self.word(self.next)) || self.at("to be").is_some() || self.at_particle();
+            if ends || self.preposition(self.next).is_some() {
+                break;
+            }
+            words.push(self.word(self.next).to_owned());
+            self.next += 1;
+        }
+        (!words.is_empty()).then_some(Group { words, at })
+    }
+
+    /// A particle at the end of a clause, as in `turn the faucet on`.
+    fn at_particle(&self) -> bool {
+        PARTICLES.iter().any(|particle| {
+            self.at(particle).is_some_and(|length| {
+                let follows = self.word(self.next + length);
+                follows.is_empty() || [",", ";", "and", "or"].contains(&follows)
+            })
+        })
+    }
+
+    fn change(&mut self) -> Option<Command> {
+        let verb = self.take_any(&STATE)?;
+        let mut particle = self.take_any(&["on", "off", "out", "open", "down", "up"]);
+        let part = self.part();
+        let object = self.group()?;
+        if self.at_particle() {
+            particle = self.take_any(&PARTICLES).or(particle);
+        }
+        let action = action(verb, particle)?;
+        Some(Command::Change { object, part, action })
+    }
+
+    fn part(&mut self) -> Option<Part> {
+        let parts = [
+            ("the top drawer of", Part::Upper),
+            ("the upper drawer of", Part::Upper),
+            ("the bottom drawer of", Part::Lower),
+            ("the lower drawer of", Part::Lower),
+            ("both drawers of", Part::Both),
+            ("the door of", Part::Other),
+            ("the lid of", Part::Other),
+            ("the screen of", Part::Other),
+        ];
+        parts.into_iter().find_map(|(phrase, part)| self.take(phrase).then_some(part))
+    }
+}
+
+fn action(verb: &str, particle: Option<&str>) -> Option<Action> {
+    Some(match (verb, particle) {
+        ("open" | "lift" | "raise", None | Some("up")) | ("pull", Some("out" | "open")) => Action::Open,
+        ("flip" | "swing" | "push" | "open", Some("open")) => Action::Open,
+        ("close" | "lower", None | Some("down")) | ("push" | "fold" | "pull", Some("shut")) | ("shut", None) => {
+            Action::Close
+        }
+        ("turn" | "switch", Some("on")) => Action::On,
+        ("turn" | "switch" | "shut" | "set", Some("off" | "to off")) => Action::Off,
+        ("turn" | "set", Some("to low")) => Action::Low,
+        ("turn" | "set", Some("to high" | "all the way up")) => Action::High,
+        ("press", None | Some("down")) | ("push", Some("down")) => Action::Press,
+        _ => return None,
+    })
+}

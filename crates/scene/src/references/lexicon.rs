@@ -1,0 +1,212 @@
+//! What words mean to a listener, `data/references/lexicon.json`; the designer never reads it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::LazyLock;
+
+use genmanip_core::ObjectCard;
+use serde::Deserialize;
+
+#[allow(clippy::expect_used)]
+static LEXICON: LazyLock<Lexicon> = LazyLock::new(|| {
+    serde_json::from_str(include_str!("../../data/references/lexicon.json")).expect("valid; a test reads it")
+});
+
+/// How much smaller something is than the largest of its kind to be called small, by volume.
+const SMALL: f64 = 0.6;
+
+/// Words without a meaning of their own inside a description.
+const EMPTY: [&str; 13] = ["the", "a", "an", "of", "its", "and", "with", "my", "some", "at", "each", "both", "one"];
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Lexicon {
+    /// Nouns and the categories they may mean.
+    heads: BTreeMap<String, Vec<String>>,
+    /// Nouns that may mean anything.
+    everything: Vec<String>,
+    /// Irregular plurals.
+    plurals: BTreeMap<String, String>,
+    colors: BTreeSet<String>,
+    small: Vec<String>,
+    large: Vec<String>,
+    /// Adjectives and the words of a card's text that bear them out; `*` is always borne out.
+    synonyms: BTreeMap<String, Vec<String>>,
+    /// What things are for.
+    purposes: Vec<Purpose>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Purpose {
+    any: Vec<String>,
+    #[serde(default)]
+    all: Vec<String>,
+    #[serde(default)]
+    not: Vec<String>,
+    #[serde(default)]
+    means: Vec<String>,
+    #[serde(default)]
+    names: Vec<String>,
+}
+
+pub(super) fn lexicon() -> &'static Lexicon {
+    &LEXICON
+}
+
+impl Lexicon {
+    /// Objects that a noun group without relative clause may mean; `None` when its words are not understood.
+    pub fn denote<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> Option<Vec<&'c ObjectCard>> {
+        if let Some(meant) = self.by_purpose(words, cards) {
+            return Some(meant);
+        }
+        let with = words.iter().position(|word| ["with", "without"].contains(word)).unwrap_or(words.len());
+        let (core, trait_words) = words.split_at(with);
+        let of = core.iter().position(|word| *word == "of").unwrap_or(core.len());
+        let (front, tail) = core.split_at(of);
+        let (head, adjectives) = front.split_last()?;
+        let head = self.singular(head);
+        let mut meant = self.by_head(&head, cards)?;
+        let extra = tail.iter().chain(trait_words).filter(|word| !EMPTY.contains(word) && **word != "without");
+        // Colours of parts are told in the description, colours of things in the card.
+        meant.retain(|card| extra.clone().all(|word| self.is_borne_out(word, card)));
+        let split: Vec<&str> = adjectives.iter().flat_map(|word| self.parts(word)).collect();
+        let (colors, others): (Vec<&str>, Vec<&str>) = split.into_iter().partition(|word| self.colors.contains(*word));
+        for word in others.iter().filter(|word| !EMPTY.contains(word)) {
+            meant = self.restrict(word, meant);
+        }
+        for color in colors {
+            meant = with_color(color, meant);
+        }
+        Some(meant)
+    }
+
+    fn by_head<'c>(&self, head: &str, cards: &[&'c ObjectCard]) -> Option<Vec<&'c ObjectCard>> {
+        if self.everything.iter().any(|word| word == head) {
+            return Some(cards.to_vec());
+        }
+        let named = |card: &&&ObjectCard| card.name.to_lowercase().split(' ').next_back() == Some(head);
+        match self.heads.get(head) {
+            Some(categories) => {
+                let meant: Vec<&ObjectCard> =
+                    cards.iter().copied().filter(|card| categories.contains(&card.category)).collect();
+                let exact: Vec<&ObjectCard> = meant.iter().copied().filter(|card| named(&card)).collect();
+                // A word that is the last word of somebody's name and names a book by its sort means that one.
+                let is_sort = ["novel", "cookbook", "dictionary", "paperback"].contains(&head);
+                if is_sort && head != "paperback" {
+                    return Some(exact);
+                }
+                if head == "paperback" {
+                    return Some(meant.into_iter().filter(|card| text(card).contains("paperback")).collect());
+                }
+                Some(meant)
+            }
+            None => {
+                let exact: Vec<&ObjectCard> = cards.iter().filter(named).copied().collect();
+                (!exact.is_empty()).then_some(exact)
+            }
+        }
+    }
+
+    fn by_purpose<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> Option<Vec<&'c ObjectCard>> {
+        let first = *words.first()?;
+        let marks = ["to", "that", "for", "i", "where", "people", "meant", "what"];
+        let is_purpose = first == "something"
+            || first == "what"
+            || words.iter().any(|word| marks.contains(word))
+            || ["teaser", "treat", "meal", "root", "water"].contains(words.last()?)
+            || words.contains(&"treat")
+            || (words.contains(&"sour") || words.contains(&"citrus"));
+        if !is_purpose {
+            return None;
+        }
+        let has = |list: &[String]| list.iter().any(|word| words.contains(&word.as_str()));
+        let mut meant: Option<Vec<&ObjectCard>> = None;
+        for purpose in &self.purposes {
+            let all = purpose.all.iter().all(|word| words.contains(&word.as_str()));
+            if has(&purpose.any) && all && !has(&purpose.not) {
+                let fits =
+                    |card: &&&ObjectCard| purpose.means.contains(&card.category) || purpose.names.contains(&card.name);
+                let found: Vec<&ObjectCard> = cards.iter().filter(fits).copied().collect();
+                meant = Some(match meant {
+                    Some(known) => known.into_iter().filter(|card| found.iter().any(|f| f.uid == card.uid)).collect(),
+                    None => found,
+                });
+            }
+        }
+        meant
+    }
+
+    fn restrict<'c>(&self, word: &str, meant: Vec<&'c ObjectCard>) -> Vec<&'c ObjectCard> {
+        let volume = |card: &ObjectCard| card.size_m.element_product();
+        let largest = meant.iter().map(|card| volume(card)).fold(0.0, f64::max);
+        let smallest = meant.iter().map(|card| volume(card)).fold(f64::INFINITY, f64::min);
+        let by =
+            |keep: &dyn Fn(&ObjectCard) -> bool| meant.iter().copied().filter(|card| keep(card)).collect::<Vec<_>>();
+        let says = |card: &ObjectCard| self.is_borne_out(word, card);
+        if self.small.iter().any(|small| small == word) && meant.len() > 1 {
+            let small = by(&|card| volume(card) < SMALL * largest || (says(card) && volume(card) < largest));
+            return if small.is_empty() { by(&says) } else { small };
+        }
+        if self.large.iter().any(|large| large == word) && meant.len() > 1 {
+            return by(&|card| SMALL * volume(card) > smallest && volume(card) > 0.8 * largest);
+        }
+        match word {
+            "larger" | "bigger" | "largest" | "biggest" => by(&|card| volume(card) == largest && largest > smallest),
+            "smaller" | "smallest" => by(&|card| volume(card) == smallest && largest > smallest),
+            _ if self.small.iter().chain(&self.large).any(|size| size == word) => meant,
+            _ => by(&says),
+        }
+    }
+
+    /// Whether the text of a card says what a word says.
+    fn is_borne_out(&self, word: &str, card: &ObjectCard) -> bool {
+        let known = self.synonyms.get(word).map_or(&[][..], Vec::as_slice);
+        if known.iter().any(|word| word == "*") {
+            return true;
+        }
+        let text = text(card);
+        let tokens: Vec<String> = text.split(|c: char| !c.is_alphanumeric() && c != '-').map(stem).collect();
+        let stated = |word: &str| {
+            let wanted = stem(word);
+            tokens.iter().any(|token| *token == wanted || token.split('-').any(|part| stem(part) == wanted))
+        };
+        stated(word) || known.iter().any(|word| stated(word))
+    }
+
+    fn parts<'w>(&self, word: &'w str) -> Vec<&'w str> {
+        match self.synonyms.contains_key(word) {
+            true => vec![word],
+            false => word.split('-').collect(),
+        }
+    }
+
+    /// A plural's singular, any other word as it is.
+    pub fn singular(&self, word: &str) -> String {
+        if let Some(one) = self.plurals.get(word) {
+            return one.clone();
+        }
+        let one = word.strip_suffix('s').unwrap_or(word);
+        if self.heads.contains_key(word) || !self.heads.contains_key(one) { word.to_owned() } else { one.to_owned() }
+    }
+}
+
+/// The things whose main colour it is; where there are none, those that have some of it.
+fn with_color<'c>(color: &str, meant: Vec<&'c ObjectCard>) -> Vec<&'c ObjectCard> {
+    let main: Vec<&ObjectCard> =
+        meant.iter().copied().filter(|card| card.colors.first().is_some_and(|first| first == color)).collect();
+    if main.is_empty() {
+        meant.into_iter().filter(|card| card.colors.iter().any(|c| c == color)).collect()
+    } else {
+        main
+    }
+}
+
+fn text(card: &ObjectCard) -> String {
+    format!("{} {} {} {} {}", card.name, card.description, card.category, card.materials.join(" "), card.shape)
+        .to_lowercase()
+}
+
+fn stem(word: &str) -> String {
+    let word = word.strip_suffix("ed").or_else(|| word.strip_suffix("es")).unwrap_or(word);
+    word.strip_suffix('s').unwrap_or(word).to_owned()
+}

@@ -1,0 +1,134 @@
+//! Extents of objects at their poses: the exact convex pieces.
+
+use genmanip_core::Aabb;
+use glam::DVec3;
+
+use super::contact::vertical_gap;
+use super::extent::{Extent, Scene, supported};
+use super::pair::Contact;
+use super::requirement::Requirement;
+use super::scene::Body;
+use super::state::state_requirements;
+use super::{PosedScene, RelationSettings};
+
+impl Scene for PosedScene {
+    type Extent = Body;
+
+    fn find(&self, uid: &str) -> Option<usize> {
+        self.index_of(uid)
+    }
+
+    fn extent(&self, index: usize) -> Option<&Body> {
+        self.bodies.get(index)
+    }
+}
+
+impl Extent for Body {
+    fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    fn center(&self) -> DVec3 {
+        self.center
+    }
+
+    fn planar_gap(&self, other: &Self) -> f64 {
+        planar_gap(self, other)
+    }
+
+    fn share_inside(&self, container: &Self) -> f64 {
+        share_inside(self, container)
+    }
+
+    fn contact_above(&self, lower: &Self, settings: &RelationSettings) -> Option<Contact> {
+        contact(self, lower, settings)
+    }
+
+    fn supports(&self, upper: &Self, settings: &RelationSettings) -> bool {
+        supported(&upper.footprint().hull, &self.footprint().hull, settings)
+    }
+
+    fn state(&self, state: &str, settings: &RelationSettings) -> Vec<Requirement> {
+        state_requirements(self, state, settings)
+    }
+}
+
+/// Shortest distance between the unions of the projected pieces.
+fn planar_gap(a: &Body, b: &Body) -> f64 {
+    let (a, b) = (a.footprint(), b.footprint());
+    let mut best = f64::INFINITY;
+    for one in &a.pieces {
+        if one.bounds_distance(&b.hull) >= best {
+            continue;
+        }
+        for other in &b.pieces {
+            if one.bounds_distance(other) < best {
+                best = best.min(one.distance(other));
+                if best == 0.0 {
+                    return 0.0;
+                }
+            }
+        }
+    }
+    best
+}
+
+/// Share of A's surface points in B's cavity, or in B's convex hull where no cavity is known.
+fn share_inside(a: &Body, b: &Body) -> f64 {
+    let hull;
+    let solids = if b.shape.cavity.is_empty() {
+        hull = b.shape.hull(&b.object_from_link);
+        std::slice::from_ref(hull.as_ref())
+    } else {
+        &b.shape.cavity
+    };
+    let object_from_world = b.object.pose.inverse();
+    let near = Aabb { min: b.bounds.min - DVec3::splat(0.5), max: b.bounds.max + DVec3::splat(0.5) };
+    let (mut inside, mut count) = (0usize, 0usize);
+    for point in a.samples() {
+        count += 1;
+        // A cavity may reach above the pieces, but not far from them.
+        let possible = point.cmpge(near.min).all() && point.cmple(near.max).all();
+        let local = object_from_world.transform_point(point);
+        inside += usize::from(possible && solids.iter().any(|solid| solid.contains(local)));
+    }
+    if count == 0 { 0.0 } else { inside as f64 / count as f64 }
+}
+
+/// Where A would first touch B from above: the smallest gap of pieces that are above each other, or the least
+/// negative one when none is.
+fn contact(a: &Body, b: &Body, settings: &RelationSettings) -> Option<Contact> {
+    let mut best: Option<Contact> = None;
+    let (a_outlines, b_outlines) = (a.footprint(), b.footprint());
+    for (upper, upper_outline) in a.pieces.iter().zip(&a_outlines.pieces) {
+        if upper_outline.bounds_distance(&b_outlines.hull) > 0.0 {
+            continue;
+        }
+        for (lower, lower_outline) in b.pieces.iter().zip(&b_outlines.pieces) {
+            let least = upper.bounds.min.z - lower.bounds.max.z;
+            let known = best.map_or(f64::INFINITY, |contact| contact.gap_m);
+            let cannot_improve = known >= -settings.sinking_m && least > known;
+            if cannot_improve || upper_outline.bounds_distance(lower_outline) > 0.0 {
+                continue;
+            }
+            let (upper_shape, lower_shape) = (a.shape_of(upper), b.shape_of(lower));
+            let support =
+                |direction: DVec3| upper.support(upper_shape, direction) - lower.support(lower_shape, -direction);
+            let Some(gap_m) = vertical_gap(support, -settings.sinking_m) else { continue };
+            if better(gap_m, known, settings.sinking_m) {
+                best = Some(Contact { gap_m, rise_m: a.center.z - b.link_center(lower.link).z });
+            }
+        }
+    }
+    best
+}
+
+/// A gap between bodies above each other beats any other; of those the smaller counts, of the others the larger.
+fn better(gap: f64, known: f64, sinking: f64) -> bool {
+    match (gap >= -sinking, known >= -sinking) {
+        (true, true) => gap < known,
+        (true, false) => true,
+        (false, true) => known.is_infinite(),
+        (false, false) => gap > known,
+    }
+}
