@@ -6,6 +6,7 @@
 //! what must be moved can be reached and is seen by a camera.
 //! Attempts are bounded and every rejection is counted by its reason.
 
+pub mod articulation;
 mod audit;
 mod between;
 mod distractors;
@@ -103,6 +104,7 @@ pub fn lay_out_observed(
         joints: models.iter().enumerate().map(|(index, model)| initial_joints(task, index, model)).collect(),
         moved: models.iter().map(|model| is_moved(task, &model.card.uid)).collect(),
         goal_rooms: goal_rooms(task),
+        goal_betweens: goal_betweens(task),
         steps: order::steps(&edges, models.len(), uid)?,
         models,
         edges,
@@ -223,6 +225,24 @@ fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
     task.goal.alternatives.iter().map(of_alternative).collect()
 }
 
+/// What each alternative of the goal wants between two objects that it does not move.
+fn goal_betweens(task: &Task) -> Vec<Vec<[usize; 3]>> {
+    let index_of = |uid: &str| task.scene_graph.nodes.iter().position(|node| node.uid == uid);
+    let of_alternative = |atoms: &Vec<Atom>| {
+        let moves = |uid: &str| atoms.iter().any(|atom| atom.subject() == uid);
+        let wanted = atoms.iter().filter_map(|atom| match atom {
+            Atom::Relation { subject, relation: Relation::Between, reference, second_reference: Some(second) }
+                if !moves(reference) && !moves(second) =>
+            {
+                Some([index_of(subject)?, index_of(reference)?, index_of(second)?])
+            }
+            _ => None,
+        });
+        wanted.collect()
+    };
+    task.goal.alternatives.iter().map(of_alternative).collect()
+}
+
 /// Joint positions of the object's initial state.
 fn initial_joints(task: &Task, object: usize, model: &ObjectModel) -> Vec<f64> {
     let state = task.scene_graph.nodes.get(object).and_then(|node| node.state.as_deref());
@@ -255,6 +275,7 @@ fn without_conflicts(
     context.set_distractors(Vec::new());
     context.steps = order::steps(&context.edges, nodes, |_| String::new()).ok()?;
     context.goal_rooms.clear();
+    context.goal_betweens.clear();
     let seed = seed.fork("without conflicts");
     let scene = placement::place_all(context, seed, true, shapes, &mut Rejections::default()).ok()?;
     context.edges.clone_from(&edges);

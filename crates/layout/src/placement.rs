@@ -35,6 +35,8 @@ pub(crate) struct Context<'a> {
     pub moved: Vec<bool>,
     /// Per alternative of the goal: where moved objects must find room.
     pub goal_rooms: Vec<Vec<GoalRoom>>,
+    /// Per alternative of the goal: what it wants between two objects that stay, subject first.
+    pub goal_betweens: Vec<Vec<[usize; 3]>>,
     pub settings: &'a LayoutSettings,
     pub relations: &'a RelationSettings,
 }
@@ -332,13 +334,26 @@ impl Search<'_> {
                 }
                 (Relation::Between, Some(&subject)) if subject == indices[0] && indices.len() == 3 => {
                     let stance = &self.draft.stances[subject];
-                    between::leaves_room(&self.scene, [indices[1], indices[2]], stance, context)
+                    let gap = context.settings.min_gap_m + 0.005;
+                    between::leaves_room(&self.scene, [indices[1], indices[2]], stance, gap, context)
                 }
                 _ => true,
             };
             if !holds {
                 rejections.count_edge("an edge cannot be satisfied", atom);
                 self.blockers.extend(indices.iter().filter(|&&index| index != object));
+                return false;
+            }
+        }
+        let wanted = self.draft.alternative.and_then(|index| context.goal_betweens.get(index));
+        let is_here = |index: usize| index == object || self.placed.contains(&index);
+        for &[subject, one, other] in wanted.into_iter().flatten() {
+            let concerns = (one == object || other == object) && is_here(one) && is_here(other);
+            let stance = &self.draft.stances[subject];
+            if concerns && !between::leaves_room(&self.scene, [one, other], stance, GOAL_CLEARANCE_M, context) {
+                let name = &context.models[subject].card.name;
+                rejections.count(format!("no room for {name} between what the goal wants it between"));
+                self.blockers.push(if one == object { other } else { one });
                 return false;
             }
         }

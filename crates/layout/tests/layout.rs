@@ -172,7 +172,8 @@ fn infeasible_graphs_name_the_edges_in_conflict() {
     };
     let fruits = ["027", "028", "030", "031", "034"];
     let on_saucer = fruits.map(|fruit| edge(fruit, Top, "009"));
-    let cases: [(&str, &[&str], Vec<GraphEdge>, &[&str]); 4] = [
+    type Case<'a> = (&'a str, &'a [&'a str], Vec<GraphEdge>, &'a [&'a str]);
+    let cases: [Case; 4] = [
         ("crowded saucer", &["009", "027", "028", "030", "031", "034", "047", "046"], on_saucer.to_vec(), &["top 009"]),
         (
             "circle through a chain",

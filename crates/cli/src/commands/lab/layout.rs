@@ -3,10 +3,9 @@
 use std::collections::BTreeMap;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Scenario, Seed, Task, TaskKind};
+use genmanip_core::{Scenario, Seed, Task};
 use genmanip_layout::{LayoutAudit, LayoutError, LayoutSettings, Phase, audit, lay_out_observed, posed};
 use genmanip_motion::{Planner, PlannerSettings};
-use genmanip_scene::designer::{DesignSettings, design_many};
 use genmanip_scene::relations::{RelationSettings, Rest, ShapeCache, judge_goal};
 use serde::Serialize;
 
@@ -99,9 +98,7 @@ pub fn run(arguments: &LabLayoutArguments, printer: &Printer) -> Result<ExitStat
 /// The tasks that were named, as often as asked, or designed ones of all kinds.
 fn tasks(arguments: &LabLayoutArguments) -> Result<Vec<Task>, Failed> {
     if arguments.tasks.is_empty() {
-        let (cards, seed) = (Catalogue::builtin().cards(), Seed::new(arguments.seed));
-        let batch = design_many(&TaskKind::ALL, arguments.count, cards, seed, &DesignSettings::default());
-        return Ok(batch.map_err(|error| Failed::because("the designer gave up", &error))?.tasks);
+        return inputs::designed_tasks(arguments.count, arguments.seed);
     }
     let known = inputs::read_tasks(&arguments.tasks)?;
     Ok((0..arguments.count).flat_map(|_| known.iter().cloned()).collect())
