@@ -91,11 +91,9 @@ impl<'s, 'a> Namer<'s, 'a> {
 
     fn meant_by_noun(&self, object: usize) -> Vec<usize> {
         let card = self.scene.cards[object];
+        let kind = things().kind(card);
         let is_alike = |other: &ObjectCard| {
-            let alike = |one: &ObjectCard, two: &ObjectCard| {
-                things().kind(one).is_some_and(|kind| kind.alike.contains(&two.category))
-            };
-            other.category == card.category || alike(card, other) || alike(other, card)
+            other.category == card.category || kind.is_some_and(|kind| kind.alike.contains(&other.category))
         };
         (0..self.scene.len()).filter(|&other| is_alike(self.scene.cards[other])).collect()
     }

@@ -81,6 +81,34 @@ impl<'a> Studio<'a> {
         self.add_with(card, None)
     }
 
+    /// Adds what is to be moved, not beside the place that it is to be brought near to.
+    pub fn add_to_move(&mut self, card: &'a ObjectCard, place: Place, style: Style) -> Option<usize> {
+        if place.relation != Relation::Near || style == Style::Place {
+            return self.add_styled(card, style);
+        }
+        let others =
+            |studio: &Self| (0..studio.scene.len()).filter(|&other| other != place.reference).collect::<Vec<_>>();
+        if others(self).is_empty() {
+            let filler = self.pick_filler().filter(|filler| filler.uid != card.uid)?;
+            self.add(filler)?;
+        }
+        let anchor = *others(self).choose(&mut self.rng)?;
+        let relation = self.balance.choose(&DIRECTIONS, self.settings, &mut self.rng)?;
+        let object = self.add_beside(card, relation, anchor)?;
+        if style == Style::Looks {
+            self.add_look_alikes(card);
+        }
+        Some(object)
+    }
+
+    fn add_look_alikes(&mut self, card: &ObjectCard) {
+        for _ in 0..self.rng.random_range(1..=2) {
+            if let Some(twin) = self.pick(|other| looks_like(other, card)) {
+                self.add(twin);
+            }
+        }
+    }
+
     fn add_with(&mut self, card: &'a ObjectCard, relation: Option<Relation>) -> Option<usize> {
         if self.scene.len() == 0 {
             return Some(self.scene.start(card));
@@ -155,11 +183,7 @@ impl<'a> Studio<'a> {
             Style::Plain => self.add(card),
             Style::Looks => {
                 let object = self.add(card)?;
-                for _ in 0..self.rng.random_range(1..=2) {
-                    if let Some(twin) = self.pick(|other| looks_like(other, card)) {
-                        self.add(twin);
-                    }
-                }
+                self.add_look_alikes(card);
                 Some(object)
             }
             Style::Place => self.add_placed(card),
@@ -356,11 +380,10 @@ impl<'a> Studio<'a> {
     }
 }
 
-/// Whether some word means both.
+/// Whether some word for the second also means the first.
 pub(super) fn shares_word(one: &ObjectCard, other: &ObjectCard) -> bool {
     one.category == other.category
-        || things().groups_of(one).any(|(_, group)| group.members.contains(&other.category))
-        || things().kind(one).is_some_and(|kind| kind.alike.contains(&other.category))
+        || things().groups_of(other).any(|(_, group)| group.members.contains(&one.category))
         || things().kind(other).is_some_and(|kind| kind.alike.contains(&one.category))
 }
 

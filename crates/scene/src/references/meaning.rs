@@ -119,7 +119,7 @@ impl<'c> Listener<'c> {
         if let Some(index) = extreme {
             let noun = words[..index].strip_suffix(&["that", "is"][..]).unwrap_or(&words[..index]);
             let meant = self.denote(noun, group)?;
-            return Ok(self.extreme(&words[index..], meant));
+            return self.extreme(&words[index..], &meant).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) });
         }
         let meant = self.denote(&words, group)?;
         let Some(place) = &group.at else { return Ok(meant) };
@@ -177,13 +177,14 @@ impl<'c> Listener<'c> {
         }
     }
 
-    /// The ones that are certainly farther than all others in the direction that the words give.
-    fn extreme(&self, words: &[&str], among: Vec<&'c ObjectCard>) -> Vec<&'c ObjectCard> {
+    /// The ones that are certainly farther than all others in the direction that the words give, if they give one.
+    fn extreme(&self, words: &[&str], among: &[&'c ObjectCard]) -> Option<Vec<&'c ObjectCard>> {
         let (axis, outward) = match words {
-            ["farthest", .., "left"] => (Axis::Width, true),
-            ["farthest", .., "right"] => (Axis::Width, false),
-            ["farthest", ..] => (Axis::Depth, true),
-            _ => (Axis::Depth, false),
+            ["farthest", "to", "the", "robot's", "left"] => (Axis::Width, true),
+            ["farthest", "to", "the", "robot's", "right"] => (Axis::Width, false),
+            ["farthest", "from", "the", "robot"] => (Axis::Depth, true),
+            ["nearest" | "closest", "to", "the", "robot"] => (Axis::Depth, false),
+            _ => return None,
         };
         let wins = |card: &&&ObjectCard| {
             among.iter().filter(|other| other.uid != card.uid).all(|other| match outward {
@@ -191,7 +192,7 @@ impl<'c> Listener<'c> {
                 false => self.space.is_beyond(&other.uid, axis, &card.uid),
             })
         };
-        among.iter().filter(wins).copied().collect()
+        Some(among.iter().filter(wins).copied().collect())
     }
 }
 

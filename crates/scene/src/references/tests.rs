@@ -144,9 +144,9 @@ fn spoilt_tasks_are_found() {
                 spoilt.push((index, Task { instruction, ..task.clone() }));
             }
         };
-        said(0, swapped(&task.instruction, "robot's left of", "robot's right of"));
+        said(0, swapped(&task.instruction, "robot's left", "robot's right"));
         said(1, swapped(&task.instruction, "the far side of", "the robot's side of"));
-        said(2, swapped(&task.instruction, "farthest", "nearest").replace("nearest to the robot's", "nearest to the"));
+        said(2, swapped(&task.instruction, "farthest from", "nearest to"));
         said(3, swapped(&task.instruction, "urn on", "urn off"));
         // A twin of whatever moves, in the same relations to everything.
         let atom = task.goal.alternatives[0].iter().find(|atom| matches!(atom, Atom::Relation { .. }));

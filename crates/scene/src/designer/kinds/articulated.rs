@@ -34,7 +34,7 @@ pub(super) fn compose(studio: &mut Studio) -> Option<Draft> {
             let item = mover_for(studio, relation, |_| true)?;
             let place = studio.destination(item, relation, Style::Plain)?;
             studio.balance.add(relation);
-            Extra::Move(studio.add(item)?, place)
+            Extra::Move(studio.add_to_move(item, place, Style::Plain)?, place)
         }
         _ => Extra::Nothing,
     };

@@ -33,7 +33,7 @@ pub(super) fn compose(studio: &mut Studio) -> Option<Draft> {
     }
     studio.balance.add(relation);
     let place = Place { relation, reference, second: None };
-    let subject = studio.add(item)?;
+    let subject = studio.add_to_move(item, place, Style::Plain)?;
     let count = studio.object_count();
     studio.fill(count);
     let scene = &studio.scene;

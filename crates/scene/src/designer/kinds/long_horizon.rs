@@ -26,9 +26,9 @@ struct Step {
 /// Steps in a row, two things to one place, or a tower.
 pub(super) fn compose(studio: &mut Studio) -> Option<Draft> {
     // Pairs and towers nearly always work out, steps often do not and are drawn again.
-    match studio.rng.random_range(0..40) {
-        0..2 => compose_pair(studio),
-        2 => compose_tower(studio),
+    match studio.rng.random_range(0..120) {
+        0..3 => compose_pair(studio),
+        3 => compose_tower(studio),
         _ => compose_steps(studio),
     }
 }
@@ -51,7 +51,7 @@ fn compose_steps(studio: &mut Studio) -> Option<Draft> {
     }
     let mut steps = Vec::new();
     for (item, place, other) in items {
-        steps.push(Step { subject: studio.add(item)?, place, other });
+        steps.push(Step { subject: studio.add_to_move(item, place, Style::Plain)?, place, other });
     }
     let objects = studio.object_count();
     studio.fill(objects);

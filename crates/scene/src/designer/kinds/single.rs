@@ -19,7 +19,7 @@ pub(super) fn compose(studio: &mut Studio, styles: &[(Style, Style)]) -> Option<
         true => another_place(studio, item, place, placed),
         false => None,
     };
-    let subject = studio.add_styled(item, moved)?;
+    let subject = studio.add_to_move(item, place, moved)?;
     let count = studio.object_count();
     studio.fill(count);
     if moved == Style::Looks && !studio.has_look_alike(subject) {
