@@ -10,7 +10,7 @@ use crate::parts::Part;
 use crate::solid::{Moments, Solid};
 
 /// Version of the physics that recipes and parts give; grows when pieces or inertia of any object change.
-pub const GENERATOR_VERSION: u32 = 1;
+pub const GENERATOR_VERSION: u32 = 2;
 
 /// Name of the link that stands on the table.
 const ROOT: &str = "body";

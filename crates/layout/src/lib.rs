@@ -6,6 +6,7 @@
 //! what must be moved can be reached and is seen by a camera.
 //! Attempts are bounded and every rejection is counted by its reason.
 
+pub mod articulation;
 mod audit;
 mod between;
 mod distractors;

@@ -1,48 +1,83 @@
 //! From a goal to moves: which object goes where, in which order.
 
-use genmanip_core::{Atom, Goal};
+use genmanip_core::{Atom, Goal, Relation};
 use genmanip_scene::relations::PosedScene;
 
-/// One object to be moved so that all its atoms hold.
+/// One object to be moved, or brought into a state, so that all its atoms hold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Move {
     /// Index of the object in the scenario.
     pub object: usize,
-    /// Every atom of the chosen alternative that is about this object's place.
+    /// Every atom of the chosen alternative that is about this object's place, or the one about its state.
     pub atoms: Vec<Atom>,
 }
 
-/// The moves of each alternative, in order; alternatives with a state to change have none until skills exist and
-/// are left out.
+impl Move {
+    /// The state to bring the object into; `None` when it is to be carried.
+    pub fn state(&self) -> Option<&str> {
+        match self.atoms.as_slice() {
+            [Atom::State { state, .. }, ..] => Some(state),
+            _ => None,
+        }
+    }
+}
+
+/// The moves of each alternative, in order.
 pub fn moves(goal: &Goal, scene: &PosedScene) -> Vec<Vec<Move>> {
     goal.alternatives.iter().filter_map(|atoms| moves_of(atoms, scene)).filter(|moves| !moves.is_empty()).collect()
 }
 
-/// Groups atoms by the object they move and sorts so that whatever is placed against something comes after it.
+/// Groups atoms by what they move and sorts so that whatever is placed against something comes after it.
 fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
     let mut pending: Vec<Move> = Vec::new();
     for atom in atoms {
-        let Atom::Relation { subject, .. } = atom else { return None };
-        let object = scene.index_of(subject)?;
-        match pending.iter_mut().find(|m| m.object == object) {
+        let object = scene.index_of(atom.subject())?;
+        let is_place = |atom: &Atom| matches!(atom, Atom::Relation { .. });
+        match pending.iter_mut().find(|m| m.object == object && is_place(atom) && m.state().is_none()) {
             Some(known) => known.atoms.push(atom.clone()),
             None => pending.push(Move { object, atoms: vec![atom.clone()] }),
         }
     }
     let mut ordered: Vec<Move> = Vec::new();
     while !pending.is_empty() {
-        let waits = |candidate: &Move| {
-            candidate.atoms.iter().flat_map(references).any(|uid| {
-                pending
-                    .iter()
-                    .any(|other| other.object != candidate.object && scene.index_of(uid) == Some(other.object))
-            })
-        };
+        let waits = |candidate: &Move| pending.iter().any(|other| comes_first(other, candidate, scene));
         // A circle of references has no right order; the first then goes first.
         let next = pending.iter().position(|candidate| !waits(candidate)).unwrap_or(0);
         ordered.push(pending.remove(next));
     }
     Some(ordered)
+}
+
+/// Whether one move has to be made before another.
+fn comes_first(one: &Move, other: &Move, scene: &PosedScene) -> bool {
+    let places_against = |step: &Move, object: usize| {
+        step.object != object && step.atoms.iter().flat_map(references).any(|uid| scene.index_of(uid) == Some(object))
+    };
+    match (one.state(), other.state()) {
+        // A container is shut after it was filled, opened before; a laptop is shut before something is put on it.
+        (Some(state), None) => {
+            places_against(other, one.object) && !(shuts(state) && is_filled(other, one.object, scene))
+        }
+        (None, Some(state)) => places_against(one, other.object) && shuts(state) && is_filled(one, other.object, scene),
+        (None, None) => places_against(other, one.object),
+        (Some(_), Some(_)) => false,
+    }
+}
+
+fn shuts(state: &str) -> bool {
+    state == "closed"
+}
+
+/// Whether a move puts something into a container.
+fn is_filled(step: &Move, container: usize, scene: &PosedScene) -> bool {
+    let hollow = scene.objects().nth(container).is_some_and(|object| !object.model.cavity.is_empty());
+    hollow
+        && step.atoms.iter().any(|atom| match atom {
+            Atom::Relation { relation: Relation::In | Relation::Top, reference, .. } => {
+                scene.index_of(reference) == Some(container)
+            }
+            _ => false,
+        })
 }
 
 /// What an atom places its subject against.

@@ -7,13 +7,12 @@ use genmanip_core::{Pose, Seed, Task, Workspace};
 use genmanip_motion::{Allowed, Planner, Surroundings};
 use genmanip_scene::relations::{PosedScene, RelationSettings};
 
+use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalPoseSettings, goal_poses};
 use crate::moves::{Move, moves, references};
 use crate::surroundings;
 
 /// The reason when no alternative of the goal can be served.
-///
-/// States of articulated objects are not moves; a goal of states alone passes.
 pub(crate) fn unreachable(
     task: &Task,
     scene: &PosedScene,
@@ -42,6 +41,10 @@ fn obstacle(
 ) -> Option<String> {
     let object = scene.objects().nth(step.object)?;
     let name = &object.model.card.name;
+    if let Some(state) = step.state() {
+        let blocked = !can_turn(step.object, state, scene, planner);
+        return blocked.then(|| format!("no way for the arm to bring {name} into the state {state}"));
+    }
     let world = surroundings::world(scene, None);
     let nothing = Allowed::none();
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
@@ -68,6 +71,22 @@ fn obstacle(
         seed.fork("room"),
     );
     (!waits && places.is_empty()).then(|| format!("no room for {name} where the goal wants it"))
+}
+
+/// Whether the arm can move every joint that a state wants moved, one after the other.
+fn can_turn(object: usize, state: &str, scene: &PosedScene, planner: &Planner) -> bool {
+    let settings = JointSettings::default();
+    let mut scene = scene.clone();
+    joint_changes(&scene, object, state).into_iter().all(|change| {
+        let sweeper = Sweeper::new(&scene, &change, planner, &settings);
+        let possible = sweeper.is_some_and(|s| s.search(&planner.robot().home, &mut |_| Some(())).is_ok());
+        let moved = scene.objects().nth(object).map(|posed| (posed.pose, posed.joint_positions.clone()));
+        if let Some((pose, mut joints)) = moved {
+            joints[change.joint] = change.targets[0];
+            scene.set_pose(object, pose, &joints);
+        }
+        possible
+    })
 }
 
 /// Whether the hand, pointing straight down, gets to a point.

@@ -2,10 +2,11 @@
 
 use genmanip_core::{
     ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, Observation, Policy,
-    PolicyError, PolicySpec, PrivilegedState, Seed,
+    PolicyError, PolicySpec, Pose, PrivilegedState, Seed,
 };
-use genmanip_scene::relations::judge_goal;
+use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{Sim, SimError};
+use glam::DVec3;
 use std::sync::Arc;
 
 use crate::{RolloutError, RolloutSettings, Stage};
@@ -117,13 +118,16 @@ struct Recording<'a> {
     initial_state: Vec<f64>,
     frames: Vec<Frame>,
     success_once: bool,
+    /// State each object was in when it was last judged: a state lasts until it is clearly left.
+    states: Vec<Option<String>>,
 }
 
 impl<'a> Recording<'a> {
     fn new(stage: &'a Stage, settings: &'a RolloutSettings) -> Self {
         let sim = Sim::new(Arc::clone(&stage.scene));
         let initial_state = sim.state();
-        Self { stage, settings, sim, initial_state, frames: Vec::new(), success_once: false }
+        let states = joint_states(stage.start(), &stage.relations);
+        Self { stage, settings, sim, initial_state, frames: Vec::new(), success_once: false, states }
     }
 
     fn observe(&mut self, spec: &PolicySpec) -> Observation {
@@ -152,8 +156,8 @@ impl<'a> Recording<'a> {
 
     fn step(&mut self, action: &[f32]) -> Result<(), RolloutError> {
         self.frames.push(self.sim.control_step(action)?);
-        if self.frames.len().is_multiple_of(self.settings.judge_every) && !self.success_once {
-            self.success_once = self.judge().success;
+        if self.frames.len().is_multiple_of(self.settings.judge_every) {
+            self.success_once |= self.judge().success;
         }
         Ok(())
     }
@@ -177,13 +181,43 @@ impl<'a> Recording<'a> {
     fn judge(&mut self) -> GoalVerdict {
         let states = self.sim.object_states();
         let rest = Stage::rest(&states, self.sim.grasped(), self.settings);
-        judge_goal(&self.stage.posed(&states), &self.stage.scenario.task.goal, &rest, &self.stage.relations)
+        let mut scene = self.stage.posed(&states);
+        scene.set_previous_states(self.states.iter().cloned());
+        self.states = joint_states(&scene, &self.stage.relations);
+        judge_goal(&scene, &self.stage.scenario.task.goal, &rest, &self.stage.relations)
+    }
+
+    /// What became of objects that no condition of the goal asks to be moved, if one was displaced or fell over.
+    fn disturbed(&self) -> Option<String> {
+        let goal = &self.stage.scenario.task.goal;
+        let placed = self.stage.scenario.objects.iter();
+        placed.zip(self.sim.object_states()).enumerate().find_map(|(index, (before, now))| {
+            let moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.uid);
+            let shift = before.pose.position.distance(now.pose.position);
+            let up = |pose: &Pose| pose.transform_vector(DVec3::Z);
+            let tilt = up(&before.pose).angle_between(up(&now.pose));
+            let displaced = shift > self.settings.disturbed_m || tilt > self.settings.disturbed_rad;
+            (!moved && displaced).then(|| {
+                let (name, tilt) = (self.stage.name(index), tilt.to_degrees());
+                let what = if tilt > 30.0 { "knocked over" } else { "pushed away" };
+                format!("{name} was {what}: moved {:.0} mm, tilted {tilt:.0}°", shift * 1e3)
+            })
+        })
     }
 
     fn finish(mut self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {
         let verdict = self.judge();
         let success = verdict.success;
-        let failure = (!success).then(|| failure.unwrap_or_else(|| missed(&verdict)));
+        let failure = (!success).then(|| {
+            let failure = failure.unwrap_or_else(|| missed(&verdict));
+            self.disturbed().filter(|_| failure.cause == FailureCause::GoalMissed).map_or(
+                failure.clone(),
+                |disturbed| {
+                    let evidence = format!("{disturbed}; {}", failure.evidence);
+                    Failure { cause: FailureCause::Disturbed, evidence }
+                },
+            )
+        });
         let path = self.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
         let result = EpisodeResult {
             id: id.into(),
@@ -213,6 +247,11 @@ impl<'a> Recording<'a> {
             frames: self.frames,
         }
     }
+}
+
+/// The state each object is in.
+fn joint_states(scene: &PosedScene, relations: &RelationSettings) -> Vec<Option<String>> {
+    (0..scene.objects().len()).map(|index| joint_state(scene, index, relations)).collect()
 }
 
 /// The atom that is farthest from holding in the best alternative.

@@ -16,10 +16,22 @@ pub struct RolloutSettings {
     pub rest_speed: f64,
     /// Above this angular speed an object is moving, rad/s.
     pub rest_angular_speed: f64,
+    /// An object the goal does not move was disturbed when it ends farther than this from where it was, metres.
+    pub disturbed_m: f64,
+    /// The same for its tilt, radians.
+    pub disturbed_rad: f64,
 }
 
 impl Default for RolloutSettings {
     fn default() -> Self {
-        Self { horizon_s: 120.0, settle_s: 1.0, judge_every: 12, rest_speed: 0.02, rest_angular_speed: 0.4 }
+        Self {
+            horizon_s: 120.0,
+            settle_s: 1.0,
+            judge_every: 12,
+            rest_speed: 0.02,
+            rest_angular_speed: 0.4,
+            disturbed_m: 0.05,
+            disturbed_rad: 0.5,
+        }
     }
 }

@@ -104,8 +104,8 @@ const TOUCH_N: f64 = 1e-3;
 const CLOSING_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 impl TouchTally {
-    /// Counts the contacts of one physics step.
-    pub fn add(&mut self, fingers: [Finger; 2], contacts: impl Iterator<Item = ContactReport>) {
+    /// Counts the contacts of one physics step; `hand` is the link that carries the fingers.
+    pub fn add(&mut self, fingers: [Finger; 2], hand: usize, contacts: impl Iterator<Item = ContactReport>) {
         let mut stray: BTreeMap<(BodyId, BodyId), f64> = BTreeMap::new();
         let mut pressed: [BTreeMap<usize, f64>; 2] = Default::default();
         for contact in contacts {
@@ -130,6 +130,9 @@ impl TouchTally {
                     BodyId::Table | BodyId::Floor => grasping = false,
                 }
             }
+            // A drawer, door or button is there to be moved by the gripper, from whatever side.
+            let gripper = finger.is_some() || robot == BodyId::Robot { link: hand };
+            grasping |= gripper && matches!(other, BodyId::Object { link: 1.., .. });
             if !grasping {
                 *stray.entry((robot, other)).or_default() += contact.normal_force;
             }
@@ -153,7 +156,8 @@ impl TouchTally {
         self.held_at_start
     }
 
-    /// Largest stray force, N; what is held does not count, whatever part of the robot it touches.
+    /// Largest stray force, N; what is held does not count, whatever part of the robot it touches, and neither does
+    /// the gripper on a moving link of an articulated object.
     pub fn stray_force(&self) -> f64 {
         let is_held = |body: &BodyId| matches!(body, BodyId::Object { object, .. } if self.held.contains(object));
         self.stray.iter().filter(|((_, other), _)| !is_held(other)).map(|(_, force)| *force).fold(0.0, f64::max)

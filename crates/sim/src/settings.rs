@@ -61,6 +61,9 @@ pub struct SimSettings {
     pub contact_solref: [f64; 2],
     /// Impedance of all other contacts. 0.95, 0.99, 0.001: things rest less than 0.02 mm deep.
     pub contact_solimp: [f64; 3],
+    /// Impedance of the dry friction of objects' joints: at rest, at speed, and the width between, as of contacts.
+    /// 0.999, 0.9999, 0.001: near 1, since dry friction as soft as a contact creeps under the weight of a lid.
+    pub joint_friction_solimp: [f64; 3],
     /// Sliding friction of table and floor. 0.3; in a contact the larger coefficient of the two counts,
     /// so that the object decides.
     pub table_friction: f64,
@@ -92,6 +95,7 @@ impl Default for SimSettings {
             object_rotational_friction: [0.005, 0.0005],
             contact_solref: [0.006, 1.0],
             contact_solimp: [0.95, 0.99, 0.001],
+            joint_friction_solimp: [0.999, 0.9999, 0.001],
             table_friction: 0.3,
             robot_friction: 0.3,
         }

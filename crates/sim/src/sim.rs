@@ -66,6 +66,7 @@ impl Sim {
     ///   included) and one other body, the largest over pairs and physics steps.
     ///   Not counted are objects that both fingers press on at some step of the interval, a finger's inner side
     ///   pressing on an object in its closing direction (within 45°: the first touch of a grasp), and finger on finger.
+    ///   Nor is the gripper on a moving link of an articulated object, which is there to be moved.
     ///   A fingertip on the table or on top of an object counts, and so does the outer side of a finger.
     ///
     /// # Errors
@@ -93,7 +94,7 @@ impl Sim {
             }
             ctrl[robot.grip_ctrl] = lerp(start[robot.grip_ctrl], setpoint, t);
             self.step_with(|scene, data| {
-                touches.add(fingers(robot, data), contacts(scene, data));
+                touches.add(fingers(robot, data), robot.model.hand, contacts(scene, data));
                 let torque = data.qfrc_actuator();
                 for (largest, &dof) in frame.joint_torque.iter_mut().zip(&robot.arm_dof) {
                     *largest = largest.max(torque[dof].abs());
@@ -190,7 +191,8 @@ impl Sim {
     pub fn grasped(&mut self) -> Option<usize> {
         self.evaluate(|scene, data| {
             let mut touches = TouchTally::default();
-            touches.add(fingers(scene.robot.as_ref()?, data), contacts(scene, data));
+            let robot = scene.robot.as_ref()?;
+            touches.add(fingers(robot, data), robot.model.hand, contacts(scene, data));
             touches.grasped()
         })
     }

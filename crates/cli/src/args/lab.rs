@@ -37,6 +37,11 @@ pub enum LabCommand {
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
                       visibility) is not timed.")]
     Layout(LabLayoutArguments),
+    /// Try grasps from points in physics: lift, shake, hold
+    #[command(after_help = "Example:\n  genmanip lab grasp --seed 2000 --count 100 --view one --json\n\n\
+                      Things of three classes (compact, utensils, clutter), COUNT each, drawn by seed;\n\
+                      docs/concepts/grasps.md says what is measured.")]
+    Grasp(GraspArguments),
 }
 
 /// Arguments of `lab design`.
@@ -142,4 +147,27 @@ pub struct LabLayoutArguments {
     /// Unmentioned objects to add to each scene
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
+}
+
+/// Arguments of `lab grasp`.
+#[derive(Debug, Args)]
+pub struct GraspArguments {
+    /// Seed of things, views and noise
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Trials per class
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    pub count: u64,
+    /// Cloud of the target: full surface, one noisy view, or three fused ones
+    #[arg(long, default_value = "full", value_parser = ["full", "one", "three"])]
+    pub view: String,
+    /// Class to try, all without
+    #[arg(long, value_parser = ["compact", "utensils", "clutter"])]
+    pub class: Option<String>,
+    /// Candidate to carry out: the best, or any, for judging the scores
+    #[arg(long, default_value = "best", value_parser = ["best", "any"])]
+    pub pick: String,
+    /// File for one line of JSON per trial
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
 }

@@ -23,6 +23,7 @@ pub(super) fn fingers(arm: &[f64], from: f64, to: f64, steps: usize) -> Vec<Vec<
         .collect()
 }
 
-fn command(arm: &[f64], width: f64) -> Vec<f32> {
+/// One command.
+pub(super) fn command(arm: &[f64], width: f64) -> Vec<f32> {
     arm.iter().chain([&width]).map(|&value| value as f32).collect()
 }

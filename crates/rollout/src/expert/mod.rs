@@ -6,6 +6,7 @@
 //! tried again, and when nothing is left to try the expert gives up with the cause and its evidence.
 
 mod commands;
+mod joint;
 mod pick;
 mod place;
 mod settings;
@@ -20,13 +21,17 @@ use genmanip_core::{
     Pose, PrivilegedState, Seed,
 };
 use genmanip_layout::{GoalPose, Move, goal_poses, moves, surroundings};
-use genmanip_motion::{Allowed, Planner, Surroundings};
+use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
 
+use self::joint::Turning;
 use self::pick::Pick;
 use crate::Stage;
+
+/// How fast the opening surely changes, m/s.
+const FINGERS_M_S: f64 = 0.08;
 
 /// Solves tasks from simulator truth; results made with it say `oracle`.
 pub struct Expert {
@@ -53,6 +58,8 @@ enum Phase {
     Free,
     /// A pick was executed.
     Picked { step: Move, open_width: f64, hold_width: f64, taken_from: GoalPose },
+    /// The hand is at a link whose joint it moves.
+    Turning(Box<Turning>),
     /// Everything was done and the arm was sent home.
     Home,
 }
@@ -114,11 +121,29 @@ impl Expert {
             .cloned()
     }
 
-    fn pick(&mut self, scene: &PosedScene, arm: &[f64]) -> Result<ActionChunk, PolicyError> {
+    /// The next move begun: its first commands and what comes after them.
+    fn begin(
+        &self,
+        scene: &PosedScene,
+        step: Move,
+        arm: &[f64],
+        width: f64,
+        seed: Seed,
+    ) -> Result<(Vec<Vec<f32>>, Phase), Failure> {
+        if step.state().is_some() {
+            let (commands, turning) = joint::plan(self, scene, &step, arm, width, seed)?;
+            return Ok((commands, Phase::Turning(Box::new(turning))));
+        }
+        let Pick { commands, open_width, hold_width } = pick::plan(self, scene, &step, arm, width, seed)?;
+        let taken_from = self.taken_from(scene, step.object);
+        Ok((commands, Phase::Picked { step, open_width, hold_width, taken_from }))
+    }
+
+    fn next(&mut self, scene: &PosedScene, arm: &[f64], width: f64) -> Result<ActionChunk, PolicyError> {
         loop {
             let Some(step) = self.next_move(scene) else {
                 self.phase = Phase::Home;
-                return Ok(ActionChunk { actions: self.go_home(scene, arm), finished: true });
+                return Ok(ActionChunk { actions: self.go_home(scene, arm, width), finished: true });
             };
             self.picks += 1;
             self.waits = 0;
@@ -127,12 +152,10 @@ impl Expert {
             let failure = if self.tries > self.settings.tries_per_move {
                 self.last_failure.clone()
             } else {
-                match pick::plan(self, scene, &step, arm, seed) {
-                    Ok(pick) => {
-                        let taken_from = self.taken_from(scene, step.object);
-                        let Pick { commands, open_width, hold_width } = pick;
-                        self.phase = Phase::Picked { step, open_width, hold_width, taken_from };
-                        return Ok(ActionChunk { actions: commands, finished: false });
+                match self.begin(scene, step, arm, width, seed) {
+                    Ok((actions, phase)) => {
+                        self.phase = phase;
+                        return Ok(ActionChunk { actions, finished: false });
                     }
                     Err(failure) => {
                         self.last_failure = Some(failure);
@@ -146,7 +169,7 @@ impl Expert {
             if self.plans.is_empty() {
                 return Err(PolicyError::GaveUp(failure.unwrap_or_else(|| Failure {
                     cause: FailureCause::NoGoalPose,
-                    evidence: "no alternative of the goal can be served by pick and place".into(),
+                    evidence: "no alternative of the goal can be served".into(),
                 })));
             }
         }
@@ -188,15 +211,39 @@ impl Expert {
         }
     }
 
-    fn go_home(&self, scene: &PosedScene, arm: &[f64]) -> Vec<Vec<f32>> {
+    fn go_home(&self, scene: &PosedScene, arm: &[f64], width: f64) -> Vec<Vec<f32>> {
         let world = surroundings::world(scene, None);
-        let width = self.stage.robot.gripper.max_width;
+        let open = self.stage.robot.gripper.max_width;
+        // The fingers open at home, where nothing is in their way.
         let around = Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
         match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
-            Ok(path) => commands::follow(&self.planner, &path, width, self.settings.empty_speed),
+            Ok(path) => {
+                let mut commands = commands::follow(&self.planner, &path, width, self.settings.empty_speed);
+                commands.extend(commands::fingers(path.goal(), width, open, self.settings.open_steps));
+                commands
+            }
             Err(_) => commands::wait(arm, width, self.settings.rest_steps),
         }
+    }
+
+    /// A free motion of the empty hand during which the fingers go to another opening; when there is no room for
+    /// that on the way, they do so first.
+    fn reach(&self, world: &World, path: &Path, from: f64, to: f64) -> Vec<Vec<f32>> {
+        let nothing = Allowed::none();
+        let room = |width: f64| {
+            let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: width };
+            let checker = self.planner.checker(&around, 0.0);
+            path.states(0.05).iter().all(|state| checker.is_free(state))
+        };
+        let steps = ((from - to).abs() / FINGERS_M_S * self.stage.control_rate_hz()).ceil() as usize;
+        let mut commands = Vec::new();
+        if steps > 1 && !(room(from) && room(0.5 * (from + to))) {
+            commands.extend(commands::fingers(path.start(), from, to, 2 * steps));
+        }
+        commands.extend(commands::follow(&self.planner, path, to, self.settings.empty_speed));
+        commands.extend(commands::wait(path.goal(), to, steps.saturating_sub(commands.len())));
+        commands
     }
 }
 
@@ -222,7 +269,7 @@ impl Policy for Expert {
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
         (self.picks, self.tries, self.waits, self.phase, self.last_failure) = (0, 0, 0, Phase::Free, None);
         if self.plans.is_empty() {
-            return Err(PolicyError::Unsuited("no alternative of the goal can be served by pick and place".into()));
+            return Err(PolicyError::Unsuited("no alternative of the goal can be served".into()));
         }
         Ok(())
     }
@@ -238,19 +285,29 @@ impl Policy for Expert {
             .get("observation.state")
             .ok_or_else(|| PolicyError::Unsuited("needs `observation.state`".into()))?;
         let (arm, width) = state.split_at(self.stage.robot.arm_dof().min(state.len()));
+        let width: f64 = width.iter().sum();
         let scene = self.stage.posed(&truth.objects);
         let moving = truth.objects.iter().any(|object| object.speed > self.settings.rest_speed);
         match std::mem::replace(&mut self.phase, Phase::Free) {
             // What rolls or rocks is not where it will be.
             Phase::Free if moving && self.waits < self.settings.longest_wait => {
                 self.waits += 1;
-                let width = self.stage.robot.gripper.max_width.min(width.iter().sum());
+                let width = self.stage.robot.gripper.max_width.min(width);
                 Ok(ActionChunk { actions: commands::wait(arm, width, self.settings.rest_steps), finished: false })
             }
-            Phase::Free => self.pick(&scene, arm),
+            Phase::Free => self.next(&scene, arm, width),
             Phase::Picked { step, open_width, hold_width, taken_from } => {
-                let hand = Hand { arm: arm.to_vec(), width: width.iter().sum(), open_width, hold_width };
+                let hand = Hand { arm: arm.to_vec(), width, open_width, hold_width };
                 self.place(&scene, &truth, &hand, &step, &taken_from)
+            }
+            Phase::Turning(mut turning) => {
+                let actions = joint::next(self, &mut turning, arm);
+                let finished = false;
+                if let Some(actions) = actions {
+                    self.phase = Phase::Turning(turning);
+                    return Ok(ActionChunk { actions, finished });
+                }
+                Ok(ActionChunk { actions: joint::release(self, &scene, &turning, arm), finished })
             }
             Phase::Home => Ok(ActionChunk { actions: Vec::new(), finished: true }),
         }

@@ -27,7 +27,14 @@ struct Candidate {
 }
 
 /// Plans a pick, or says what stood in the way.
-pub(super) fn plan(expert: &Expert, scene: &PosedScene, step: &Move, arm: &[f64], seed: Seed) -> Result<Pick, Failure> {
+pub(super) fn plan(
+    expert: &Expert,
+    scene: &PosedScene,
+    step: &Move,
+    arm: &[f64],
+    width: f64,
+    seed: Seed,
+) -> Result<Pick, Failure> {
     let name = expert.stage.name(step.object);
     let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
     let usable = |goal: &Pose| is_in_reach(&expert.planner, goal.position + DVec3::Z * height);
@@ -40,7 +47,7 @@ pub(super) fn plan(expert: &Expert, scene: &PosedScene, step: &Move, arm: &[f64]
     let candidates = candidates(expert, scene, step, arm, &goals, &free, seed)?;
     let mut problem = None;
     for candidate in &candidates {
-        match motions(expert, scene, step, arm, candidate, &free, seed) {
+        match motions(expert, scene, step, arm, width, candidate, &free, seed) {
             Ok(commands) => {
                 return Ok(Pick { commands, open_width: candidate.open_width, hold_width: candidate.hold_width });
             }
@@ -123,11 +130,13 @@ fn candidates(
 }
 
 /// Free motion to the approach, straight in, close, straight up.
+#[allow(clippy::too_many_arguments)] // read-only context of one try
 fn motions(
     expert: &Expert,
     scene: &PosedScene,
     step: &Move,
     arm: &[f64],
+    width: f64,
     candidate: &Candidate,
     free: &World,
     seed: Seed,
@@ -156,7 +165,7 @@ fn motions(
         Surroundings { world: free, attached: Some(&attached), allowed: &nothing, gripper_width: grasp.width };
     let lift = planner.straight(&holding, config, &lifted)?;
 
-    let mut commands = commands::follow(planner, &reach, *open_width, settings.empty_speed);
+    let mut commands = expert.reach(&occupied, &reach, width, *open_width);
     commands.extend(commands::follow(planner, &approach, *open_width, settings.careful_speed));
     commands.extend(commands::wait(config, *open_width, settings.rest_steps));
     commands.extend(commands::fingers(config, *open_width, *hold_width, settings.close_steps));

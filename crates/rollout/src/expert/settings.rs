@@ -1,6 +1,7 @@
 //! Every default of the expert on one screen.
 
 use genmanip_layout::GoalPoseSettings;
+use genmanip_layout::articulation::JointSettings;
 use serde::{Deserialize, Serialize};
 
 /// How the expert searches and moves.
@@ -9,6 +10,15 @@ use serde::{Deserialize, Serialize};
 pub struct ExpertSettings {
     /// Goal poses.
     pub goal_pose: GoalPoseSettings,
+    /// Contacts with joints and how they are followed.
+    pub joint: JointSettings,
+    /// Greatest speed of the hand while it moves a joint, m/s.
+    pub joint_speed: f64,
+    /// Control steps after which the way of a joint is looked at.
+    pub joint_steps: usize,
+    /// How far the hand may lag behind its command before the motion of a joint is broken off, metres;
+    /// with the arm's stiffness this limits the force.
+    pub joint_lag_m: f64,
     /// Grasp candidates looked at per pick.
     pub grasps: usize,
     /// Grasps for which motions are planned before a pick is given up.
@@ -52,6 +62,10 @@ impl Default for ExpertSettings {
     fn default() -> Self {
         Self {
             goal_pose: GoalPoseSettings::default(),
+            joint: JointSettings::default(),
+            joint_speed: 0.15,
+            joint_steps: 12,
+            joint_lag_m: 0.008,
             grasps: 80,
             planned_grasps: 12,
             tries_per_move: 4,

@@ -98,6 +98,7 @@ impl Writer<'_> {
                     .numbers("range", &joint.range)
                     .number("damping", joint.damping)
                     .number("frictionloss", joint.friction_loss)
+                    .numbers("solimpfriction", &self.settings.joint_friction_solimp)
                     .number("stiffness", joint.stiffness)
                     .number("springref", joint.spring_reference),
             );

@@ -1,0 +1,225 @@
+//! The way of the arm while it moves a joint.
+
+use genmanip_core::{Failure, FailureCause, JointKind, Pose};
+use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
+use genmanip_scene::relations::{PosedObject, PosedScene};
+use glam::{DQuat, DVec3};
+
+use super::contacts::of_link;
+use super::{JointChange, JointContact, JointSettings, Motion};
+use crate::surroundings;
+
+/// A contact with an arm that can follow it.
+#[derive(Clone, Debug)]
+pub struct JointSweep {
+    /// The change it makes.
+    pub change: JointChange,
+    /// Position at which the joint is meant to end.
+    pub target: f64,
+    /// The hand on the link.
+    pub contact: JointContact,
+    /// Arm configuration at the start.
+    pub config: Vec<f64>,
+    /// Straight way of the hand to that start.
+    pub approach: Path,
+}
+
+/// Searches and follows the ways to make one change.
+pub struct Sweeper<'a> {
+    planner: &'a Planner,
+    settings: &'a JointSettings,
+    object: &'a PosedObject,
+    change: &'a JointChange,
+    /// Everything but the object.
+    others: World,
+}
+
+impl<'a> Sweeper<'a> {
+    /// A search in a scene; `None` when the change names no joint of it.
+    pub fn new(
+        scene: &'a PosedScene,
+        change: &'a JointChange,
+        planner: &'a Planner,
+        settings: &'a JointSettings,
+    ) -> Option<Self> {
+        let object = scene.objects().nth(change.object)?;
+        let others = surroundings::world(scene, Some(change.object));
+        Some(Self { planner, settings, object, change, others })
+    }
+
+    /// The first sweep that is possible and that `accept` makes something of; the nearest obstacle otherwise.
+    ///
+    /// # Errors
+    /// A failure that says how many contacts were out of reach, blocked, or could not be followed.
+    pub fn search<T>(&self, reference: &[f64], accept: &mut dyn FnMut(&JointSweep) -> Option<T>) -> Result<T, Failure> {
+        let name = &self.object.model.card.name;
+        let mut tally = Tally::default();
+        let motions: Vec<_> = self
+            .change
+            .targets
+            .iter()
+            .filter_map(|&target| {
+                let motion = Motion::of(self.object, self.change, target)?;
+                Some((target, motion, self.worlds(&motion, target)))
+            })
+            .collect();
+        let link = self.object.model.links.get(self.change.link);
+        let contacts = motions
+            .first()
+            .zip(link)
+            .map(|((_, motion, _), link)| of_link(link, motion, self.planner.robot(), self.settings));
+        for start in contacts.into_iter().flatten() {
+            let configs = self.planner.ik(&start.world_from_tcp, reference);
+            if configs.is_empty() {
+                tally.out_of_reach += 1;
+                continue;
+            }
+            let world = &motions[0].2[0].1;
+            let starts: Vec<_> = configs
+                .into_iter()
+                .filter(|config| is_free(self.planner, world, &start, config))
+                .take(self.settings.configurations)
+                .collect();
+            if starts.is_empty() {
+                tally.blocked += 1;
+                continue;
+            }
+            let follows = if start.turns_freely { self.settings.follow.as_slice() } else { &[1.0] };
+            for (&follow, (target, motion, worlds)) in follows.iter().flat_map(|f| motions.iter().map(move |m| (f, m)))
+            {
+                let contact = JointContact { follow, ..start.clone() };
+                let found = starts
+                    .iter()
+                    .filter(|config| self.is_possible(motion, &contact, config, worlds, &mut tally))
+                    .find_map(|config| Some((config.clone(), self.approach(&contact, config, world)?)));
+                let Some((config, approach)) = found else { continue };
+                tally.possible += 1;
+                let sweep = JointSweep { change: self.change.clone(), target: *target, contact, config, approach };
+                if let Some(result) = accept(&sweep) {
+                    return Ok(result);
+                }
+            }
+        }
+        let joint = self.object.model.links.get(self.change.link).map_or("?", |link| link.name.as_str());
+        let Tally { out_of_reach, blocked, unfollowed, possible } = tally;
+        let evidence = format!(
+            "no way to move the {joint} of {name}: {out_of_reach} contacts out of reach, {blocked} blocked, \
+             {unfollowed} arm postures could not follow, {possible} could but not be got to"
+        );
+        Err(Failure { cause: if possible > 0 { FailureCause::Planning } else { FailureCause::NoIk }, evidence })
+    }
+
+    /// Arm configurations at `count` equal steps of the joint from its present position to `to`, the start left out.
+    ///
+    /// `None` when the arm cannot follow.
+    pub fn follow(&self, sweep: &JointSweep, to: f64, count: usize) -> Option<Vec<Vec<f64>>> {
+        let motion = Motion::of(self.object, self.change, sweep.target)?;
+        let mut previous = sweep.config.clone();
+        (1..=count)
+            .map(|step| {
+                let by = (to - self.change.from) * step as f64 / count as f64;
+                previous = self.planner.ik_near(
+                    &tcp_at(&motion, &sweep.contact, by),
+                    &previous,
+                    self.settings.max_arm_step_rad,
+                )?;
+                Some(previous.clone())
+            })
+            .collect()
+    }
+
+    /// The object's surroundings and itself, joint at a position.
+    pub fn world_at(&self, position: f64) -> World {
+        let mut world = self.others.clone();
+        let mut object = self.object.clone();
+        if let Some(value) = object.joint_positions.get_mut(self.change.joint) {
+            *value = position;
+        }
+        // The models' own pieces and finite poses are always accepted.
+        let _ = world.add(&object.uid, &surroundings::pieces(&object), &object.pose);
+        world
+    }
+
+    /// Direction in which the link moves at the contact, and how far per unit of the joint.
+    pub fn velocity(&self, sweep: &JointSweep) -> (DVec3, f64) {
+        let point = sweep.contact.world_from_tcp.transform_point(sweep.contact.tool_point);
+        let velocity = Motion::of(self.object, self.change, sweep.target).map(|motion| motion.velocity(point));
+        velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(1e-3)))
+    }
+
+    /// Positions on the way with the world at each, the present one first.
+    fn worlds(&self, motion: &Motion, target: f64) -> Vec<(f64, World)> {
+        let size = self.object.model.world_bounds(&Pose::IDENTITY, &self.object.joint_positions).size().max_element();
+        let total = (target - self.change.from).abs();
+        let steps = match motion.kind {
+            JointKind::Prismatic => total / self.settings.step_m,
+            JointKind::Revolute => (total / self.settings.step_rad).max(total * size / self.settings.step_m / 2.0),
+        };
+        let steps = (steps.ceil() as usize).clamp(3, 60);
+        (0..=steps)
+            .map(|step| {
+                let by = (target - self.change.from) * step as f64 / steps as f64;
+                (by, self.world_at(self.change.from + by))
+            })
+            .collect()
+    }
+
+    /// Straight to the contact along the fingers.
+    fn approach(&self, contact: &JointContact, config: &[f64], world: &World) -> Option<Path> {
+        let nothing = Allowed::none();
+        let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
+        let back = contact.world_from_tcp.transform_vector(DVec3::NEG_Z) * self.settings.approach_m;
+        let before = Pose { position: contact.world_from_tcp.position + back, ..contact.world_from_tcp };
+        self.planner.straight(&around, config, &before).ok().map(Path::reversed)
+    }
+
+    fn is_possible(
+        &self,
+        motion: &Motion,
+        contact: &JointContact,
+        config: &[f64],
+        worlds: &[(f64, World)],
+        tally: &mut Tally,
+    ) -> bool {
+        let mut previous = config.to_vec();
+        let mut way = Vec::new();
+        for (by, _) in worlds.iter().skip(1) {
+            let pose = tcp_at(motion, contact, *by);
+            let Some(next) = self.planner.ik_near(&pose, &previous, self.settings.max_arm_step_rad) else {
+                tally.unfollowed += 1;
+                return false;
+            };
+            way.push(next.clone());
+            previous = next;
+        }
+        way.iter().zip(worlds.iter().skip(1)).all(|(config, (_, world))| is_free(self.planner, world, contact, config))
+    }
+}
+
+#[derive(Default)]
+struct Tally {
+    out_of_reach: usize,
+    blocked: usize,
+    unfollowed: usize,
+    possible: usize,
+}
+
+fn is_free(planner: &Planner, world: &World, contact: &JointContact, config: &[f64]) -> bool {
+    let nothing = Allowed::none();
+    let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
+    planner.checker(&around, 0.0005).is_free(config)
+}
+
+/// Pose of the tcp when the joint has moved `by`.
+fn tcp_at(motion: &Motion, contact: &JointContact, by: f64) -> Pose {
+    let start = contact.world_from_tcp;
+    match motion.kind {
+        JointKind::Prismatic => Pose { position: start.position + motion.axis * by, ..start },
+        JointKind::Revolute => {
+            let point = start.transform_point(contact.tool_point);
+            let point = motion.pivot + DQuat::from_axis_angle(motion.axis, by) * (point - motion.pivot);
+            let rotation = DQuat::from_axis_angle(motion.axis, by * contact.follow) * start.rotation;
+            Pose { position: point - rotation * contact.tool_point, rotation }
+        }
+    }
+}

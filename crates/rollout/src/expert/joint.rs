@@ -1,0 +1,172 @@
+//! Moving joints: taking hold or pushing, following the joint's line or arc, letting go.
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Failure, FailureCause, JointKind, Pose, Seed};
+use genmanip_layout::articulation::{JointSweep, Sweeper, joint_changes};
+use genmanip_layout::{Move, surroundings};
+use genmanip_motion::{Allowed, Path, Surroundings};
+use genmanip_scene::relations::PosedScene;
+
+use super::{Expert, commands, pick::grasp_direction};
+
+/// A joint under way, from the moment the hand touches the link.
+pub(super) struct Turning {
+    /// The contact and what it is for.
+    pub sweep: JointSweep,
+    /// Direction of the link at the contact at the start, in the world.
+    pub direction: DVec3,
+    /// Commands along the joint's way.
+    commands: Vec<Vec<f32>>,
+    /// How many were given out.
+    done: usize,
+}
+
+/// Plans the way to the contact, and the motion of the joint from there on.
+pub(super) fn plan(
+    expert: &Expert,
+    scene: &PosedScene,
+    step: &Move,
+    arm: &[f64],
+    width: f64,
+    seed: Seed,
+) -> Result<(Vec<Vec<f32>>, Turning), Failure> {
+    let name = expert.stage.name(step.object);
+    let state = step.state().unwrap_or_default();
+    let changes = joint_changes(scene, step.object, state);
+    let sweeper = changes
+        .first()
+        .and_then(|change| Sweeper::new(scene, change, &expert.planner, &expert.settings.joint))
+        .ok_or_else(|| Failure { cause: FailureCause::Policy, evidence: format!("{name} has no state {state}") })?;
+    let (planner, settings) = (&expert.planner, &expert.settings);
+    let occupied = surroundings::world(scene, None);
+    let nothing = Allowed::none();
+    // Later tries begin further down the list.
+    let mut skip = expert.tries.saturating_sub(1);
+    sweeper.search(arm, &mut |sweep| {
+        let contact = &sweep.contact;
+        let around =
+            Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: contact.open_width };
+        let start = sweep.approach.start().to_vec();
+        let reach = planner.plan_joint(&around, arm, &[start], seed.fork("reach")).ok()?;
+        let turning = turn(expert, &sweeper, sweep)?;
+        if skip > 0 {
+            skip -= 1;
+            return None;
+        }
+        let mut commands = expert.reach(&occupied, &reach, width, contact.open_width);
+        commands.extend(commands::follow(planner, &sweep.approach, contact.open_width, settings.careful_speed));
+        commands.extend(commands::wait(&sweep.config, contact.open_width, settings.rest_steps));
+        if contact.hold_width < contact.open_width {
+            commands.extend(commands::fingers(
+                &sweep.config,
+                contact.open_width,
+                contact.hold_width,
+                settings.close_steps,
+            ));
+        }
+        Some((commands, turning))
+    })
+}
+
+/// Commands along the whole way, at a speed that suits hand and arm.
+fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turning> {
+    let settings = &expert.settings;
+    let (direction, lever) = sweeper.velocity(sweep);
+    // A push first closes the gap, and presses no more than that at the end.
+    let beyond = sweep.contact.gap_m / lever * (sweep.target - sweep.change.from).signum();
+    let to = sweep.target + beyond;
+    let length = (to - sweep.change.from).abs();
+    let rate = expert.stage.control_rate_hz();
+    // The smooth start and end take their time: the peak speed is 1.875 times the mean.
+    let mut count = (1.875 * length * lever.max(0.1) / settings.joint_speed * rate).ceil().max(20.0) as usize;
+    for _ in 0..6 {
+        let fine = sweeper.follow(sweep, to, 200)?;
+        let limits: Vec<f64> =
+            expert.stage.robot.arm_joints().map(|joint| joint.max_velocity * settings.careful_speed).collect();
+        let peak = 1.875 * 200.0 / count as f64 * rate;
+        let slow_enough = std::iter::once(&sweep.config)
+            .chain(&fine)
+            .zip(&fine)
+            .all(|(a, b)| a.iter().zip(b).zip(&limits).all(|((a, b), limit)| (a - b).abs() * peak <= *limit));
+        if slow_enough {
+            let commands = (1..=count)
+                .map(|step| {
+                    let t = step as f64 / count as f64;
+                    let along = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t) * 200.0;
+                    let (index, share) = (along.floor() as usize, along.fract());
+                    let at = |index: usize| if index == 0 { &sweep.config } else { &fine[(index - 1).min(199)] };
+                    let arm: Vec<f64> = at(index).iter().zip(at(index + 1)).map(|(a, b)| a + (b - a) * share).collect();
+                    commands::command(&arm, sweep.contact.hold_width)
+                })
+                .collect();
+            return Some(Turning { sweep: sweep.clone(), direction, commands, done: 0 });
+        }
+        count = count * 3 / 2;
+    }
+    None
+}
+
+/// The next commands of a joint under way; `None` at its end, or when the hand is held up.
+pub(super) fn next(expert: &Expert, turning: &mut Turning, arm: &[f64]) -> Option<Vec<Vec<f32>>> {
+    let settings = &expert.settings;
+    if let Some(last) = turning.done.checked_sub(1).and_then(|last| turning.commands.get(last)) {
+        let wanted: Vec<f64> = last.iter().take(arm.len()).map(|&q| f64::from(q)).collect();
+        let lag = expert.planner.tcp_pose(&wanted).position.distance(expert.planner.tcp_pose(arm).position);
+        if lag > settings.joint_lag_m {
+            return None;
+        }
+    }
+    let end = (turning.done + settings.joint_steps).min(turning.commands.len());
+    let next = turning.commands.get(turning.done..end).filter(|next| !next.is_empty())?.to_vec();
+    turning.done = end;
+    Some(next)
+}
+
+/// Opens the fingers, eases off and backs out.
+pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, arm: &[f64]) -> Vec<Vec<f32>> {
+    let (planner, settings) = (&expert.planner, &expert.settings);
+    let contact = &turning.sweep.contact;
+    let mut commands = commands::wait(arm, contact.hold_width, settings.rest_steps);
+    if contact.hold_width < contact.open_width {
+        commands.extend(commands::fingers(arm, contact.hold_width, contact.open_width, settings.open_steps));
+    }
+    let world = surroundings::world(scene, None);
+    let nothing = Allowed::none();
+    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
+    let tcp = planner.tcp_pose(arm);
+    let back = backward(scene, turning, &tcp);
+    let out =
+        [-grasp_direction(&tcp), (back - grasp_direction(&tcp)).normalize_or_zero(), back, DVec3::Z, DVec3::NEG_X];
+    // A finger that pushed leans on the link: first straight back, then out.
+    let ease = if contact.gap_m > 0.0 { back * 0.006 } else { DVec3::ZERO };
+    let eased = Pose { position: tcp.position + ease, ..tcp };
+    let start = planner.ik_near(&eased, arm, settings.joint.max_arm_step_rad).unwrap_or_else(|| arm.to_vec());
+    let ways = out.iter().flat_map(|&direction| [1.0, 0.4].map(|share| direction * settings.joint.approach_m * share));
+    let retreat = ways
+        .into_iter()
+        .find_map(|way| planner.straight(&around, &start, &Pose { position: eased.position + way, ..tcp }).ok());
+    if start != arm {
+        let ease = Path::polyline(vec![arm.to_vec(), start]);
+        commands.extend(commands::follow(planner, &ease, contact.open_width, settings.careful_speed));
+    }
+    if let Some(path) = retreat {
+        commands.extend(commands::follow(planner, &path, contact.open_width, settings.careful_speed));
+    }
+    commands
+}
+
+/// Away from the link, against its motion, where the hand is now.
+fn backward(scene: &PosedScene, turning: &Turning, tcp: &Pose) -> DVec3 {
+    let change = &turning.sweep.change;
+    let Some(object) = scene.objects().nth(change.object) else { return DVec3::Z };
+    let Some(joint) = object.model.links.get(change.link).and_then(|link| link.joint.as_ref()) else { return DVec3::Z };
+    match joint.kind {
+        JointKind::Prismatic => -turning.direction,
+        JointKind::Revolute => {
+            let world_from_joint = object.pose * joint.parent_from_joint;
+            let axis = world_from_joint.transform_vector(joint.axis);
+            let sign = (turning.sweep.target - change.from).signum();
+            -(axis.cross(tcp.position - world_from_joint.position) * sign).normalize_or_zero()
+        }
+    }
+}
