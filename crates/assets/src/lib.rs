@@ -28,6 +28,7 @@ mod recipe;
 mod robot;
 mod solid;
 mod surface;
+mod variant;
 
 #[cfg(test)]
 mod tests;
@@ -36,3 +37,4 @@ pub use catalogue::Catalogue;
 pub use error::AssetError;
 pub use handle::{HANDLE, handle_bounds};
 pub use robot::{panda, robot_from_json};
+pub use variant::variant;

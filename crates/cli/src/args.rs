@@ -97,9 +97,15 @@ pub struct NewArguments {
     /// Seed
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Who invents them: rules
+    /// Who invents them: rules, or llm (a language model)
     #[arg(long, default_value = "rules")]
     pub designer: String,
+    /// Settings of the language model, TOML; only with --designer llm
+    #[arg(long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
+    /// Ask the model, record it or replay it instead of what the settings say: live, record or replay
+    #[arg(long, value_name = "MODE")]
+    pub cassettes: Option<String>,
     /// Folder for the task documents
     #[arg(long)]
     pub out: PathBuf,

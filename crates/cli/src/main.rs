@@ -41,10 +41,11 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Export(arguments) => commands::export::run(arguments, printer),
         Command::Lab { command } => match command {
             LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
-            LabCommand::Layout(arguments) => commands::lab::layout::run(arguments, printer),
             LabCommand::Answers(arguments) => commands::lab::answers::run(arguments, printer),
             LabCommand::Design(arguments) => commands::lab::design::run(arguments, printer),
+            LabCommand::Grasp(arguments) => commands::lab::grasp::run(arguments, printer),
             LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
+            LabCommand::Layout(arguments) => commands::lab::layout::run(arguments, printer),
             LabCommand::Motion(arguments) => commands::lab::motion::run(arguments, printer),
         },
         Command::Doctor => commands::doctor::run(printer),

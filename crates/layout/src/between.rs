@@ -1,6 +1,7 @@
 //! Room for an object between two others.
 
-use genmanip_core::glam::DVec2;
+use genmanip_core::Aabb;
+use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_scene::relations::PosedScene;
 
 use crate::draft::Stance;
@@ -24,12 +25,34 @@ pub(crate) fn window(
     (object == one || object == other).then(|| around(through + onward * 0.22, 0.2))
 }
 
-/// Whether the subject would stand between the two if it were put halfway, with room on both sides.
-pub(crate) fn leaves_room(scene: &PosedScene, [one, other]: [usize; 2], subject: &Stance, context: &Context) -> bool {
+/// Opposite corners of where the middle of something of this size has a free place between two bounds;
+/// where there is none, of where it is nearest to having one.
+pub(crate) fn free_window(one: &Aabb, other: &Aabb, size: DVec3) -> [DVec2; 2] {
+    let apart = (one.min - other.max).max(other.min - one.max).truncate();
+    // The middle of the free strip along each axis on which they are apart, else of both.
+    let strip = (one.max.min(other.max) + one.min.max(other.min)).truncate() * 0.5;
+    let middle = (one.center() + other.center()).truncate() * 0.5;
+    let spread = 0.3 * one.center().truncate().distance(other.center().truncate());
+    let axis = |apart: f64, size: f64, strip: f64, middle: f64| {
+        if apart > 0.0 { (strip, ((apart - size) * 0.5).max(0.005).min(spread.max(0.005))) } else { (middle, spread) }
+    };
+    let (x, half_x) = axis(apart.x, size.x, strip.x, middle.x);
+    let (y, half_y) = axis(apart.y, size.y, strip.y, middle.y);
+    let (center, half) = (DVec2::new(x, y), DVec2::new(half_x, half_y));
+    [center - half, center + half]
+}
+
+/// Whether the subject would stand between the two if it were put halfway, with a gap on both sides.
+pub(crate) fn leaves_room(
+    scene: &PosedScene,
+    [one, other]: [usize; 2],
+    subject: &Stance,
+    gap: f64,
+    context: &Context,
+) -> bool {
     let (Some(a), Some(b)) = (scene.bounds(one), scene.bounds(other)) else { return true };
     let (Some(from), Some(to)) = (scene.center(one), scene.center(other)) else { return true };
     let size = subject.bounds.size();
-    let gap = context.settings.min_gap_m + 0.005;
     let apart = (a.min - b.max).max(b.min - a.max).truncate();
     let room = (apart.x >= size.x + 2.0 * gap) || (apart.y >= size.y + 2.0 * gap);
     let middle = ((from + to) * 0.5).truncate().extend(subject.bounds.center().z - subject.bounds.min.z);

@@ -73,8 +73,7 @@ impl Draft {
 
     fn bound(&mut self, context: &Context, wide: bool) {
         let settings = context.settings;
-        let [area_x, area_y] =
-            if wide { [settings.wide_x_m, settings.wide_y_m] } else { [settings.x_m, settings.y_m] };
+        let [area_x, area_y] = if wide { [settings.wide_x_m, settings.wide_y_m] } else { [settings.x_m, settings.y_m] };
         let mut both = |a: usize, b: usize, x: [f64; 2], y: [f64; 2], edge: Option<usize>| {
             self.x.bound(a, b, x, edge);
             self.y.bound(a, b, y, edge);

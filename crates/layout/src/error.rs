@@ -36,7 +36,7 @@ pub enum LayoutError {
         restarts: usize,
         /// What stood in the way, by reason.
         rejections: Rejections,
-    /// The attempt that got furthest.
+        /// The attempt that got furthest.
         furthest: Option<Box<Unfinished>>,
     },
 }

@@ -10,6 +10,7 @@ use genmanip_scene::relations::{
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
+use crate::between;
 use crate::moves::{Move, references};
 use crate::placement::let_down;
 
@@ -128,11 +129,15 @@ fn propose(
     let mut high = DVec2::new(workspace.x[1], workspace.y[1]) - half;
     for atom in &step.atoms {
         let Atom::Relation { relation, .. } = atom else { continue };
-        // Between lies near both; the judge decides.
-        let relation = if *relation == Relation::Between { Relation::Near } else { *relation };
+        let anchors: Vec<Aabb> = references(atom).filter_map(|uid| scene.bounds(scene.index_of(uid)?)).collect();
+        if let (Relation::Between, [one, other]) = (relation, anchors.as_slice()) {
+            let [least, most] = between::free_window(one, other, bounds.size());
+            (low, high) = (low.max(least), high.min(most));
+            continue;
+        }
         for reference in references(atom) {
             let Some(anchor) = scene.index_of(reference).and_then(|index| scene.bounds(index)) else { return false };
-            let Some(window) = placement_window(relation, &anchor, bounds.size(), relations) else { return false };
+            let Some(window) = placement_window(*relation, &anchor, bounds.size(), relations) else { return false };
             low = low.max(DVec2::new(window.x[0], window.y[0]));
             high = high.min(DVec2::new(window.x[1], window.y[1]));
         }

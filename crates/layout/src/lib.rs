@@ -104,6 +104,7 @@ pub fn lay_out_observed(
         joints: models.iter().enumerate().map(|(index, model)| initial_joints(task, index, model)).collect(),
         moved: models.iter().map(|model| is_moved(task, &model.card.uid)).collect(),
         goal_rooms: goal_rooms(task),
+        goal_betweens: goal_betweens(task),
         steps: order::steps(&edges, models.len(), uid)?,
         models,
         edges,
@@ -208,9 +209,8 @@ fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
         let mut rooms: Vec<GoalRoom> = Vec::new();
         for atom in atoms {
             let Atom::Relation { subject, relation, reference, .. } = atom else { continue };
-            let moves = |uid: &str| {
-                atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == uid)
-            };
+            let moves =
+                |uid: &str| atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == uid);
             let (Some(object), Some(anchor)) = (index_of(subject), index_of(reference)) else { continue };
             if moves(reference) || *relation == Relation::Between {
                 continue;
@@ -221,6 +221,24 @@ fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
             }
         }
         rooms
+    };
+    task.goal.alternatives.iter().map(of_alternative).collect()
+}
+
+/// What each alternative of the goal wants between two objects that it does not move.
+fn goal_betweens(task: &Task) -> Vec<Vec<[usize; 3]>> {
+    let index_of = |uid: &str| task.scene_graph.nodes.iter().position(|node| node.uid == uid);
+    let of_alternative = |atoms: &Vec<Atom>| {
+        let moves = |uid: &str| atoms.iter().any(|atom| atom.subject() == uid);
+        let wanted = atoms.iter().filter_map(|atom| match atom {
+            Atom::Relation { subject, relation: Relation::Between, reference, second_reference: Some(second) }
+                if !moves(reference) && !moves(second) =>
+            {
+                Some([index_of(subject)?, index_of(reference)?, index_of(second)?])
+            }
+            _ => None,
+        });
+        wanted.collect()
     };
     task.goal.alternatives.iter().map(of_alternative).collect()
 }
@@ -257,6 +275,7 @@ fn without_conflicts(
     context.set_distractors(Vec::new());
     context.steps = order::steps(&context.edges, nodes, |_| String::new()).ok()?;
     context.goal_rooms.clear();
+    context.goal_betweens.clear();
     let seed = seed.fork("without conflicts");
     let scene = placement::place_all(context, seed, true, shapes, &mut Rejections::default()).ok()?;
     context.edges.clone_from(&edges);

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, ObjectModel, Pose, Relation, Seed, Task, Workspace};
 use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair, outlines_apart,
-    placement_window,
+    PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair, outlines_apart, placement_window,
 };
 use rand::{Rng, RngExt};
 
@@ -36,6 +35,8 @@ pub(crate) struct Context<'a> {
     pub moved: Vec<bool>,
     /// Per alternative of the goal: where moved objects must find room.
     pub goal_rooms: Vec<Vec<GoalRoom>>,
+    /// Per alternative of the goal: what it wants between two objects that stay, subject first.
+    pub goal_betweens: Vec<Vec<[usize; 3]>>,
     pub settings: &'a LayoutSettings,
     pub relations: &'a RelationSettings,
 }
@@ -118,7 +119,8 @@ pub(crate) fn place_all(
             return Err(None);
         }
     };
-    let mut search = Search { context, draft, scene: parked(context, shapes), placed: Vec::new(), blockers: Vec::new() };
+    let mut search =
+        Search { context, draft, scene: parked(context, shapes), placed: Vec::new(), blockers: Vec::new() };
     let mut furthest: Option<Partial> = None;
     let mut failures = 0;
     loop {
@@ -189,7 +191,8 @@ impl Search<'_> {
         let y = self.draft.y.range(object, centers().map(|(other, center)| (other, center.y)));
         let (mut low, mut high) = (DVec2::new(x[0], y[0]), DVec2::new(x[1], y[1]));
         for (atom, indices) in &self.context.edges {
-            if let (Atom::Relation { relation: Relation::Between, .. }, &[subject, one, other]) = (atom, indices.as_slice())
+            if let (Atom::Relation { relation: Relation::Between, .. }, &[subject, one, other]) =
+                (atom, indices.as_slice())
             {
                 let place = |index: usize| self.placed.contains(&index).then(|| self.center(index));
                 if let Some([least, most]) = between::window(object, [subject, one, other], place) {
@@ -236,10 +239,13 @@ impl Search<'_> {
                 let beside = |&other: &usize| context.support_of(other) == Some(carrier);
                 let gap = |other| context.gap(object, other);
                 let blocker = self.placed.iter().copied().filter(|other| beside(other));
-                if let Some(blocker) = blocker.into_iter().find(|&other| !outlines_apart(&self.scene, object, other, gap(other))) {
+                if let Some(blocker) =
+                    blocker.into_iter().find(|&other| !outlines_apart(&self.scene, object, other, gap(other)))
+                {
                     return self.refuse(object, blocker, rejections);
                 }
-                if !seat.covered && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
+                if !seat.covered
+                    && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
                 {
                     rejections.count("not above its carrier");
                     self.blockers.push(carrier);
@@ -328,13 +334,26 @@ impl Search<'_> {
                 }
                 (Relation::Between, Some(&subject)) if subject == indices[0] && indices.len() == 3 => {
                     let stance = &self.draft.stances[subject];
-                    between::leaves_room(&self.scene, [indices[1], indices[2]], stance, context)
+                    let gap = context.settings.min_gap_m + 0.005;
+                    between::leaves_room(&self.scene, [indices[1], indices[2]], stance, gap, context)
                 }
                 _ => true,
             };
             if !holds {
                 rejections.count_edge("an edge cannot be satisfied", atom);
                 self.blockers.extend(indices.iter().filter(|&&index| index != object));
+                return false;
+            }
+        }
+        let wanted = self.draft.alternative.and_then(|index| context.goal_betweens.get(index));
+        let is_here = |index: usize| index == object || self.placed.contains(&index);
+        for &[subject, one, other] in wanted.into_iter().flatten() {
+            let concerns = (one == object || other == object) && is_here(one) && is_here(other);
+            let stance = &self.draft.stances[subject];
+            if concerns && !between::leaves_room(&self.scene, [one, other], stance, GOAL_CLEARANCE_M, context) {
+                let name = &context.models[subject].card.name;
+                rejections.count(format!("no room for {name} between what the goal wants it between"));
+                self.blockers.push(if one == object { other } else { one });
                 return false;
             }
         }

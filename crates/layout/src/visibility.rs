@@ -15,7 +15,12 @@ use crate::LayoutSettings;
 const PROMPT_CAMERAS: [&str; 3] = ["overview", "left", "right"];
 
 /// The reason when some object is too small or too hidden in every prompt camera.
-pub(crate) fn hidden(scene: &PosedScene, task_objects: usize, robot: &Arc<RobotModel>, settings: &LayoutSettings) -> Option<String> {
+pub(crate) fn hidden(
+    scene: &PosedScene,
+    task_objects: usize,
+    robot: &Arc<RobotModel>,
+    settings: &LayoutSettings,
+) -> Option<String> {
     let models: Vec<_> = scene.objects().map(|object| Arc::new(without_textures(&object.model))).collect();
     let assets = RenderAssets::new(Arc::clone(robot), &models, &Environment::default()).ok()?;
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());

@@ -162,6 +162,77 @@ fn a_graph_without_room_is_refused_with_the_edges_in_conflict() {
     assert!(message.contains(&edges[0]) && message.len() < 800, "{message}");
 }
 
+/// Which edges a graph without room is refused with, and that what was reached can be drawn.
+#[test]
+fn infeasible_graphs_name_the_edges_in_conflict() {
+    use Relation::{In, Left, Top};
+    let between = |subject: &str, one: &str, other: &str| GraphEdge {
+        second_reference: Some(other.into()),
+        ..edge(subject, Relation::Between, one)
+    };
+    let fruits = ["027", "028", "030", "031", "034"];
+    let on_saucer = fruits.map(|fruit| edge(fruit, Top, "009"));
+    type Case<'a> = (&'a str, &'a [&'a str], Vec<GraphEdge>, &'a [&'a str]);
+    let cases: [Case; 4] = [
+        ("crowded saucer", &["009", "027", "028", "030", "031", "034", "047", "046"], on_saucer.to_vec(), &["top 009"]),
+        (
+            "circle through a chain",
+            &["001", "007", "051", "046"],
+            vec![
+                edge("001", Left, "007"),
+                edge("007", Left, "051"),
+                edge("051", Left, "046"),
+                edge("046", Left, "001"),
+            ],
+            &["001 left 007", "007 left 051", "051 left 046", "046 left 001"],
+        ),
+        ("too large for its container", &["005", "051", "047"], vec![edge("051", In, "005")], &["051 in 005"]),
+        (
+            "no room between neighbours",
+            &["057", "059", "011", "047"],
+            vec![edge("057", Left, "059"), between("011", "057", "059")],
+            &["011 between 057 and 059", "057 left 059"],
+        ),
+    ];
+    let settings = LayoutSettings { max_restarts: 6, ..LayoutSettings::default() };
+    for (name, nodes, edges, expected) in cases {
+        let task = with_graph(nodes, edges);
+        let error = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(1), &settings).unwrap_err();
+        let LayoutError::Infeasible { rejections, furthest, .. } = error else { panic!("{name}: {error}") };
+        let named: Vec<String> = rejections.conflicting_edges().iter().map(|(edge, _)| edge.to_string()).collect();
+        for wanted in expected {
+            assert!(named.iter().any(|edge| edge.ends_with(wanted)), "{name}: {wanted} is not among {named:?}");
+        }
+        assert!(named.iter().all(|edge| expected.iter().any(|known| edge.ends_with(known))), "{name}: {named:?}");
+        let furthest = furthest.unwrap_or_else(|| panic!("{name}: nothing to draw"));
+        assert!(nodes.contains(&furthest.object.as_str()) && !furthest.placed.is_empty(), "{name}: {furthest:?}");
+    }
+}
+
+#[test]
+fn distractors_mean_nothing_to_the_task_and_spoil_nothing() {
+    for id in ["017_pick_and_place", "024_appearance", "016_common_sense"] {
+        let task = task(id);
+        let settings = LayoutSettings { distractors: 3, ..LayoutSettings::default() };
+        let scenario = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(5), &settings).unwrap();
+        let (known, added) = scenario.objects.split_at(task.scene_graph.nodes.len());
+        assert_eq!(added.len(), 3, "{id}");
+        for placed in added {
+            let card = Catalogue::builtin().card(&placed.uid).unwrap();
+            assert!(
+                task.objects.iter().all(|other| other.name != card.name && other.category != card.category),
+                "{id}"
+            );
+            assert!(known.iter().all(|other| other.uid != placed.uid), "{id}");
+        }
+        let report = audit(&scenario, Catalogue::builtin(), &panda(), 2.0).unwrap();
+        assert!(report.failed.is_empty() && !report.goal_holds && report.hidden.is_none(), "{id}: {report:?}");
+        assert!(report.penetration_m < 1e-3 && report.drift_m < 1e-3, "{id}: {report:?}");
+        let plain = layout_of(&task, 5).unwrap();
+        assert_eq!(plain.objects.len(), known.len(), "none unless asked");
+    }
+}
+
 #[test]
 fn what_is_wrong_with_a_graph_is_named() {
     let cases = [

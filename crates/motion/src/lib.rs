@@ -22,6 +22,7 @@ mod test_robot;
 pub use chain::{Chain, ModelError};
 pub use collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, World};
 pub use description::{DescriptionError, MeshFile, read_robot};
+pub use grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper, ReachSettings, ReachableGrasp};
 pub use ik::{IkSettings, InverseKinematics};
 pub use path::Path;

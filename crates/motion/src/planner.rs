@@ -6,6 +6,7 @@ use genmanip_core::{Grasp, Pose, RobotModel, Seed};
 use serde::{Deserialize, Serialize};
 
 use crate::collision::{Allowed, Attached, Checker, CollisionReport, RobotError, RobotShape, World};
+use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings, ReachableGrasp};
 use crate::ik::{IkSettings, InverseKinematics};
 use crate::path::Path;
@@ -26,6 +27,8 @@ pub struct PlannerSettings {
     pub timing: TimingSettings,
     /// Grasp candidates.
     pub grasp: GraspSettings,
+    /// Grasp candidates from points.
+    pub cloud: CloudSettings,
     /// Grasps that the arm can carry out.
     pub reach: ReachSettings,
 }
@@ -152,6 +155,15 @@ impl Planner {
     pub fn grasps(&self, target: &GraspTarget, seed: Seed) -> Vec<Grasp> {
         grasp::candidates(target, &self.gripper, &self.settings.grasp, seed)
     }
+
+    /// Grasp candidates from points alone, in the world, best first.
+    ///
+    /// # Errors
+    /// A cloud that cannot be worked with.
+    pub fn cloud_grasps(&self, target: &CloudTarget) -> Result<Vec<CloudGrasp>, CloudError> {
+        grasp::cloud::cloud_grasps(target, &self.gripper, &self.settings.grasp, &self.settings.cloud)
+    }
+
     /// Opening with which a grasp is approached, m.
     pub fn opening(&self, grasp: &Grasp) -> f64 {
         self.gripper.opening_for(grasp, self.settings.grasp.opening_clearance)

@@ -7,6 +7,7 @@ pub mod collect;
 pub mod episode_loop;
 pub mod evaluate;
 pub mod expert;
+pub mod grasp_trial;
 pub mod images;
 pub mod policies;
 pub mod replay;

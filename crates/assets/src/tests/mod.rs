@@ -3,6 +3,7 @@
 mod joints;
 mod objects;
 mod robot;
+mod variants;
 
 use genmanip_core::{Piece, Pose, VisualPart};
 use glam::DVec3;

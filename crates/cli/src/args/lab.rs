@@ -22,11 +22,6 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab expert --seed 2000 --count 60 --json\n\n\
                       One thread; processor time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
-    /// Lay designed tasks out, once each, and audit what comes of it
-    #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
-                      One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
-                      visibility) is not timed.")]
-    Layout(LabLayoutArguments),
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
     #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
@@ -37,6 +32,16 @@ pub enum LabCommand {
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
     Motion(MotionArguments),
+    /// Lay designed tasks out, once each, and audit what comes of it
+    #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
+                      One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
+                      visibility) is not timed.")]
+    Layout(LabLayoutArguments),
+    /// Try grasps from points in physics: lift, shake, hold
+    #[command(after_help = "Example:\n  genmanip lab grasp --seed 2000 --count 100 --view one --json\n\n\
+                      Things of three classes (compact, utensils, clutter), COUNT each, drawn by seed;\n\
+                      docs/concepts/grasps.md says what is measured.")]
+    Grasp(GraspArguments),
 }
 
 /// Arguments of `lab design`.
@@ -107,23 +112,6 @@ pub struct ExpertArguments {
     pub tasks: Vec<PathBuf>,
 }
 
-/// Arguments of `lab layout`.
-#[derive(Debug, Args)]
-pub struct LabLayoutArguments {
-    /// Seed of tasks and layouts
-    #[arg(long, default_value_t = 0)]
-    pub seed: u64,
-    /// Tasks to design and lay out; with --tasks: layouts of each
-    #[arg(long, default_value_t = 100)]
-    pub count: usize,
-    /// Tasks instead of designed ones: recorded answers, task documents or folders of them
-    #[arg(long, value_name = "PATH")]
-    pub tasks: Vec<PathBuf>,
-    /// Unmentioned objects to add to each scene
-    #[arg(long, default_value_t = 0)]
-    pub distractors: usize,
-}
-
 /// Arguments of `lab motion`.
 #[derive(Debug, Args)]
 pub struct MotionArguments {
@@ -142,4 +130,44 @@ pub struct MotionArguments {
     /// Write the states of every path, 0.02 rad apart, to this JSON file
     #[arg(long, value_name = "FILE")]
     pub paths: Option<PathBuf>,
+}
+
+/// Arguments of `lab layout`.
+#[derive(Debug, Args)]
+pub struct LabLayoutArguments {
+    /// Seed of tasks and layouts
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Tasks to design and lay out; with --tasks: layouts of each
+    #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Tasks instead of designed ones: recorded answers, task documents or folders of them
+    #[arg(long, value_name = "PATH")]
+    pub tasks: Vec<PathBuf>,
+    /// Unmentioned objects to add to each scene
+    #[arg(long, default_value_t = 0)]
+    pub distractors: usize,
+}
+
+/// Arguments of `lab grasp`.
+#[derive(Debug, Args)]
+pub struct GraspArguments {
+    /// Seed of things, views and noise
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Trials per class
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    pub count: u64,
+    /// Cloud of the target: full surface, one noisy view, or three fused ones
+    #[arg(long, default_value = "full", value_parser = ["full", "one", "three"])]
+    pub view: String,
+    /// Class to try, all without
+    #[arg(long, value_parser = ["compact", "utensils", "clutter"])]
+    pub class: Option<String>,
+    /// Candidate to carry out: the best, or any, for judging the scores
+    #[arg(long, default_value = "best", value_parser = ["best", "any"])]
+    pub pick: String,
+    /// File for one line of JSON per trial
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
 }

@@ -1,7 +1,10 @@
-//! `genmanip task new`.
+//! `genmanip task new`: by rules, or by a language model.
+
+use std::path::Path;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{Document, Seed, Task, TaskKind};
+use genmanip_llm::{CassetteMode, Designer, GenerationOutcome, LlmSettings};
 use genmanip_scene::designer::{DesignSettings, design_each};
 use serde::Serialize;
 
@@ -10,12 +13,20 @@ use crate::error::{ExitStatus, Failed};
 use crate::inputs;
 use crate::printer::{Printer, table};
 
+/// Folder beside the tasks with what the model answered and what was wrong with it.
+const ROUNDS: &str = "rounds";
+
+/// Largest settings file, bytes.
+const MAX_SETTINGS_BYTES: u64 = 1 << 20;
+
 #[derive(Serialize)]
 struct Row {
     task: String,
     kind: &'static str,
-    instruction: String,
-    file: String,
+    instruction: Option<String>,
+    file: Option<String>,
+    /// Why there is no task.
+    refused: Option<String>,
 }
 
 pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -23,13 +34,26 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
         "all" => TaskKind::ALL.to_vec(),
         name => vec![inputs::task_kind(name)?],
     };
-    match arguments.designer.as_str() {
-        "rules" => by_rules(arguments, &kinds, printer),
-        other => Err(Failed::new(format!("there is no designer `{other}`")).hint("expected rules")),
+    let is_rules = arguments.designer == "rules";
+    if is_rules && (arguments.settings.is_some() || arguments.cassettes.is_some()) {
+        return Err(Failed::new("--settings and --cassettes are for language models")
+            .hint("add --designer llm, or leave them out"));
     }
+    let rows = match arguments.designer.as_str() {
+        "rules" => by_rules(arguments, &kinds, printer)?,
+        "llm" => by_language_model(arguments, &kinds, printer)?,
+        other => return Err(Failed::new(format!("there is no designer `{other}`")).hint("expected rules or llm")),
+    };
+    printer.data(&rows, &in_words(&rows));
+    let refused = rows.iter().filter(|row| row.refused.is_some()).count();
+    if refused > 0 {
+        printer.say(format!("{refused} of {} refused", rows.len()));
+        return Ok(ExitStatus::NotMet);
+    }
+    Ok(ExitStatus::Done)
 }
 
-fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<ExitStatus, Failed> {
+fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
     let cards = Catalogue::builtin().cards();
     let bar = printer.progress("designing", arguments.count);
     let settings = DesignSettings::default();
@@ -37,24 +61,78 @@ fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> 
     let batch = design_each(kinds, arguments.count, cards, seed, &settings, &mut |_| bar.inc(1));
     bar.finish_and_clear();
     let batch = batch.map_err(|error| Failed::because("the designer gave up", &error))?;
-    let rows = batch.tasks.iter().map(|task| write(task, arguments)).collect::<Result<Vec<_>, _>>()?;
-    printer.data(&rows, &in_words(&rows));
-    Ok(ExitStatus::Done)
+    batch.tasks.iter().map(|task| write_task(task, &arguments.out)).collect()
 }
 
-fn write(task: &Task, arguments: &NewArguments) -> Result<Row, Failed> {
-    let path = arguments.out.join(format!("{}.json", task.id));
+/// The kinds in turn, as with rules; task `k` of a kind has its own stream, so more kinds change nothing.
+fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
+    let settings = settings(arguments)?;
+    let seed = Seed::new(arguments.seed);
+    let designer = Designer::open(&settings, seed)
+        .map_err(|error| Failed::because("the language model cannot be asked", &error))?;
+    let bar = printer.progress("asking", arguments.count);
+    let mut outcomes: Vec<GenerationOutcome> = Vec::new();
+    for (index, &kind) in kinds.iter().enumerate() {
+        let count = (arguments.count + kinds.len() - 1 - index) / kinds.len();
+        outcomes.extend(designer.generate(kind, count, seed, Catalogue::builtin().cards(), &|_| bar.inc(1)));
+    }
+    bar.finish_and_clear();
+    outcomes.iter().map(|outcome| write_outcome(outcome, &arguments.out)).collect()
+}
+
+fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
+    let path = arguments.settings.as_deref().ok_or_else(|| {
+        Failed::new("a language model needs --settings FILE").hint("see docs/guides/language-models.md")
+    })?;
+    let text = inputs::read_text(path, MAX_SETTINGS_BYTES)?;
+    let mut settings = LlmSettings::from_toml(&text)
+        .map_err(|error| Failed::because(format!("cannot use the settings in {}", path.display()), &error))?;
+    if let Some(mode) = &arguments.cassettes {
+        settings.cassettes.mode = match mode.as_str() {
+            "live" => CassetteMode::Live,
+            "record" => CassetteMode::Record,
+            "replay" => CassetteMode::Replay,
+            other => {
+                let what = format!("cassettes cannot be used in the mode `{other}`");
+                return Err(Failed::new(what).hint("expected live, record or replay"));
+            }
+        };
+    }
+    Ok(settings)
+}
+
+fn write_task(task: &Task, folder: &Path) -> Result<Row, Failed> {
+    let path = folder.join(format!("{}.json", task.id));
     inputs::write_file(&path, task.to_json().as_bytes())?;
     Ok(Row {
         task: task.id.clone(),
         kind: task.kind.name(),
-        instruction: task.instruction.clone(),
-        file: path.display().to_string(),
+        instruction: Some(task.instruction.clone()),
+        file: Some(path.display().to_string()),
+        refused: None,
     })
+}
+
+fn write_outcome(outcome: &GenerationOutcome, folder: &Path) -> Result<Row, Failed> {
+    let rounds = folder.join(ROUNDS).join(format!("{}.json", outcome.id));
+    inputs::write_file(&rounds, outcome.to_json().as_bytes())?;
+    match outcome.task() {
+        Some(task) => write_task(task, folder),
+        None => Ok(Row {
+            task: outcome.id.clone(),
+            kind: outcome.kind.name(),
+            instruction: None,
+            file: None,
+            refused: outcome.refusal(),
+        }),
+    }
 }
 
 fn in_words(rows: &[Row]) -> String {
     let mut lines = vec![["task", "instruction"].map(String::from).to_vec()];
-    lines.extend(rows.iter().map(|row| vec![row.task.clone(), row.instruction.clone()]));
+    for row in rows {
+        let said = row.instruction.clone().or_else(|| row.refused.as_ref().map(|why| format!("refused: {why}")));
+        lines.push(vec![row.task.clone(), said.unwrap_or_default()]);
+    }
     table(&lines)
 }

@@ -24,6 +24,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["lab", "expert"],
         &["lab", "design"],
         &["lab", "motion"],
+        &["lab", "grasp"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);

@@ -54,7 +54,7 @@ fn lab_motion_plans_and_tests_again() {
     let length = measured["path_length_rad"]["median"].as_f64().unwrap();
     assert!((length - 2.0_f64.hypot(0.2)).abs() < 1e-6, "a straight way is straight: {length}");
 
-    std::fs::write(at("bad.json"), turn.replace("[]", r#"[{"type": "torus"}]"#)).unwrap();
+    std::fs::write(at("bad.json"), turn.replace("[]", r#"[{"type": "torus", "pos": [0, 0, 0]}]"#)).unwrap();
     for (file, robot, wanted) in [
         ("none.json", "robot", ["cannot read none.json", "check the path"]),
         ("bad.json", "robot", ["bad.json is no file of motion problems", "torus"]),

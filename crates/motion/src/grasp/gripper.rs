@@ -18,6 +18,8 @@ pub struct Gripper {
     pub tip: f64,
     /// How far the hand's body stays behind the tcp, m.
     pub palm: f64,
+    /// How far a finger reaches outwards from the face of its pad, m.
+    pub finger_reach: f64,
     pub(crate) hand: Vec<Convex>,
     /// Bounds of the hand's body in the frame of the tcp.
     pub(crate) hand_bounds: Aabb,
@@ -62,11 +64,18 @@ impl Gripper {
             }
         }
         let half_pad = robot.gripper.pad_size.z / 2.0;
+        let reach = |finger: &Finger, direction: DVec3| {
+            let local = finger.closed.rotation.transpose() * direction;
+            let along = finger.pieces.iter().map(|piece| finger.closed.point(piece.support(local)).dot(direction));
+            along.fold(robot.gripper.pad_size.x, f64::max)
+        };
+        let finger_reach = reach(&fingers[0], DVec3::Y).max(reach(&fingers[1], DVec3::NEG_Y));
         Self {
             pad_size: robot.gripper.pad_size,
             max_width: robot.gripper.max_width,
             tip: if tip.is_finite() { tip } else { half_pad },
             palm: if palm.is_finite() { palm } else { half_pad },
+            finger_reach,
             hand,
             hand_bounds,
             tcp_from_hand,

@@ -7,6 +7,7 @@
 //! the fingers are closed until they touch, and what is left is scored.
 
 mod assess;
+pub mod cloud;
 mod gripper;
 mod propose;
 mod reach;

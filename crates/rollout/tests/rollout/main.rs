@@ -4,6 +4,7 @@
 
 mod collecting;
 mod expert;
+mod grasping;
 mod physics;
 mod policies;
 mod replaying;

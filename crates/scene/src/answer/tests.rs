@@ -371,3 +371,28 @@ proptest! {
         }
     }
 }
+
+/// `between` is an option: off, it is no word of the format; on, it takes a third object.
+#[test]
+fn between_is_an_option_of_the_request() {
+    let goal = |third: Value| {
+        let mut condition = condition("027", "none", "between", "001");
+        condition["obj3"] = "none".into();
+        condition["obj3_uid"] = third;
+        condition
+    };
+    let check = |condition: Value, between: bool| {
+        let mut answer = sound();
+        answer["goal_conditions"] = json!([[condition]]);
+        let request = TaskRequest { between, ..request(TaskKind::PickAndPlace) };
+        check_answer(&answer.to_string(), &request)
+    };
+    assert!(flaws(&check(goal("008".into()), false)).contains(&"unknown_relation".into()));
+    let report = check(goal("008".into()), true);
+    assert_eq!(report.verdict, Verdict::Valid, "{:?}", report.flaws);
+    let atom = &report.task.unwrap().goal.alternatives[0][0];
+    assert_eq!(atom.to_string(), "027 between 001 and 008");
+    assert_eq!(flaws(&check(goal("none".into()), true)), ["incomplete_condition"]);
+    assert_eq!(flaws(&check(goal("001".into()), true)), ["self_relation"]);
+    assert_eq!(flaws(&check(goal("099".into()), true)), ["unknown_uid"]);
+}

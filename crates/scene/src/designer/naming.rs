@@ -182,7 +182,7 @@ impl<'s, 'a> Namer<'s, 'a> {
                 }
                 let Some(reference) = self.name(anchor, Style::Plain, rng) else { continue };
                 let place = phrases().place(relation, self.scene.cards[anchor], &reference, "", rng);
-                let is = phrases().which(rng);
+                let is = phrases().which(self.scene.cards[object], rng);
                 options.push(match word.one {
                     "object" => format!("whatever is {place}"),
                     one => format!("{one} {is} {place}"),
@@ -207,7 +207,7 @@ impl<'s, 'a> Namer<'s, 'a> {
                 let plural = things().kind(self.scene.cards[ends[0]]).map(|kind| kind.plural.as_str());
                 places = plural.map(|plural| vec![format!("between the two {plural}")]).unwrap_or(places);
             }
-            let is = phrases().which(rng);
+            let is = phrases().which(self.scene.cards[object], rng);
             options.extend(places.into_iter().map(|place| match word.one {
                 "object" => format!("whatever is {place}"),
                 one => format!("{one} {is} {place}"),

@@ -28,8 +28,16 @@ pub(super) struct Phrases {
     pub steps: Steps,
     to: BTreeMap<String, Vec<String>>,
     at: BTreeMap<String, Vec<String>>,
-    which: Vec<String>,
+    which: Which,
     hollow_top: BTreeMap<String, Vec<String>>,
+}
+
+/// Beginnings of relative clauses, for things that lie and things that stand.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Which {
+    flat: Vec<String>,
+    tall: Vec<String>,
 }
 
 /// Templates of tasks with several steps.
@@ -76,9 +84,10 @@ impl Phrases {
         self.fill_place(&self.to, "to", relation, reference, first, second, rng)
     }
 
-    /// `that stands` and the like.
-    pub fn which(&self, rng: &mut impl Rng) -> &str {
-        choose(&self.which, rng)
+    /// `that stands` for what is as tall as it is wide, `that lies` for what is not.
+    pub fn which(&self, card: &ObjectCard, rng: &mut impl Rng) -> &str {
+        let is_tall = card.size_m.z > 0.75 * card.size_m.x.max(card.size_m.y);
+        choose(if is_tall { &self.which.tall } else { &self.which.flat }, rng)
     }
 
     #[allow(clippy::too_many_arguments)] // one call site per direction of speech

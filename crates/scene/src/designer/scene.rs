@@ -127,6 +127,7 @@ impl<'a> Scene<'a> {
     /// Puts an object in or on another.
     pub fn put(&mut self, card: &'a ObjectCard, relation: Relation, host: usize) -> Option<usize> {
         let fits = things().may_carry(self.cards[host], card, relation)
+            && things().shows(self.cards[host], card)
             && things().has_space_for(self.cards[host], &self.carried(host), card);
         if !fits || self.contains(card) || self.carriers[host].is_some() {
             return None;

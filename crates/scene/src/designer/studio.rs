@@ -341,6 +341,12 @@ impl<'a> Studio<'a> {
         self.put(item, relation, host)
     }
 
+    /// Whether something else in the scene could be taken for an object at a glance.
+    pub fn has_look_alike(&self, object: usize) -> bool {
+        let cards = &self.scene.cards;
+        (0..cards.len()).any(|other| other != object && looks_like(cards[other], cards[object]))
+    }
+
     /// How many objects the scene should have.
     pub fn object_count(&mut self) -> usize {
         let [fewest, most] = self.settings.objects;

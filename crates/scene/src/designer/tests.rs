@@ -1,1 +1,146 @@
+//! What every design must be, whatever the seed.
 
+use std::collections::BTreeSet;
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{ObjectCard, Relation, Seed, TaskKind};
+use proptest::prelude::*;
+
+use super::knowledge::{handling, needs};
+use super::naming::has_looks;
+use super::things::{is_movable, things};
+use super::{DesignError, DesignReport, DesignSettings, design, design_many, measure};
+
+fn cards() -> &'static [ObjectCard] {
+    Catalogue::builtin().cards()
+}
+
+fn report(seed: u64, count: usize) -> DesignReport {
+    measure(cards(), count, Seed::new(seed), &DesignSettings::default(), &mut || 0.0).unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 6, ..ProptestConfig::default() })]
+
+    /// Valid, understood, short, and all kinds and relations near their quotas.
+    #[test]
+    fn any_seed_gives_good_tasks(seed in 0u64..1 << 40) {
+        let report = report(seed, 120);
+        prop_assert_eq!(&report.flaws, &Vec::<String>::new());
+        prop_assert_eq!((report.tasks, report.valid), (120, 120));
+        prop_assert_eq!(report.references, report.references_unique);
+        prop_assert!(report.words_max <= 30);
+        prop_assert!(report.distinct_instructions == 120);
+        prop_assert!(report.worst_quota_deviation < 0.1, "{:?}", report.relations);
+    }
+
+    /// A single design is as good, and objects that move can be carried.
+    #[test]
+    fn any_single_task_can_be_done(seed in 0u64..1 << 40, kind in 0usize..6) {
+        let task = design(TaskKind::ALL[kind], cards(), Seed::new(seed), &DesignSettings::default()).unwrap();
+        prop_assert!((3..=10).contains(&task.objects.len()));
+        for atom in task.goal.alternatives.iter().flatten() {
+            let card = task.card(atom.subject()).unwrap();
+            prop_assert!(is_movable(card) || card.is_articulated, "{}", task.instruction);
+        }
+        for alternative in &task.goal.alternatives {
+            let moved: BTreeSet<&str> = alternative.iter().map(genmanip_core::Atom::subject).collect();
+            prop_assert!(moved.len() == alternative.len(), "one condition per object: {}", task.instruction);
+        }
+    }
+}
+
+#[test]
+fn same_seed_same_tasks() {
+    let batch =
+        |seed, count| design_many(&TaskKind::ALL, count, cards(), Seed::new(seed), &DesignSettings::default()).unwrap();
+    let (long, short) = (batch(4, 40), batch(4, 20));
+    assert_eq!(long, batch(4, 40));
+    assert_eq!(long.tasks[..20], short.tasks[..], "a longer batch begins with the shorter one");
+    assert_ne!(long.tasks[0].instruction, batch(5, 1).tasks[0].instruction);
+}
+
+/// Spatial tasks need their places: every one refers to something through something else.
+#[test]
+fn kinds_are_what_they_are_called() {
+    let batch = design_many(&TaskKind::ALL, 120, cards(), Seed::new(6), &DesignSettings::default()).unwrap();
+    for task in &batch.tasks {
+        let text = task.instruction.to_lowercase();
+        let goal = &task.goal.alternatives;
+        match task.kind {
+            TaskKind::Spatial => {
+                let marks = ["that is", "that lies", "that stands", "whatever is", "farthest", "nearest", "middle one"];
+                assert!(marks.iter().any(|mark| text.contains(mark)), "{text}");
+            }
+            TaskKind::Appearance => {
+                for object in super::super::references::intended(task) {
+                    let name = task.card(&object).unwrap().name.to_lowercase();
+                    assert!(!text.contains(&format!("the {name} ")), "{text} names the {name}");
+                }
+            }
+            TaskKind::CommonSense => assert!(text.matches(['.', '?']).count() >= 2, "{text} has no need"),
+            TaskKind::LongHorizon => assert!(goal.iter().all(|steps| (2..=4).contains(&steps.len())), "{text}"),
+            TaskKind::PickAndPlace | TaskKind::Articulated => {}
+        }
+    }
+    let choices = |kind| batch.tasks.iter().filter(|t| t.kind == kind && t.goal.alternatives.len() > 1).count();
+    for kind in [TaskKind::PickAndPlace, TaskKind::LongHorizon, TaskKind::Articulated] {
+        assert!(choices(kind) > 0, "no choices among {} tasks", kind.name());
+    }
+}
+
+/// The tables name what exists: a wrong word would silently never be used.
+#[test]
+fn tables_and_catalogue_agree() {
+    let categories: BTreeSet<&str> = cards().iter().map(|card| card.category.as_str()).collect();
+    for card in cards() {
+        assert!(things().kind(card).is_some(), "{} has no kind", card.category);
+        assert!(has_looks(card), "{} has no looks", card.name);
+    }
+    for need in needs() {
+        let named = need.serves.iter().chain(&need.rivals).chain(&need.places);
+        for category in named {
+            assert!(categories.contains(category.as_str()), "unknown category {category}");
+        }
+        assert!(cards().iter().any(|card| need.is_met_by(card)), "{:?} cannot be met", need.needs);
+    }
+    for handling in handling() {
+        let card = cards().iter().find(|card| card.category == handling.category).unwrap();
+        for state in handling.from.iter().chain([&handling.to]) {
+            assert!(card.states.contains(state), "{} has no state {state}", card.name);
+        }
+    }
+}
+
+/// What goes where: by use, by size and by height.
+#[test]
+fn things_go_where_they_belong() {
+    let card = |name: &str| cards().iter().find(|card| card.name == name).unwrap();
+    let cases = [
+        ("Salad Bowl", "Green Apple", Relation::In, true),
+        ("Rice Bowl", "Banana", Relation::In, false),
+        ("Red Apple", "Porcelain Plate", Relation::On, false),
+        ("Porcelain Plate", "Hammer", Relation::Top, false),
+        ("Cutting Board", "Bread Loaf", Relation::On, true),
+        ("Cutting Board", "Bread Loaf", Relation::In, false),
+        ("Cardboard Box", "Water Bottle", Relation::In, false),
+        ("Serving Tray", "Water Bottle", Relation::Top, true),
+        ("Blue Cube", "Red Cube", Relation::On, true),
+        ("Red Cube", "Blue Cube", Relation::On, false),
+        ("Green Dictionary", "Red Cube", Relation::On, false),
+        ("Saucer", "White Mug", Relation::Top, true),
+    ];
+    for (host, item, relation, expected) in cases {
+        assert_eq!(things().may_carry(card(host), card(item), relation), expected, "{item} {relation:?} {host}");
+    }
+}
+
+#[test]
+fn too_few_objects_are_an_error_with_its_reasons() {
+    let few: Vec<ObjectCard> = cards().iter().filter(|card| card.category == "mug").cloned().collect();
+    let settings = DesignSettings { max_draws: 20, ..DesignSettings::default() };
+    let error = design(TaskKind::CommonSense, &few, Seed::new(1), &settings).unwrap_err();
+    let text = "no common_sense task in 20 designs: the composition does not work out (20×)";
+    assert_eq!(error.to_string(), text);
+    assert_eq!(design_many(&[], 3, &few, Seed::new(1), &settings), Err(DesignError::NoKinds));
+}

@@ -133,6 +133,14 @@ impl Things {
         self.room.get(&host.uid).is_some_and(|room| item.size_m.z <= 1.5 * room.depth_m)
     }
 
+    /// Whether what lies there can be seen from outside; a small thing at the bottom of a deep narrow hollow cannot.
+    pub fn shows(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
+        self.room.get(&host.uid).is_none_or(|room| {
+            let is_shaft = room.depth_m > 0.6 * room.inside_m[0].min(room.inside_m[1]);
+            !is_shaft || item.size_m.z >= 0.6 * room.depth_m
+        })
+    }
+
     /// Whether one more thing fits beside those that are already there, by area.
     pub fn has_space_for(&self, host: &ObjectCard, there: &[&ObjectCard], item: &ObjectCard) -> bool {
         let area = |card: &ObjectCard| (card.size_m.x + 0.03) * (card.size_m.y + 0.03);

@@ -1,1 +1,221 @@
+//! The reader reads what is said, and nothing else: wrong and ambiguous sentences are found.
 
+use genmanip_assets::Catalogue;
+use genmanip_core::{Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
+
+use super::{Mismatch, check, intended, read, resolved};
+use crate::designer::{DesignSettings, design_many};
+
+fn card(uid: &str) -> ObjectCard {
+    Catalogue::builtin().card(uid).unwrap().clone()
+}
+
+/// `001 left 002`, `030 between 001 002`, `057=closed`.
+fn scene(facts: &[&str]) -> (Vec<ObjectCard>, SceneGraph) {
+    let mut graph = SceneGraph::default();
+    let mut cards: Vec<ObjectCard> = Vec::new();
+    for fact in facts {
+        let words: Vec<&str> = fact.split([' ', '=']).collect();
+        for uid in words.iter().filter(|word| word.chars().all(|c| c.is_ascii_digit())) {
+            if cards.iter().all(|card| card.uid != **uid) {
+                cards.push(card(uid));
+                graph.nodes.push(GraphNode { uid: (*uid).into(), state: None });
+            }
+        }
+        if let [uid, state] = words.as_slice() {
+            graph.nodes.iter_mut().find(|node| node.uid == *uid).unwrap().state = Some((*state).into());
+            continue;
+        }
+        graph.edges.push(GraphEdge {
+            subject: words[0].into(),
+            relation: serde_json::from_value(words[1].into()).unwrap(),
+            reference: words[2].into(),
+            second_reference: words.get(3).map(|uid| (*uid).into()),
+        });
+    }
+    (cards, graph)
+}
+
+/// What is heard: the goal as `subject relation references`, or the reason why not.
+fn heard(instruction: &str, facts: &[&str]) -> String {
+    let (cards, graph) = scene(facts);
+    match read(instruction, &cards, &graph) {
+        Err(mismatch) => mismatch.to_string(),
+        Ok(reading) => {
+            let atom = |atom: &super::ReadAtom| match atom {
+                super::ReadAtom::Place { subject, relations, references } => {
+                    let words: Vec<&str> = relations.iter().map(|relation| relation.name()).collect();
+                    format!("{subject} {} {}", words.join("/"), references.join(" "))
+                }
+                super::ReadAtom::State { object, state } => format!("{object} is {state}"),
+            };
+            let all = |atoms: &Vec<super::ReadAtom>| atoms.iter().map(atom).collect::<Vec<_>>().join(" and ");
+            reading.goal.iter().map(all).collect::<Vec<_>>().join(" or ")
+        }
+    }
+}
+
+#[test]
+fn sentences_mean_what_a_person_would_understand() {
+    let mugs = ["001 left 008", "002 right 008", "027 front 008"];
+    let row = ["019 front 020", "020 front 021", "001 left 002", "002 left 021"];
+    let bowls = ["005 left 006", "028 in 006", "027 right 006"];
+    let doors = ["057=closed", "059=open", "057 left 059", "062=off", "062 right 059"];
+    let middle = ["001 left 030", "030 left 002", "030 between 001 002", "027 right 002"];
+    let cases: [(&str, &[&str], &str); 34] = [
+        ("Put the red mug on the plate.", &mugs, "001 on/top 008"),
+        ("Put the mug on the plate.", &mugs, r#"`mug` may be any of ["001", "002"]"#),
+        ("Put the cup with the square handle on the plate.", &mugs, "002 on/top 008"),
+        ("Put the green mug on the plate.", &mugs, "nothing is `green mug`"),
+        ("Put the mug that is to the robot's left of the plate on the apple.", &mugs, "001 on/top 027"),
+        (
+            "Take the mug that stands to the robot's right of the plate and put it next to the apple.",
+            &mugs,
+            "002 near 027",
+        ),
+        ("Take whatever is on the far side of the plate and put it beside the blue mug.", &mugs, "027 near 002"),
+        ("Put the apple to the robot's right of the red mug.", &mugs, "027 right 001"),
+        ("I want the apple to be between the two mugs.", &mugs, "027 between 001 002"),
+        ("Put the apple between the red mug and the blue mug.", &mugs, "027 between 001 002"),
+        ("Put the banana on the plate.", &mugs, "nothing is `banana`"),
+        ("Frobnicate the mug.", &mugs, "not understood: `Frobnicate the mug.`"),
+        ("Put the gizmo on the plate.", &mugs, "not understood: `gizmo`"),
+        ("Take the can farthest from the robot and set it next to the red mug.", &row, "019 near 001"),
+        ("Take the can nearest to the robot and set it next to the red mug.", &row, "021 near 001"),
+        ("Put the middle one of the three cans between the two mugs.", &row, "020 between 001 002"),
+        ("Put the mug farthest to the robot's left next to the tomato soup can.", &row, "001 near 021"),
+        ("Put the can on the plate.", &row, r#"`can` may be any of ["019", "020", "021"]"#),
+        ("Put the red apple in the smaller of the two bowls.", &bowls, "027 in/top 005"),
+        ("Put the red apple into the larger bowl.", &bowls, "027 in/top 006"),
+        ("Put the red apple into the bowl.", &bowls, r#"`bowl` may be any of ["005", "006"]"#),
+        ("Take the apple that is in the salad bowl and put it in the rice bowl.", &bowls, "028 in/top 005"),
+        ("Put the red apple in the rice bowl or in the wooden bowl.", &bowls, "027 in/top 005 or 027 in/top 006"),
+        ("Open the top drawer of the drawer cabinet.", &doors, "057 is top_open"),
+        ("Pull out both drawers of the white cabinet.", &doors, "057 is both_open"),
+        ("Close the microwave and turn the faucet on.", &doors, "059 is closed and 062 is on"),
+        ("Either shut the door of the microwave or turn on the faucet.", &doors, "059 is closed or 062 is on"),
+        ("Open the microwave.", &doors, "not understood: `Open microwave`"),
+        ("I want to wash my hands: turn on the faucet.", &doors, "062 is on"),
+        ("Turn off the faucet.", &doors, "not understood: `Off faucet`"),
+        ("Put the fruit that is between the two mugs on the apple.", &middle, "030 on/top 027"),
+        ("Put the fruit on the red mug.", &middle, r#"`fruit` may be any of ["030", "027"]"#),
+        (
+            "Put the orange next to the red mug, then the apple near the blue mug.",
+            &middle,
+            "030 near 001 and 027 near 002",
+        ),
+        ("My throat is sore.", &middle, "not understood: `My throat is sore.`"),
+    ];
+    for (instruction, facts, expected) in cases {
+        assert_eq!(heard(instruction, facts), expected, "{instruction}");
+    }
+}
+
+/// A place that may fit another object in some layout does not single anything out.
+#[test]
+fn what_the_graph_leaves_open_is_ambiguous() {
+    let put = "Take the mug that is on the far side of the teapot and put it on the plate.";
+    let open = ["001 front 010", "002 left 008", "008 left 010"];
+    assert_eq!(heard(put, &open), "001 on/top 008", "the blue mug is left of the teapot, by way of the plate");
+    let open = ["001 front 010", "002 near 008", "008 left 010"];
+    assert!(heard(put, &open).contains("may be any of"), "the blue mug may be anywhere around the plate");
+}
+
+fn tasks(seed: u64, count: usize) -> Vec<Task> {
+    let cards = Catalogue::builtin().cards();
+    design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default()).unwrap().tasks
+}
+
+/// Exchanges two phrases in a sentence.
+fn swapped(text: &str, one: &str, other: &str) -> String {
+    text.replace(one, "\u{0}").replace(other, one).replace('\u{0}', other)
+}
+
+/// Every designed task is understood; spoilt in one way, it is not, or it is understood as another one.
+#[test]
+fn spoilt_tasks_are_found() {
+    let mut applied = [0; 7];
+    for task in tasks(17, 120) {
+        assert_eq!(check(&task), Ok(()), "{}", task.instruction);
+        assert_eq!(resolved(&task), intended(&task).len());
+        let mut spoilt: Vec<(usize, Task)> = Vec::new();
+        let mut said = |index: usize, instruction: String| {
+            if instruction != task.instruction {
+                spoilt.push((index, Task { instruction, ..task.clone() }));
+            }
+        };
+        said(0, swapped(&task.instruction, "robot's left of", "robot's right of"));
+        said(1, swapped(&task.instruction, "the far side of", "the robot's side of"));
+        said(2, swapped(&task.instruction, "farthest", "nearest").replace("nearest to the robot's", "nearest to the"));
+        said(3, swapped(&task.instruction, "urn on", "urn off"));
+        // A twin of whatever moves, in the same relations to everything.
+        let atom = task.goal.alternatives[0].iter().find(|atom| matches!(atom, Atom::Relation { .. }));
+        if let Some(atom) = atom {
+            let mut twin = task.clone();
+            let mut card = task.card(atom.subject()).unwrap().clone();
+            card.uid = "999".into();
+            let other = |uid: &String| if uid == atom.subject() { "999".to_owned() } else { uid.clone() };
+            let edges = twin.scene_graph.edges.clone();
+            twin.scene_graph.edges.extend(edges.iter().map(|edge| GraphEdge {
+                subject: other(&edge.subject),
+                relation: edge.relation,
+                reference: other(&edge.reference),
+                second_reference: edge.second_reference.as_ref().map(other),
+            }));
+            twin.scene_graph.nodes.push(GraphNode { uid: "999".into(), state: None });
+            twin.objects.push(card);
+            spoilt.push((4, twin));
+        }
+        // Another goal than what is said.
+        let mut other = task.clone();
+        match &mut other.goal.alternatives[0][0] {
+            Atom::Relation { relation, .. } => {
+                *relation = if *relation == Relation::Near { Relation::In } else { Relation::Near };
+            }
+            Atom::State { object, .. } => "999".clone_into(object),
+        }
+        spoilt.push((5, other));
+        if task.goal.alternatives.len() > 1 {
+            let mut fewer = task.clone();
+            fewer.goal.alternatives.pop();
+            spoilt.push((6, fewer));
+        }
+        for (index, spoilt) in spoilt {
+            // A sentence that offers both sides says the same with the sides exchanged.
+            let offers_both = index < 2 && task.goal.alternatives.len() > 1;
+            if !offers_both {
+                applied[index] += 1;
+                assert!(check(&spoilt).is_err(), "mutant {index} of {:?}: {}", task.instruction, spoilt.instruction);
+            }
+        }
+    }
+    assert!(applied.iter().all(|count| *count > 0), "{applied:?}");
+}
+
+/// Saying another colour refers to something else, or to nothing.
+#[test]
+fn another_colour_is_noticed() {
+    let mut changed = 0;
+    let cards = Catalogue::builtin().cards();
+    let batch = design_many(&[TaskKind::Appearance], 60, cards, Seed::new(18), &DesignSettings::default()).unwrap();
+    for task in &batch.tasks {
+        for (one, other) in [(" red ", " blue "), (" white ", " black "), (" green ", " red "), (" brown ", " green ")]
+        {
+            let core = task.instruction.find(" with ").unwrap_or(task.instruction.len());
+            if task.instruction[..core].contains(one) {
+                let instruction = task.instruction.replacen(one, other, 1);
+                let mutant = Task { instruction, ..task.clone() };
+                assert!(check(&mutant).is_err(), "{}", mutant.instruction);
+                changed += 1;
+            }
+        }
+    }
+    assert!(changed > 5, "{changed}");
+}
+
+#[test]
+fn a_mismatch_is_one_sentence() {
+    let mismatch = Mismatch::Ambiguous { phrase: "mug".into(), uids: vec!["001".into(), "002".into()] };
+    assert_eq!(mismatch.to_string(), r#"`mug` may be any of ["001", "002"]"#);
+    assert_eq!(mismatch.reason(), "an ambiguous phrase");
+}

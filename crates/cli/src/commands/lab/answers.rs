@@ -140,8 +140,12 @@ fn fuzz(recorded: &[(RecordedAnswer, TaskRequest)], arguments: &AnswersArguments
         let start = clock();
         let report = catch_unwind(AssertUnwindSafe(|| check_answer(&text, request)));
         let ms = (clock() - start) * 1e3;
-        if ms > fuzzed.slowest_ms {
-            (fuzzed.slowest_ms, fuzzed.slowest_bytes) = (ms, text.len());
+        if ms > fuzzed.slowest_ms && report.is_ok() {
+            // One reading may tell of the machine; what a text costs shows again.
+            let again = timed("", &text, request).cpu_ms.min(ms);
+            if again > fuzzed.slowest_ms {
+                (fuzzed.slowest_ms, fuzzed.slowest_bytes) = (again, text.len());
+            }
         }
         match report {
             Ok(report) => {

@@ -72,9 +72,8 @@ pub fn run(arguments: &LabLayoutArguments, printer: &Printer) -> Result<ExitStat
         cpu_ms.push(seconds * 1e3);
         match outcome {
             Ok(scenario) => {
-                let report = audit(&scenario, catalogue, planner.robot(), ALONE_S).map_err(|error| {
-                    Failed::because(format!("cannot audit the layout of {}", task.id), &error)
-                })?;
+                let report = audit(&scenario, catalogue, planner.robot(), ALONE_S)
+                    .map_err(|error| Failed::because(format!("cannot audit the layout of {}", task.id), &error))?;
                 measured.add(task, &report);
                 let (objects, microseconds) = goal_verdict(&scenario)?;
                 verdicts.entry(objects).or_default().push(microseconds);
@@ -96,9 +95,13 @@ pub fn run(arguments: &LabLayoutArguments, printer: &Printer) -> Result<ExitStat
     Ok(ExitStatus::Done)
 }
 
+/// The tasks that were named, as often as asked, or designed ones of all kinds.
 fn tasks(arguments: &LabLayoutArguments) -> Result<Vec<Task>, Failed> {
+    if arguments.tasks.is_empty() {
+        return inputs::designed_tasks(arguments.count, arguments.seed);
+    }
     let known = inputs::read_tasks(&arguments.tasks)?;
-    Ok((0..arguments.count.max(1)).flat_map(|_| known.iter().cloned()).collect())
+    Ok((0..arguments.count).flat_map(|_| known.iter().cloned()).collect())
 }
 
 /// One layout with its processor time, that of its phases added up.

@@ -3,6 +3,7 @@
 pub mod answers;
 pub mod design;
 pub mod expert;
+pub mod grasp;
 pub mod layout;
 pub mod motion;
 pub mod relations;

@@ -1,19 +1,25 @@
 //! A need from everyday life, and the one thing on the table that meets it.
 
+use genmanip_core::Relation;
 use rand::seq::IndexedRandom;
 
-use super::{Draft, draft, wanted_relation};
+use super::{Draft, draft, toss, wanted_relation};
 use crate::designer::knowledge::needs;
 use crate::designer::naming::Style;
 use crate::designer::phrasing::{choose, fill, phrases};
 use crate::designer::studio::{Place, Studio};
 use crate::designer::things::things;
 
+/// Share of things that are only wanted near by.
+const AT_HAND: f64 = 0.8;
+
 /// A scene with exactly one thing that meets the need.
 pub(super) fn compose(studio: &mut Studio) -> Option<Draft> {
     let need = needs().choose(&mut studio.rng)?;
     let item = studio.pick_mover(|card| need.is_met_by(card))?;
-    let relation = wanted_relation(studio, &need.relations)?;
+    // People mostly want a thing at hand and do not care on which side.
+    let is_near = need.relations.contains(&Relation::Near) && toss(studio, AT_HAND);
+    let relation = if is_near { Relation::Near } else { wanted_relation(studio, &need.relations)? };
     let is_place = |category: &String| need.places.contains(category);
     let target = studio.pick(|card| {
         let suits = is_place(&card.category) && !need.is_doubtful(card);

@@ -13,6 +13,9 @@ use crate::designer::things::things;
 /// Supports only; what several things share.
 const SUPPORTS: [Relation; 3] = [Relation::Top, Relation::On, Relation::In];
 
+/// Share of sentences that begin with the first step.
+const PLAIN_OPENINGS: f64 = 0.6;
+
 /// One step: what goes where, or where else.
 struct Step {
     subject: usize,
@@ -22,8 +25,9 @@ struct Step {
 
 /// Steps in a row, two things to one place, or a tower.
 pub(super) fn compose(studio: &mut Studio) -> Option<Draft> {
-    match studio.rng.random_range(0..10) {
-        0 | 1 => compose_pair(studio),
+    // Pairs and towers nearly always work out, steps often do not and are drawn again.
+    match studio.rng.random_range(0..40) {
+        0..2 => compose_pair(studio),
         2 => compose_tower(studio),
         _ => compose_steps(studio),
     }
@@ -80,7 +84,7 @@ fn compose_steps(studio: &mut Studio) -> Option<Draft> {
 /// `Tidy up: put …`; what follows a colon begins small.
 fn opened(studio: &mut Studio, sentence: String) -> String {
     let opening = choose(&phrases().steps.opening, &mut studio.rng);
-    if opening.is_empty() {
+    if toss(studio, PLAIN_OPENINGS) {
         return sentence;
     }
     let mut letters = sentence.chars();

@@ -39,6 +39,9 @@ pub(super) fn compose(kind: TaskKind, studio: &mut Studio) -> Option<Draft> {
 
 /// Finishes a design whose scene is complete.
 fn draft(studio: &mut Studio, instruction: String, goal: Vec<Vec<Condition>>) -> Option<Draft> {
+    if studio.scene.len() < studio.settings.objects[0] {
+        return None;
+    }
     initial_states(studio);
     let description = describe(&studio.scene);
     Some(Draft { instruction: capitalised(&instruction), description, goal })
@@ -119,6 +122,8 @@ fn say_place(studio: &mut Studio, place: Place, style: Style) -> Option<(String,
         }
         None => String::new(),
     };
+    // `between X and the Y that is …`: what takes a clause comes last.
+    let (first, second) = if style == Style::Place && !second.is_empty() { (second, first) } else { (first, second) };
     let to = phrases().direction(place.relation, card, &first, &second, &mut studio.rng);
     let at = phrases().place(place.relation, card, &first, &second, &mut studio.rng);
     Some((to, at))

@@ -14,24 +14,25 @@ pub(super) fn compose(studio: &mut Studio, styles: &[(Style, Style)]) -> Option<
     let item = mover_for(studio, relation, |card| moved != Style::Looks || has_looks(card))?;
     let place = studio.destination(item, relation, placed)?;
     studio.balance.add(relation);
-    let other = match toss(studio, studio.settings.disjunctions) {
-        true => another_place(studio, item, place, if placed == Style::Place { Style::Plain } else { placed }),
+    // A place in so many words and another one after it would read two ways.
+    let other = match placed != Style::Place && toss(studio, studio.settings.disjunctions) {
+        true => another_place(studio, item, place, placed),
         false => None,
     };
     let subject = studio.add_styled(item, moved)?;
     let count = studio.object_count();
     studio.fill(count);
+    if moved == Style::Looks && !studio.has_look_alike(subject) {
+        return None;
+    }
 
     let named = Namer::new(&studio.scene).name(subject, moved, &mut studio.rng)?;
     let (to, at) = say_place(studio, place, placed)?;
     let described = moved == Style::Place;
-    let other_style = if placed == Style::Place { Style::Plain } else { placed };
-    // The other side of something that is given by its place would be said twice.
-    let other = other.filter(|other| placed != Style::Place || other.reference != place.reference);
     let (template, or) = match other {
         Some(other) => {
             let options = if described { &phrases().alternatives_described } else { &phrases().alternatives };
-            (choose(options, &mut studio.rng), say_place(studio, other, other_style)?.1)
+            (choose(options, &mut studio.rng), say_place(studio, other, placed)?.1)
         }
         None => {
             let options = if described { &phrases().move_described } else { &phrases().r#move };

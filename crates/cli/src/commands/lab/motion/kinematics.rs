@@ -10,7 +10,7 @@ use crate::error::Failed;
 
 /// Poses tried; fewer where every solution is a numeric search.
 const POSES: usize = 10_000;
-const NUMERIC_POSES: usize = 200;
+const NUMERIC_POSES: usize = 50;
 
 #[derive(Serialize)]
 pub struct Kinematics {

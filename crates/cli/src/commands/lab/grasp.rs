@@ -1,0 +1,209 @@
+//! `genmanip lab grasp`.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use std::sync::Arc;
+
+use genmanip_assets::{Catalogue, panda};
+use genmanip_core::Seed;
+use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_rollout::grasp_trial::{Class, Ending, GraspTrials, Pick, Trial, View, ViewSettings};
+use genmanip_sim::SimSettings;
+use serde::Serialize;
+
+use super::cpu_clock;
+use crate::args::GraspArguments;
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+/// Bins of the reliability diagram.
+const BINS: usize = 10;
+
+#[derive(Serialize)]
+struct Report {
+    seed: u64,
+    view: View,
+    pick: Pick,
+    classes: BTreeMap<Class, Tally>,
+    cpu_ms: CpuTimes,
+    calibration: Calibration,
+    failures: BTreeMap<Ending, usize>,
+    /// Processor seconds of everything, physics included.
+    cpu_s: f64,
+}
+
+/// One class: how many different objects and trials, in how many there was a candidate, how many held.
+#[derive(Serialize, Default)]
+struct Tally {
+    objects: usize,
+    attempts: usize,
+    proposed: usize,
+    held: usize,
+    share: f64,
+    failures: BTreeMap<Ending, usize>,
+    /// Names of the things that were not held, with how often.
+    missed: BTreeMap<String, usize>,
+}
+
+/// Processor time of the sampler alone.
+#[derive(Serialize)]
+struct CpuTimes {
+    median: f64,
+    p95: f64,
+    /// Median number of points of a cloud.
+    points: usize,
+}
+
+/// Whether a grasp with score p holds in a share p of the cases.
+#[derive(Serialize)]
+struct Calibration {
+    /// Mean squared difference of score and outcome.
+    brier: f64,
+    /// The same for the constant share of grasps that held.
+    brier_of_base_rate: f64,
+    bins: Vec<Bin>,
+}
+
+#[derive(Serialize, Default)]
+struct Bin {
+    from: f64,
+    count: usize,
+    mean_score: f64,
+    held: f64,
+}
+
+pub fn run(arguments: &GraspArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let view = named::<View>(&arguments.view)?;
+    let pick = named::<Pick>(&arguments.pick)?;
+    let classes = match &arguments.class {
+        Some(class) => vec![named::<Class>(class)?],
+        None => vec![Class::Compact, Class::Utensils, Class::Clutter],
+    };
+    let mut out = match &arguments.out {
+        None => None,
+        Some(path) => {
+            let file = std::fs::File::create(path)
+                .map_err(|error| Failed::because(format!("cannot write {}", path.display()), &error))?;
+            Some(std::io::BufWriter::new(file))
+        }
+    };
+    let planner = Planner::new(panda(), PlannerSettings::default())
+        .map_err(|error| Failed::because("the robot cannot be planned for", &error))?;
+    let trials = GraspTrials {
+        catalogue: Catalogue::builtin(),
+        planner: Arc::new(planner),
+        robot: panda(),
+        sim: SimSettings::default(),
+        view: ViewSettings::default(),
+    };
+    let bar = printer.progress("trials", classes.len() * arguments.count as usize);
+    let mut clock = cpu_clock();
+    let mut done = Vec::new();
+    for class in classes {
+        for index in 0..arguments.count {
+            let seed = Seed::new(arguments.seed).fork(&format!("{class:?}")).fork_index(index);
+            let trial = trials
+                .run(class, view, pick, seed, &mut clock)
+                .map_err(|error| Failed::because(format!("trial {index} of {class:?}"), &error))?;
+            if let Some(out) = &mut out {
+                let line = serde_json::to_string(&trial).unwrap_or_default();
+                writeln!(out, "{line}").map_err(|error| Failed::because("cannot write the trials", &error))?;
+            }
+            done.push(trial);
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    if let Some(mut out) = out {
+        out.flush().map_err(|error| Failed::because("cannot write the trials", &error))?;
+    }
+    let report = report(arguments.seed, view, pick, &done, clock());
+    printer.data(&report, &in_words(&report));
+    Ok(ExitStatus::Done)
+}
+
+fn named<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, Failed> {
+    serde_json::from_value(name.into()).map_err(|error| Failed::because(format!("`{name}` is no choice"), &error))
+}
+
+fn report(seed: u64, view: View, pick: Pick, trials: &[Trial], cpu_s: f64) -> Report {
+    let mut classes: BTreeMap<Class, Tally> = BTreeMap::new();
+    let mut failures = BTreeMap::new();
+    let mut names: BTreeMap<Class, BTreeSet<&str>> = BTreeMap::new();
+    for trial in trials {
+        let tally = classes.entry(trial.class).or_default();
+        names.entry(trial.class).or_default().insert(&trial.object);
+        tally.attempts += 1;
+        tally.proposed += usize::from(trial.candidates > 0);
+        if trial.ending == Ending::Held {
+            tally.held += 1;
+        } else {
+            *tally.failures.entry(trial.ending).or_default() += 1;
+            *tally.missed.entry(trial.object.clone()).or_default() += 1;
+            *failures.entry(trial.ending).or_default() += 1;
+        }
+    }
+    for (class, tally) in &mut classes {
+        tally.share = tally.held as f64 / tally.attempts.max(1) as f64;
+        tally.objects = names.get(class).map_or(0, BTreeSet::len);
+    }
+    let mut times: Vec<f64> = trials.iter().map(|trial| trial.sampler_cpu_s * 1e3).collect();
+    let mut points: Vec<usize> = trials.iter().map(|trial| trial.points).collect();
+    times.sort_by(f64::total_cmp);
+    points.sort_unstable();
+    let quantile = |share: f64| times.get(((times.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
+    let cpu_ms = CpuTimes { median: quantile(0.5), p95: quantile(0.95), points: points[points.len() / 2] };
+    Report { seed, view, pick, classes, cpu_ms, calibration: calibration(trials), failures, cpu_s }
+}
+
+fn calibration(trials: &[Trial]) -> Calibration {
+    let outcomes: Vec<(f64, f64)> = trials
+        .iter()
+        .filter_map(|trial| Some((trial.grasp.as_ref()?.score, if trial.ending == Ending::Held { 1.0 } else { 0.0 })))
+        .collect();
+    let count = outcomes.len().max(1) as f64;
+    let base = outcomes.iter().map(|(_, held)| held).sum::<f64>() / count;
+    let brier =
+        |score: &dyn Fn(f64) -> f64| outcomes.iter().map(|&(p, held)| (score(p) - held).powi(2)).sum::<f64>() / count;
+    let mut bins: Vec<Bin> = (0..BINS).map(|bin| Bin { from: bin as f64 / BINS as f64, ..Bin::default() }).collect();
+    for &(score, held) in &outcomes {
+        let bin = &mut bins[((score * BINS as f64) as usize).min(BINS - 1)];
+        bin.count += 1;
+        bin.mean_score += score;
+        bin.held += held;
+    }
+    bins.retain(|bin| bin.count > 0);
+    for bin in &mut bins {
+        bin.mean_score /= bin.count as f64;
+        bin.held /= bin.count as f64;
+    }
+    Calibration { brier: brier(&|p| p), brier_of_base_rate: brier(&|_| base), bins }
+}
+
+fn in_words(report: &Report) -> String {
+    let mut text = String::from("class     objects  attempts  proposed  held  share\n");
+    for (class, tally) in &report.classes {
+        text += &format!(
+            "{:<9} {:>7}  {:>8}  {:>8}  {:>4}  {:.3}\n",
+            format!("{class:?}").to_lowercase(),
+            tally.objects,
+            tally.attempts,
+            tally.proposed,
+            tally.held,
+            tally.share
+        );
+        for (name, count) in &tally.missed {
+            text += &format!("  {count} × {name}\n");
+        }
+        for (ending, count) in &tally.failures {
+            text += &format!("  {count} {ending:?}\n");
+        }
+    }
+    let cpu = &report.cpu_ms;
+    text += &format!(
+        "sampler   {:.1} ms median, {:.1} ms p95 of processor time, clouds of {} points\n\
+         scores    Brier {:.3}, {:.3} for the constant share of grasps that held\n",
+        cpu.median, cpu.p95, cpu.points, report.calibration.brier, report.calibration.brier_of_base_rate
+    );
+    text
+}

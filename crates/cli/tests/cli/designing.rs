@@ -1,0 +1,142 @@
+//! `task new` and `lab design`: tasks by rules and from a language model; the model here is a script on loopback.
+
+use std::fs;
+use std::path::Path;
+
+use genmanip_assets::Catalogue;
+use genmanip_llm::fake::{Behaviour, FakeServer};
+use serde_json::{Value, json};
+
+use crate::{Outcome, genmanip, tree};
+
+#[test]
+fn rules_write_tasks_that_other_verbs_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let new = |out: &str| {
+        genmanip(folder.path(), &["task", "new", "--count", "6", "--seed", "3", "--out", out, "--json"]).json(0)
+    };
+    let rows = new("one");
+    let kinds: Vec<&str> = rows.as_array().unwrap().iter().map(|row| row["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["pick_and_place", "spatial", "appearance", "common_sense", "long_horizon", "articulated"]);
+    new("two");
+    assert_eq!(tree(&folder.path().join("one")), tree(&folder.path().join("two")), "same seed, same files");
+    for row in rows.as_array().unwrap() {
+        let shown = genmanip(folder.path(), &["task", "show", "--json", row["file"].as_str().unwrap()]).json(0);
+        assert_eq!((&shown["instruction"], &shown["source"]), (&row["instruction"], &"rules".into()));
+    }
+    let only = ["task", "new", "--kind", "articulated", "--count", "2", "--out", "three"];
+    assert_eq!(genmanip(folder.path(), &only).code, Some(0));
+    assert_eq!(tree(&folder.path().join("three")).len(), 2);
+}
+
+#[test]
+fn lab_design_prints_its_contract() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = genmanip(folder.path(), &["lab", "design", "--seed", "9", "--count", "60", "--json"]).json(0);
+    let keys: Vec<&String> = report.as_object().unwrap().keys().collect();
+    let expected = [
+        "seed",
+        "tasks",
+        "valid",
+        "distinct_instructions",
+        "distinct_share",
+        "kinds",
+        "relations",
+        "worst_quota_deviation",
+        "references",
+        "references_unique",
+        "words_max",
+        "cpu_s",
+        "rejections",
+        "flaws",
+    ];
+    assert_eq!(keys, expected);
+    assert_eq!((&report["tasks"], &report["valid"], &report["flaws"]), (&60.into(), &60.into(), &json!([])));
+    assert_eq!(report["kinds"]["spatial"], json!({"count": 10, "quota": 10.0}));
+    assert!(report["relations"]["between"]["count"].as_u64().unwrap() > 0);
+}
+
+fn write_settings(folder: &Path, address: &str) {
+    let text = format!(
+        "[server]\nbase_url = \"{address}\"\nmodel = \"script\"\nmax_retries = 0\n[cassettes]\nfolder = \"tapes\"\n\
+         [generation]\nmax_rounds = 2\nworkers = 1\n"
+    );
+    fs::write(folder.join("llm.toml"), text).unwrap();
+}
+
+fn ask(folder: &Path, mode: &str, out: &str) -> Outcome {
+    let arguments = ["task", "new", "--designer", "llm", "--settings", "llm.toml", "--kind", "pick_and_place"];
+    let rest = ["--count", "1", "--seed", "5", "--cassettes", mode, "--out", out, "--json"];
+    genmanip(folder, &[&arguments[..], &rest[..]].concat())
+}
+
+/// One of the offered objects to the other side of another; nothing here comes from a model.
+fn scripted_answer(offered: &Value) -> String {
+    let cards: Vec<_> = offered.as_array().unwrap().iter().map(|uid| uid.as_str().unwrap()).collect();
+    let card = |uid: &str| Catalogue::builtin().card(uid).unwrap();
+    let moved = *cards.iter().find(|uid| card(uid).can_grasp).unwrap();
+    let still: Vec<&str> = cards.iter().copied().filter(|uid| *uid != moved && !card(uid).is_articulated).collect();
+    let edge = |subject: &str, position: &str, reference: &str| json!({"obj1": "none", "obj1_uid": subject, "position": position, "obj2": "none", "obj2_uid": reference});
+    let mut goal = edge(moved, "right", still[0]);
+    goal["obj1_state"] = "none".into();
+    let nodes: Vec<Value> =
+        [moved, still[0], still[1], still[2]].map(|uid| json!({"obj_uid": uid, "state": "none"})).to_vec();
+    json!({
+        "instruction": "Move it to the robot's right of the other one.",
+        "goal_conditions": [[goal]],
+        "scene_graph": {
+            "description": "Four things.",
+            "edges": [edge(moved, "left", still[0]), edge(still[1], "right", still[0]), edge(still[2], "front", still[0])],
+            "nodes": nodes,
+        },
+    })
+    .to_string()
+}
+
+/// Refused answers are kept and exit with 1; a good one becomes a task; a replay needs no server and writes the same.
+#[test]
+fn a_language_model_is_asked_recorded_and_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let server = FakeServer::scripted(["No.", "Still no."].map(|text| Behaviour::Answer(text.into()))).unwrap();
+    write_settings(path, &server.base_url());
+    let refused = ask(path, "live", "refused").json(1);
+    assert_eq!(refused[0]["file"], Value::Null);
+    assert!(refused[0]["refused"].as_str().unwrap().contains("no_json"), "{refused}");
+    let id = refused[0]["task"].as_str().unwrap();
+    let rounds = fs::read_to_string(path.join(format!("refused/rounds/{id}.json"))).unwrap();
+    let rounds: Value = serde_json::from_str(&rounds).unwrap();
+    assert_eq!(rounds["rounds"].as_array().unwrap().len(), 2);
+
+    let answer = scripted_answer(&rounds["offered"]);
+    let server = FakeServer::scripted([Behaviour::Answer(answer)]).unwrap();
+    write_settings(path, &server.base_url());
+    let made = ask(path, "record", "recorded").json(0);
+    let file = made[0]["file"].as_str().unwrap();
+    let shown = genmanip(path, &["task", "show", "--json", file]).json(0);
+    assert_eq!(shown["source"], "language model script");
+    drop(server);
+    assert_eq!(ask(path, "replay", "replayed").code, Some(0));
+    assert_eq!(tree(&path.join("recorded")), tree(&path.join("replayed")));
+}
+
+#[test]
+fn what_cannot_be_designed_is_refused_in_one_message() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("llm.toml"), "[server]\nbase_url = \"ftp://x\"\n").unwrap();
+    fs::write(folder.path().join("file"), "").unwrap();
+    let cases: [(&str, &[&str]); 7] = [
+        ("--designer magic --out out", &["no designer `magic`", "rules or llm"]),
+        ("--kind cooking --out out", &["unknown kind `cooking`", "pick_and_place"]),
+        ("--designer llm --out out", &["needs --settings", "language-models.md"]),
+        ("--settings llm.toml --out out", &["for language models", "--designer llm"]),
+        ("--designer llm --settings none.toml --out out", &["cannot read none.toml"]),
+        ("--designer llm --settings llm.toml --out out", &["llm.toml", "server.base_url"]),
+        ("--count 1 --out file/out", &["cannot write"]),
+    ];
+    for (arguments, wanted) in cases {
+        let arguments: Vec<&str> = ["task", "new"].into_iter().chain(arguments.split(' ')).collect();
+        genmanip(folder.path(), &arguments).assert_refused(wanted);
+        assert!(!folder.path().join("out").exists());
+    }
+}

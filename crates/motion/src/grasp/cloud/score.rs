@@ -1,0 +1,232 @@
+//! What speaks for a grasp, and the chance that follows from it.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::filter::Cloud;
+use super::strip::Local;
+use crate::grasp::Gripper;
+
+/// Points within this distance of the outermost one are in contact, m.
+const CONTACT_M: f64 = 0.0015;
+/// Points within this distance of the outermost one give the contact's slope, m.
+const SLOPE_M: f64 = 0.004;
+
+/// Where one pad meets the points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patch {
+    /// Along the closing direction, m.
+    pub(super) c: f64,
+    /// Middle of the patch across, from the pad's middle, m.
+    h: f64,
+    /// Middle of the patch behind the tips, m.
+    depth: f64,
+    /// Extents of the patch across and along the finger, m.
+    size: [f64; 2],
+    /// Slope of the surface against the pad, from a plane through the points near the contact; tangent.
+    slope: f64,
+    /// Share of points that were guessed.
+    guessed: f64,
+}
+
+/// Where both pads meet the points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Contacts {
+    pub(super) low: Patch,
+    pub(super) high: Patch,
+}
+
+impl Contacts {
+    /// Flat pads closed on points between them, sorted along the closing direction; `None` when there are too few.
+    pub(super) fn of<'a>(points: impl Iterator<Item = &'a Local>, h: f64, tip: f64) -> Option<Self> {
+        let points: Vec<Local> = points.map(|p| Local { h: p.h - h, a: tip - p.a, ..*p }).collect();
+        if points.len() < 4 {
+            return None;
+        }
+        // The outermost points of a noisy cloud are noise.
+        let skipped = points.len() / 80;
+        let low = points[skipped].c;
+        let high = points[points.len() - 1 - skipped].c;
+        // Each side sees its own half only, or walls would count for both pads.
+        let reach = |distance: f64| distance.min((high - low) / 2.0).max(0.0005);
+        let below = |limit: f64| points.partition_point(|p| p.c <= low + reach(limit));
+        let above = |limit: f64| points.partition_point(|p| p.c < high - reach(limit));
+        Some(Self {
+            low: Patch::of(low, &points[..below(CONTACT_M)], &points[..below(SLOPE_M)]),
+            high: Patch::of(high, &points[above(CONTACT_M)..], &points[above(SLOPE_M)..]),
+        })
+    }
+}
+
+impl Patch {
+    fn of(c: f64, contact: &[Local], near: &[Local]) -> Self {
+        let count = contact.len().max(1) as f64;
+        let mean = |value: fn(&Local) -> f64| contact.iter().map(value).sum::<f64>() / count;
+        let extent = |value: fn(&Local) -> f64| {
+            let (low, high) = contact
+                .iter()
+                .map(value)
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+            (high - low).max(0.0)
+        };
+        let guessed = contact.iter().filter(|p| p.guessed).count() as f64 / count;
+        let size = [extent(|p| p.h), extent(|p| p.a)];
+        Self { c, h: mean(|p| p.h), depth: mean(|p| p.a), size, slope: slope(near), guessed }
+    }
+}
+
+/// Tangent of the angle between the pad and the plane that fits points best, by least squares with a slight pull to 0.
+fn slope(points: &[Local]) -> f64 {
+    let count = points.len().max(1) as f64;
+    let mean = |value: &dyn Fn(&Local) -> f64| points.iter().map(value).sum::<f64>() / count;
+    let (h, a, c) = (mean(&|p| p.h), mean(&|p| p.a), mean(&|p| p.c));
+    let product = |x: &dyn Fn(&Local) -> f64, y: &dyn Fn(&Local) -> f64| mean(&|p| x(p) * y(p));
+    let (dh, da, dc) = (|p: &Local| p.h - h, |p: &Local| p.a - a, |p: &Local| p.c - c);
+    // As if everything lay on the pad to within a millimetre.
+    let pull = 1e-6;
+    let (hh, aa, ha) = (product(&dh, &dh) + pull, product(&da, &da) + pull, product(&dh, &da));
+    let (hc, ac) = (product(&dh, &dc), product(&da, &dc));
+    let determinant = hh * aa - ha * ha;
+    let (along_h, along_a) = ((hc * aa - ac * ha) / determinant, (ac * hh - hc * ha) / determinant);
+    along_h.hypot(along_a)
+}
+
+/// Terms of a grasp's score, 0-1 unless said otherwise; larger is worse, except where said.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Features {
+    /// Mean slope of the surface against the pads (tangent).
+    pub slope: f64,
+    /// How far the contacts are from opposite each other: tangent of the angle of their line to the closing direction.
+    pub offset: f64,
+    /// How far the worse contact is off the pad's middle across, as a share of its half width.
+    pub off_pad: f64,
+    /// How near the tips the worse contact is, as a share of 9 mm; 0 in the middle of the pad.
+    pub at_tip: f64,
+    /// Size of the smaller contact as a share of the pad's; larger is better.
+    pub area: f64,
+    /// Level distance from the middle of the target to the closing line, in units of 0.1 m.
+    pub lever: f64,
+    /// Distance of the contacts as a share of the largest opening.
+    pub width: f64,
+    /// Cosine lost by not coming from above.
+    pub tilt: f64,
+    /// Share of the less certain contact that was guessed, not seen.
+    pub guessed: f64,
+    /// How far the middle of the target hangs below the tips, in units of 0.1 m.
+    pub below: f64,
+    /// Distance from the middle of the target to the closing line, in units of 0.1 m, times the target's spread (root
+    /// mean square distance from its middle, in units of 0.05 m): what is large weighs more.
+    pub torque: f64,
+    /// 1 when the pads come in with hardly any room, 0 with plenty.
+    pub tight: f64,
+}
+
+impl Features {
+    pub(super) fn new(
+        cloud: &Cloud,
+        gripper: &Gripper,
+        contacts: &Contacts,
+        tcp: DVec3,
+        approach: DVec3,
+        closing: DVec3,
+        clearance: f64,
+    ) -> Self {
+        let Contacts { low, high } = contacts;
+        let width = high.c - low.c;
+        let pad = gripper.pad_size;
+        let share = |value: f64| value.clamp(0.0, 1.0);
+        let area = |patch: &Patch| (patch.size[0] / pad.y * (patch.size[1] / pad.z)).sqrt();
+        let at_tip = |patch: &Patch| 1.0 - patch.depth / (pad.z / 2.0);
+        let to_center = cloud.center - tcp;
+        let level = DVec3::new(to_center.x, to_center.y, 0.0);
+        let along = DVec3::new(closing.x, closing.y, 0.0).normalize_or_zero();
+        let lever = (level - along * level.dot(along)).length() / 0.1;
+        Self {
+            slope: share((low.slope + high.slope) / 2.0),
+            offset: share((low.h - high.h).hypot(low.depth - high.depth) / width.max(0.01)),
+            off_pad: share(low.h.abs().max(high.h.abs()) / (pad.y / 2.0)),
+            at_tip: share(at_tip(low).max(at_tip(high))),
+            area: share(area(low).min(area(high))),
+            lever,
+            torque: to_center.cross(closing).length() / 0.1 * cloud.spread / 0.05,
+            width: width / gripper.max_width,
+            tilt: 1.0 + approach.z,
+            guessed: share(low.guessed.max(high.guessed)),
+            below: (-to_center.z).max(0.0) / 0.1,
+            tight: share(1.0 - (clearance - 0.002) / 0.006),
+        }
+    }
+}
+
+/// A logistic model: the chance is 1 / (1 + exp(-(bias + Σ weight · feature))).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Weights {
+    /// Constant.
+    pub bias: f64,
+    /// See [`Features`].
+    pub slope: f64,
+    /// See [`Features`].
+    pub offset: f64,
+    /// See [`Features`].
+    pub off_pad: f64,
+    /// See [`Features`].
+    pub at_tip: f64,
+    /// See [`Features`].
+    pub area: f64,
+    /// See [`Features`].
+    pub lever: f64,
+    /// See [`Features`].
+    pub width: f64,
+    /// See [`Features`].
+    pub tilt: f64,
+    /// See [`Features`].
+    pub guessed: f64,
+    /// See [`Features`].
+    pub below: f64,
+    /// See [`Features`].
+    pub torque: f64,
+    /// See [`Features`].
+    pub tight: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            bias: 2.81,
+            slope: -3.72,
+            offset: 0.0,
+            off_pad: -0.92,
+            at_tip: -2.08,
+            area: 2.46,
+            lever: -1.17,
+            width: 0.0,
+            tilt: -0.45,
+            guessed: -0.61,
+            below: -3.52,
+            torque: -0.16,
+            tight: -0.55,
+        }
+    }
+}
+
+impl Weights {
+    /// The chance that a grasp with these features holds, 0-1.
+    pub fn chance(&self, features: &Features) -> f64 {
+        let f = features;
+        let sum = self.bias
+            + self.slope * f.slope
+            + self.offset * f.offset
+            + self.off_pad * f.off_pad
+            + self.at_tip * f.at_tip
+            + self.area * f.area
+            + self.lever * f.lever
+            + self.width * f.width
+            + self.tilt * f.tilt
+            + self.guessed * f.guessed
+            + self.below * f.below
+            + self.torque * f.torque
+            + self.tight * f.tight;
+        1.0 / (1.0 + (-sum).exp())
+    }
+}

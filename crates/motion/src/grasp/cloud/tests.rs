@@ -1,0 +1,137 @@
+//! Tests of the sampler on points.
+
+use genmanip_core::Seed;
+use glam::{DQuat, DVec3};
+use proptest::prelude::*;
+use rand::RngExt;
+
+use super::*;
+use crate::test_robot::test_panda;
+use crate::{Planner, PlannerSettings};
+
+const CAMERA: DVec3 = DVec3::new(1.5, 0.2, 1.0);
+
+/// Points over the six sides of a box that stands on the table.
+fn cuboid(size: DVec3, yaw: f64, count: usize) -> Vec<(DVec3, DVec3)> {
+    let mut rng = Seed::new(3).rng();
+    let areas = [size.y * size.z, size.x * size.z, size.x * size.y];
+    let turn = DQuat::from_rotation_z(yaw);
+    (0..count)
+        .map(|_| {
+            let mut side = rng.random::<f64>() * areas.iter().sum::<f64>();
+            let axis = (0..2).find(|&axis| {
+                side -= areas[axis];
+                side < 0.0
+            });
+            let normal = DVec3::AXES[axis.unwrap_or(2)] * if rng.random::<bool>() { 1.0 } else { -1.0 };
+            let mut draw = || rng.random::<f64>() - 0.5;
+            let inside = DVec3::new(draw(), draw(), draw()) * size;
+            let point = inside * (DVec3::ONE - normal.abs()) + normal * size / 2.0;
+            (turn * point + DVec3::new(0.5, 0.0, size.z / 2.0), turn * normal)
+        })
+        .collect()
+}
+
+/// What a camera sees of a convex body.
+fn facing(points: &[(DVec3, DVec3)], camera: DVec3) -> Vec<DVec3> {
+    points.iter().filter(|(point, normal)| normal.dot(camera - *point) > 0.0).map(|(point, _)| *point).collect()
+}
+
+fn planner() -> Planner {
+    Planner::new(test_panda(), PlannerSettings::default()).unwrap()
+}
+
+fn target<'a>(points: &'a [DVec3], cameras: &'a [DVec3], scene: &'a [DVec3]) -> CloudTarget<'a> {
+    CloudTarget { points, cameras, scene, table_height: 0.0 }
+}
+
+#[test]
+fn boxes_are_grasped_across_their_narrow_side_from_all_sides_and_from_one() {
+    let planner = planner();
+    for (size, yaw) in [([0.05, 0.05, 0.05], 0.4), ([0.04, 0.12, 0.06], 1.1), ([0.15, 0.012, 0.006], 0.3)] {
+        let size = DVec3::from_array(size);
+        let body = cuboid(size, yaw, 4000);
+        let whole: Vec<DVec3> = body.iter().map(|(point, _)| *point).collect();
+        let seen = facing(&body, CAMERA);
+        for (points, cameras) in [(&whole, [].as_slice()), (&seen, [CAMERA].as_slice())] {
+            let grasps = planner.cloud_grasps(&target(points, cameras, &[])).unwrap();
+            assert_eq!(grasps, planner.cloud_grasps(&target(points, cameras, &[])).unwrap(), "not deterministic");
+            let best = &grasps.first().unwrap_or_else(|| panic!("{size}: no grasp")).grasp;
+            let narrow = if size.x < size.y { DVec3::X } else { DVec3::Y };
+            let closing = best.pose.transform_vector(DVec3::Y);
+            let aligned = (DQuat::from_rotation_z(yaw) * narrow).dot(closing).abs();
+            let square = (size.x - size.y).abs() < 1e-9 && aligned < 0.3;
+            assert!(aligned > 0.97 || square, "{size}: closes {aligned} off the narrow side");
+            assert!((best.width - size.x.min(size.y)).abs() < 0.004, "{size}: width {}", best.width);
+            // From one view half of a long side's contacts are guesses, and the grasp may be off the middle.
+            let off = if cameras.is_empty() { 0.03 } else { 0.07 };
+            assert!((best.pose.position - DVec3::new(0.5, 0.0, size.z / 2.0)).length() < off, "{size}: {best:?}");
+            assert!(grasps.windows(2).all(|pair| pair[0].grasp.score >= pair[1].grasp.score), "{size}: not sorted");
+        }
+    }
+}
+
+#[test]
+fn what_stands_in_the_way_is_kept_clear_of_and_what_is_too_wide_has_no_good_grasp() {
+    let planner = planner();
+    let body: Vec<DVec3> = cuboid(DVec3::new(0.05, 0.05, 0.08), 0.0, 3000).iter().map(|(point, _)| *point).collect();
+    // Two walls beside it, along x: the fingers only fit in along x.
+    let walls: Vec<DVec3> = cuboid(DVec3::new(0.2, 0.04, 0.08), 0.0, 3000)
+        .iter()
+        .flat_map(|(point, _)| [*point + DVec3::Y * 0.05, *point - DVec3::Y * 0.05])
+        .collect();
+    let grasps = planner.cloud_grasps(&target(&body, &[], &walls)).unwrap();
+    assert!(!grasps.is_empty());
+    for grasp in &grasps {
+        let closing = grasp.grasp.pose.transform_vector(DVec3::Y);
+        assert!(closing.x.abs() > 0.8, "a finger goes into the wall: {closing}");
+    }
+    let crate_sized: Vec<DVec3> = cuboid(DVec3::splat(0.12), 0.2, 3000).iter().map(|(point, _)| *point).collect();
+    // Only its corners fit between the pads, and they would slip.
+    for grasp in planner.cloud_grasps(&target(&crate_sized, &[], &[])).unwrap() {
+        assert!(grasp.grasp.score < 0.5, "{grasp:?}");
+    }
+}
+
+#[test]
+fn broken_clouds_are_refused_with_the_reason() {
+    let planner = planner();
+    let line: Vec<DVec3> = (0..200).map(|i| DVec3::new(0.5 + 0.001 * f64::from(i), 0.0, 0.02)).collect();
+    let mut broken = line.clone();
+    broken[7].y = f64::NAN;
+    let cases: [(&[DVec3], &str); 5] = [
+        (&[], "the cloud of the target is empty"),
+        (&line[..1], "the cloud of the target has 1 points, expected at least 12"),
+        (&[DVec3::ONE; 100], "the cloud of the target has no extent: 0.00 mm across, expected a surface"),
+        (&line, "the cloud of the target has no extent: 0.00 mm across, expected a surface"),
+        (&broken, "point 7 of the target is not finite"),
+    ];
+    for (points, message) in cases {
+        let error = planner.cloud_grasps(&target(points, &[], &[])).unwrap_err();
+        assert_eq!(error.to_string(), message);
+    }
+    let body: Vec<DVec3> = cuboid(DVec3::splat(0.05), 0.0, 300).iter().map(|(point, _)| *point).collect();
+    let error = planner.cloud_grasps(&target(&body, &[], &[DVec3::INFINITY])).unwrap_err();
+    assert_eq!(error.to_string(), "point 0 of the scene is not finite");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    /// Any cloud gives grasps that fit the hand and stay above the table, or one error.
+    #[test]
+    fn any_cloud_gives_sound_grasps(
+        points in prop::collection::vec(prop::array::uniform3(-0.1..0.1_f64), 0..400),
+        camera in prop::option::of(prop::array::uniform3(-2.0..2.0_f64)),
+    ) {
+        let points: Vec<DVec3> = points.into_iter().map(|p| DVec3::from_array(p) + DVec3::Z * 0.1).collect();
+        let cameras: Vec<DVec3> = camera.into_iter().map(DVec3::from_array).collect();
+        let planner = planner();
+        for grasp in planner.cloud_grasps(&target(&points, &cameras, &[])).unwrap_or_default() {
+            let pose = grasp.grasp.pose;
+            prop_assert!((0.0..=1.0).contains(&grasp.grasp.score) && pose.position.is_finite());
+            prop_assert!(grasp.grasp.width <= grasp.opening && grasp.opening <= 0.08);
+            prop_assert!(pose.position.z + planner.gripper().tip * grasp.grasp.approach().z > 0.001);
+            prop_assert!(pose.transform_vector(DVec3::Y).z.abs() < 1e-9, "closing is level");
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! The arm carries a grasp out: in, close, lift, shake, hold.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{Grasp, Piece, Pose, RobotModel, Seed, Shape};
+use genmanip_motion::{Allowed, CloudGrasp, Surroundings, World};
+use genmanip_sim::{Scene, Sim};
+use rand::RngExt;
+use serde::Serialize;
+
+use super::{GraspTrials, Pick, Table, TrialError, Tried};
+
+/// The straight way in, m.
+const APPROACH_M: f64 = 0.1;
+const LIFT_M: f64 = 0.18;
+/// A thing whose centre of mass has risen less at the end is not lifted, m; what is held at one end sags.
+const LIFTED_M: f64 = 0.1;
+/// Control steps of each phase.
+const APPROACH_STEPS: usize = 72;
+const CLOSE_STEPS: usize = 66;
+const LIFT_STEPS: usize = 84;
+const HOLD_STEPS: usize = 60;
+/// Shaking: a second of 2 Hz along each axis, up to 4.7 m/s², and a second of 1 Hz about two axes, up to 14 rad/s²,
+/// which is about what the arm's wrist can do.
+const SHAKE_STEPS: usize = 60;
+const SHAKE_PERIODS: f64 = 2.0;
+const SHAKE_M: f64 = 0.03;
+const TURN_PERIODS: f64 = 1.0;
+const TURN_RAD: f64 = 0.35;
+/// Largest joint step between two controls, rad; beyond, the way leads through a singular posture.
+const JOINT_STEP: f64 = 0.12;
+
+/// How a trial ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Lifted, shaken, and still in the grip.
+    Held,
+    /// The sampler had no candidate.
+    NoGrasp,
+    /// The arm can carry out none of the candidates.
+    OutOfReach,
+    /// The fingers closed on nothing or on something else.
+    Missed,
+    /// It left the grip while it was lifted.
+    LostInLift,
+    /// It left the grip while it was shaken.
+    LostInShake,
+    /// It left the grip while it was held still.
+    LostInHold,
+    /// It was in the grip at the end, but not as high as the hand was lifted.
+    NotLifted,
+}
+
+/// Where the hand goes after it has closed, as joint positions per control step.
+struct Motion {
+    approach: Vec<Vec<f64>>,
+    lift: Vec<Vec<f64>>,
+    shake: Vec<Vec<f64>>,
+}
+
+/// Carries out the first candidate that the arm can carry out, best first or in a drawn order.
+pub(super) fn carry_out(
+    trials: &GraspTrials,
+    table: &Table,
+    grasps: &[CloudGrasp],
+    pick: Pick,
+    seed: Seed,
+) -> Result<(Ending, Option<Tried>), TrialError> {
+    let mut order: Vec<usize> = (0..grasps.len()).collect();
+    if pick == Pick::Any {
+        let mut rng = seed.rng();
+        for index in (1..order.len()).rev() {
+            order.swap(index, rng.random_range(0..=index));
+        }
+    }
+    let world = neighbours(table);
+    let reachable = order.into_iter().find_map(|rank| {
+        let motion = motion(trials, &world, &grasps[rank].grasp)?;
+        Some((rank, motion))
+    });
+    let Some((rank, motion)) = reachable else {
+        let ending = if grasps.is_empty() { Ending::NoGrasp } else { Ending::OutOfReach };
+        return Ok((ending, None));
+    };
+    let (ending, final_width) = simulate(trials, table, &motion, grasps[rank].opening)?;
+    let CloudGrasp { grasp, features, .. } = &grasps[rank];
+    Ok((ending, Some(Tried { rank, score: grasp.score, width: grasp.width, features: *features, final_width })))
+}
+
+/// Table and neighbours, for starting the arm where it touches nothing.
+fn neighbours(table: &Table) -> World {
+    let mut world = World::new();
+    let slab = Piece::at(DVec3::new(0.55, 0.0, -0.05), Shape::Box { half_extents: DVec3::new(0.45, 0.8, 0.05) });
+    // Finite poses and the models' own pieces are always accepted.
+    let _ = world.add("table", &[slab], &Pose::IDENTITY);
+    for (index, (model, pose)) in table.models.iter().zip(&table.poses).enumerate() {
+        let _ = world.add(&index.to_string(), &model.links[0].pieces, pose);
+    }
+    world
+}
+
+/// Joint motions for a grasp or for its half turn; `None` when the arm cannot.
+fn motion(trials: &GraspTrials, world: &World, grasp: &Grasp) -> Option<Motion> {
+    let planner = &trials.planner;
+    let home = &planner.robot().home;
+    let nothing = Allowed::none();
+    let wide = planner.gripper().max_width;
+    let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: wide };
+    let checker = planner.checker(&around, 0.0);
+    [grasp.clone(), grasp.flipped()].iter().find_map(|grasp| {
+        planner.ik(&grasp.pose, home).into_iter().take(4).find_map(|config| {
+            let back =
+                |distance: f64| Pose { position: grasp.pose.position - grasp.approach() * distance, ..grasp.pose };
+            let mut retreat = follow(
+                trials,
+                &config,
+                (0..=APPROACH_STEPS).map(|step| back(APPROACH_M * eased(step, APPROACH_STEPS))),
+            )?;
+            retreat.reverse();
+            let approach = retreat;
+            if !checker.is_free(&approach[0]) {
+                return None;
+            }
+            let raised = |height: f64| Pose { position: grasp.pose.position + DVec3::Z * height, ..grasp.pose };
+            let lift = follow(trials, &config, (1..=LIFT_STEPS).map(|step| raised(LIFT_M * eased(step, LIFT_STEPS))))?;
+            let shake = follow(trials, lift.last()?, shaken(raised(LIFT_M)))?;
+            Some(Motion { approach, lift, shake })
+        })
+    })
+}
+
+/// Joint positions along poses, without jumps.
+fn follow(trials: &GraspTrials, from: &[f64], poses: impl Iterator<Item = Pose>) -> Option<Vec<Vec<f64>>> {
+    let mut previous = from.to_vec();
+    poses
+        .map(|pose| {
+            previous = trials.planner.ik_near(&pose, &previous, JOINT_STEP)?;
+            Some(previous.clone())
+        })
+        .collect()
+}
+
+/// From 0 to 1 with speed and acceleration 0 at both ends.
+fn eased(step: usize, steps: usize) -> f64 {
+    let t = step as f64 / steps as f64;
+    t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+}
+
+/// Back and forth along x, y and z, then turns about the hand's closing axis' neighbours.
+fn shaken(pose: Pose) -> impl Iterator<Item = Pose> {
+    (0..5).flat_map(move |way| {
+        (1..=SHAKE_STEPS).map(move |step| {
+            let t = step as f64 / SHAKE_STEPS as f64;
+            let periods = if way < 3 { SHAKE_PERIODS } else { TURN_PERIODS };
+            let swing = (TAU * periods * t).sin() * (6.0 * t).min(6.0 * (1.0 - t)).min(1.0);
+            match way {
+                0..=2 => Pose { position: pose.position + DVec3::AXES[way] * (SHAKE_M * swing), ..pose },
+                3 => pose * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(TURN_RAD * swing) },
+                _ => pose * Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(TURN_RAD * swing) },
+            }
+        })
+    })
+}
+
+/// Physics: how it ended, and the opening between the pads at the end.
+fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) -> Result<(Ending, f64), TrialError> {
+    let robot = RobotModel { home: motion.approach[0].clone(), ..(*trials.robot).clone() };
+    let scene = Arc::new(Scene::compile(&robot, &table.objects(), &trials.sim)?);
+    let mut sim = Sim::new(scene);
+    let center = table.models[0].links[0].mass.center;
+    let height = |sim: &Sim| sim.object_states()[0].pose.transform_point(center).z;
+    let before = height(&sim);
+    let drive = |arm: &[f64], width: f64, sim: &mut Sim| -> Result<Option<usize>, TrialError> {
+        let command: Vec<f32> = arm.iter().chain([&width]).map(|&value| value as f32).collect();
+        Ok(sim.control_step(&command)?.grasped)
+    };
+    // The fingers start wide open and take the opening first; each travels 5 cm/s.
+    let wait = 12 + ((trials.robot.gripper.max_width - opening) / 0.1 * 60.0).ceil() as usize;
+    for _ in 0..wait {
+        drive(&motion.approach[0], opening, &mut sim)?;
+    }
+    for arm in &motion.approach {
+        drive(arm, opening, &mut sim)?;
+    }
+    let Some(grasp) = motion.approach.last() else { return Ok((Ending::OutOfReach, 0.0)) };
+    for _ in 0..12 {
+        drive(grasp, opening, &mut sim)?;
+    }
+    for _ in 0..CLOSE_STEPS {
+        drive(grasp, 0.0, &mut sim)?;
+    }
+    let last = motion.shake.last().cloned().unwrap_or_default();
+    let hold = vec![last; HOLD_STEPS];
+    let phases =
+        [(&motion.lift, Ending::LostInLift), (&motion.shake, Ending::LostInShake), (&hold, Ending::LostInHold)];
+    if sim.grasped() != Some(0) {
+        return Ok((Ending::Missed, sim.gripper_width()));
+    }
+    for (steps, ending) in phases {
+        for arm in steps {
+            drive(arm, 0.0, &mut sim)?;
+        }
+        if sim.grasped() != Some(0) {
+            return Ok((ending, sim.gripper_width()));
+        }
+    }
+    Ok((if height(&sim) - before >= LIFTED_M { Ending::Held } else { Ending::NotLifted }, sim.gripper_width()))
+}

@@ -1,0 +1,113 @@
+//! A table with things on it that no catalogue holds, at rest.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use genmanip_assets::{Catalogue, variant};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed};
+use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimSettings};
+use rand::RngExt;
+
+use super::{Class, TrialError};
+
+/// Categories of the cards that are held by a handle or shaft and lie flat.
+pub(super) const UTENSILS: [&str; 9] =
+    ["spoon", "fork", "spatula", "ladle", "pan", "pen", "hammer", "screwdriver", "wrench"];
+
+/// Where the target stands, and how far it may be off, m.
+const MIDDLE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
+const SPREAD_M: f64 = 0.05;
+/// Things in clutter, and how far from the middle they may stand, m.
+const CLUTTER: usize = 8;
+const CLUTTER_SPREAD_M: f64 = 0.17;
+/// Least distance between the bounding circles' sum and a place in clutter: some overlap of the circles is allowed, m.
+const NEAR_M: f64 = 0.01;
+
+/// Things at rest; the first one is the target.
+#[derive(Clone, Debug)]
+pub struct Table {
+    /// The things.
+    pub models: Vec<Arc<ObjectModel>>,
+    /// `world_from_object` of each.
+    pub poses: Vec<Pose>,
+}
+
+impl Table {
+    /// Draws the things of a class and lets them come to rest.
+    pub(super) fn settled(
+        catalogue: &Catalogue,
+        class: Class,
+        sim: &SimSettings,
+        seed: Seed,
+    ) -> Result<Self, TrialError> {
+        let graspable = |card: &&ObjectCard| card.can_grasp && !card.is_articulated;
+        let is_utensil = |card: &ObjectCard| UTENSILS.contains(&card.category.as_str());
+        let of_class = |utensils: bool| -> Vec<&ObjectCard> {
+            catalogue.cards().iter().filter(graspable).filter(|card| is_utensil(card) == utensils).collect()
+        };
+        let (compact, utensils) = (of_class(false), of_class(true));
+        let all: Vec<&ObjectCard> = compact.iter().chain(&utensils).copied().collect();
+        let mut rng = seed.fork("things").rng();
+        let mut draw = |from: &[&ObjectCard]| from[rng.random_range(0..from.len())].uid.clone();
+        let uids: Vec<String> = match class {
+            Class::Compact => vec![draw(&compact)],
+            Class::Utensils => vec![draw(&utensils)],
+            Class::Clutter => std::iter::once(draw(&compact)).chain((1..CLUTTER).map(|_| draw(&all))).collect(),
+        };
+        let mut models = Vec::new();
+        for (index, uid) in uids.iter().enumerate() {
+            models.push(Arc::new(variant(&*catalogue.build(uid)?, seed.fork("variant").fork_index(index as u64))));
+        }
+        let mut table = Self { poses: places(&models, seed.fork("places")), models };
+        table.models.truncate(table.poses.len());
+        table.settle(sim)?;
+        Ok(table)
+    }
+
+    fn settle(&mut self, sim: &SimSettings) -> Result<(), TrialError> {
+        let scene = Scene::compile_without_robot(&self.objects(), sim)?;
+        let mut settling = Sim::new(Arc::new(scene));
+        settling.settle(&SettleSettings { max_seconds: 4.0, ..SettleSettings::default() })?;
+        self.poses = settling.object_states().iter().map(|state| state.pose).collect();
+        Ok(())
+    }
+
+    /// The things as the simulator wants them.
+    pub(super) fn objects(&self) -> Vec<SceneObject> {
+        self.models
+            .iter()
+            .zip(&self.poses)
+            .enumerate()
+            .map(|(index, (model, &pose))| SceneObject {
+                name: index.to_string(),
+                model: Arc::clone(model),
+                pose,
+                joint_positions: Vec::new(),
+            })
+            .collect()
+    }
+}
+
+/// Upright places with any yaw; the target near the middle, what finds no room is left out.
+fn places(models: &[Arc<ObjectModel>], seed: Seed) -> Vec<Pose> {
+    let mut rng = seed.rng();
+    let radius = |model: &ObjectModel| model.card.size_m.x.hypot(model.card.size_m.y) / 2.0;
+    let mut placed: Vec<(Pose, f64)> = Vec::new();
+    for model in models {
+        let spread = if placed.is_empty() { SPREAD_M } else { CLUTTER_SPREAD_M };
+        // Bounding circles of long things are generous: let them overlap by a third.
+        let reach = 0.5 * radius(model) + 0.25 * model.card.size_m.x.min(model.card.size_m.y);
+        for _ in 0..400 {
+            let mut off = || spread * (2.0 * rng.random::<f64>() - 1.0);
+            let position = MIDDLE + DVec3::new(off(), off(), 0.001);
+            let yaw = TAU * rng.random::<f64>();
+            let free = |(pose, other): &(Pose, f64)| pose.position.distance(position) > reach + other + NEAR_M;
+            if placed.iter().all(free) {
+                placed.push((Pose::from_position_yaw(position, yaw), reach));
+                break;
+            }
+        }
+    }
+    placed.into_iter().map(|(pose, _)| pose).collect()
+}
