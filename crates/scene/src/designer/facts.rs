@@ -83,16 +83,13 @@ impl Facts {
     }
 }
 
+/// What is beyond something is beyond all that it is beyond.
 fn close(order: &mut [Vec<bool>]) {
-    let count = order.len();
-    for via in 0..count {
-        for from in 0..count {
-            if order[from][via] {
-                for to in 0..count {
-                    if order[via][to] {
-                        order[from][to] = true;
-                    }
-                }
+    for via in 0..order.len() {
+        let beyond = order[via].clone();
+        for row in order.iter_mut().filter(|row| row[via]) {
+            for (reached, next) in row.iter_mut().zip(&beyond) {
+                *reached |= next;
             }
         }
     }
