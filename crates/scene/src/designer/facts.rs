@@ -83,13 +83,13 @@ impl Facts {
     }
 }
 
-/// The transitive closure, by Warshall's algorithm.
+/// What is beyond something is beyond all that it is beyond.
 fn close(order: &mut [Vec<bool>]) {
     for via in 0..order.len() {
-        let onward = order[via].clone();
+        let beyond = order[via].clone();
         for row in order.iter_mut().filter(|row| row[via]) {
-            for (reached, onward) in row.iter_mut().zip(&onward) {
-                *reached |= onward;
+            for (reached, next) in row.iter_mut().zip(&beyond) {
+                *reached |= next;
             }
         }
     }

@@ -9,13 +9,7 @@ use crate::answer::{TaskRequest, Verdict, check_answer};
 use crate::references;
 
 /// The task, or why it was rejected.
-pub(super) fn pass(
-    scene: &Scene,
-    draft: &Draft,
-    kind: TaskKind,
-    id: &str,
-    _cards: &[ObjectCard],
-) -> Result<Task, String> {
+pub(super) fn pass(scene: &Scene, draft: &Draft, kind: TaskKind, id: &str) -> Result<Task, String> {
     let offered: Vec<ObjectCard> = scene.cards.iter().map(|card| (*card).clone()).collect();
     let task = Task {
         id: id.to_owned(),

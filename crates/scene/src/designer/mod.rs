@@ -1,6 +1,6 @@
 //! Composes tasks of all six kinds by rules: no model, no network.
 //!
-//! A task grows from its goal outwards: a destination with room for what is to come ([`studio`](self)), the thing to
+//! A task grows from its goal outwards: a destination with room for what is to come (`studio`), the thing to
 //! move, look-alikes that make a reference worth while, and more objects with the relations that are rarest so far.
 //! The graph is read off a sketch on the table, so it can be laid out.
 //! Then the finished scene is looked at to find words that single out each object, and the sentence is filled in.
@@ -153,7 +153,7 @@ fn draw(
         };
         let outcome = kinds::compose(kind, &mut studio)
             .ok_or_else(|| "the composition does not work out".to_owned())
-            .and_then(|draft| gate::pass(&studio.scene, &draft, kind, id, cards))
+            .and_then(|draft| gate::pass(&studio.scene, &draft, kind, id))
             .and_then(|task| match said.contains(&task.instruction) {
                 true => Err("the instruction was used before".to_owned()),
                 false => Ok(task),

@@ -1,6 +1,6 @@
 //! Every default of the designer on one screen.
 
-use genmanip_core::{Relation, TaskKind};
+use genmanip_core::Relation;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -47,7 +47,7 @@ impl Default for DesignSettings {
             relation_quotas: [0.14, 0.14, 0.16, 0.16, 0.10, 0.09, 0.06, 0.09, 0.06],
             chance: 3.0,
             disjunctions: 0.2,
-            area_m: [0.50, 0.82],
+            area_m: [0.47, 0.78],
             gap_m: 0.035,
         }
     }
@@ -57,10 +57,5 @@ impl DesignSettings {
     /// Share of a relation among all edges and goal conditions.
     pub fn relation_quota(&self, relation: Relation) -> f64 {
         RELATIONS.iter().position(|known| *known == relation).map_or(0.0, |index| self.relation_quotas[index])
-    }
-
-    /// The kind of the task with this number, when all of these kinds are asked for evenly.
-    pub fn kind_of(kinds: &[TaskKind], index: usize) -> Option<TaskKind> {
-        kinds.get(index % kinds.len().max(1)).copied()
     }
 }

@@ -15,7 +15,7 @@ use super::things::{is_movable, things};
 const PLACE_DRAWS: usize = 12;
 
 /// Longest side of what is put between two others, metres; they must stay close enough to both.
-const BETWEEN_M: f64 = 0.075;
+const BETWEEN_M: f64 = 0.066;
 
 /// Share of fillers that come from the same part of the house.
 const THEMED: f64 = 0.85;
