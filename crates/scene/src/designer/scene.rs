@@ -17,6 +17,9 @@ pub(super) const DIRECTIONS: [Relation; 4] = [Relation::Front, Relation::Back, R
 /// Free space in front of a door or a drawer, metres.
 const SWING_M: f64 = 0.16;
 
+/// Largest bend at something between two others, degrees; relations allow 45 and layouts do not stand exactly in line.
+const BEND_DEG: f64 = 30.0;
+
 /// A condition on objects by their index.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Condition {
@@ -122,6 +125,14 @@ impl<'a> Scene<'a> {
         let reach = (free.high - free.low) * 0.5 + half + DVec2::splat(settings.gap_m + 0.005);
         let place = around(middle + direction(relation) * reach, half, card);
         self.is_free(&place, settings).then(|| self.push(card, place, None))
+    }
+
+    /// Whether two objects and something halfway between them are as good as in line, their heights included.
+    pub fn is_straight(&self, first: usize, middle: &ObjectCard, last: usize) -> bool {
+        let center = |object: usize| (self.places[object].low + self.places[object].high) * 0.5;
+        let halfway = 0.5 * center(first).distance(center(last));
+        let rise = |object: usize| (0.5 * (middle.size_m.z - self.cards[object].size_m.z)).atan2(halfway);
+        (rise(first) + rise(last)).abs() < BEND_DEG.to_radians()
     }
 
     /// Puts an object in or on another.

@@ -162,6 +162,7 @@ impl<'a> Studio<'a> {
             };
             self.scene.keep_free(item, aside, reference, self.settings, &mut self.rng).then_some(())?;
             let second = self.scene.beyond(end, aside, self.settings)?;
+            self.scene.is_straight(reference, item, second).then_some(())?;
             self.scene.relate(second, aside, reference, &mut self.balance, self.settings);
             place.second = Some(second);
         } else {
@@ -273,13 +274,7 @@ impl<'a> Studio<'a> {
         let first = self.add(first)?;
         let middle = self.add_beside(middle, side, first)?;
         let last = self.add_beside(last, side, middle)?;
-        self.scene.edges.push(Link {
-            subject: middle,
-            relation: Relation::Between,
-            reference: first,
-            second: Some(last),
-        });
-        self.balance.add(Relation::Between);
+        self.say_between(middle, first, last)?;
         Some((first, middle, last))
     }
 
@@ -333,14 +328,21 @@ impl<'a> Studio<'a> {
         let middle = self.add_beside(middle, side, anchor)?;
         let last = self.pick_filler()?;
         let last = self.add_beside(last, side, middle)?;
+        self.say_between(middle, anchor, last)?;
+        Some(last)
+    }
+
+    /// States that an object is between two others; `None` when their heights differ too much for that.
+    fn say_between(&mut self, middle: usize, first: usize, last: usize) -> Option<()> {
+        self.scene.is_straight(first, self.scene.cards[middle], last).then_some(())?;
         self.scene.edges.push(Link {
             subject: middle,
             relation: Relation::Between,
-            reference: anchor,
+            reference: first,
             second: Some(last),
         });
         self.balance.add(Relation::Between);
-        Some(last)
+        Some(())
     }
 
     fn fill_host(&mut self, relation: Relation, missing: usize) -> Option<usize> {
