@@ -114,9 +114,12 @@ mod tests {
         assert!((low - 0.65).abs() < 1e-12 && (high - 0.7).abs() < 1e-12, "{low} {high}");
     }
 
+    /// From, to, and the range of their difference.
+    type Bound = (usize, usize, [f64; 2]);
+
     #[test]
     fn contradictions_name_their_edges_and_no_others() {
-        let cases: [(&str, &[(usize, usize, [f64; 2])], &[usize]); 3] = [
+        let cases: [(&str, &[Bound], &[usize]); 3] = [
             ("circle", &[(1, 2, [0.1, 0.2]), (2, 3, [0.1, 0.2]), (3, 1, [0.1, 0.2]), (3, 4, [0.1, 0.2])], &[0, 1, 2]),
             ("both sides", &[(1, 2, [0.1, 0.2]), (3, 4, [0.0, 0.1]), (1, 2, [-0.2, -0.1])], &[0, 2]),
             ("too long for the table", &[(1, 2, [0.6, 0.7]), (2, 3, [0.6, 0.7]), (4, 3, [0.0, 0.1])], &[0, 1]),

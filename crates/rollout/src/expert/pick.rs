@@ -154,7 +154,11 @@ fn motions(
         position: world_from_tcp.position - grasp_direction(&world_from_tcp) * settings.approach_m,
         ..world_from_tcp
     };
-    let approach = planner.straight(&open, config, &before)?.reversed();
+    // Wide things leave the fingers less room than motions keep elsewhere; the grasp itself was tested exactly.
+    let around_it = nothing.clone().and_gripper(planner.robot(), &object.uid);
+    let beside = Surroundings { allowed: &around_it, ..open };
+    let straight = planner.straight(&open, config, &before).or_else(|_| planner.straight(&beside, config, &before));
+    let approach = straight?.reversed();
     let reach = planner.plan_joint(&open, arm, &[approach.start().to_vec()], seed.fork("reach"))?;
 
     let lifted = Pose { position: world_from_tcp.position + DVec3::Z * settings.lift_m, ..world_from_tcp };
