@@ -44,7 +44,10 @@ pub(super) fn plan(
         return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
     }
     let free = surroundings::world(scene, Some(step.object));
-    let candidates = candidates(expert, scene, step, arm, &goals, &free, seed)?;
+    let [roomy, tight] = expert.settings.hand_clearances_m;
+    let at = |clearance_m: f64| candidates(expert, scene, step, arm, &goals, &free, clearance_m, seed);
+    // Flat things can only be taken with the fingers close above the table.
+    let candidates = at(roomy).or_else(|_| at(tight))?;
     let mut problem = None;
     for candidate in &candidates {
         match motions(expert, scene, step, arm, width, candidate, &free, seed) {
@@ -62,7 +65,8 @@ pub(super) fn plan(
     Err(Failure { cause: FailureCause::Planning, evidence })
 }
 
-/// Grasps, best first, that the arm can take here and let go of at some goal pose.
+/// Grasps, best first, that the arm can take here, with this much room around the hand, and let go of at some goal pose.
+#[allow(clippy::too_many_arguments)] // read-only context of one try
 fn candidates(
     expert: &Expert,
     scene: &PosedScene,
@@ -70,6 +74,7 @@ fn candidates(
     arm: &[f64],
     goals: &[GoalPose],
     free: &World,
+    clearance_m: f64,
     seed: Seed,
 ) -> Result<Vec<Candidate>, Failure> {
     let name = expert.stage.name(step.object);
@@ -86,7 +91,7 @@ fn candidates(
     for grasp in grasps.iter().take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
         let open_width = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
         let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: open_width };
-        let checker = planner.checker(&around, settings.hand_clearance_m);
+        let checker = planner.checker(&around, clearance_m);
         let configs = planner.ik(&(object.pose * grasp.pose), arm);
         if configs.is_empty() {
             out_of_reach += 1;

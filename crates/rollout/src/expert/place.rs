@@ -104,7 +104,7 @@ fn motions(
     occupied.add(&held.uid, &pieces, &raised(height)).map_err(unusable)?;
     let opened = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: hand.open_width };
     let hand_alone = Surroundings { world: free, ..opened };
-    let checker = planner.checker(&hand_alone, settings.hand_clearance_m);
+    let checker = planner.checker(&hand_alone, settings.hand_clearances_m[0]);
     let back = release.transform_vector(DVec3::NEG_Z) * settings.approach_m;
     let retreated = Pose { position: release.position + back, ..release };
 

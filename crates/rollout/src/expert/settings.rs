@@ -52,8 +52,9 @@ pub struct ExpertSettings {
     pub rest_speed: f64,
     /// How often the expert waits `rest_steps` for things to come to rest before it picks all the same.
     pub longest_wait: usize,
-    /// Distance the hand keeps from everything but the object where it takes it or lets go, metres.
-    pub hand_clearance_m: f64,
+    /// Distance the hand keeps from everything but the object where it takes it or lets go, and the one it makes do
+    /// with when nothing else works, metres.
+    pub hand_clearances_m: [f64; 2],
     /// Control steps to wait for the arm to come to rest before the fingers move.
     pub rest_steps: usize,
 }
@@ -82,7 +83,7 @@ impl Default for ExpertSettings {
             open_steps: 36,
             rest_speed: 0.01,
             longest_wait: 20,
-            hand_clearance_m: 0.003,
+            hand_clearances_m: [0.003, 0.001],
             rest_steps: 6,
         }
     }

@@ -81,13 +81,18 @@ impl<'a> Studio<'a> {
         self.add_with(card, None)
     }
 
-    /// Adds what is to be moved, not beside the place that it is to be brought near to.
+    /// Adds what is to be moved: nothing will stand on it, and it is not beside the place that it is brought near to.
     pub fn add_to_move(&mut self, card: &'a ObjectCard, place: Place, style: Style) -> Option<usize> {
-        if place.relation != Relation::Near || style == Style::Place {
-            return self.add_styled(card, style);
-        }
-        let others =
-            |studio: &Self| (0..studio.scene.len()).filter(|&other| other != place.reference).collect::<Vec<_>>();
+        let object = match place.relation == Relation::Near && style != Style::Place {
+            true => self.add_away_from(card, place.reference, style)?,
+            false => self.add_styled(card, style)?,
+        };
+        self.scene.closed.push(object);
+        Some(object)
+    }
+
+    fn add_away_from(&mut self, card: &'a ObjectCard, place: usize, style: Style) -> Option<usize> {
+        let others = |studio: &Self| (0..studio.scene.len()).filter(|&other| other != place).collect::<Vec<_>>();
         if others(self).is_empty() {
             let filler = self.pick_filler().filter(|filler| filler.uid != card.uid)?;
             self.add(filler)?;

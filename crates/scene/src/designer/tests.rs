@@ -63,7 +63,7 @@ fn same_seed_same_tasks() {
 /// Spatial tasks need their places: every one refers to something through something else.
 #[test]
 fn kinds_are_what_they_are_called() {
-    let batch = design_many(&TaskKind::ALL, 120, cards(), Seed::new(6), &DesignSettings::default()).unwrap();
+    let batch = design_many(&TaskKind::ALL, 360, cards(), Seed::new(6), &DesignSettings::default()).unwrap();
     for task in &batch.tasks {
         let text = task.instruction.to_lowercase();
         let goal = &task.goal.alternatives;

@@ -27,8 +27,8 @@ struct Step {
 pub(super) fn compose(studio: &mut Studio) -> Option<Draft> {
     // Pairs and towers nearly always work out, steps often do not and are drawn again.
     match studio.rng.random_range(0..120) {
-        0..3 => compose_pair(studio),
-        3 => compose_tower(studio),
+        0..9 => compose_pair(studio),
+        9 => compose_tower(studio),
         _ => compose_steps(studio),
     }
 }
