@@ -38,6 +38,30 @@ pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Resul
     Ok(())
 }
 
+/// Leaves a settled layout alone for a while, without a robot; the reason when something starts to roll or tip.
+pub(crate) fn leave_alone(scene: &PosedScene, settings: &LayoutSettings) -> Result<(), String> {
+    let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
+    let (_, drift_m) =
+        left_alone(&objects, settings.stay_s).map_err(|error| format!("physics refuses the layout: {error}"))?;
+    match drift_m.iter().position(|&drift_m| drift_m > settings.max_drift_m) {
+        Some(index) => Err(format!("{} does not stay where it lies", objects[index].model.card.name)),
+        None => Ok(()),
+    }
+}
+
+/// Penetration at the start, and how far each object's origin moves in this time, sleep off; metres.
+fn left_alone(objects: &[SceneObject], seconds: f64) -> Result<(f64, Vec<f64>), SimError> {
+    let settings = SimSettings::default();
+    let steps = (seconds * f64::from(settings.physics_rate_hz)).round() as u32;
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(objects, &settings)?));
+    let penetration_m = sim.penetration();
+    let before = sim.object_states();
+    sim.advance(steps)?;
+    let after = sim.object_states();
+    let moved = before.iter().zip(&after).map(|(from, to)| from.pose.position.distance(to.pose.position));
+    Ok((penetration_m, moved.collect()))
+}
+
 fn scene_object(object: &PosedObject) -> SceneObject {
     SceneObject {
         name: object.uid.clone(),
@@ -76,17 +100,8 @@ pub fn audit(
 ) -> Result<LayoutAudit, AuditError> {
     let scene = posed(scenario, catalogue, &mut ShapeCache::default())?;
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let settings = SimSettings::default();
-    let steps = (seconds * f64::from(settings.physics_rate_hz)).round() as u32;
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&objects, &settings)?));
-    let penetration_m = sim.penetration();
-    let before = sim.object_states();
-    sim.advance(steps)?;
-    let drift_m = before
-        .iter()
-        .zip(sim.object_states())
-        .map(|(from, to)| from.pose.position.distance(to.pose.position))
-        .fold(0.0, f64::max);
+    let (penetration_m, drift_m) = left_alone(&objects, seconds)?;
+    let drift_m = drift_m.into_iter().fold(0.0, f64::max);
     let (task, relations) = (&scenario.task, RelationSettings::default());
     let mut verdicts = judge_edges(&scene, &task.scene_graph, &relations);
     verdicts.extend(judge_states(&scene, &task.scene_graph, &relations));

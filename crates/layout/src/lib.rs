@@ -176,7 +176,10 @@ fn accept(
         return Err(reason);
     }
     begin(Phase::Seeing);
-    visibility::hidden(scene, task.scene_graph.nodes.len(), planner.robot(), settings).map_or(Ok(()), Err)
+    visibility::hidden(scene, task.scene_graph.nodes.len(), planner.robot(), settings).map_or(Ok(()), Err)?;
+    // Last, because it takes long and hardly ever refuses.
+    begin(Phase::Settling);
+    audit::leave_alone(scene, settings)
 }
 
 /// The graph's edges with the indices of their objects among the nodes, subject first.

@@ -43,6 +43,10 @@ pub struct LayoutSettings {
     pub max_settle_shift_m: f64,
     /// Largest tilt of an object while settling, radians.
     pub max_settle_tilt_rad: f64,
+    /// How long a settled layout is left alone, simulated seconds.
+    pub stay_s: f64,
+    /// Farthest that an object may move in this time, metres.
+    pub max_drift_m: f64,
     /// Deepest penetration accepted after settling, metres.
     pub max_penetration_m: f64,
     /// Fewest pixels of each task object in at least one camera.
@@ -72,6 +76,8 @@ impl Default for LayoutSettings {
             settle_s: 2.0,
             max_settle_shift_m: 0.03,
             max_settle_tilt_rad: 0.6,
+            stay_s: 2.0,
+            max_drift_m: 0.0005,
             max_penetration_m: 0.001,
             min_pixels: 100,
             min_visible_share: 0.3,
