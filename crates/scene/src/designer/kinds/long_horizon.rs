@@ -135,6 +135,7 @@ fn compose_pair(studio: &mut Studio) -> Option<Draft> {
         false => None,
     };
     let subjects = [studio.add(first)?, studio.add(second)?];
+    studio.scene.closed.extend(subjects);
     let objects = studio.object_count();
     studio.fill(objects);
 
