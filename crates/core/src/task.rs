@@ -187,6 +187,14 @@ impl Atom {
 }
 
 impl Relation {
+    /// Those between two objects: every word of the exchange format.
+    pub const OF_PAIRS: [Self; 8] =
+        [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In];
+
+    /// All of them.
+    pub const ALL: [Self; 9] =
+        [Self::Front, Self::Back, Self::Left, Self::Right, Self::Near, Self::Top, Self::On, Self::In, Self::Between];
+
     /// The name in files.
     pub fn name(self) -> &'static str {
         match self {

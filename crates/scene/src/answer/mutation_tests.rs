@@ -18,17 +18,6 @@ use super::*;
 /// A relation between uids.
 type Fact = (String, Relation, String);
 
-const WORDS: [Relation; 8] = [
-    Relation::Front,
-    Relation::Back,
-    Relation::Left,
-    Relation::Right,
-    Relation::Near,
-    Relation::Top,
-    Relation::On,
-    Relation::In,
-];
-
 /// Everything that one relation says about a pair, from both sides.
 fn facts_of((subject, relation, reference): &Fact) -> Vec<Fact> {
     let mut facts = vec![(subject.clone(), *relation, reference.clone())];
@@ -192,7 +181,8 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         names_fit &= is(card) || !request.offered.iter().any(is);
         Some(uid)
     };
-    let word = |value: &Value| WORDS.into_iter().find(|word| value["position"].as_str() == Some(word.name()));
+    let word =
+        |value: &Value| Relation::OF_PAIRS.into_iter().find(|word| value["position"].as_str() == Some(word.name()));
     let mut nodes = Vec::new();
     for node in graph["nodes"].as_array()? {
         let known = keys(node, &["obj_uid", "state"]).then(|| (exact(node, "obj_uid"), exact(node, "state")))?;
@@ -291,7 +281,7 @@ fn change(answer: &mut Value, kind: &str, offered: &[ObjectCard], rng: &mut impl
         Some((alternative, pick(&answer["goal_conditions"][alternative], rng)?))
     };
     let uid = offered.choose(rng).map_or("001", |card| card.uid.as_str()).to_owned();
-    let word = WORDS[rng.random_range(0..WORDS.len())].name();
+    let word = Relation::OF_PAIRS[rng.random_range(0..Relation::OF_PAIRS.len())].name();
     let (edge, node, condition) =
         (pick(&answer["scene_graph"]["edges"], rng), pick(&answer["scene_graph"]["nodes"], rng), goal_at(answer, rng));
     let in_goal = rng.random_bool(0.4);

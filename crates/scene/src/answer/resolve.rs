@@ -7,7 +7,7 @@ use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, Scen
 use super::TaskRequest;
 use super::decode::{RawAnswer, RawCondition, RawEdge, RawNode, RawObject};
 use super::flaw::{Findings, FlawKind};
-use super::words::{RELATIONS, is_table, relation_words, reworded, same_name, shortened};
+use super::words::{is_table, relation_words, reworded, same_name, shortened};
 
 /// A resolved answer; objects are indices into the offered cards. Parts that could not be resolved are left out,
 /// each with its flaw, so that the rules can still look at the rest.
@@ -386,12 +386,13 @@ impl Resolver<'_> {
         if self.between && word == Relation::Between.name() {
             return Some(Relation::Between);
         }
-        if let Some(relation) = RELATIONS.iter().copied().find(|relation| relation.name() == word) {
+        if let Some(relation) = Relation::OF_PAIRS.iter().copied().find(|relation| relation.name() == word) {
             return Some(relation);
         }
         let plain = word.to_ascii_lowercase().replace(['_', '-'], " ");
         let plain = plain.split_whitespace().collect::<Vec<_>>().join(" ");
-        match RELATIONS.iter().copied().find(|relation| relation.name() == plain).or_else(|| reworded(&plain)) {
+        match Relation::OF_PAIRS.iter().copied().find(|relation| relation.name() == plain).or_else(|| reworded(&plain))
+        {
             Some(relation) => {
                 let message = format!("expected {}, got `{}`", relation_words(), shortened(word));
                 let what = format!("read as `{}`", relation.name());

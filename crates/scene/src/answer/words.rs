@@ -2,20 +2,8 @@
 
 use genmanip_core::Relation;
 
-/// The words of the format.
-pub(super) const RELATIONS: [Relation; 8] = [
-    Relation::Front,
-    Relation::Back,
-    Relation::Left,
-    Relation::Right,
-    Relation::Near,
-    Relation::Top,
-    Relation::On,
-    Relation::In,
-];
-
 pub(super) fn relation_words() -> String {
-    format!("one of {:?}", RELATIONS.map(Relation::name))
+    format!("one of {:?}", Relation::OF_PAIRS.map(Relation::name))
 }
 
 /// Longer wordings with one reading; every prompt states that front is the far side.

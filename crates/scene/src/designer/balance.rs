@@ -3,12 +3,12 @@
 use genmanip_core::{Relation, Task};
 use rand::{Rng, RngExt};
 
-use super::settings::{DesignSettings, RELATIONS};
+use super::settings::DesignSettings;
 
 /// Relations counted so far over edges and goal conditions.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Balance {
-    counts: [usize; RELATIONS.len()],
+    counts: [usize; Relation::ALL.len()],
 }
 
 impl Balance {
@@ -62,5 +62,5 @@ pub(super) fn relations_of(task: &Task) -> impl Iterator<Item = Relation> {
 }
 
 fn index(relation: Relation) -> Option<usize> {
-    RELATIONS.iter().position(|known| *known == relation)
+    Relation::ALL.iter().position(|known| *known == relation)
 }

@@ -2,12 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use genmanip_core::{ObjectCard, Seed, TaskKind};
+use genmanip_core::{ObjectCard, Relation, Seed, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::balance::Balance;
-use super::settings::RELATIONS;
 use super::{DesignError, DesignSettings, as_answer, design_many};
 use crate::answer::{TaskRequest, Verdict, check_answer};
 use crate::references;
@@ -120,7 +119,7 @@ pub fn measure(
         let quota = report.tasks as f64 / TaskKind::ALL.len() as f64;
         report.kinds.insert(kind.name().into(), Occurrence { count, quota });
     }
-    for relation in RELATIONS {
+    for relation in Relation::ALL {
         let quota = settings.relation_quota(relation) * balance.total() as f64;
         report.relations.insert(relation.name().into(), Occurrence { count: balance.of(relation), quota });
     }

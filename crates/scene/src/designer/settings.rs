@@ -4,19 +4,6 @@ use genmanip_core::Relation;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The relations that quotas count.
-pub(super) const RELATIONS: [Relation; 9] = [
-    Relation::Front,
-    Relation::Back,
-    Relation::Left,
-    Relation::Right,
-    Relation::Near,
-    Relation::Top,
-    Relation::On,
-    Relation::In,
-    Relation::Between,
-];
-
 /// How tasks are composed and how often each kind and relation should occur.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -56,6 +43,6 @@ impl Default for DesignSettings {
 impl DesignSettings {
     /// Share of a relation among all edges and goal conditions.
     pub fn relation_quota(&self, relation: Relation) -> f64 {
-        RELATIONS.iter().position(|known| *known == relation).map_or(0.0, |index| self.relation_quotas[index])
+        Relation::ALL.iter().position(|known| *known == relation).map_or(0.0, |index| self.relation_quotas[index])
     }
 }

@@ -11,18 +11,6 @@ use rand::{Rng, RngExt};
 use super::*;
 use crate::clouds::Cloud;
 
-/// Every word for a pair.
-const WORDS: [Relation; 8] = [
-    Relation::Front,
-    Relation::Back,
-    Relation::Left,
-    Relation::Right,
-    Relation::Near,
-    Relation::Top,
-    Relation::On,
-    Relation::In,
-];
-
 const NAMES: [&str; 3] = ["a", "b", "c"];
 
 fn atom(word: Relation, one: usize, other: usize, second: Option<usize>) -> Atom {
@@ -79,7 +67,7 @@ fn is_possible(scene: &PosedScene) -> bool {
 /// Conditions on three objects, with the verdicts of posed geometry.
 fn judged(scene: &PosedScene) -> Vec<genmanip_core::AtomVerdict> {
     let pairs = [(0, 1), (1, 0), (0, 2), (2, 1)];
-    let atoms = pairs.iter().flat_map(|&(one, other)| WORDS.map(|word| atom(word, one, other, None)));
+    let atoms = pairs.iter().flat_map(|&(one, other)| Relation::OF_PAIRS.map(|word| atom(word, one, other, None)));
     let atoms = atoms.chain([atom(Relation::Between, 0, 1, Some(2)), atom(Relation::Between, 1, 0, Some(2))]);
     atoms.map(|atom| judge_atom(scene, &atom, &RelationSettings::default())).collect()
 }
@@ -117,7 +105,7 @@ fn moving_turning_mirroring_swapping_shuffling_and_sampling_anew() {
     for index in 0..45 {
         let seed = Seed::new(11).fork("metamorphic").fork_index(index);
         let scene = arrangement(seed, &mut dense);
-        let words = WORDS.map(|word| judge_atom(&scene, &atom(word, 0, 1, None), &settings));
+        let words = Relation::OF_PAIRS.map(|word| judge_atom(&scene, &atom(word, 0, 1, None), &settings));
         if !words.iter().all(|verdict| is_clear(verdict, 0.005)) {
             continue;
         }

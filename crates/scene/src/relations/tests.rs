@@ -101,17 +101,6 @@ fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
     Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
 }
 
-const DIRECTED: [Relation; 8] = [
-    Relation::Front,
-    Relation::Back,
-    Relation::Left,
-    Relation::Right,
-    Relation::Near,
-    Relation::Top,
-    Relation::On,
-    Relation::In,
-];
-
 /// Compares the label of the first object to the second, and every judged relation with what the label implies.
 fn check(objects: &[(&Arc<ObjectModel>, Pose)], expected: Option<Label>) -> PairVerdict {
     let settings = RelationSettings::default();
@@ -119,7 +108,7 @@ fn check(objects: &[(&Arc<ObjectModel>, Pose)], expected: Option<Label>) -> Pair
     let pair = label_pair(&scene, 0, 1, &settings).unwrap();
     assert_eq!(pair.a_to_b, expected, "{pair:#?}");
     assert_eq!(label_pair(&scene, 1, 0, &settings).unwrap().a_to_b, expected.map(Label::inverse));
-    for word in DIRECTED {
+    for word in Relation::OF_PAIRS {
         let atom = relation(&objects[0].0.card.uid, word, &objects[1].0.card.uid);
         let verdict = judge_atom(&scene, &atom, &settings);
         let implied = match word {

@@ -30,18 +30,6 @@ const MARGIN_M: f64 = 0.01;
 /// Disagreements that are printed for people; the JSON has all.
 const SHOWN: usize = 20;
 
-/// The words that are judged for every ordered pair of objects.
-const WORDS: [Relation; 8] = [
-    Relation::Front,
-    Relation::Back,
-    Relation::Left,
-    Relation::Right,
-    Relation::Near,
-    Relation::Top,
-    Relation::On,
-    Relation::In,
-];
-
 /// How many conditions of a kind were judged alike.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 struct Tally {
@@ -183,8 +171,8 @@ impl Bench {
                     continue;
                 };
                 let seen = clouds.label_pair(a, b, &self.relations).and_then(|pair| pair.a_to_b);
-                let words =
-                    WORDS.map(|word| judge_atom(scene, &relation(uids[one], word, uids[other]), &self.relations));
+                let words = Relation::OF_PAIRS
+                    .map(|word| judge_atom(scene, &relation(uids[one], word, uids[other]), &self.relations));
                 let clear = words.iter().all(|verdict| is_clear(verdict, MARGIN_M));
                 agreement.note("label", clear, exact.a_to_b.is_some(), exact.a_to_b == seen, || {
                     format!("{place}: {} to {}: geometry {:?}; cloud {seen:?}", uids[one], uids[other], exact.a_to_b)
@@ -248,7 +236,7 @@ fn atoms(uids: &[&str], seed: Seed) -> Vec<Atom> {
     let mut atoms = Vec::new();
     for (index, subject) in uids.iter().enumerate() {
         let others: Vec<&str> = uids.iter().copied().filter(|other| other != subject).collect();
-        atoms.extend(others.iter().flat_map(|other| WORDS.map(|word| relation(subject, word, other))));
+        atoms.extend(others.iter().flat_map(|other| Relation::OF_PAIRS.map(|word| relation(subject, word, other))));
         if others.len() >= 2 {
             let draw = (seed.fork("between").fork_index(index as u64).value() % others.len() as u64) as usize;
             atoms.push(Atom::Relation {

@@ -10,7 +10,6 @@ use genmanip_core::{ObjectCard, Relation, TaskKind};
 use super::naming::{Namer, Style, chance};
 use super::phrasing::{capitalised, phrases};
 use super::scene::{Condition, Scene};
-use super::settings::RELATIONS;
 use super::studio::{Place, Studio};
 use super::things::things;
 
@@ -131,7 +130,7 @@ fn say_place(studio: &mut Studio, place: Place, style: Style) -> Option<(String,
 
 /// All nine relations.
 fn any_relation() -> &'static [Relation] {
-    &RELATIONS
+    &Relation::ALL
 }
 
 fn toss(studio: &mut Studio, share: f64) -> bool {
