@@ -200,6 +200,13 @@ fn parse_count(text: &str) -> Result<usize, String> {
     }
 }
 
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
+        _ => Err("expected a positive number".into()),
+    }
+}
+
 fn parse_fps(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(fps @ (10 | 15 | 20 | 30 | 60)) => Ok(fps),
