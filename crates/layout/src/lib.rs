@@ -24,7 +24,7 @@ mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
 pub use error::{LayoutError, Rejections, Unfinished};
-pub use goal_pose::{GoalPose, GoalPoseSettings, GoalSearch};
+pub use goal_pose::{GoalPose, GoalPoseSettings, goal_poses};
 pub use moves::{Move, moves, references};
 pub use reach::is_in_reach;
 pub use settings::LayoutSettings;
