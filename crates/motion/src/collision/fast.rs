@@ -297,9 +297,9 @@ fn forward(joints: &[FastJoint], config: &[Lanes], frames: &mut Vec<LaneFrame>) 
     for (index, (joint, q)) in joints.iter().zip(config).enumerate() {
         let parent = &frames[joint.parent_frame];
         let Transform { rows, translation } = &joint.parent_from_joint;
-        let column = |k: usize| turn(parent, [rows[0][k], rows[1][k], rows[2][k]]);
+        let column = |k: usize| turn_sparse(parent, [rows[0][k], rows[1][k], rows[2][k]]);
         let (x, y, z) = (column(0), column(1), column(2));
-        let mut origin = add(turn(parent, *translation), parent.origin);
+        let mut origin = add(turn_sparse(parent, *translation), parent.origin);
         if joint.slides {
             origin = add(origin, scale(z, *q));
             frames.push(LaneFrame { columns: [x, y, z], origin });
@@ -424,6 +424,18 @@ fn turn(frame: &LaneFrame, vector: [f32; 3]) -> Point {
     [row(0), row(1), row(2)]
 }
 
+/// Like `turn`, for vectors that mostly lie along an axis, as joints are mounted.
+#[inline(always)]
+fn turn_sparse(frame: &LaneFrame, vector: [f32; 3]) -> Point {
+    let mut turned = [Lanes::all(0.0); 3];
+    for (column, part) in frame.columns.iter().zip(vector) {
+        if part != 0.0 {
+            turned = add(turned, scale(*column, Lanes::all(part)));
+        }
+    }
+    turned
+}
+
 impl Transform {
     #[inline(always)]
     fn before(&self, inner: &LaneFrame) -> LaneFrame {
@@ -459,11 +471,10 @@ pub(super) fn scale(a: Point, factor: Lanes) -> Point {
 
 impl From<&Rigid> for Transform {
     fn from(rigid: &Rigid) -> Self {
-        let columns = rigid.rotation.transpose().to_cols_array_2d();
-        Self {
-            rows: columns.map(|row| row.map(|value| value as f32)),
-            translation: rigid.translation.as_vec3().to_array(),
-        }
+        // What is left of a right angle after rounding is nothing.
+        let single = |value: f64| if value.abs() < 1e-12 { 0.0 } else { value as f32 };
+        let rows = rigid.rotation.transpose().to_cols_array_2d();
+        Self { rows: rows.map(|row| row.map(single)), translation: rigid.translation.to_array().map(single) }
     }
 }
 

@@ -1,4 +1,4 @@
-//! The final test of a path: polylines of states, first in long stretches, then only what is near in short steps.
+//! The final test of a path: straight edges, first in long stretches, then only what is near in short steps.
 
 use std::cell::RefMut;
 
@@ -13,12 +13,16 @@ const STEPS: usize = LANES;
 const CLOSER: f64 = 0.2;
 
 impl Checker<'_> {
-    /// Whether a polyline of states keeps its distances everywhere: like `edge_is_free` for each of its edges.
+    /// Whether a polyline of states keeps its distances everywhere.
+    pub(crate) fn polyline_is_free(&self, states: &[Vec<f64>], spacing: f64) -> bool {
+        self.edges_are_free(states.windows(2).map(|pair| [&*pair[0], &*pair[1]]).collect(), spacing)
+    }
+
+    /// Whether straight edges keep their distances everywhere: like `edge_is_free` for each of them.
     ///
     /// Stretches are proven clear at once where there is room, by the motion of each body over half of them.
     /// What remains are bodies that pass near an obstacle, and only these are followed in steps of `spacing` metres.
-    pub(crate) fn polyline_is_free(&self, states: &[Vec<f64>], spacing: f64) -> bool {
-        let edges: Vec<[&[f64]; 2]> = states.windows(2).map(|pair| [&*pair[0], &*pair[1]]).collect();
+    pub(crate) fn edges_are_free(&self, edges: Vec<[&[f64]; 2]>, spacing: f64) -> bool {
         let speeds: Vec<Vec<f64>> = edges.iter().map(|[from, to]| self.speeds(from, to)).collect();
         let stretches_of = |edge: usize| {
             let fastest = speeds[edge].iter().copied().fold(0.0, f64::max);
@@ -57,7 +61,7 @@ struct Passing {
     obstacle: usize,
 }
 
-/// One test of a polyline.
+/// One test of some edges.
 struct Query<'a, 'c> {
     checker: &'a Checker<'c>,
     edges: Vec<[&'a [f64]; 2]>,
