@@ -13,6 +13,8 @@ mod distractors;
 mod draft;
 mod error;
 mod goal_pose;
+#[cfg(test)]
+mod goal_pose_tests;
 mod moves;
 mod network;
 mod order;
