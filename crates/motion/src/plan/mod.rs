@@ -57,8 +57,8 @@ impl Default for PlanSettings {
             search_spacing: 0.05,
             final_spacing: 0.006,
             retries: 3,
-            shortcuts: 40,
-            shortcut_failures: 14,
+            shortcuts: 30,
+            shortcut_failures: 10,
             blend: 0.4,
             blend_halvings: 5,
         }
