@@ -7,6 +7,7 @@ use multiversion::multiversion;
 
 use super::convex::{Ball, Core};
 use super::cover::CoverBall;
+use super::field::Field;
 use super::lanes::{LANES, Lanes};
 use super::narrow::{Skeleton, Verdict};
 use crate::rigid::Rigid;
@@ -19,7 +20,7 @@ pub(super) const ROUNDING: f32 = 2e-5;
 pub(super) struct FastModel<'a> {
     pub(super) joints: Vec<FastJoint>,
     pub(super) bodies: Vec<FastBody<'a>>,
-    pub(super) obstacles: Vec<FastObstacle>,
+    pub(super) obstacles: Vec<FastObstacle<'a>>,
     /// Row by row of bodies; `None` where contact is allowed.
     pub(super) margins: Vec<Option<FastMargin>>,
     pub(super) body_pairs: Vec<(usize, usize, f32)>,
@@ -51,9 +52,11 @@ pub(super) struct FastBody<'a> {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct FastObstacle {
+pub(super) struct FastObstacle<'a> {
     pub(super) ball: FastBall,
     pub(super) pieces: Vec<FastPiece>,
+    /// Of a surface, which has no pieces.
+    pub(super) field: Option<&'a Field>,
 }
 
 /// A primitive at least as large as the piece it stands for.
@@ -217,6 +220,9 @@ pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool 
 fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near) -> Verdict {
     let Near { lanes, accept, reject, .. } = *near;
     let mut found = Verdict::default();
+    if obstacle.field.is_some() {
+        return Verdict { undecided: lanes, touching: 0 };
+    }
     let world_from_body = then(frame, &body.frame_from_body);
     for skeleton in body.skeletons {
         let center = place(&world_from_body, skeleton.center);
@@ -276,6 +282,9 @@ fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
     if let [piece] = obstacle.pieces.as_slice() {
         return piece.near(center, reach);
     }
+    if let Some(field) = obstacle.field {
+        return field.near(center, reach);
+    }
     let ball = &obstacle.ball;
     let middle = ball.center.map(Lanes::all);
     if near_point(center, &middle, ball.radius + reach) == 0 {
@@ -288,6 +297,9 @@ fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
 #[inline(always)]
 fn compare(obstacle: &FastObstacle, center: &Point, ball: &FastBall, accept: f32, reject: f32) -> Verdict {
     let mut found = Verdict::default();
+    if let Some(field) = obstacle.field {
+        found.undecided = field.near(center, ball.radius + accept);
+    }
     for piece in &obstacle.pieces {
         let squared = piece.squared_distance(center);
         let reach = ball.radius + accept + piece.rounding + ROUNDING;

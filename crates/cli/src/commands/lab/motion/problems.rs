@@ -4,7 +4,7 @@ use std::path::Path;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Piece, Pose, Shape};
-use genmanip_motion::World;
+use genmanip_motion::{GeometryError, World};
 use serde::Deserialize;
 
 use crate::error::Failed;
@@ -48,6 +48,10 @@ pub struct Problem {
     pub start: Vec<f64>,
     pub goal: Vec<f64>,
     pub world: World,
+    /// Only the tables: boxes whose top is the plane z = 0.
+    pub tables: World,
+    /// All obstacles, placed in the world.
+    pub pieces: Vec<Piece>,
 }
 
 pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
@@ -59,8 +63,8 @@ pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
     };
     let text = inputs::read_text(path, MAX_BYTES)?;
     let file: File = serde_json::from_str(&text).map_err(|error| no_problems(&error))?;
-    let world = |obstacles: &[Obstacle]| {
-        let mut world = World::new();
+    let problem = |Written { start, goal, obstacles }: Written| {
+        let mut problem = Problem { start, goal, world: World::new(), tables: World::new(), pieces: Vec::new() };
         for (index, obstacle) in obstacles.iter().enumerate() {
             let shape = match &obstacle.shape {
                 Form::Box { size } => Shape::Box { half_extents: DVec3::from_array(*size) / 2.0 },
@@ -68,13 +72,17 @@ pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
                 Form::Sphere { radius } => Shape::Sphere { radius: *radius },
             };
             let pose = Pose::from_position_yaw(DVec3::from_array(obstacle.pos), obstacle.yaw);
-            world.add(&format!("obstacle {index}"), &[Piece::at(DVec3::ZERO, shape)], &pose)?;
+            let is_table =
+                matches!(&shape, Shape::Box { half_extents } if (pose.position.z + half_extents.z).abs() < 1e-6);
+            let piece = Piece { shape, link_from_piece: pose };
+            let name = format!("obstacle {index}");
+            for world in [Some(&mut problem.world), is_table.then_some(&mut problem.tables)].into_iter().flatten() {
+                world.add(&name, std::slice::from_ref(&piece), &Pose::IDENTITY)?;
+            }
+            problem.pieces.push(piece);
         }
-        Ok(world)
+        Ok(problem)
     };
-    let problem = |written: Written| {
-        let world = world(&written.obstacles).map_err(|error: genmanip_motion::GeometryError| no_problems(&error))?;
-        Ok(Problem { start: written.start, goal: written.goal, world })
-    };
-    file.problems.into_iter().map(problem).collect()
+    let refused = |error: GeometryError| no_problems(&error);
+    file.problems.into_iter().map(|written| problem(written).map_err(refused)).collect()
 }
