@@ -41,7 +41,7 @@ pub struct DepthSettings {
 
 impl Default for DepthSettings {
     fn default() -> Self {
-        Self { cell_m: 0.005, radius_m: 0.002, robot_margin_m: 0.006, known_margin_m: 0.004 }
+        Self { cell_m: 0.007, radius_m: 0.002, robot_margin_m: 0.006, known_margin_m: 0.004 }
     }
 }
 

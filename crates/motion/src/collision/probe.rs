@@ -5,19 +5,27 @@ use parry3d_f64::math::{Pose as ParryPose, Vector};
 use parry3d_f64::shape::SupportMap;
 use parry3d_f64::transformation::try_convex_hull;
 
+use super::convex::{Convex, Core, Separation, cores_closer_than, cores_separation};
+use super::lanes::{LANES, Lanes};
 use crate::rigid::Rigid;
 
-use super::convex::{Convex, Core, Separation, cores_closer_than, cores_separation};
-
 /// The planes of a hull's faces, in the frame of its core; none for other shapes, whose distances have closed forms.
+///
+/// Eight at a time, every next plane as different from those before as possible: what is far is known after a few.
 #[derive(Clone, Debug)]
-pub(crate) struct Planes(Vec<Plane>);
+pub(crate) struct Planes(Vec<EightPlanes>);
 
+/// Outward normals, coordinate by coordinate, and how far along them the hull reaches.
 #[derive(Clone, Copy, Debug)]
-struct Plane {
-    outward: DVec3,
-    offset: f64,
+struct EightPlanes {
+    outward: [Lanes; 3],
+    offset: Lanes,
 }
+
+/// Rounding of single precision over the size of a link and its surroundings, m.
+const SINGLE: f64 = 2e-6;
+/// Faces whose normals differ less than this are one face, rad² / 2.
+const SAME_FACE: f64 = 1e-9;
 
 /// A convex piece at its place in the world: whose points are these?
 #[derive(Clone, Debug)]
@@ -29,12 +37,16 @@ pub(crate) struct Solid<'a> {
 }
 
 impl Solid<'_> {
-    /// Whether a point of the world lies within `margin` of the piece.
+    /// Whether a point of the world lies within `margin` of the piece; where its planes are known, of all of them, which
+    /// is a little more at sharp edges.
     pub(crate) fn is_within(&self, point: DVec3, margin: f64) -> bool {
-        let none = Planes(vec![]);
-        let probe = Probe::new(self.piece, self.planes.unwrap_or(&none));
+        let point = self.core_from_world.point(point);
         // What is inside belongs to it even without a margin.
-        probe.touches_point(self.core_from_world.point(point), (margin + self.piece.radius).max(f64::MIN_POSITIVE))
+        let reach = (margin + self.piece.radius).max(SINGLE);
+        match self.planes {
+            Some(planes) if !planes.0.is_empty() => planes.bound(point, reach) <= reach,
+            _ => Probe::new(self.piece, &Planes(vec![])).touches_point(point, reach),
+        }
     }
 
     /// Whether a point of the world certainly lies farther than `margin` from the piece.
@@ -60,29 +72,41 @@ impl Planes {
         let input: Vec<Vector> = corners.iter().map(|corner| Vector::from_array(corner.to_array())).collect();
         let Ok((hull, triangles)) = try_convex_hull(&input) else { return Self(vec![]) };
         let corner = |index: u32| DVec3::from_array(hull[index as usize].to_array());
-        let mut planes: Vec<Plane> = Vec::new();
-        for [a, b, c] in triangles {
-            let (a, b, c) = (corner(a), corner(b), corner(c));
-            let Some(outward) = (b - a).cross(c - a).try_normalize() else { continue };
-            if planes.iter().all(|plane| plane.outward.dot(outward) < 1.0 - 1e-9) {
-                // No corner lies beyond, whatever the rounding of the normal.
-                let offset = corners.iter().map(|corner| corner.dot(outward)).fold(f64::NEG_INFINITY, f64::max);
-                planes.push(Plane { outward, offset });
+        let normal = |[a, b, c]: &[u32; 3]| (corner(*b) - corner(*a)).cross(corner(*c) - corner(*a)).try_normalize();
+        let normals: Vec<DVec3> = triangles.iter().filter_map(normal).collect();
+        // How like each normal is to the nearest of those chosen.
+        let mut likeness = vec![-2.0_f64; normals.len()];
+        let mut chosen: Vec<[f32; 4]> = Vec::new();
+        while let Some(next) = (0..normals.len()).min_by(|a, b| likeness[*a].total_cmp(&likeness[*b])) {
+            if likeness[next] > 1.0 - SAME_FACE {
+                break;
             }
+            let outward = normals[next];
+            likeness.iter_mut().zip(&normals).for_each(|(like, other)| *like = like.max(outward.dot(*other)));
+            let outward = outward.as_vec3();
+            // No corner lies beyond, whatever the rounding of the normal.
+            let reach = corners.iter().map(|corner| corner.dot(outward.as_dvec3())).fold(f64::NEG_INFINITY, f64::max);
+            chosen.push([outward.x, outward.y, outward.z, reach as f32]);
         }
-        Self(planes)
+        let eight = |planes: &[[f32; 4]]| {
+            let value = |axis: usize| Lanes::from_array(std::array::from_fn(|k| planes[k.min(planes.len() - 1)][axis]));
+            EightPlanes { outward: [value(0), value(1), value(2)], offset: value(3) }
+        };
+        Self(chosen.chunks(LANES).map(eight).collect())
     }
 
-    /// A lower bound on the distance from a point to the hull, as soon as it exceeds `enough`.
+    /// Distance of a point from the farthest plane it lies before, negative inside, up to rounding: the distance from
+    /// the hull is not less. Anything above `enough` may come instead of what is larger than that.
     fn bound(&self, point: DVec3, enough: f64) -> f64 {
-        let mut bound = f64::NEG_INFINITY;
-        for plane in &self.0 {
-            bound = bound.max(plane.outward.dot(point) - plane.offset);
-            if bound > enough {
+        let [x, y, z] = point.to_array().map(|value| Lanes::all(value as f32));
+        let mut farthest = Lanes::all(f32::MIN);
+        for EightPlanes { outward, offset } in &self.0 {
+            farthest = (x * outward[0] + y * outward[1] + z * outward[2] - *offset).higher(farthest);
+            if (farthest - Lanes::all(enough as f32)).not_positive() != u8::MAX {
                 break;
             }
         }
-        bound
+        farthest.to_array().into_iter().fold(f32::MIN, f32::max).into()
     }
 }
 
@@ -91,10 +115,10 @@ impl<'a> Probe<'a> {
         Self { piece, planes }
     }
 
-    /// A lower bound on the distance from a point to the core, exact beyond `enough` or not at all.
+    /// A lower bound on the distance from a point to the core; it need not be good beyond `enough`.
     pub(super) fn bound(&self, point: DVec3, enough: f64) -> f64 {
         let bound = self.piece.core.distance_bound(point);
-        if bound > enough { bound } else { bound.max(self.planes.bound(point, enough)) }
+        if bound > enough { bound } else { bound.max(self.planes.bound(point, enough + SINGLE) - SINGLE) }
     }
 
     /// Whether a point, in the frame of the core, is less than `reach` (positive) away from the core.
@@ -104,11 +128,11 @@ impl<'a> Probe<'a> {
         if bound > reach || core.nearest_is_exact() {
             return bound < reach;
         }
-        let beyond = self.planes.bound(point, reach);
-        if beyond > reach {
+        let beyond = self.planes.bound(point, reach + SINGLE);
+        if beyond - SINGLE > reach {
             return false;
         }
-        let inside = beyond <= 0.0 && !self.planes.0.is_empty();
+        let inside = beyond < -SINGLE && !self.planes.0.is_empty();
         inside || cores_closer_than(&at(point), core, &Core::Point, reach)
     }
 
@@ -139,8 +163,13 @@ impl<'a> Probe<'a> {
 
     /// Whether one of the planes has the whole triangle more than `reach` before it.
     fn is_beyond(&self, triangle: &Triangle, reach: f64) -> bool {
-        let before = |plane: &Plane| triangle.0.iter().all(|c| plane.outward.dot(*c) - plane.offset > reach);
-        self.planes.0.iter().any(before)
+        let corners = triangle.0.map(|corner| corner.to_array().map(|value| Lanes::all(value as f32)));
+        let enough = (reach + SINGLE) as f32;
+        self.planes.0.iter().any(|EightPlanes { outward, offset }| {
+            let before = |[x, y, z]: [Lanes; 3]| x * outward[0] + y * outward[1] + z * outward[2] - *offset;
+            let [a, b, c] = corners.map(before);
+            (a.lower(b).lower(c) - Lanes::all(enough)).not_positive() != u8::MAX
+        })
     }
 }
 
