@@ -329,7 +329,7 @@ impl FastPiece {
 
     /// Squared distance from a point in the world to the primitive without its rounding.
     #[inline(always)]
-    fn squared_distance(&self, center: &Point) -> Lanes {
+    pub(super) fn squared_distance(&self, center: &Point) -> Lanes {
         let Transform { rows, translation } = &self.core_from_world;
         let local = |k: usize| {
             center[0] * rows[k][0] + center[1] * rows[k][1] + center[2] * rows[k][2] + Lanes::all(translation[k])

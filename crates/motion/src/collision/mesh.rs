@@ -74,7 +74,7 @@ impl Triangle {
 /// Triangles of a piece's surface, in the frame of its link: corners, and three of them per triangle, counter-clockwise
 /// seen from outside.
 ///
-/// Curved shapes get 48 corners around, all on the surface: the triangles stay within 0.3 % of the radius below it.
+/// Curved shapes get 48 corners around, all on the surface: the triangles stay within 1 % of the radius below it.
 ///
 /// # Errors
 /// A piece without volume, or one that is not finite.

@@ -9,7 +9,7 @@ use super::surface::{Facets, Surface};
 /// Most points of a cloud, and triangles of a mesh.
 const MAX_FACETS: usize = 1 << 20;
 /// Points farther from the origin than this are a mistake, m.
-const MAX_DISTANCE_M: f64 = 1e3;
+const MAX_DISTANCE_M: f64 = 100.0;
 
 /// A point cloud or a triangle mesh that cannot be an obstacle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -35,7 +35,7 @@ pub enum SurfaceError {
         limit: usize,
     },
     /// A coordinate is NaN, infinite or absurd.
-    #[error("point {index} of {name} is not finite, or a kilometre away")]
+    #[error("point {index} of {name} is not finite, or more than 100 m away")]
     NotFinite {
         /// Obstacle.
         name: String,

@@ -44,7 +44,7 @@ impl Solid<'_> {
         // What is inside belongs to it even without a margin.
         let reach = (margin + self.piece.radius).max(SINGLE);
         match self.planes {
-            Some(planes) if !planes.0.is_empty() => planes.bound(point, reach) <= reach,
+            Some(planes) if !planes.0.is_empty() => farthest(&planes.0, point, reach) <= reach,
             _ => Probe::new(self.piece, &Planes(vec![])).touches_point(point, reach),
         }
     }
@@ -94,20 +94,20 @@ impl Planes {
         };
         Self(chosen.chunks(LANES).map(eight).collect())
     }
+}
 
-    /// Distance of a point from the farthest plane it lies before, negative inside, up to rounding: the distance from
-    /// the hull is not less. Anything above `enough` may come instead of what is larger than that.
-    fn bound(&self, point: DVec3, enough: f64) -> f64 {
-        let [x, y, z] = point.to_array().map(|value| Lanes::all(value as f32));
-        let mut farthest = Lanes::all(f32::MIN);
-        for EightPlanes { outward, offset } in &self.0 {
-            farthest = (x * outward[0] + y * outward[1] + z * outward[2] - *offset).higher(farthest);
-            if (farthest - Lanes::all(enough as f32)).not_positive() != u8::MAX {
-                break;
-            }
+/// Distance of a point from the farthest plane it lies before, negative inside, up to rounding: the distance from the
+/// hull is not less. Anything above `enough` may come instead of what is larger than that.
+fn farthest(planes: &[EightPlanes], point: DVec3, enough: f64) -> f64 {
+    let [x, y, z] = point.to_array().map(|value| Lanes::all(value as f32));
+    let mut farthest = Lanes::all(f32::MIN);
+    for EightPlanes { outward, offset } in planes {
+        farthest = (x * outward[0] + y * outward[1] + z * outward[2] - *offset).higher(farthest);
+        if (farthest - Lanes::all(enough as f32)).not_positive() != u8::MAX {
+            break;
         }
-        farthest.to_array().into_iter().fold(f32::MIN, f32::max).into()
     }
+    farthest.to_array().into_iter().fold(f32::MIN, f32::max).into()
 }
 
 impl<'a> Probe<'a> {
@@ -115,10 +115,10 @@ impl<'a> Probe<'a> {
         Self { piece, planes }
     }
 
-    /// A lower bound on the distance from a point to the core; it need not be good beyond `enough`.
-    pub(super) fn bound(&self, point: DVec3, enough: f64) -> f64 {
-        let bound = self.piece.core.distance_bound(point);
-        if bound > enough { bound } else { bound.max(self.planes.bound(point, enough + SINGLE) - SINGLE) }
+    /// Whether a few of the planes have a ball, in the frame of the core, certainly `reach` away.
+    pub(super) fn is_roughly_beyond(&self, center: DVec3, reach: f64) -> bool {
+        let few = &self.planes.0[..self.planes.0.len().min(2)];
+        farthest(few, center, reach + SINGLE) > reach + SINGLE
     }
 
     /// Whether a point, in the frame of the core, is less than `reach` (positive) away from the core.
@@ -128,7 +128,7 @@ impl<'a> Probe<'a> {
         if bound > reach || core.nearest_is_exact() {
             return bound < reach;
         }
-        let beyond = self.planes.bound(point, reach + SINGLE);
+        let beyond = farthest(&self.planes.0, point, reach + SINGLE);
         if beyond - SINGLE > reach {
             return false;
         }
@@ -139,7 +139,9 @@ impl<'a> Probe<'a> {
     /// Distance between a point, in the frame of the core, and the piece, both rounded, if it is at most `limit`.
     pub(super) fn separation_of_point(&self, point: DVec3, radius: f64, limit: f64) -> Separation {
         let rounding = self.piece.radius + radius;
-        if self.bound(point, limit + rounding) > limit + rounding {
+        let reach = limit + rounding;
+        let core = &self.piece.core;
+        if core.distance_bound(point) > reach || farthest(&self.planes.0, point, reach + SINGLE) > reach + SINGLE {
             return Separation::Beyond;
         }
         cores_separation(&at(point), &self.piece.core, &Core::Point, rounding, limit)

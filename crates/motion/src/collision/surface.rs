@@ -1,16 +1,18 @@
-//! Surfaces of many small facets, the points of a cloud or the triangles of a mesh: a tree of balls for exact answers,
-//! a field of gaps for the fast path.
+//! Surfaces of many small facets, the points of a cloud or the triangles of a mesh: a tree for exact answers, a field of
+//! gaps for the fast path.
+//!
+//! Each node of the tree has eight children, of which one look with eight lanes finds those that matter.
 
 use glam::DVec3;
 
 use super::bodies::Body;
 use super::convex::{Ball, Separation};
+use super::fast::{FastPiece, Point, ROUNDING, lanes_of};
 use super::field::Field;
+use super::lanes::{LANES, Lanes};
 use super::probe::{Probe, Triangle};
+use super::robot_shape::ball_around;
 use crate::rigid::Rigid;
-
-/// Facets that are not divided further.
-const LEAF: usize = 8;
 
 /// An immutable surface in the world, built once and shared by all worlds that hold it.
 #[derive(Clone, Debug)]
@@ -18,51 +20,51 @@ pub(crate) struct Surface {
     facets: Facets,
     /// Everything within this distance of a facet belongs to the surface.
     radius: f64,
-    /// The root first; children after their parents.
-    nodes: Vec<Node>,
+    /// Level by level: the facets in eights, then those eights in eights, up to a single one.
+    levels: Vec<Vec<Eight>>,
     pub(super) field: Field,
     /// Ball around the surface.
     pub(super) ball: Ball,
 }
 
-/// World frame; in the order of the tree's leaves.
+/// World frame; any eight, sixty-four, … that stand next to each other from a multiple of their number on are neighbours.
 #[derive(Clone, Debug)]
 pub(super) enum Facets {
     Points(Vec<DVec3>),
     Triangles(Vec<Triangle>),
 }
 
-/// A ball around facets that stand next to each other.
+/// Balls around eight facets, or around eights of the level below; the last eight may have fewer.
 #[derive(Clone, Copy, Debug)]
-struct Node {
-    center: DVec3,
-    radius: f64,
-    first: u32,
-    count: u32,
-    /// Index of the second child, the first follows its parent; 0 for a leaf.
-    second: u32,
+struct Eight {
+    balls: [Ball; LANES],
+    count: usize,
+    centers: Point,
+    radii: Lanes,
 }
 
 impl Surface {
     pub(super) fn new(mut facets: Facets, radius: f64) -> Self {
-        let mut nodes = Vec::with_capacity(2 * facets.len().div_ceil(LEAF));
-        match &mut facets {
-            Facets::Points(points) => divide(points, 0, &mut nodes),
-            Facets::Triangles(triangles) => divide(triangles, 0, &mut nodes),
+        let balls = match &mut facets {
+            Facets::Points(points) => sort(points),
+            Facets::Triangles(triangles) => sort(triangles),
+        };
+        let mut levels = vec![eights(&balls)];
+        while let Some(top) = levels.last().filter(|top| top.len() > 1) {
+            let balls: Vec<Ball> = top.iter().map(Eight::ball).collect();
+            levels.push(eights(&balls));
         }
-        let bounds = match &facets {
+        let [low, high] = match &facets {
             Facets::Points(points) => bounds(points),
             Facets::Triangles(triangles) => bounds(triangles),
         };
-        let field = Field::new([bounds.min, bounds.max], radius, facets.smallest_cell(), |cell, mark| match &facets {
+        let field = Field::new([low, high], radius, facets.smallest_cell(), |cell, mark| match &facets {
             Facets::Points(points) => points.iter().for_each(|point| mark(*point, *point)),
             Facets::Triangles(triangles) => triangles.iter().for_each(|triangle| triangle.cut(cell, mark)),
         });
-        let ball = nodes.first().map_or(Ball { center: DVec3::ZERO, radius: 0.0 }, |root| Ball {
-            center: root.center,
-            radius: root.radius + radius,
-        });
-        Self { facets, radius, nodes, field, ball }
+        let around = ball_around(levels.last().into_iter().flatten().map(Eight::ball));
+        let ball = Ball { radius: around.radius + radius, ..around };
+        Self { facets, radius, levels, field, ball }
     }
 
     pub(super) fn facet_count(&self) -> usize {
@@ -140,39 +142,50 @@ impl Surface {
         }
     }
 
-    /// Whether `test` holds for any facet that may come within `reach` of the piece's core, nearer ones first.
+    /// Whether `test` holds for any facet that may come within `reach` of the piece's core.
     fn any(&self, probe: &Probe, core_from_world: &Rigid, reach: f64, test: &mut impl FnMut(usize) -> bool) -> bool {
-        let bound = |index: usize| {
-            let node = &self.nodes[index];
-            probe.bound(core_from_world.point(node.center), reach + node.radius) - node.radius
-        };
-        // A balanced tree of 2³² leaves is no deeper.
-        let mut stack = [0_usize; 40];
-        let mut depth = 0;
-        let mut current = (!self.nodes.is_empty() && bound(0) <= reach).then_some(0);
-        while let Some(index) = current.take().or_else(|| {
-            depth = usize::checked_sub(depth, 1)?;
-            Some(stack[depth])
-        }) {
-            let node = &self.nodes[index];
-            if node.second == 0 {
-                let first = node.first as usize;
-                if (first..first + node.count as usize).any(&mut *test) {
-                    return true;
+        let core = FastPiece::new(&probe.piece.core, 0.0, core_from_world);
+        let mut open = vec![(self.levels.len() - 1, 0)];
+        while let Some((level, index)) = open.pop() {
+            let eight = &self.levels[level][index];
+            let farthest = eight.radii + Lanes::all(reach as f32 + ROUNDING);
+            let near = (core.squared_distance(&eight.centers) - farthest * farthest).not_positive();
+            for lane in lanes_of(near).take_while(|lane| *lane < eight.count) {
+                let child = index * LANES + lane;
+                if level == 0 {
+                    if test(child) {
+                        return true;
+                    }
+                    continue;
                 }
-                continue;
+                let Ball { center, radius } = eight.balls[lane];
+                if !probe.is_roughly_beyond(core_from_world.point(center), reach + radius) {
+                    open.push((level - 1, child));
+                }
             }
-            let children = [index + 1, node.second as usize];
-            let [a, b] = children.map(bound);
-            let [near, far] = if a <= b { children } else { [children[1], children[0]] };
-            if a.max(b) <= reach {
-                stack[depth] = far;
-                depth += 1;
-            }
-            current = (a.min(b) <= reach).then_some(near);
         }
         false
     }
+}
+
+impl Eight {
+    fn new(balls: &[Ball]) -> Self {
+        let ball = |lane: usize| balls[lane.min(balls.len() - 1)];
+        let center = |axis: usize| Lanes::from_array(std::array::from_fn(|lane| ball(lane).center[axis] as f32));
+        let count = balls.len();
+        let balls: [Ball; LANES] = std::array::from_fn(ball);
+        // Single precision puts the centres elsewhere by less than this.
+        let rounded = |ball: Ball| (ball.radius + 1e-7 * (ball.radius + ball.center.abs().max_element())) as f32;
+        Self { count, centers: [center(0), center(1), center(2)], radii: Lanes::from_array(balls.map(rounded)), balls }
+    }
+
+    fn ball(&self) -> Ball {
+        ball_around(self.balls[..self.count].iter().copied())
+    }
+}
+
+fn eights(balls: &[Ball]) -> Vec<Eight> {
+    balls.chunks(LANES).map(Eight::new).collect()
 }
 
 /// Facets that a body may come nearer to than to the others: it is near them at the start or goal of the motion.
@@ -208,8 +221,7 @@ fn probes<'a>(body: &Body<'a>) -> impl Iterator<Item = Probe<'a>> + use<'a> {
 trait Facet: Copy {
     fn low(&self) -> DVec3;
     fn high(&self) -> DVec3;
-    /// Distance of its farthest point.
-    fn reach_from(&self, center: DVec3) -> f64;
+    fn ball(&self) -> Ball;
 }
 
 impl Facet for DVec3 {
@@ -221,8 +233,8 @@ impl Facet for DVec3 {
         *self
     }
 
-    fn reach_from(&self, center: DVec3) -> f64 {
-        self.distance(center)
+    fn ball(&self) -> Ball {
+        Ball { center: *self, radius: 0.0 }
     }
 }
 
@@ -235,8 +247,9 @@ impl Facet for Triangle {
         self.0[0].max(self.0[1]).max(self.0[2])
     }
 
-    fn reach_from(&self, center: DVec3) -> f64 {
-        self.0.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max)
+    fn ball(&self) -> Ball {
+        let center = (self.low() + self.high()) / 2.0;
+        Ball { center, radius: self.0.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max) }
     }
 }
 
@@ -258,27 +271,32 @@ impl Facets {
     }
 }
 
-fn bounds<F: Facet>(facets: &[F]) -> genmanip_core::Aabb {
-    let include = |bounds: genmanip_core::Aabb, facet: &F| bounds.including(facet.low()).including(facet.high());
-    facets.iter().fold(genmanip_core::Aabb::EMPTY, include)
+fn bounds<F: Facet>(facets: &[F]) -> [DVec3; 2] {
+    let wider = |[low, high]: [DVec3; 2], facet: &F| [low.min(facet.low()), high.max(facet.high())];
+    facets.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], wider)
 }
 
-/// Appends the tree of the facets that start at `first`, and puts them into its order.
-fn divide<F: Facet>(facets: &mut [F], first: usize, nodes: &mut Vec<Node>) {
-    let bounds = bounds(facets);
-    let (center, size) = (bounds.center(), bounds.size());
-    let radius = facets.iter().map(|facet| facet.reach_from(center)).fold(0.0, f64::max);
-    let index = nodes.len();
-    nodes.push(Node { center, radius, first: first as u32, count: facets.len() as u32, second: 0 });
-    if facets.len() <= LEAF {
+/// Puts neighbours together, and returns the balls around the facets in their new order.
+fn sort<F: Facet>(facets: &mut [F]) -> Vec<Ball> {
+    divide(facets);
+    facets.iter().map(Facet::ball).collect()
+}
+
+/// Cuts the facets across their longest extent, again and again, always at a multiple of the largest power of eight.
+fn divide<F: Facet>(facets: &mut [F]) {
+    let mut unit = 1;
+    while unit * LANES < facets.len() {
+        unit *= LANES;
+    }
+    if unit < LANES {
         return;
     }
-    let axis = size.max_position();
-    let middle = |facet: &F| (facet.low() + facet.high())[axis];
-    let half = facets.len() / 2;
+    let [low, high] = bounds(facets);
+    let axis = (high - low).max_position();
+    let middle = |facet: &F| facet.low()[axis] + facet.high()[axis];
+    let half = facets.len().div_ceil(unit).div_ceil(2) * unit;
     facets.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)));
     let (low, high) = facets.split_at_mut(half);
-    divide(low, first, nodes);
-    nodes[index].second = nodes.len() as u32;
-    divide(high, first + half, nodes);
+    divide(low);
+    divide(high);
 }

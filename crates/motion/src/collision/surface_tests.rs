@@ -81,7 +81,7 @@ fn surfaces_answer_as_their_facets_do() {
     let limits: Vec<(f64, f64)> = shape.chain().lower().zip(shape.chain().upper()).collect();
     let mut rng = Seed::new(11).rng();
     let (mut free, mut touching, mut free_edges, mut blocked_edges) = (0, 0, 0, 0);
-    for case in 0..24 {
+    for case in 0..16 {
         let twins = if case % 2 == 0 { clouds(&mut rng) } else { meshes(&mut rng) };
         let held = carried(&mut rng);
         for padding in [0.0, 0.003, 0.03] {
@@ -174,8 +174,9 @@ fn fields_never_promise_more_room_than_there_is() {
             assert!(lanes == 0 || lanes_of(lanes).count() == LANES);
             assert!(lanes != 0 || nearest > reach, "case {case}: {center} has {nearest} m, not {reach} m");
             clear += usize::from(lanes == 0);
-            // Nor much less: two cells of 12.5 mm, while the surface is small enough for such.
-            assert!(lanes == 0 || size > 0.5 || nearest < reach.min(0.19) + 0.045, "case {case}: {nearest} {reach}");
+            // Nor much less in the middle of a small surface: two cells of 12.5 mm.
+            let is_inside = size < 0.5 && center.abs().max_element() < 0.9 * size;
+            assert!(lanes == 0 || !is_inside || nearest < reach + 0.045, "case {case}: {nearest} {reach}");
         }
         assert!(clear > 100, "case {case}: {clear} of 2000");
     }
@@ -200,8 +201,8 @@ fn surfaces_that_make_no_sense_are_refused() {
     type Cloud<'a> = (&'a [DVec3], f64, &'a str);
     let clouds: [Cloud; 6] = [
         (&[], 0.01, "seen has no points; leave it out instead"),
-        (&[a, DVec3::NAN], 0.01, "point 1 of seen is not finite, or a kilometre away"),
-        (&[a, b, far], 0.01, "point 2 of seen is not finite, or a kilometre away"),
+        (&[a, DVec3::NAN], 0.01, "point 1 of seen is not finite, or more than 100 m away"),
+        (&[a, b, far], 0.01, "point 2 of seen is not finite, or more than 100 m away"),
         (&[a], 0.0, "the points of seen should have a radius above 0 and up to 1 m, got 0 m"),
         (&[a], f64::NAN, "the points of seen should have a radius above 0 and up to 1 m, got NaN m"),
         (&vec![a; (1 << 20) + 1], 0.01, "seen has 1048577 points; at most 1048576 are taken, so thin it out"),
@@ -213,7 +214,7 @@ fn surfaces_that_make_no_sense_are_refused() {
     type Mesh<'a> = (&'a [DVec3], &'a [[u32; 3]], &'a str);
     let meshes: [Mesh; 6] = [
         (&[a, b, c], &[], "seen has no triangles; leave it out instead"),
-        (&[a, DVec3::INFINITY, c], &[[0, 1, 2]], "point 1 of seen is not finite, or a kilometre away"),
+        (&[a, DVec3::INFINITY, c], &[[0, 1, 2]], "point 1 of seen is not finite, or more than 100 m away"),
         (&[a, b, c], &[[0, 1, 2], [0, 1, 3]], "triangle 1 of seen names corner 3, but there are 3"),
         (&[a, b, c], &[[0, 1, 1]], "triangle 0 of seen has no area: its corners lie on a line; remove it"),
         (&[a, b, -b], &[[0, 1, 2]], "triangle 0 of seen has no area: its corners lie on a line; remove it"),
@@ -230,4 +231,39 @@ fn surfaces_that_make_no_sense_are_refused() {
     let nowhere = Pose::from_position(DVec3::NAN);
     assert!(world.add_mesh("seen", &[a, b, c], &[[0, 1, 2]], &nowhere).is_err());
     assert_eq!(world.names().count(), 0, "what was refused left nothing behind");
+}
+
+#[test]
+fn triangulated_pieces_have_the_surface_of_the_piece() {
+    let shapes = [
+        Shape::Box { half_extents: DVec3::new(0.03, 0.1, 0.035) },
+        Shape::Sphere { radius: 0.05 },
+        Shape::Ellipsoid { radii: DVec3::new(0.03, 0.06, 0.1) },
+        Shape::Cylinder { radius: 0.05, half_height: 0.12 },
+        Shape::Capsule { radius: 0.04, half_length: 0.1 },
+        Shape::Hull { points: [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::ONE].map(|p| p * 0.1).to_vec() },
+    ];
+    let mut rng = Seed::new(14).rng();
+    for shape in shapes {
+        let piece = Piece::at(DVec3::new(0.1, 0.2, 0.3), shape.clone());
+        let (corners, triangles) = triangulate(&piece).unwrap();
+        // As far in every direction as the piece, but for the chords of 48 sides.
+        for _ in 0..300 {
+            let outward = within(&mut rng, DVec3::splat(-1.0), DVec3::ONE).normalize();
+            let farthest = corners.iter().map(|corner| corner.dot(outward)).fold(f64::MIN, f64::max);
+            let lost = piece.support(outward).dot(outward) - farthest;
+            assert!((-1e-9..1e-3).contains(&lost), "{shape:?}: {lost} m");
+        }
+        // Closed and facing outwards: the volume is positive and every edge is used once either way.
+        let corner = |index: u32| corners[index as usize] - corners[0];
+        let volume: f64 = triangles.iter().map(|[a, b, c]| corner(*a).cross(corner(*b)).dot(corner(*c))).sum();
+        let mut edges: Vec<(u32, u32)> =
+            triangles.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]).collect();
+        edges.sort_unstable();
+        assert!(volume > 0.0 && edges.iter().all(|(a, b)| edges.binary_search(&(*b, *a)).is_ok()), "{shape:?}");
+        edges.dedup();
+        assert_eq!(edges.len(), 3 * triangles.len());
+    }
+    let flat = Piece::at(DVec3::ZERO, Shape::Box { half_extents: DVec3::new(0.1, 0.0, 0.1) });
+    assert!(triangulate(&flat).is_err());
 }

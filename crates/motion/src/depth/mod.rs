@@ -4,6 +4,9 @@
 //! the robot, on what it carries or on an obstacle that is known already.
 //! What is left is what the planner did not know about, as a cloud: the seen surfaces, not what is behind them.
 
+#[cfg(test)]
+mod tests;
+
 use genmanip_core::{Intrinsics, Pose};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -161,6 +164,8 @@ struct Cells<'a> {
     /// Index into `bricks` plus one, for each brick of the grid; 0 where nothing was seen yet.
     brick_at: Vec<u32>,
     bricks: Vec<Brick>,
+    /// The cell of the point before: neighbouring pixels mostly share one.
+    last: [u32; 3],
     solids: Vec<(Solid<'a>, f64)>,
     /// Indices of solids, brick after brick.
     near: Vec<u32>,
@@ -187,6 +192,7 @@ impl<'a> Cells<'a> {
             count,
             brick_at: vec![0; (count as usize).pow(3)],
             bricks: Vec::new(),
+            last: [u32::MAX; 3],
             solids: checker.solids(config).map(|(solid, is_robot)| (solid, margin(is_robot))).collect(),
             near: Vec::new(),
         })
@@ -199,7 +205,12 @@ impl<'a> Cells<'a> {
         if !(at.min_element() >= 0.0 && at.max_element() < limit) {
             return false;
         }
-        let [x, y, z] = at.to_array().map(|cells| cells as u32);
+        let cell = at.to_array().map(|cells| cells as u32);
+        if cell == self.last {
+            return false;
+        }
+        self.last = cell;
+        let [x, y, z] = cell;
         let [bx, by, bz] = [x, y, z].map(|cell| (cell >> BRICK_BITS) as usize);
         let count = self.count as usize;
         let place = (bz * count + by) * count + bx;
