@@ -12,6 +12,7 @@ mod mesh;
 mod narrow;
 mod pair_table;
 mod points;
+mod polyline;
 mod probe;
 pub(crate) mod robot_shape;
 pub(crate) mod surface;

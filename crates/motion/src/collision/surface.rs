@@ -204,6 +204,11 @@ impl Excused {
         }
     }
 
+    /// Whether anything was granted to the body.
+    pub(super) fn any(&self, body: &Body) -> bool {
+        self.facets.iter().any(|(part, ..)| *part == body.part)
+    }
+
     fn margin(&self, body: &Body, facet: usize) -> Option<f64> {
         self.find(body, facet).ok().map(|index| self.facets[index].2)
     }

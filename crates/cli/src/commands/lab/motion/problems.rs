@@ -5,7 +5,7 @@ use std::path::Path;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Piece, Pose, Shape};
 use genmanip_motion::{GeometryError, World};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::error::Failed;
 use crate::inputs;
@@ -13,31 +13,36 @@ use crate::inputs;
 /// Largest file of problems, bytes.
 const MAX_BYTES: u64 = 256 << 20;
 
-#[derive(Deserialize)]
-struct File {
-    problems: Vec<Written>,
+/// What such a file holds.
+#[derive(Serialize, Deserialize)]
+pub struct File {
+    pub problems: Vec<Written>,
 }
 
-#[derive(Deserialize)]
-struct Written {
-    start: Vec<f64>,
-    goal: Vec<f64>,
-    obstacles: Vec<Obstacle>,
-}
-
-#[derive(Deserialize)]
-struct Obstacle {
-    #[serde(flatten)]
-    shape: Form,
-    pos: [f64; 3],
+/// A problem as it is written.
+#[derive(Serialize, Deserialize)]
+pub struct Written {
+    /// What the motion is for; only for the reader.
     #[serde(default)]
-    yaw: f64,
+    pub kind: String,
+    pub start: Vec<f64>,
+    pub goal: Vec<f64>,
+    pub obstacles: Vec<Obstacle>,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+pub struct Obstacle {
+    #[serde(flatten)]
+    pub shape: Form,
+    pub pos: [f64; 3],
+    #[serde(default)]
+    pub yaw: f64,
 }
 
 /// Sizes are full extents, m.
-#[derive(Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
-enum Form {
+pub enum Form {
     Box { size: [f64; 3] },
     Cylinder { radius: f64, length: f64 },
     Sphere { radius: f64 },
@@ -63,26 +68,42 @@ pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
     };
     let text = inputs::read_text(path, MAX_BYTES)?;
     let file: File = serde_json::from_str(&text).map_err(|error| no_problems(&error))?;
-    let problem = |Written { start, goal, obstacles }: Written| {
-        let mut problem = Problem { start, goal, world: World::new(), tables: World::new(), pieces: Vec::new() };
-        for (index, obstacle) in obstacles.iter().enumerate() {
-            let shape = match &obstacle.shape {
-                Form::Box { size } => Shape::Box { half_extents: DVec3::from_array(*size) / 2.0 },
-                Form::Cylinder { radius, length } => Shape::Cylinder { radius: *radius, half_height: length / 2.0 },
-                Form::Sphere { radius } => Shape::Sphere { radius: *radius },
-            };
-            let pose = Pose::from_position_yaw(DVec3::from_array(obstacle.pos), obstacle.yaw);
-            let is_table =
-                matches!(&shape, Shape::Box { half_extents } if (pose.position.z + half_extents.z).abs() < 1e-6);
-            let piece = Piece { shape, link_from_piece: pose };
-            let name = format!("obstacle {index}");
-            for world in [Some(&mut problem.world), is_table.then_some(&mut problem.tables)].into_iter().flatten() {
-                world.add(&name, std::slice::from_ref(&piece), &Pose::IDENTITY)?;
-            }
-            problem.pieces.push(piece);
-        }
-        Ok(problem)
-    };
-    let refused = |error: GeometryError| no_problems(&error);
-    file.problems.into_iter().map(|written| problem(written).map_err(refused)).collect()
+    file.compile().map_err(|error| no_problems(&error))
+}
+
+impl File {
+    /// The problems in the form the planner takes.
+    pub fn compile(self) -> Result<Vec<Problem>, GeometryError> {
+        let problem = |Written { start, goal, obstacles, .. }: Written| {
+            let tables: Vec<Obstacle> = obstacles.iter().filter(|obstacle| obstacle.is_table()).cloned().collect();
+            let pieces = obstacles.iter().map(Obstacle::piece).collect();
+            Ok(Problem { start, goal, world: world(&obstacles)?, tables: world(&tables)?, pieces })
+        };
+        self.problems.into_iter().map(problem).collect()
+    }
+}
+
+impl Obstacle {
+    /// In the robot's base frame.
+    fn piece(&self) -> Piece {
+        let shape = match self.shape {
+            Form::Box { size } => Shape::Box { half_extents: DVec3::from_array(size) / 2.0 },
+            Form::Cylinder { radius, length } => Shape::Cylinder { radius, half_height: length / 2.0 },
+            Form::Sphere { radius } => Shape::Sphere { radius },
+        };
+        Piece { shape, link_from_piece: Pose::from_position_yaw(DVec3::from_array(self.pos), self.yaw) }
+    }
+
+    fn is_table(&self) -> bool {
+        matches!(self.shape, Form::Box { size } if (self.pos[2] + size[2] / 2.0).abs() < 1e-6)
+    }
+}
+
+/// Obstacles named by their index, in the robot's base frame.
+pub fn world(obstacles: &[Obstacle]) -> Result<World, GeometryError> {
+    let mut world = World::new();
+    for (index, obstacle) in obstacles.iter().enumerate() {
+        world.add(&format!("obstacle {index}"), &[obstacle.piece()], &Pose::IDENTITY)?;
+    }
+    Ok(world)
 }
