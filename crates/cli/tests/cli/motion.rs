@@ -35,6 +35,13 @@ fn lab_motion_plans_and_tests_again() {
     for key in ["time_scaling_ms", "ik_us"] {
         assert!(measured[key].as_f64().unwrap() > 0.0, "{measured}");
     }
+    // The camera sees the post and the box; inside of the box, which it sees from without, the goal touches nothing seen.
+    let depth = &measured["depth"];
+    assert_eq!((&depth["problems"], &depth["touching_cloud"]), (&2.into(), &0.into()), "{measured}");
+    let counted = |key: &str| depth[key].as_u64().unwrap();
+    assert_eq!(counted("planned") + counted("start_or_goal_in_cloud"), 2, "{measured}");
+    assert!(counted("solved") >= 1 && depth["points"].as_f64().unwrap() > 100.0, "{measured}");
+    assert!(measured["depth_to_path_ms"]["p95"].as_f64().unwrap() > 0.0, "{measured}");
     // The post is in the straight way of 1.8 rad.
     let length = measured["path_length_rad"]["median"].as_f64().unwrap();
     assert!(length > 1.81 && length < 8.0 && measured["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{measured}");

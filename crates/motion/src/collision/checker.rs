@@ -9,6 +9,7 @@ use super::bodies::{
 use super::convex::Separation;
 use super::cover::CoverBall;
 use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, FastPiece, Scratch};
+use super::probe::Solid;
 use super::robot_shape::RobotShape;
 use super::world::{Allowed, Attached, Part, World};
 
@@ -187,9 +188,16 @@ impl<'a> Checker<'a> {
         let count = self.obstacles.len();
         for (index, body) in self.bodies.iter().enumerate() {
             let world_from_body = frames[body.frame] * body.frame_from_body;
-            for (target, slot) in self.obstacles.iter().zip(&mut self.obstacle_margin[index * count..]) {
+            for (target, slot) in self.obstacles.iter_mut().zip(&mut self.obstacle_margin[index * count..]) {
                 let Some(margin) = slot else { continue };
                 if apart(&moved(&frames[body.frame], &body.ball), &target.ball, *margin) {
+                    continue;
+                }
+                if let Some(surface) = target.surface {
+                    surface.each_near(body, &world_from_body, *margin, |facet, distance| {
+                        target.excused.add(body, facet, relaxed(distance).min(*margin));
+                        note_worst(&mut worst, body.name, target.name, distance);
+                    });
                     continue;
                 }
                 if let Separation::Within(distance) = target.separation(body, &world_from_body, *margin) {
@@ -214,13 +222,47 @@ impl<'a> Checker<'a> {
         }
     }
 
+    /// Pieces of robot and attached object at a configuration (`true`), then those of obstacles; surfaces are left out.
+    pub(crate) fn solids(&self, config: &[f64]) -> impl Iterator<Item = (Solid<'_>, bool)> {
+        let frames = self.robot.chain.frames(config);
+        let moving = self.bodies.iter().flat_map(move |body| {
+            let world_from_body = frames[body.frame] * body.frame_from_body;
+            body.pieces.iter().zip(body.planes).map(move |(piece, planes)| {
+                let core_from_world = (world_from_body * piece.owner_from_core).inverse();
+                (Solid { piece, planes: Some(planes), core_from_world }, true)
+            })
+        });
+        let fixed =
+            self.obstacles.iter().flat_map(|target| &target.pieces).map(|piece| {
+                (Solid { piece: piece.convex, planes: None, core_from_world: piece.core_from_world }, false)
+            });
+        moving.chain(fixed)
+    }
+
+    /// No point of the robot or of what it carries ever is farther from the base, m.
+    pub(crate) fn reach_m(&self) -> f64 {
+        let joints = self.robot.chain.joints();
+        let from_base = |body: &Body| {
+            let mut distance = body.ball.center.length() + body.ball.radius;
+            let mut frame = body.frame;
+            while frame > 0 {
+                let joint = &joints[frame - 1];
+                let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+                distance += joint.parent_from_joint.translation.length() + slide;
+                frame = joint.parent_frame;
+            }
+            distance
+        };
+        self.bodies.iter().map(from_base).fold(0.0, f64::max)
+    }
+
     fn margins_of(&self, body: usize) -> &[Option<f64>] {
         let count = self.obstacles.len();
         &self.obstacle_margin[body * count..(body + 1) * count]
     }
 }
 
-fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target]) -> FastModel<'a> {
+fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target<'a>]) -> FastModel<'a> {
     let joint = |joint: &crate::chain::ChainJoint| FastJoint {
         parent_frame: joint.parent_frame,
         parent_from_joint: (&joint.parent_from_joint).into(),
@@ -236,9 +278,10 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target])
         cover: body.cover.iter().map(|ball| (&placed(body, ball)).into()).collect(),
     };
     let piece = |piece: &TargetPiece| FastPiece::new(&piece.convex.core, piece.convex.radius, &piece.core_from_world);
-    let obstacle = |target: &Target| FastObstacle {
+    let obstacle = |target: &Target<'a>| FastObstacle {
         ball: (&target.ball).into(),
         pieces: target.pieces.iter().map(piece).collect(),
+        field: target.surface.map(|surface| &surface.field),
     };
     FastModel {
         joints: robot.chain.joints().iter().map(joint).collect(),

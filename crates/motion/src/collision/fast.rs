@@ -9,6 +9,7 @@ use multiversion::multiversion;
 
 use super::convex::{Ball, Core};
 use super::cover::CoverBall;
+use super::field::Field;
 use super::lanes::{LANES, Lanes};
 use super::narrow::{Skeleton, Verdict};
 use crate::rigid::Rigid;
@@ -21,7 +22,7 @@ pub(super) const ROUNDING: f32 = 2e-5;
 pub(super) struct FastModel<'a> {
     pub(super) joints: Vec<FastJoint>,
     pub(super) bodies: Vec<FastBody<'a>>,
-    pub(super) obstacles: Vec<FastObstacle>,
+    pub(super) obstacles: Vec<FastObstacle<'a>>,
     /// Row by row of bodies; `None` where contact is allowed or out of reach.
     pub(super) margins: Vec<Option<FastMargin>>,
     pub(super) body_pairs: Vec<(usize, usize, f32)>,
@@ -53,9 +54,11 @@ pub(super) struct FastBody<'a> {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct FastObstacle {
+pub(super) struct FastObstacle<'a> {
     pub(super) ball: FastBall,
     pub(super) pieces: Vec<FastPiece>,
+    /// Of a surface, which has no pieces.
+    pub(super) field: Option<&'a Field>,
 }
 
 /// A primitive at least as large as the piece it stands for.
@@ -250,6 +253,9 @@ fn compare_all(obstacle: &FastObstacle, centers: &[Point], balls: &[FastBall], a
 fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near) -> Verdict {
     let Near { lanes, accept, reject, .. } = *near;
     let mut found = Verdict::default();
+    if obstacle.field.is_some() {
+        return Verdict { undecided: lanes, touching: 0 };
+    }
     let world_from_body = then(frame, &body.frame_from_body);
     for skeleton in body.skeletons {
         let center = place(&world_from_body, skeleton.center);
@@ -314,6 +320,9 @@ fn forward(joints: &[FastJoint], config: &[Lanes], frames: &mut Vec<LaneFrame>) 
 
 #[inline(always)]
 fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
+    if let Some(field) = obstacle.field {
+        return field.near(center, reach);
+    }
     let ball = &obstacle.ball;
     let [x, y, z] = ball.center;
     let middle = [Lanes::all(x), Lanes::all(y), Lanes::all(z)];
@@ -331,6 +340,9 @@ fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
 #[inline(always)]
 fn compare(obstacle: &FastObstacle, center: &Point, ball: &FastBall, accept: f32, reject: f32) -> Verdict {
     let mut found = Verdict::default();
+    if let Some(field) = obstacle.field {
+        found.undecided = field.near(center, ball.radius + accept);
+    }
     for piece in &obstacle.pieces {
         let squared = piece.squared_distance(center);
         let reach = ball.radius + accept + piece.rounding + ROUNDING;
@@ -360,7 +372,7 @@ impl FastPiece {
 
     /// Squared distance from a point in the world to the primitive without its rounding.
     #[inline(always)]
-    fn squared_distance(&self, center: &Point) -> Lanes {
+    pub(super) fn squared_distance(&self, center: &Point) -> Lanes {
         let Transform { rows, translation } = &self.core_from_world;
         let local = |k: usize| {
             center[0] * rows[k][0] + center[1] * rows[k][1] + center[2] * rows[k][2] + Lanes::all(translation[k])

@@ -44,6 +44,12 @@ impl Lanes {
         Self(self.0.fast_min(other.0))
     }
 
+    /// The larger of two; not for numbers that are not finite.
+    #[inline(always)]
+    pub(crate) fn higher(self, other: Self) -> Self {
+        Self(self.0.fast_max(other.0))
+    }
+
     /// The smaller of two; not for numbers that are not finite.
     #[inline(always)]
     pub(crate) fn min(self, other: f32) -> Self {

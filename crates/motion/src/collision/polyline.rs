@@ -114,7 +114,9 @@ impl Query<'_, '_> {
         let checker = self.checker;
         let Some(margin) = checker.obstacle_margin[body * checker.obstacles.len() + obstacle] else { return true };
         // Steps so short that half of one is within the padding leave no room for contact in between.
-        let spacing = if margin < 0.5 * self.spacing { CLOSER * self.spacing } else { self.spacing };
+        let comes_closer =
+            margin < 0.5 * self.spacing || checker.obstacles[obstacle].excused.any(&checker.bodies[body]);
+        let spacing = if comes_closer { CLOSER * self.spacing } else { self.spacing };
         let batches = (2.0 * half * self.speeds[edge][body] / (spacing * LANES as f64)).ceil().max(1.0) as usize;
         let steps = batches * LANES;
         (0..batches).all(|batch| {

@@ -1,5 +1,6 @@
 //! `genmanip lab motion`: plan problems, of a file or fresh ones, test the paths again, time everything.
 
+mod depth;
 mod generate;
 mod kinematics;
 mod problems;
@@ -17,6 +18,7 @@ use crate::error::{ExitStatus, Failed};
 use crate::inputs;
 use crate::printer::Printer;
 use crate::robots;
+use depth::{Depth, DepthTally};
 use kinematics::Kinematics;
 use problems::Problem;
 
@@ -51,6 +53,9 @@ struct Measured {
     duration_s: Spread,
     /// Compiling the robot, once.
     setup_ms: f64,
+    /// Processor time from a depth image to a path; `depth` says of which problems, and what became of the paths.
+    depth_to_path_ms: Spread,
+    depth: Depth,
     robot: String,
     seed: u64,
     runs_per_problem: usize,
@@ -91,12 +96,15 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
     let setup_ms = clock() * 1e3;
     let problems = problems(arguments, &planner)?;
     let mut tally = Tally::default();
+    let mut depth_tally = DepthTally::new(&planner)?;
     let bar = printer.progress("planning", problems.len());
     for (index, problem) in problems.iter().enumerate() {
         tally.solve(&planner, index, problem, Seed::new(arguments.seed));
+        depth_tally.solve(&planner, index, problem, Seed::new(arguments.seed))?;
         bar.inc(1);
     }
     bar.finish_and_clear();
+    depth_tally.finish();
     if let Some(path) = &arguments.paths {
         let text = serde_json::to_string(&tally.paths).unwrap_or_default();
         std::fs::write(path, text)
@@ -117,6 +125,8 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
         limits_exceeded: tally.limits_exceeded,
         duration_s: Spread::of(tally.durations),
         setup_ms,
+        depth_to_path_ms: Spread::of(depth_tally.total_ms),
+        depth: depth_tally.depth,
         robot: robot.name.clone(),
         seed: arguments.seed,
         runs_per_problem: RUNS,
@@ -251,6 +261,17 @@ fn in_words(measured: &Measured) -> String {
         ik.solved,
         ik.poses,
         ik.worst_error_m,
+    );
+    let (depth, depth_ms) = (&measured.depth, &measured.depth_to_path_ms);
+    text += &format!(
+        "from depth    {:.2} ms median, {:.2} ms p95 from a depth image to a path; {} of {} solved, {} paths touch what was \
+         seen, {} what was not\n",
+        depth_ms.median,
+        depth_ms.p95,
+        depth.solved,
+        depth.planned,
+        depth.touching_seen_surfaces,
+        depth.touching_anything - depth.touching_seen_surfaces,
     );
     for line in measured.failures.iter().chain(&measured.contacts) {
         text += &format!("  {line}\n");

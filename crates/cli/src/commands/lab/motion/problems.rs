@@ -53,6 +53,10 @@ pub struct Problem {
     pub start: Vec<f64>,
     pub goal: Vec<f64>,
     pub world: World,
+    /// Only the tables: boxes whose top is the plane z = 0.
+    pub tables: World,
+    /// All obstacles, placed in the world.
+    pub pieces: Vec<Piece>,
 }
 
 pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
@@ -70,10 +74,28 @@ pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
 impl File {
     /// The problems in the form the planner takes.
     pub fn compile(self) -> Result<Vec<Problem>, GeometryError> {
-        let problem = |written: Written| {
-            Ok(Problem { start: written.start, goal: written.goal, world: world(&written.obstacles)? })
+        let problem = |Written { start, goal, obstacles, .. }: Written| {
+            let tables: Vec<Obstacle> = obstacles.iter().filter(|obstacle| obstacle.is_table()).cloned().collect();
+            let pieces = obstacles.iter().map(Obstacle::piece).collect();
+            Ok(Problem { start, goal, world: world(&obstacles)?, tables: world(&tables)?, pieces })
         };
         self.problems.into_iter().map(problem).collect()
+    }
+}
+
+impl Obstacle {
+    /// In the robot's base frame.
+    fn piece(&self) -> Piece {
+        let shape = match self.shape {
+            Form::Box { size } => Shape::Box { half_extents: DVec3::from_array(size) / 2.0 },
+            Form::Cylinder { radius, length } => Shape::Cylinder { radius, half_height: length / 2.0 },
+            Form::Sphere { radius } => Shape::Sphere { radius },
+        };
+        Piece { shape, link_from_piece: Pose::from_position_yaw(DVec3::from_array(self.pos), self.yaw) }
+    }
+
+    fn is_table(&self) -> bool {
+        matches!(self.shape, Form::Box { size } if (self.pos[2] + size[2] / 2.0).abs() < 1e-6)
     }
 }
 
@@ -81,13 +103,7 @@ impl File {
 pub fn world(obstacles: &[Obstacle]) -> Result<World, GeometryError> {
     let mut world = World::new();
     for (index, obstacle) in obstacles.iter().enumerate() {
-        let shape = match obstacle.shape {
-            Form::Box { size } => Shape::Box { half_extents: DVec3::from_array(size) / 2.0 },
-            Form::Cylinder { radius, length } => Shape::Cylinder { radius, half_height: length / 2.0 },
-            Form::Sphere { radius } => Shape::Sphere { radius },
-        };
-        let pose = Pose::from_position_yaw(DVec3::from_array(obstacle.pos), obstacle.yaw);
-        world.add(&format!("obstacle {index}"), &[Piece::at(DVec3::ZERO, shape)], &pose)?;
+        world.add(&format!("obstacle {index}"), &[obstacle.piece()], &Pose::IDENTITY)?;
     }
     Ok(world)
 }
