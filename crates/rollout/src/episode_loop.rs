@@ -1,8 +1,8 @@
 //! The one loop: observe, act, step, record; settle; judge.
 
 use genmanip_core::{
-    ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, Observation, Policy,
-    PolicyError, PolicySpec, Pose, PrivilegedState, Seed,
+    ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, HandPhase, Observation,
+    Policy, PolicyError, PolicySpec, Pose, PrivilegedState, Seed, StrayContact,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{Sim, SimError};
@@ -118,6 +118,8 @@ struct Recording<'a> {
     initial_state: Vec<f64>,
     frames: Vec<Frame>,
     success_once: bool,
+    worst_stray_n: f64,
+    stray_contact: Option<StrayContact>,
     /// State each object was in when it was last judged: a state lasts until it is clearly left.
     states: Vec<Option<String>>,
 }
@@ -127,7 +129,17 @@ impl<'a> Recording<'a> {
         let sim = Sim::new(Arc::clone(&stage.scene));
         let initial_state = sim.state();
         let states = joint_states(stage.start(), &stage.relations);
-        Self { stage, settings, sim, initial_state, frames: Vec::new(), success_once: false, states }
+        Self {
+            stage,
+            settings,
+            sim,
+            initial_state,
+            frames: Vec::new(),
+            success_once: false,
+            worst_stray_n: 0.0,
+            stray_contact: None,
+            states,
+        }
     }
 
     fn observe(&mut self, spec: &PolicySpec) -> Observation {
@@ -155,11 +167,28 @@ impl<'a> Recording<'a> {
     }
 
     fn step(&mut self, action: &[f32]) -> Result<(), RolloutError> {
-        self.frames.push(self.sim.control_step(action)?);
+        let frame = self.sim.control_step(action)?;
+        self.note_stray(&frame);
+        self.frames.push(frame);
         if self.frames.len().is_multiple_of(self.settings.judge_every) {
             self.success_once |= self.judge().success;
         }
         Ok(())
+    }
+
+    /// Keeps who touched what in the hardest stray contact so far.
+    fn note_stray(&mut self, frame: &Frame) {
+        let Some([link, other]) = self.sim.stray_bodies().filter(|_| frame.stray_contact_n > self.worst_stray_n) else {
+            return;
+        };
+        let before = self.frames.last().unwrap_or(frame).command.last().copied().unwrap_or_default();
+        self.worst_stray_n = frame.stray_contact_n;
+        self.stray_contact = Some(StrayContact {
+            time_s: frame.time_s,
+            link: self.stage.scene.body_name(link),
+            other: self.stage.scene.body_name(other),
+            hand: HandPhase::of(frame, before),
+        });
     }
 
     fn settle(&mut self) -> Result<(), RolloutError> {
@@ -235,7 +264,8 @@ impl<'a> Recording<'a> {
             control_rate_hz: self.stage.control_rate_hz(),
             frames: self.frames.len(),
             tcp_path_m: path,
-            max_stray_contact_n: self.frames.iter().map(|frame| frame.stray_contact_n).fold(0.0, f64::max),
+            max_stray_contact_n: self.worst_stray_n,
+            stray_contact: self.stray_contact,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };
