@@ -152,7 +152,8 @@ fn propose(
 
 /// A point above the carrier: anywhere in its hollow, or near the middle of its top.
 fn point_over(carrier: &PosedObject, outer: &Aabb, half: DVec2, rng: &mut impl Rng) -> DVec2 {
-    let hollow = (!carrier.model.cavity.is_empty()).then(|| Aabb::from_pieces(&carrier.pose, &carrier.model.cavity));
+    let cavities = carrier.model.cavities(&carrier.joint_positions);
+    let hollow = (!cavities.is_empty()).then(|| Aabb::from_pieces(&carrier.pose, &cavities));
     let area = hollow.as_ref().unwrap_or(outer);
     let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(0.01)).max(DVec2::splat(0.003));
     let slack = if hollow.is_some() { slack } else { slack.min(DVec2::splat(0.02)) };

@@ -2,14 +2,13 @@
 
 use genmanip_core::{
     ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, HandPhase, Observation,
-    Policy, PolicyError, PolicySpec, Pose, PrivilegedState, Seed, StrayContact,
+    Policy, PolicyError, PolicySpec, PrivilegedState, Seed, StrayContact,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{Sim, SimError};
-use glam::DVec3;
 use std::sync::Arc;
 
-use crate::{RolloutError, RolloutSettings, Stage};
+use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
 /// Runs one episode and judges it.
 ///
@@ -216,37 +215,11 @@ impl<'a> Recording<'a> {
         judge_goal(&scene, &self.stage.scenario.task.goal, &rest, &self.stage.relations)
     }
 
-    /// What became of objects that no condition of the goal asks to be moved, if one was displaced or fell over.
-    fn disturbed(&self) -> Option<String> {
-        let goal = &self.stage.scenario.task.goal;
-        let placed = self.stage.scenario.objects.iter();
-        placed.zip(self.sim.object_states()).enumerate().find_map(|(index, (before, now))| {
-            let moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.uid);
-            let shift = before.pose.position.distance(now.pose.position);
-            let up = |pose: &Pose| pose.transform_vector(DVec3::Z);
-            let tilt = up(&before.pose).angle_between(up(&now.pose));
-            let displaced = shift > self.settings.disturbed_m || tilt > self.settings.disturbed_rad;
-            (!moved && displaced).then(|| {
-                let (name, tilt) = (self.stage.name(index), tilt.to_degrees());
-                let what = if tilt > 30.0 { "knocked over" } else { "pushed away" };
-                format!("{name} was {what}: moved {:.0} mm, tilted {tilt:.0}°", shift * 1e3)
-            })
-        })
-    }
-
     fn finish(mut self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {
         let verdict = self.judge();
         let success = verdict.success;
-        let failure = (!success).then(|| {
-            let failure = failure.unwrap_or_else(|| missed(&verdict));
-            self.disturbed().filter(|_| failure.cause == FailureCause::GoalMissed).map_or(
-                failure.clone(),
-                |disturbed| {
-                    let evidence = format!("{disturbed}; {}", failure.evidence);
-                    Failure { cause: FailureCause::Disturbed, evidence }
-                },
-            )
-        });
+        let failure =
+            (!success).then(|| evidence::explain(self.stage, &self.frames, &verdict, failure, self.settings));
         let path = self.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
         let result = EpisodeResult {
             id: id.into(),
@@ -282,14 +255,4 @@ impl<'a> Recording<'a> {
 /// The state each object is in.
 fn joint_states(scene: &PosedScene, relations: &RelationSettings) -> Vec<Option<String>> {
     (0..scene.objects().len()).map(|index| joint_state(scene, index, relations)).collect()
-}
-
-/// The atom that is farthest from holding in the best alternative.
-fn missed(verdict: &GoalVerdict) -> Failure {
-    let worst =
-        verdict.best().into_iter().flatten().filter(|atom| !atom.holds).min_by(|a, b| a.margin.total_cmp(&b.margin));
-    Failure {
-        cause: FailureCause::GoalMissed,
-        evidence: worst.map_or("the goal does not hold".into(), |atom| format!("{}: {}", atom.atom, atom.explanation)),
-    }
 }

@@ -85,7 +85,8 @@ fn a_closed_cage_exhausts_the_search() {
     let mut goal = home.clone();
     goal[0] += 1.5;
     let error = planner.plan_joint(&around(&world, &Allowed::none()), &home, &[goal], Seed::new(1)).unwrap_err();
-    assert!(matches!(error, PlanError::Exhausted { iterations: 300.. } | PlanError::GoalInCollision(_)), "{error}");
+    let PlanError::Exhausted { iterations: 300.., in_the_way: Some(report) } = &error else { panic!("{error}") };
+    assert_eq!(report.other, "left", "the plate on the side of the goal: {error}");
 }
 
 #[test]

@@ -22,8 +22,7 @@ fn model(uid: &str, pieces: Vec<Piece>, cavity: Vec<Piece>) -> Arc<ObjectModel> 
         family: uid.into(),
         seed: Seed::new(0),
         generator_version: 1,
-        links: vec![link("base", None, pieces)],
-        cavity,
+        links: vec![ObjectLink { cavity, ..link("base", None, pieces) }],
         friction: 0.5,
         joint_states: Vec::new(),
     })
@@ -31,7 +30,7 @@ fn model(uid: &str, pieces: Vec<Piece>, cavity: Vec<Piece>) -> Arc<ObjectModel> 
 
 fn link(name: &str, joint: Option<Joint>, pieces: Vec<Piece>) -> ObjectLink {
     let mass = MassProperties { mass_kg: 0.1, center: DVec3::ZERO, inertia: DMat3::IDENTITY };
-    ObjectLink { name: name.into(), joint, visual: Vec::new(), pieces, mass }
+    ObjectLink { name: name.into(), joint, visual: Vec::new(), pieces, cavity: Vec::new(), mass }
 }
 
 fn block(uid: &str, x: f64, y: f64, z: f64) -> Arc<ObjectModel> {
