@@ -1,8 +1,8 @@
 //! The one loop: observe, act, step, record; settle; judge.
 
 use genmanip_core::{
-    ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, HandPhase, Observation,
-    Policy, PolicyError, PolicySpec, PrivilegedState, Seed, StrayContact,
+    ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, HandPhase,
+    Observation, Policy, PolicyError, PolicySpec, PrivilegedState, Seed, StrayContact,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{Sim, SimError};
@@ -218,8 +218,7 @@ impl<'a> Recording<'a> {
     fn finish(mut self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {
         let verdict = self.judge();
         let success = verdict.success;
-        let failure =
-            (!success).then(|| evidence::explain(self.stage, &self.frames, &verdict, failure, self.settings));
+        let failure = (!success).then(|| evidence::explain(self.stage, &self.frames, &verdict, failure, self.settings));
         let path = self.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
         let result = EpisodeResult {
             id: id.into(),

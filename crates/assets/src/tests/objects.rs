@@ -177,9 +177,7 @@ fn hollow_objects_are_hollow() {
     check_all(|model| {
         let lidded = model.family == "teapot";
         let mut flaws = Vec::new();
-        if model.is_hollow() == (!model.card.is_container || lidded)
-            && !["spoon", "ladle"].contains(&&*model.family)
-        {
+        if model.is_hollow() == (!model.card.is_container || lidded) && !["spoon", "ladle"].contains(&&*model.family) {
             flaws.push(format!("container {} but hollow {}", model.card.is_container, model.is_hollow()));
         }
         let poses = model.link_poses(&[]);

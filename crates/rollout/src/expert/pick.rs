@@ -92,9 +92,16 @@ fn candidates(
     let (mut out_of_reach, mut useless) = (0, 0);
     let mut obstacles: Vec<String> = Vec::new();
     let mut candidates = Vec::new();
+    let occupied = surroundings::world(scene, None);
     for grasp in grasps.iter().take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
-        let open_width = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
-        let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: open_width };
+        let wide = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
+        // In a ring or beside a rim there may be room for the opening that the grasp was tested with and no more.
+        let beside = |open_width: f64, config: &[f64]| {
+            let around =
+                Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: open_width };
+            planner.checker(&around, settings.object_clearance_m).is_free(config)
+        };
+        let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: wide };
         let checker = planner.checker(&around, clearance_m);
         let configs = planner.ik(&(object.pose * grasp.pose), arm);
         if configs.is_empty() {
@@ -103,6 +110,10 @@ fn candidates(
         }
         let Some(config) = configs.iter().find(|config| checker.is_free(config)).cloned() else {
             obstacles.extend(configs.first().and_then(|config| checker.check(config)).map(|report| report.other));
+            continue;
+        };
+        let Some(open_width) = [wide, planner.opening(&grasp)].into_iter().find(|&width| beside(width, &config)) else {
+            obstacles.push(object.uid.clone());
             continue;
         };
         let works_at_goal = goals.iter().any(|goal| {
@@ -175,10 +186,14 @@ fn motions(
         position: world_from_tcp.position - grasp_direction(&world_from_tcp) * settings.approach_m,
         ..world_from_tcp
     };
-    // Wide things leave the fingers less room than motions keep elsewhere; the grasp itself was tested exactly.
+    // Wide things leave the fingers less room than motions keep elsewhere, but they are not to be touched either.
     let around_it = nothing.clone().and_gripper(planner.robot(), &object.uid);
     let beside = Surroundings { allowed: &around_it, ..open };
-    let straight = planner.straight(&open, config, &before).or_else(|_| planner.straight(&beside, config, &before));
+    let straight = planner.straight(&open, config, &before).or_else(|problem| {
+        let path = planner.straight(&beside, config, &before)?;
+        let exact = planner.checker(&open, settings.object_clearance_m);
+        if path.states(0.005).iter().all(|state| exact.is_free(state)) { Ok(path) } else { Err(problem) }
+    });
     let approach = straight?.reversed();
     let reach = planner.plan_joint(&open, arm, &[approach.start().to_vec()], seed.fork("reach"))?;
 

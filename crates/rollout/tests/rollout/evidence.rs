@@ -86,13 +86,9 @@ fn the_cause_follows_from_what_was_seen() {
 #[test]
 fn what_slips_in_physics_is_said_to_have_slipped() {
     let slippery = SimSettings { pad_friction: [0.005, 1e-5, 1e-5], ..SimSettings::default() };
-    let stage = Stage::open(
-        Arc::new(scenario(&task("024_appearance"))),
-        Catalogue::builtin(),
-        planner().robot(),
-        &slippery,
-    )
-    .unwrap();
+    let stage =
+        Stage::open(Arc::new(scenario(&task("024_appearance"))), Catalogue::builtin(), planner().robot(), &slippery)
+            .unwrap();
     let settings = RolloutSettings::default();
     let episode = run_episode(&stage, &mut expert(&stage), "slippery", Seed::new(5), &settings).unwrap();
     let EpisodeResult { success, failure, .. } = episode.result;
@@ -111,9 +107,12 @@ fn the_hardest_stray_contact_is_the_one_in_the_frames() {
         assert_eq!(contact.is_some(), worst.stray_contact_n > 0.0);
         if let Some(contact) = contact {
             assert!(contact.link.starts_with("robot/") && !contact.other.is_empty(), "{contact}");
-            assert!(episode.frames.iter().any(|frame| {
-                frame.time_s == contact.time_s && frame.stray_contact_n == worst.stray_contact_n
-            }));
+            assert!(
+                episode
+                    .frames
+                    .iter()
+                    .any(|frame| { frame.time_s == contact.time_s && frame.stray_contact_n == worst.stray_contact_n })
+            );
         }
     }
 }

@@ -169,6 +169,23 @@ fn a_lemon_in_a_bowl_is_in_it_with_or_without_a_known_cavity() {
 }
 
 #[test]
+fn in_a_drawer_follows_the_drawer() {
+    let mut chest = Arc::unwrap_or_clone(drawer());
+    let hollow = Shape::Box { half_extents: DVec3::splat(0.045) };
+    chest.links[1].cavity = vec![Piece::at(DVec3::Z * 0.05, hollow)];
+    let (chest, coin) = (Arc::new(chest), block("coin", 0.02, 0.02, 0.01));
+    let settings = RelationSettings::default();
+    let holds = |x: f64, drawn: f64| {
+        let mut scene = scene(&[(&coin, at(x, 0.0, 0.02)), (&chest, at(0.5, 0.0, 0.0))]);
+        scene.set_pose(1, at(0.5, 0.0, 0.0), &[drawn]);
+        judge_atom(&scene, &relation("coin", Relation::In, "drawer"), &settings).holds
+    };
+    for (x, drawn, expected) in [(0.5, 0.0, true), (0.35, 0.15, true), (0.5, 0.15, false), (0.35, 0.0, false)] {
+        assert_eq!(holds(x, drawn), expected, "coin at {x}, drawn by {drawn}");
+    }
+}
+
+#[test]
 fn under_an_overhang_is_beside() {
     // The rim of a bowl reaches over a low block: that is no support, whatever the gap.
     let funnel = model(
