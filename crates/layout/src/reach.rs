@@ -8,8 +8,8 @@ use genmanip_motion::{Allowed, Planner, Surroundings};
 use genmanip_scene::relations::{PosedScene, RelationSettings};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
-use crate::goal_pose::{GoalPoseSettings, goal_poses};
-use crate::moves::{Move, moves, references};
+use crate::goal_pose::{GoalPoseSettings, GoalSearch};
+use crate::moves::{Move, moves};
 use crate::surroundings;
 
 /// The reason when no alternative of the goal can be served.
@@ -22,7 +22,7 @@ pub(crate) fn unreachable(
 ) -> Option<String> {
     let mut reason = None;
     for alternative in moves(&task.goal, scene) {
-        match alternative.iter().find_map(|step| obstacle(step, &alternative, scene, planner, relations, seed)) {
+        match obstacle(&alternative, scene, planner, relations, seed) {
             None => return None,
             Some(obstacle) => reason = Some(obstacle),
         }
@@ -30,47 +30,46 @@ pub(crate) fn unreachable(
     reason
 }
 
-/// What stands in the way of one move.
+/// What stands in the way of moves that are made one after the other.
 fn obstacle(
-    step: &Move,
-    alternative: &[Move],
+    steps: &[Move],
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
     seed: Seed,
 ) -> Option<String> {
-    let object = scene.objects().nth(step.object)?;
-    let name = &object.model.card.name;
-    if let Some(state) = step.state() {
-        let blocked = !can_turn(step.object, state, scene, planner);
-        return blocked.then(|| format!("no way for the arm to bring {name} into the state {state}"));
-    }
     let world = surroundings::world(scene, None);
     let nothing = Allowed::none();
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
-    let candidates = surroundings::grasps(planner, scene, step.object, seed.fork("reach"));
     let home = &planner.robot().home;
-    if planner.reachable_grasps(&around, &object.uid, &object.pose, &candidates, home, 1).is_empty() {
-        return Some(format!("{name} cannot be grasped where it lies"));
-    }
-    // A place beside something that moves first is only known later.
-    let waits = step.atoms.iter().flat_map(references).any(|uid| {
-        alternative.iter().any(|other| other.object != step.object && scene.index_of(uid) == Some(other.object))
-    });
-    let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
-    let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);
+    let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
     let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
-    let places = goal_poses(
-        scene,
-        step,
-        object.pose.rotation,
-        &Workspace::default(),
-        relations,
-        &settings,
-        &usable,
-        seed.fork("room"),
-    );
-    (!waits && places.is_empty()).then(|| format!("no room for {name} where the goal wants it"))
+    let mut after = scene.clone();
+    steps.iter().enumerate().find_map(|(index, step)| {
+        let object = scene.objects().nth(step.object)?;
+        let name = &object.model.card.name;
+        if let Some(state) = step.state() {
+            let blocked = !can_turn(step.object, state, scene, planner);
+            return blocked.then(|| format!("no way for the arm to bring {name} into the state {state}"));
+        }
+        let candidates = surroundings::grasps(planner, scene, step.object, seed.fork("reach"));
+        if planner.reachable_grasps(&around, &object.uid, &object.pose, &candidates, home, 1).is_empty() {
+            return Some(format!("{name} cannot be grasped where it lies"));
+        }
+        let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
+        let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);
+        let search = GoalSearch {
+            scene: &after,
+            upright: &upright,
+            workspace: &Workspace::default(),
+            relations,
+            settings: &settings,
+        };
+        let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
+        let Some(place) = places.first() else { return Some(format!("no room for {name} where the goal wants it")) };
+        after.set_pose(step.object, place.world_from_object, &object.joint_positions);
+        None
+    })
 }
 
 /// Whether the arm can move every joint that a state wants moved, one after the other.

@@ -7,6 +7,7 @@ pub mod evaluate;
 pub mod export;
 pub mod lab;
 pub mod layout;
+pub mod plan;
 pub mod replay;
 pub mod report;
 pub mod task;
