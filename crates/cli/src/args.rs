@@ -199,7 +199,7 @@ pub struct PlanArguments {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Longest edge of the search tree, rad
-    #[arg(long, value_name = "RAD")]
+    #[arg(long, value_name = "RAD", value_parser = parse_positive)]
     pub rrt_range: Option<f64>,
     /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
     #[arg(long, value_name = "FILE")]
@@ -245,6 +245,13 @@ fn parse_count(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 1..=1_000_000) => Ok(count),
         _ => Err("expected a whole number from 1 to 1000000".into()),
+    }
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
+        _ => Err("expected a positive number".into()),
     }
 }
 

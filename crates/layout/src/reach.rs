@@ -49,8 +49,11 @@ fn obstacle(
         let object = scene.objects().nth(step.object)?;
         let name = &object.model.card.name;
         if let Some(state) = step.state() {
-            let blocked = !can_turn(step.object, state, scene, planner);
-            return blocked.then(|| format!("no way for the arm to bring {name} into the state {state}"));
+            let Some(joints) = turned(step.object, state, scene, planner) else {
+                return Some(format!("no way for the arm to bring {name} into the state {state}"));
+            };
+            after.set_pose(step.object, object.pose, &joints);
+            return None;
         }
         let candidates = surroundings::grasps(planner, scene, step.object, seed.fork("reach"));
         if planner.reachable_grasps(&around, &object.uid, &object.pose, &candidates, home, 1).is_empty() {
@@ -72,20 +75,19 @@ fn obstacle(
     })
 }
 
-/// Whether the arm can move every joint that a state wants moved, one after the other.
-fn can_turn(object: usize, state: &str, scene: &PosedScene, planner: &Planner) -> bool {
+/// Joint positions of an object in a state; `None` when the arm cannot move every joint there, one after the other.
+fn turned(object: usize, state: &str, scene: &PosedScene, planner: &Planner) -> Option<Vec<f64>> {
     let settings = JointSettings::default();
     let mut scene = scene.clone();
-    joint_changes(&scene, object, state).into_iter().all(|change| {
-        let sweeper = Sweeper::new(&scene, &change, planner, &settings);
-        let possible = sweeper.is_some_and(|s| s.search(&planner.robot().home, &mut |_| Some(())).is_ok());
-        let moved = scene.objects().nth(object).map(|posed| (posed.pose, posed.joint_positions.clone()));
-        if let Some((pose, mut joints)) = moved {
-            joints[change.joint] = change.targets[0];
-            scene.set_pose(object, pose, &joints);
-        }
-        possible
-    })
+    for change in joint_changes(&scene, object, state) {
+        let sweeper = Sweeper::new(&scene, &change, planner, &settings)?;
+        sweeper.search(&planner.robot().home, &mut |_| Some(())).ok()?;
+        let posed = scene.objects().nth(object)?;
+        let (pose, mut joints) = (posed.pose, posed.joint_positions.clone());
+        joints[change.joint] = change.targets[0];
+        scene.set_pose(object, pose, &joints);
+    }
+    scene.objects().nth(object).map(|posed| posed.joint_positions.clone())
 }
 
 /// Whether the hand, pointing straight down, gets to a point.

@@ -77,6 +77,11 @@ impl<'a> Target<'a> {
         }
     }
 
+    /// Whether a ball in the world certainly keeps `margin` from the obstacle.
+    pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
+        self.pieces.iter().all(|piece| piece.clear_of(ball, margin))
+    }
+
     pub(super) fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> bool {
         if margin <= 0.0 {
             return matches!(self.separation(body, world_from_body, margin), Separation::Within(d) if d < margin);
@@ -230,6 +235,20 @@ pub(super) fn reaches(robot: &RobotShape, body: &Body) -> Vec<f64> {
         frame = joint.parent_frame;
     }
     reach
+}
+
+/// A ball in the world that the body cannot leave, whatever the joints do.
+pub(super) fn room(robot: &RobotShape, body: &Body) -> Ball {
+    let mut room = body.ball;
+    let mut frame = body.frame;
+    while frame > 0 {
+        let joint = &robot.chain.joints()[frame - 1];
+        let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+        let radius = room.center.length() + room.radius + slide;
+        room = Ball { center: joint.parent_from_joint.translation, radius };
+        frame = joint.parent_frame;
+    }
+    room
 }
 
 fn nearer(a: Separation, b: Separation) -> Separation {

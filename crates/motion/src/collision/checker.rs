@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use super::bodies::{
     Body, BodyPair, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved,
-    reaches,
+    reaches, room,
 };
 use super::convex::Separation;
 use super::cover::CoverBall;
@@ -43,7 +43,7 @@ pub struct Checker<'a> {
     pub(super) robot: &'a RobotShape,
     pub(super) bodies: Vec<Body<'a>>,
     pub(super) obstacles: Vec<Target<'a>>,
-    /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed.
+    /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed or out of reach.
     pub(super) obstacle_margin: Vec<Option<f64>>,
     pub(super) body_pairs: Vec<BodyPair>,
     /// Largest speed of any point of each body per unit speed of each joint.
@@ -71,9 +71,11 @@ impl<'a> Checker<'a> {
         let obstacle_margin = bodies
             .iter()
             .flat_map(|body| {
-                obstacles
-                    .iter()
-                    .map(|target| (body.frame > 0 && !allowed.contains(body.part, target.name)).then_some(padding))
+                let room = room(robot, body);
+                let may_meet = move |target: &Target| {
+                    body.frame > 0 && !allowed.contains(body.part, target.name) && !target.clear_of(&room, padding)
+                };
+                obstacles.iter().map(move |target| may_meet(target).then_some(padding))
             })
             .collect();
         let body_pairs = body_pairs(robot, &bodies, padding);

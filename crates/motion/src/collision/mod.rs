@@ -9,6 +9,7 @@ mod fast;
 mod lanes;
 mod narrow;
 mod pair_table;
+mod polyline;
 pub(crate) mod robot_shape;
 #[cfg(test)]
 mod tests;

@@ -52,7 +52,7 @@ impl Default for PlanSettings {
             padding: 0.003,
             contact_tolerance: 0.001,
             rrt_range: 0.7,
-            max_iterations: 20_000,
+            max_iterations: 50_000,
             sample_around: 1.0,
             search_spacing: 0.05,
             final_spacing: 0.006,
@@ -131,14 +131,17 @@ pub(crate) fn plan(
     seed: Seed,
 ) -> Result<Path, PlanError> {
     let goals = admit(checker, settings, start, goals)?;
+    let straight = |goal: &&Vec<f64>| checker.edges_are_free(vec![[start, goal]], settings.final_spacing);
+    if let Some(goal) = goals.iter().find(straight) {
+        return Ok(Path::polyline(vec![start.to_vec(), goal.clone()]));
+    }
     let mut iterations = 0;
     for attempt in 0..=settings.retries {
         let spacing = (settings.search_spacing * 0.4_f64.powi(attempt as i32)).max(settings.final_spacing);
         let mut rng = seed.fork_index(attempt as u64).rng();
         let found = rrt::connect(checker, settings, spacing, start, &goals, &mut rng, &mut iterations);
         let Some(waypoints) = found else { return Err(exhausted(checker, start, &goals, iterations)) };
-        let waypoints = smooth::shortcut(checker, settings, spacing, waypoints, &mut rng);
-        if let Some(path) = smooth::finish(checker, settings, waypoints) {
+        if let Some(path) = smooth::smooth(checker, settings, waypoints, &mut rng) {
             return Ok(path);
         }
     }

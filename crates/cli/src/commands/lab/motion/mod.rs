@@ -1,5 +1,6 @@
-//! `genmanip lab motion`: plan a file of problems, test the paths again, time everything.
+//! `genmanip lab motion`: plan problems, of a file or fresh ones, test the paths again, time everything.
 
+mod generate;
 mod kinematics;
 mod problems;
 
@@ -13,6 +14,7 @@ use serde::Serialize;
 use super::cpu_clock;
 use crate::args::MotionArguments;
 use crate::error::{ExitStatus, Failed};
+use crate::inputs;
 use crate::printer::Printer;
 use crate::robots;
 use kinematics::Kinematics;
@@ -81,11 +83,13 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
         Some(path) => Arc::new(robots::read(path, arguments.tip.as_deref())?),
         None => panda(),
     };
-    let problems = problems::read(&arguments.problems)?;
+    let mut settings = PlannerSettings::default();
+    settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
     let mut clock = cpu_clock();
-    let planner = Planner::new(Arc::clone(&robot), PlannerSettings::default())
+    let planner = Planner::new(Arc::clone(&robot), settings)
         .map_err(|error| Failed::because("the robot cannot be planned for", &error))?;
     let setup_ms = clock() * 1e3;
+    let problems = problems(arguments, &planner)?;
     let mut tally = Tally::default();
     let bar = printer.progress("planning", problems.len());
     for (index, problem) in problems.iter().enumerate() {
@@ -121,6 +125,21 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
     };
     printer.data(&measured, &in_words(&measured));
     Ok(ExitStatus::Done)
+}
+
+/// The problems of the user's file, or fresh ones.
+fn problems(arguments: &MotionArguments, planner: &Planner) -> Result<Vec<Problem>, Failed> {
+    if let Some(file) = &arguments.problems {
+        return problems::read(file);
+    }
+    let hard = arguments.generate.as_deref() == Some("hard");
+    let made = generate::generate(planner, hard, arguments.count, Seed::new(arguments.seed).fork("problems"))?;
+    if let Some(path) = &arguments.out {
+        let text =
+            serde_json::to_string(&made).map_err(|error| Failed::because("cannot write the problems", &error))?;
+        inputs::write_file(path, text.as_bytes())?;
+    }
+    made.compile().map_err(|error| Failed::because("the problems cannot be built", &error))
 }
 
 impl Tally {
