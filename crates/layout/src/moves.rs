@@ -39,7 +39,11 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
         }
     }
     // A goal that fills a shut container means it to be opened, although it does not say so.
-    let filled = |object: usize| pending.iter().any(|step| step.state().is_none() && is_filled(step, object, scene));
+    let goes_in = |atom: &Atom, object: usize| match atom {
+        Atom::Relation { relation: Relation::In, reference, .. } => scene.index_of(reference) == Some(object),
+        _ => false,
+    };
+    let filled = |object: usize| atoms.iter().any(|atom| goes_in(atom, object)) && is_hollow(object, scene);
     let unsaid = |object: &usize| !pending.iter().any(|step| step.object == *object && step.state().is_some());
     let opened: Vec<Move> = (0..scene.objects().len())
         .filter(|&object| filled(object))
@@ -96,14 +100,17 @@ fn opening(object: usize, scene: &PosedScene) -> Option<Atom> {
 
 /// Whether a move puts something into a container.
 fn is_filled(step: &Move, container: usize, scene: &PosedScene) -> bool {
-    let hollow = scene.objects().nth(container).is_some_and(|object| object.model.is_hollow());
-    hollow
+    is_hollow(container, scene)
         && step.atoms.iter().any(|atom| match atom {
             Atom::Relation { relation: Relation::In | Relation::Top, reference, .. } => {
                 scene.index_of(reference) == Some(container)
             }
             _ => false,
         })
+}
+
+fn is_hollow(object: usize, scene: &PosedScene) -> bool {
+    scene.objects().nth(object).is_some_and(|object| object.model.is_hollow())
 }
 
 /// What an atom places its subject against.

@@ -275,30 +275,39 @@ fn the_audit_notices_a_lifted_and_a_sunk_object() {
 /// What is put into something shut needs it open, said or not.
 #[test]
 fn a_shut_container_is_opened_before_it_is_filled() {
-    let filled = |uid: &str| Atom::Relation {
+    let placed = |relation: Relation, uid: &str| Atom::Relation {
         subject: "046".into(),
-        relation: Relation::In,
+        relation,
         reference: uid.into(),
         second_reference: None,
     };
     let state = |uid: &str, state: &str| Atom::State { object: uid.into(), state: state.into() };
+    let (inside, top) = (Relation::In, Relation::Top);
     let cases = [
-        ("a drawer", "057", vec![0.0, 0.0], vec![], vec!["057 is top_open", "046 in 057"]),
-        ("an open drawer", "057", vec![0.0, 0.085], vec![], vec!["046 in 057"]),
-        ("a lid", "060", vec![0.0], vec![], vec!["060 is open", "046 in 060"]),
-        ("said", "057", vec![0.0, 0.0], vec![state("057", "both_open")], vec!["057 is both_open", "046 in 057"]),
-        ("shut afterwards", "060", vec![1.9], vec![state("060", "closed")], vec!["046 in 060", "060 is closed"]),
-        ("nothing to open", "001", vec![], vec![], vec!["046 in 001"]),
+        ("a drawer", inside, "057", vec![0.0, 0.0], vec![], vec!["057 is top_open", "046 in 057"]),
+        ("an open drawer", inside, "057", vec![0.0, 0.085], vec![], vec!["046 in 057"]),
+        ("a lid", inside, "060", vec![0.0], vec![], vec!["060 is open", "046 in 060"]),
+        (
+            "said",
+            inside,
+            "057",
+            vec![0.0, 0.0],
+            vec![state("057", "both_open")],
+            vec!["057 is both_open", "046 in 057"],
+        ),
+        ("shut later", inside, "060", vec![1.9], vec![state("060", "closed")], vec!["046 in 060", "060 is closed"]),
+        ("upon it", top, "057", vec![0.0, 0.0], vec![], vec!["046 top 057"]),
+        ("nothing to open", inside, "001", vec![], vec![], vec!["046 in 001"]),
     ];
-    for (name, uid, joints, said, expected) in cases {
-        let placed = [(uid, 0.0, joints), ("046", 0.3, Vec::new())].map(|(uid, y, joint_positions)| PosedObject {
+    for (name, relation, uid, joints, said, expected) in cases {
+        let posed = [(uid, 0.0, joints), ("046", 0.3, Vec::new())].map(|(uid, y, joint_positions)| PosedObject {
             uid: uid.into(),
             model: Catalogue::builtin().build(uid).unwrap(),
             pose: Pose::from_position(glam::DVec3::new(0.5, y, 0.0)),
             joint_positions,
         });
-        let scene = PosedScene::new(placed.to_vec(), &mut ShapeCache::default());
-        let goal = Goal { alternatives: vec![[vec![filled(uid)], said].concat()] };
+        let scene = PosedScene::new(posed.to_vec(), &mut ShapeCache::default());
+        let goal = Goal { alternatives: vec![[vec![placed(relation, uid)], said].concat()] };
         let found = moves(&goal, &scene);
         let told: Vec<String> = found[0].iter().flat_map(|step| &step.atoms).map(ToString::to_string).collect();
         assert_eq!(told, expected, "{name}");
