@@ -222,9 +222,10 @@ fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, spre
     let turned = |rotation: DQuat| Pose { position: DVec3::ZERO, rotation: heading.inverse() * rotation };
     let half = object.model.world_bounds(&turned(rotation), &object.joint_positions).size().truncate() * 0.5;
     let top = turned(carrier.pose.rotation);
-    let is_hollow = !carrier.model.cavity.is_empty();
+    let cavities = carrier.model.cavities(&carrier.joint_positions);
+    let is_hollow = !cavities.is_empty();
     let area = match is_hollow {
-        true => Aabb::from_pieces(&top, &carrier.model.cavity),
+        true => Aabb::from_pieces(&top, &cavities),
         false => carrier.model.world_bounds(&top, &carrier.joint_positions),
     };
     let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::splat(0.003));

@@ -110,7 +110,7 @@ impl Expert {
 
     /// Whether an object has a hollow that things may fall into.
     fn is_hollow(&self, object: usize) -> bool {
-        self.stage.models.get(object).is_some_and(|model| !model.cavity.is_empty())
+        self.stage.models.get(object).is_some_and(|model| model.is_hollow())
     }
 
     /// Whether every atom of a move holds.
