@@ -214,6 +214,25 @@ impl<'a> Checker<'a> {
         }
     }
 
+    /// The same tests, but pairs that may come closer keep `distance` metres again.
+    pub(crate) fn keeping(&self, distance: f64) -> Self {
+        let mut firmer = self.clone();
+        for margin in firmer.obstacle_margin.iter_mut().flatten() {
+            *margin = margin.max(distance);
+        }
+        for pair in &mut firmer.body_pairs {
+            pair.margin = pair.margin.max(distance);
+        }
+        firmer.refresh_fast_margins();
+        firmer
+    }
+
+    /// Whether every pair keeps at least `distance` metres, none having been allowed to come closer.
+    pub(crate) fn keeps(&self, distance: f64) -> bool {
+        let obstacles = self.obstacle_margin.iter().flatten();
+        obstacles.chain(self.body_pairs.iter().map(|pair| &pair.margin)).all(|margin| *margin >= distance)
+    }
+
     fn margins_of(&self, body: usize) -> &[Option<f64>] {
         let count = self.obstacles.len();
         &self.obstacle_margin[body * count..(body + 1) * count]
