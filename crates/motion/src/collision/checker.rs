@@ -241,19 +241,30 @@ impl<'a> Checker<'a> {
 
     /// No point of the robot or of what it carries ever is farther from the base, m.
     pub(crate) fn reach_m(&self) -> f64 {
-        let joints = self.robot.chain.joints();
         let from_base = |body: &Body| {
-            let mut distance = body.ball.center.length() + body.ball.radius;
-            let mut frame = body.frame;
-            while frame > 0 {
-                let joint = &joints[frame - 1];
-                let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
-                distance += joint.parent_from_joint.translation.length() + slide;
-                frame = joint.parent_frame;
-            }
-            distance
+            let room = room(self.robot, body);
+            room.center.length() + room.radius
         };
         self.bodies.iter().map(from_base).fold(0.0, f64::max)
+    }
+
+    /// The same tests, but pairs that may come closer keep `distance` metres again.
+    pub(crate) fn keeping(&self, distance: f64) -> Self {
+        let mut firmer = self.clone();
+        for margin in firmer.obstacle_margin.iter_mut().flatten() {
+            *margin = margin.max(distance);
+        }
+        for pair in &mut firmer.body_pairs {
+            pair.margin = pair.margin.max(distance);
+        }
+        firmer.refresh_fast_margins();
+        firmer
+    }
+
+    /// Whether every pair keeps at least `distance` metres, none having been allowed to come closer.
+    pub(crate) fn keeps(&self, distance: f64) -> bool {
+        let obstacles = self.obstacle_margin.iter().flatten();
+        obstacles.chain(self.body_pairs.iter().map(|pair| &pair.margin)).all(|margin| *margin >= distance)
     }
 
     fn margins_of(&self, body: usize) -> &[Option<f64>] {

@@ -6,6 +6,10 @@ use super::PlanSettings;
 use crate::collision::Checker;
 use crate::path::{Path, distance, lerp};
 
+/// Distance kept on rounded corners, m, also by pairs that may come closer at start or goal:
+/// the timed motion leaves the path there by fractions of a millimetre.
+const CORNER_CLEARANCE: f64 = 0.001;
+
 /// Shortens a path of the search, tests what is left of it, and rounds its corners; `None` when an edge does not pass.
 pub(super) fn smooth(
     checker: &Checker,
@@ -22,7 +26,14 @@ pub(super) fn smooth(
         return None;
     }
     let mut path = Path::polyline(route.waypoints);
-    path.round_corners(settings.blend, settings.blend_halvings, |states| checker.polyline_is_free(states, spacing));
+    let firmer;
+    let rounding = if checker.keeps(CORNER_CLEARANCE) {
+        checker
+    } else {
+        firmer = checker.keeping(CORNER_CLEARANCE);
+        &firmer
+    };
+    path.round_corners(settings.blend, settings.blend_halvings, |states| rounding.polyline_is_free(states, spacing));
     Some(path)
 }
 

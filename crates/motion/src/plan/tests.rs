@@ -115,6 +115,25 @@ fn tiny_steps_find_the_same_way_around() {
     }
 }
 
+/// Fingertips 0.02 mm above the table at both ends: the timed motion, which cuts corners a little, touches nothing.
+#[test]
+fn timed_motions_from_and_to_near_contact_touch_nothing() {
+    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let around = around(&world, &allowed);
+    let home = planner.robot().home.clone();
+    let above_table = |y: f64| down(DVec3::new(0.55, y, 0.00852));
+    let start = planner.ik(&above_table(-0.25), &home).remove(0);
+    let goals = planner.ik(&above_table(0.25), &home);
+    let exact = planner.checker(&around, 0.0);
+    assert!(!planner.checker(&around, 0.0001).is_free(&start), "the start is not near contact");
+    for seed in 0..20 {
+        let path = planner.plan_joint(&around, &start, &goals, Seed::new(seed)).unwrap();
+        for state in path.states(0.005).iter().chain(&planner.time(&path, 1.0).configs) {
+            assert!(exact.is_free(state), "seed {seed}: {:?}", exact.check(state));
+        }
+    }
+}
+
 #[test]
 fn straight_lines_are_straight_or_say_where_they_end() {
     let (planner, world, allowed) = (planner(), walled(), Allowed::none());
