@@ -38,7 +38,7 @@ pub use camera::{Camera, CameraMount, Intrinsics};
 pub use document::{Document, DocumentError};
 pub use episode::{AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, ObjectState};
 pub use geometry::{Aabb, Piece, Shape};
-pub use grasp::Grasp;
+pub use grasp::{Grasp, TriedGrasp};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
 pub use policy::{

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Pose, Seed, Task, Workspace};
+use genmanip_core::{Grasp, Pose, Seed, Task, Workspace};
 use genmanip_motion::{Allowed, Planner, Surroundings};
 use genmanip_scene::relations::{PosedScene, RelationSettings};
 
@@ -48,9 +48,13 @@ fn obstacle(
     let world = surroundings::world(scene, None);
     let nothing = Allowed::none();
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
-    let candidates = surroundings::grasps(planner, scene, step.object, seed.fork("reach"));
     let home = &planner.robot().home;
-    if planner.reachable_grasps(&around, &object.uid, &object.pose, &candidates, home, 1).is_empty() {
+    let within_reach = |candidates: &[Grasp]| {
+        !planner.reachable_grasps(&around, &object.uid, &object.pose, candidates, home, 1).is_empty()
+    };
+    if !within_reach(&surroundings::tried_grasps(planner, scene, step.object))
+        && !within_reach(&surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach")))
+    {
         return Some(format!("{name} cannot be grasped where it lies"));
     }
     // A place beside something that moves first is only known later.

@@ -79,8 +79,10 @@ fn candidates(
 ) -> Result<Vec<Candidate>, Failure> {
     let name = expert.stage.name(step.object);
     let (planner, settings) = (&expert.planner, &expert.settings);
-    let grasps = surroundings::grasps(planner, scene, step.object, seed);
-    if grasps.is_empty() {
+    let tried = surroundings::tried_grasps(planner, scene, step.object);
+    let generated = || surroundings::generated_grasps(planner, scene, step.object, seed);
+    let mut grasps = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
+    if grasps.peek().is_none() {
         let evidence = format!("{name} has no grasp that fits the hand as it lies");
         return Err(Failure { cause: FailureCause::NoGrasp, evidence });
     }
@@ -88,7 +90,7 @@ fn candidates(
     let nothing = Allowed::none();
     let (mut out_of_reach, mut blocked, mut useless) = (0, 0, 0);
     let mut candidates = Vec::new();
-    for grasp in grasps.iter().take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
+    for grasp in grasps.take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
         let open_width = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
         let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: open_width };
         let checker = planner.checker(&around, clearance_m);

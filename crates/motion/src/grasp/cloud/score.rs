@@ -198,7 +198,7 @@ pub struct Weights {
 impl Default for Weights {
     fn default() -> Self {
         Self {
-            bias: 2.81,
+            bias: 3.49,
             slope: -3.72,
             offset: 0.0,
             off_pad: -0.92,
