@@ -42,18 +42,16 @@ fn most_things_are_lifted_shaken_and_held_by_friction_alone() {
 
 #[test]
 fn grasps_of_a_catalogue_object_are_tried_a_little_off_each_time() {
-    let grasp = GraspSettings { max_candidates: 2, ..GraspSettings::default() };
+    let grasp = GraspSettings { max_candidates: 1, ..GraspSettings::default() };
     let planner = Planner::new(panda(), PlannerSettings { grasp, ..PlannerSettings::default() }).unwrap();
     let real = GraspTrials { planner: Arc::new(planner), ..trials(SimSettings::default()) };
     let ball = real.catalogue.build("050").unwrap();
     let settings = TryingSettings { trials: 2, ..TryingSettings::default() };
     let tried = tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap();
-    assert!(tried.len() == 2 && tried.iter().all(|grasp| grasp.trials == 2 && grasp.held >= 1), "{tried:?}");
-    let once = TryingSettings { trials: 1, ..settings.clone() };
-    let first = |settings, seed| tried_grasps(&real, &ball, settings, Seed::new(seed)).unwrap();
-    assert_eq!(first(&once, 5), first(&once, 5), "same seed");
+    assert!(tried.len() == 1 && tried[0].trials == 2 && tried[0].held >= 1, "{tried:?}");
+    assert_eq!(tried, tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap(), "same seed");
 
     let blind = TryingSettings { offset_m: 0.2, ..settings };
-    let tried = tried_grasps(&real, &ball, &blind, Seed::new(5)).unwrap();
+    let tried = tried_grasps(&real, &ball, &blind, Seed::new(6)).unwrap();
     assert!(tried.iter().all(|grasp| grasp.held == 0), "a hand that is off by decimetres takes nothing: {tried:?}");
 }
