@@ -14,7 +14,7 @@
 //! use genmanip_assets::Catalogue;
 //! let mug = Catalogue::builtin().build("001")?;
 //! assert_eq!(mug.card.name, "Red Mug");
-//! assert!(!mug.cavity.is_empty(), "things can be put in");
+//! assert!(mug.is_hollow(), "things can be put in");
 //! # Ok::<(), genmanip_assets::AssetError>(())
 //! ```
 

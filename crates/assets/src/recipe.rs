@@ -90,15 +90,14 @@ pub struct Draft {
     pub visual: Vec<VisualPart>,
     /// Collision bodies with their moments.
     pub solids: Vec<Solid>,
-    /// Where something counts as in the object.
+    /// Where something counts as in the link.
     pub cavity: Vec<Piece>,
 }
 
 impl Recipe {
     /// The object: the mass of the card less that of the links spread evenly over the body's parts.
     pub fn build(&self, card: &ObjectCard, seed: Seed) -> ObjectModel {
-        let mut body = Draft::of(&self.parts, seed.fork("part"));
-        let cavity = std::mem::take(&mut body.cavity);
+        let body = Draft::of(&self.parts, seed.fork("part"));
         let body_mass = card.mass_kg - self.links.iter().map(|link| link.mass_kg).sum::<f64>();
         let mut links = vec![body.into_link(ROOT, body_mass, None)];
         links.extend(self.links.iter().map(|link| link.build(seed.fork(&link.name))));
@@ -108,7 +107,6 @@ impl Recipe {
             seed,
             generator_version: GENERATOR_VERSION,
             links,
-            cavity,
             friction: self.friction,
             joint_states: self.states.iter().map(|state| self.joint_state(state)).collect(),
         }
@@ -189,6 +187,9 @@ impl Draft {
             solid.piece.link_from_piece.position += by;
             solid.moments.center += by;
         }
+        for piece in &mut self.cavity {
+            piece.link_from_piece.position += by;
+        }
     }
 
     fn into_link(self, name: &str, mass_kg: f64, joint: Option<Joint>) -> ObjectLink {
@@ -198,6 +199,7 @@ impl Draft {
             mass: mass_of(&self.solids, mass_kg),
             visual: self.visual,
             pieces: self.solids.into_iter().map(|solid| solid.piece).collect(),
+            cavity: self.cavity,
         }
     }
 }

@@ -40,9 +40,9 @@ pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
     changed.seed = seed;
     changed.card.size_m = size * factors;
     changed.card.mass_kg *= factors.element_product() * density;
-    changed.cavity = model.cavity.iter().map(|piece| stretched_piece(piece, factors)).collect();
     changed.links = vec![ObjectLink {
         pieces: link.pieces.iter().map(|piece| stretched_piece(piece, factors)).collect(),
+        cavity: link.cavity.iter().map(|piece| stretched_piece(piece, factors)).collect(),
         visual: link.visual.iter().map(|part| stretched_visual(part, factors)).collect(),
         mass: stretched_mass(&link.mass, factors, density),
         ..link.clone()

@@ -39,6 +39,13 @@ pub enum Command {
     /// Lay tasks out: poses for every object such that the whole scene graph holds
     #[command(after_help = "Example:\n  genmanip layout examples/tasks --count 4 --seed 7 --out out/scenarios")]
     Layout(LayoutArguments),
+    /// Plan one motion of the arm in a scenario: to a grasp, to a point or to joint positions
+    #[command(
+        after_help = "Examples:\n  genmanip plan out/scenarios/017_pick_and_place-000.json --pick 032 --picture plan.png\n  \
+                      genmanip plan SCENARIO --to 0.5,-0.2,0.15 --yaw 45 --animation plan.mp4\n\n\
+                      The robot's base frame: x ahead, y to its left, z up, the table at z = 0."
+    )]
+    Plan(PlanArguments),
     /// Collect verified demonstrations with the expert and export them as LeRobotDataset v3.0
     #[command(
         after_help = "An interrupted run continues where it stopped: start the same command again.\n\nExample:\n  \
@@ -218,6 +225,47 @@ pub struct LayoutArguments {
     pub workers: Option<usize>,
 }
 
+/// Arguments of `plan`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("goal").required(true))]
+pub struct PlanArguments {
+    /// Scenario file, as `layout` and `collect` write them
+    pub scenario: PathBuf,
+    /// To a grasp of this object: its uid or name
+    #[arg(long, value_name = "OBJECT", group = "goal")]
+    pub pick: Option<String>,
+    /// To a point between the fingertips, hand pointing down, metres
+    #[arg(long, value_name = "X,Y,Z", group = "goal", value_delimiter = ',', allow_hyphen_values = true)]
+    pub to: Option<Vec<f64>>,
+    /// To joint positions, rad
+    #[arg(long, value_name = "Q1,…", group = "goal", value_delimiter = ',', allow_hyphen_values = true)]
+    pub joints: Option<Vec<f64>>,
+    /// Turn of the hand about the vertical for --to, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
+    pub yaw: f64,
+    /// Joint positions to start from, rad [default: the robot's home]
+    #[arg(long, value_name = "Q1,…", value_delimiter = ',', allow_hyphen_values = true)]
+    pub from: Option<Vec<f64>>,
+    /// Opening of the gripper, metres; a grasp brings its own
+    #[arg(long, value_name = "WIDTH", default_value_t = 0.08)]
+    pub gripper: f64,
+    /// Seed of the search
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Longest edge of the search tree, rad
+    #[arg(long, value_name = "RAD", value_parser = parse_positive)]
+    pub rrt_range: Option<f64>,
+    /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
+    #[arg(long, value_name = "FILE")]
+    pub picture: Option<PathBuf>,
+    /// Film the motion, MP4
+    #[arg(long, value_name = "FILE")]
+    pub animation: Option<PathBuf>,
+    /// Camera of picture and film, one of the scenario's [default: a view of the whole arm]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+}
+
 /// Arguments of `collect`.
 #[derive(Clone, Debug, Args)]
 pub struct CollectArguments {
@@ -251,6 +299,13 @@ fn parse_count(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 1..=1_000_000) => Ok(count),
         _ => Err("expected a whole number from 1 to 1000000".into()),
+    }
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
+        _ => Err("expected a positive number".into()),
     }
 }
 

@@ -34,6 +34,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Task { command: TaskCommand::Check(arguments) } => commands::task::check(arguments, printer),
         Command::Task { command: TaskCommand::Show(arguments) } => commands::task::show(arguments, printer),
         Command::Layout(arguments) => commands::layout::run(arguments, printer),
+        Command::Plan(arguments) => commands::plan::run(arguments, printer),
         Command::Collect(arguments) => commands::collect::run(arguments, printer),
         Command::Evaluate(arguments) => commands::evaluate::run(arguments, printer),
         Command::Replay(arguments) => commands::replay::run(arguments, printer),

@@ -1,4 +1,6 @@
-//! Pictures the command line makes: film strips and drawings.
+//! Pictures the command line makes: film strips, drawings and motions.
+
+pub mod motion;
 
 use genmanip_assets::Catalogue;
 use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};

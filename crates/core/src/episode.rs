@@ -1,5 +1,7 @@
 //! What happened: frames, episodes, results.
 
+use std::cmp::Ordering;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,6 +97,9 @@ pub struct EpisodeResult {
     pub tcp_path_m: f64,
     /// Largest stray contact of the robot, N.
     pub max_stray_contact_n: f64,
+    /// Who touched what in that contact; `None` when there was none.
+    #[serde(default)]
+    pub stray_contact: Option<StrayContact>,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
     /// Version of this program.
@@ -103,6 +108,63 @@ pub struct EpisodeResult {
 
 impl Document for EpisodeResult {
     const SCHEMA: &'static str = "genmanip.result/1";
+}
+
+/// Who touched what in the hardest stray contact of an episode, and when.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StrayContact {
+    /// Start of the control interval in which it was hardest.
+    pub time_s: f64,
+    /// Link of the robot, e.g. `robot/hand`.
+    pub link: String,
+    /// What it touched: `table`, `floor`, another link of the robot, or an object's uid, e.g. `001` or `057/body`.
+    pub other: String,
+    /// What the hand was doing.
+    pub hand: HandPhase,
+}
+
+/// What the hand is doing, as its command and its fingers tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HandPhase {
+    /// Nothing between the fingers.
+    Empty,
+    /// The fingers are sent together.
+    Closing,
+    /// Both fingers press on something.
+    Holding,
+    /// The fingers are sent apart.
+    Opening,
+}
+
+impl HandPhase {
+    /// The phase of a frame, given the opening width that was commanded before it.
+    pub fn of(frame: &Frame, width_before: f32) -> Self {
+        let width = frame.command.last().copied().unwrap_or(width_before);
+        match width.total_cmp(&width_before) {
+            Ordering::Less => Self::Closing,
+            Ordering::Greater => Self::Opening,
+            Ordering::Equal if frame.grasped.is_some() => Self::Holding,
+            Ordering::Equal => Self::Empty,
+        }
+    }
+
+    /// The name in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Empty => "empty",
+            Self::Closing => "closing",
+            Self::Holding => "holding",
+            Self::Opening => "opening",
+        }
+    }
+}
+
+impl std::fmt::Display for StrayContact {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} on {} at {:.1} s, hand {}", self.link, self.other, self.time_s, self.hand.name())
+    }
 }
 
 /// One attempt to collect a demonstration, as counted in the yield.

@@ -36,7 +36,9 @@ pub use glam;
 
 pub use camera::{Camera, CameraMount, Intrinsics};
 pub use document::{Document, DocumentError};
-pub use episode::{AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, ObjectState};
+pub use episode::{
+    AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, ObjectState, StrayContact,
+};
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};

@@ -58,8 +58,6 @@ pub struct ObjectModel {
     pub generator_version: u32,
     /// Bodies, parents first; a rigid object has exactly one.
     pub links: Vec<ObjectLink>,
-    /// Convex regions in the frame of link 0 in which something counts as *in* the object; empty when it has no hollow.
-    pub cavity: Vec<Piece>,
     /// Sliding friction coefficient against a like surface.
     pub friction: f64,
     /// What each state in the card means for the joints.
@@ -77,6 +75,8 @@ pub struct ObjectLink {
     pub visual: Vec<VisualPart>,
     /// Exact convex collision bodies.
     pub pieces: Vec<Piece>,
+    /// Convex regions in the link's frame in which something counts as *in* the object; they move with the link.
+    pub cavity: Vec<Piece>,
     /// Mass, centre and inertia.
     pub mass: MassProperties,
 }
@@ -159,6 +159,24 @@ impl ObjectModel {
             poses.push(pose);
         }
         poses
+    }
+
+    /// Whether anything counts as in the object anywhere.
+    pub fn is_hollow(&self) -> bool {
+        self.links.iter().any(|link| !link.cavity.is_empty())
+    }
+
+    /// The cavities of all links in the object's frame, given a position for each joint in the order of the links.
+    pub fn cavities(&self, joint_positions: &[f64]) -> Vec<Piece> {
+        let poses = self.link_poses(joint_positions);
+        let of_link = |(link, object_from_link): (&ObjectLink, Pose)| -> Vec<Piece> {
+            let moved = |piece: &Piece| Piece {
+                link_from_piece: object_from_link * piece.link_from_piece,
+                shape: piece.shape.clone(),
+            };
+            link.cavity.iter().map(moved).collect()
+        };
+        self.links.iter().zip(poses).flat_map(of_link).collect()
     }
 
     /// Exact bounds in the world.

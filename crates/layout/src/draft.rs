@@ -162,7 +162,8 @@ impl Stance {
                 },
                 None => None,
             };
-            let hollows = model.cavity.iter().map(|piece| Aabb::from_pieces(&pose, [piece])).collect();
+            let cavities = model.cavities(&context.joints[object]);
+            let hollows = cavities.iter().map(|piece| Aabb::from_pieces(&pose, [piece])).collect();
             let root = model.links.first().map_or(bounds, |link| Aabb::from_pieces(&pose, &link.pieces));
             return Some(Self { yaw, bounds, hollows, body: root, is_articulated: model.card.is_articulated, seat });
         }

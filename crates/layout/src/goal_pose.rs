@@ -25,6 +25,12 @@ pub struct GoalPose {
     pub bounds: Aabb,
 }
 
+/// Room between an object and the edge of what it is put on or into, metres.
+const EDGE_M: f64 = 0.01;
+
+/// Draws to see whether a later move still finds room.
+const LATER_DRAWS: usize = 120;
+
 /// How goal poses are searched.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -45,47 +51,158 @@ impl Default for GoalPoseSettings {
     }
 }
 
-/// Up to `settings.count` places, the ones with the largest margins first.
-///
-/// Every atom of the move holds there, directions by `settings.margin_m`;
-/// only places that are `usable` count, and nothing but what carries the object is nearer in the plane than `settings.clearance_m`.
-#[allow(clippy::too_many_arguments)] // read-only context of one search
-pub fn goal_poses(
-    scene: &PosedScene,
-    step: &Move,
-    upright: DQuat,
-    workspace: &Workspace,
-    relations: &RelationSettings,
-    settings: &GoalPoseSettings,
-    usable: &dyn Fn(&Pose) -> bool,
-    seed: Seed,
-) -> Vec<GoalPose> {
-    let rng = &mut seed.rng();
-    let mut after = scene.clone();
-    let support = step.atoms.iter().find_map(|atom| support_of(atom, scene));
-    let mut found: Vec<(f64, GoalPose)> = Vec::new();
-    for draw in 0..settings.draws {
-        // The present heading first: most things need not be turned.
-        let turn = if draw % 2 == 0 { 0.0 } else { rng.random_range(0.0..TAU) };
-        let rotation = DQuat::from_rotation_z(turn) * upright;
-        if !propose(scene, &mut after, step, support, rotation, workspace, relations, rng)
-            || !is_free(&after, step.object, support, relations, settings)
-        {
-            continue;
-        }
-        let verdicts: Vec<_> = step.atoms.iter().map(|atom| judge_atom(&after, atom, relations)).collect();
-        let holds = verdicts.iter().all(|verdict| verdict.holds && verdict.margin >= margin(&verdict.atom, settings));
-        let posed = after.objects().nth(step.object).filter(|posed| holds && usable(&posed.pose));
-        if let Some((posed, bounds)) = posed.zip(after.bounds(step.object)) {
-            let worst = verdicts.iter().map(|verdict| verdict.margin).fold(f64::INFINITY, f64::min);
-            found.push((worst, GoalPose { world_from_object: posed.pose, support, bounds }));
-            if found.len() >= settings.count {
-                break;
+/// Where to put things so that goals hold.
+#[derive(Clone, Copy, Debug)]
+pub struct GoalSearch<'a> {
+    /// Everything where it is now.
+    pub scene: &'a PosedScene,
+    /// Orientation in which each object is put down, up to its heading.
+    pub upright: &'a [DQuat],
+    /// Where things may stand on the table.
+    pub workspace: &'a Workspace,
+    /// The judge's settings.
+    pub relations: &'a RelationSettings,
+    /// How to search.
+    pub settings: &'a GoalPoseSettings,
+}
+
+impl GoalSearch<'_> {
+    /// Up to `settings.count` places for the object of a move, the ones with the largest margins first.
+    ///
+    /// Every atom of the move holds there, directions by `settings.margin_m`;
+    /// only places that are `usable` count, and nothing but what carries the object is nearer in the plane than `settings.clearance_m`.
+    /// What `later` moves put on or into the same thing still finds room beside it; if that cannot be, it need not.
+    pub fn places(&self, step: &Move, later: &[Move], usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
+        let rng = &mut seed.rng();
+        let mut after = self.scene.clone();
+        let support = self.support_of(step);
+        let beside: Vec<&Move> =
+            later.iter().filter(|other| support.is_some() && self.support_of(other) == support).collect();
+        let (mut found, mut selfish): (Vec<(f64, GoalPose)>, Vec<_>) = (Vec::new(), Vec::new());
+        let settings = self.settings;
+        for draw in 0..settings.draws {
+            // The present heading first: most things need not be turned.
+            let turn = if draw % 2 == 0 { 0.0 } else { rng.random_range(0.0..TAU) };
+            let rotation = DQuat::from_rotation_z(turn) * self.upright[step.object];
+            let spread = draw as f64 / settings.draws as f64;
+            if !self.propose(&mut after, step, support, rotation, spread, rng)
+                || !self.is_free(&after, step.object, support)
+            {
+                continue;
+            }
+            let verdicts: Vec<_> = step.atoms.iter().map(|atom| judge_atom(&after, atom, self.relations)).collect();
+            let holds =
+                verdicts.iter().all(|verdict| verdict.holds && verdict.margin >= margin(&verdict.atom, settings));
+            let posed = after.objects().nth(step.object).filter(|posed| holds && usable(&posed.pose));
+            if let Some((posed, bounds)) = posed.zip(after.bounds(step.object)) {
+                let worst = verdicts.iter().map(|verdict| verdict.margin).fold(f64::INFINITY, f64::min);
+                let goal = (worst, GoalPose { world_from_object: posed.pose, support, bounds });
+                if !self.have_room(&after, &beside, seed.fork("later").fork_index(draw as u64)) {
+                    selfish.push(goal);
+                    continue;
+                }
+                found.push(goal);
+                if found.len() >= settings.count {
+                    break;
+                }
             }
         }
+        if found.is_empty() {
+            selfish.truncate(settings.count);
+            found = selfish;
+        }
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        found.into_iter().map(|(_, goal)| goal).collect()
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.into_iter().map(|(_, goal)| goal).collect()
+
+    /// Whether moves find their places, one after the other.
+    fn have_room(&self, scene: &PosedScene, steps: &[&Move], seed: Seed) -> bool {
+        let settings = GoalPoseSettings { count: 1, draws: LATER_DRAWS, ..self.settings.clone() };
+        let mut scene = scene.clone();
+        steps.iter().enumerate().all(|(index, step)| {
+            let search = GoalSearch { scene: &scene, settings: &settings, ..*self };
+            let places = search.places(step, &[], &|_| true, seed.fork_index(index as u64));
+            let Some(place) = places.first() else { return false };
+            let joints = scene.objects().nth(step.object).map_or(Vec::new(), |posed| posed.joint_positions.clone());
+            scene.set_pose(step.object, place.world_from_object, &joints);
+            true
+        })
+    }
+
+    /// What a move puts its object on or into.
+    fn support_of(&self, step: &Move) -> Option<usize> {
+        step.atoms.iter().find_map(|atom| match atom {
+            Atom::Relation { relation, reference, .. } if relation.is_support() => self.scene.index_of(reference),
+            _ => None,
+        })
+    }
+    /// Puts the object at a candidate pose; false when there is none. `spread` in 0-1 is how far from the middle.
+    fn propose(
+        &self,
+        after: &mut PosedScene,
+        step: &Move,
+        support: Option<usize>,
+        rotation: DQuat,
+        spread: f64,
+        rng: &mut impl Rng,
+    ) -> bool {
+        let Some(object) = self.scene.objects().nth(step.object) else { return false };
+        let bounds = object.model.world_bounds(&Pose { position: DVec3::ZERO, rotation }, &object.joint_positions);
+        let (half, offset) = (bounds.size().truncate() * 0.5, bounds.center().truncate());
+        let at =
+            |center: DVec2, bottom: f64| Pose { position: (center - offset).extend(bottom - bounds.min.z), rotation };
+        if let Some(carrier) = support {
+            let Some((posed, outer)) = self.scene.objects().nth(carrier).zip(self.scene.bounds(carrier)) else {
+                return false;
+            };
+            let center = point_over(posed, object, rotation, spread, rng);
+            after.set_pose(step.object, at(center, outer.max.z + 0.01), &object.joint_positions);
+            return let_down(after, step.object, carrier, 0.0005, self.relations);
+        }
+        let mut low = DVec2::new(self.workspace.x[0], self.workspace.y[0]) + half;
+        let mut high = DVec2::new(self.workspace.x[1], self.workspace.y[1]) - half;
+        for atom in &step.atoms {
+            let Atom::Relation { relation, .. } = atom else { continue };
+            let anchor = |uid: &str| self.scene.bounds(self.scene.index_of(uid)?);
+            let anchors: Vec<Aabb> = references(atom).filter_map(anchor).collect();
+            if let (Relation::Between, [one, other]) = (relation, anchors.as_slice()) {
+                let [least, most] = between::free_window(one, other, bounds.size());
+                (low, high) = (low.max(least), high.min(most));
+                continue;
+            }
+            for reference in references(atom) {
+                let Some(anchor) = anchor(reference) else { return false };
+                let Some(window) = placement_window(*relation, &anchor, bounds.size(), self.relations) else {
+                    return false;
+                };
+                low = low.max(DVec2::new(window.x[0], window.y[0]));
+                high = high.min(DVec2::new(window.x[1], window.y[1]));
+            }
+        }
+        if low.cmpgt(high).any() {
+            return false;
+        }
+        let share = DVec2::new(rng.random(), rng.random());
+        after.set_pose(step.object, at(low + (high - low) * share, 0.0), &object.joint_positions);
+        true
+    }
+
+    /// Whether nothing but its carrier, and what that stands on, is near the object in the plane.
+    fn is_free(&self, after: &PosedScene, moved: usize, support: Option<usize>) -> bool {
+        let Some(bounds) = after.bounds(moved) else { return false };
+        let measure = |one: usize, other: usize| measure_pair(after, one, other, self.relations);
+        after.objects().enumerate().all(|(index, other)| {
+            // Whatever lies wholly below the object is what its carrier stands on.
+            let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + 0.002);
+            if index == moved || Some(index) == support || (support.is_some() && below) {
+                return true;
+            }
+            let holds_carrier = support.is_some_and(|carrier| {
+                other.model.card.is_container && measure(carrier, index).is_some_and(|pair| pair.gap_m == 0.0)
+            });
+            holds_carrier || measure(moved, index).is_some_and(|pair| pair.gap_m >= self.settings.clearance_m)
+        })
+    }
 }
 
 /// Directions and nearness must hold with room to spare; support and containment have their own measure.
@@ -96,89 +213,27 @@ fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     }
 }
 
-fn support_of(atom: &Atom, scene: &PosedScene) -> Option<usize> {
-    match atom {
-        Atom::Relation { relation, reference, .. } if relation.is_support() => scene.index_of(reference),
-        _ => None,
-    }
-}
-
-/// Puts the object at a candidate pose; false when there is none.
-#[allow(clippy::too_many_arguments)] // read-only context of one draw
-fn propose(
-    scene: &PosedScene,
-    after: &mut PosedScene,
-    step: &Move,
-    support: Option<usize>,
-    rotation: DQuat,
-    workspace: &Workspace,
-    relations: &RelationSettings,
-    rng: &mut impl Rng,
-) -> bool {
-    let Some(object) = scene.objects().nth(step.object) else { return false };
-    let bounds = object.model.world_bounds(&Pose { position: DVec3::ZERO, rotation }, &object.joint_positions);
-    let (half, offset) = (bounds.size().truncate() * 0.5, bounds.center().truncate());
-    let at = |center: DVec2, bottom: f64| Pose { position: (center - offset).extend(bottom - bounds.min.z), rotation };
-    if let Some(carrier) = support {
-        let Some((posed, outer)) = scene.objects().nth(carrier).zip(scene.bounds(carrier)) else { return false };
-        let center = point_over(posed, &outer, half, rng);
-        after.set_pose(step.object, at(center, outer.max.z + 0.01), &object.joint_positions);
-        return let_down(after, step.object, carrier, 0.0005, relations);
-    }
-    let mut low = DVec2::new(workspace.x[0], workspace.y[0]) + half;
-    let mut high = DVec2::new(workspace.x[1], workspace.y[1]) - half;
-    for atom in &step.atoms {
-        let Atom::Relation { relation, .. } = atom else { continue };
-        let anchors: Vec<Aabb> = references(atom).filter_map(|uid| scene.bounds(scene.index_of(uid)?)).collect();
-        if let (Relation::Between, [one, other]) = (relation, anchors.as_slice()) {
-            let [least, most] = between::free_window(one, other, bounds.size());
-            (low, high) = (low.max(least), high.min(most));
-            continue;
-        }
-        for reference in references(atom) {
-            let Some(anchor) = scene.index_of(reference).and_then(|index| scene.bounds(index)) else { return false };
-            let Some(window) = placement_window(*relation, &anchor, bounds.size(), relations) else { return false };
-            low = low.max(DVec2::new(window.x[0], window.y[0]));
-            high = high.min(DVec2::new(window.x[1], window.y[1]));
-        }
-    }
-    if low.cmpgt(high).any() {
-        return false;
-    }
-    let share = DVec2::new(rng.random(), rng.random());
-    after.set_pose(step.object, at(low + (high - low) * share, 0.0), &object.joint_positions);
-    true
-}
-
-/// A point above the carrier: anywhere in its hollow, or near the middle of its top.
-fn point_over(carrier: &PosedObject, outer: &Aabb, half: DVec2, rng: &mut impl Rng) -> DVec2 {
-    let hollow = (!carrier.model.cavity.is_empty()).then(|| Aabb::from_pieces(&carrier.pose, &carrier.model.cavity));
-    let area = hollow.as_ref().unwrap_or(outer);
-    let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(0.01)).max(DVec2::splat(0.003));
-    let slack = if hollow.is_some() { slack } else { slack.min(DVec2::splat(0.02)) };
-    area.center().truncate() + slack * 0.8 * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0))
-}
-
-/// Whether nothing but its carrier, and what that stands on, is near the object in the plane.
-fn is_free(
-    after: &PosedScene,
-    moved: usize,
-    support: Option<usize>,
-    relations: &RelationSettings,
-    settings: &GoalPoseSettings,
-) -> bool {
-    let Some(bounds) = after.bounds(moved) else { return false };
-    after.objects().enumerate().all(|(index, other)| {
-        // Whatever lies wholly below the object is what its carrier stands on.
-        let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + 0.002);
-        if index == moved || Some(index) == support || (support.is_some() && below) {
-            return true;
-        }
-        let holds_carrier = support.is_some_and(|carrier| {
-            other.model.card.is_container
-                && measure_pair(after, carrier, index, relations).is_some_and(|pair| pair.gap_m == 0.0)
-        });
-        holds_carrier
-            || measure_pair(after, moved, index, relations).is_some_and(|pair| pair.gap_m >= settings.clearance_m)
-    })
+/// A point above the carrier for the middle of an object turned like this: anywhere in its hollow, or over its top,
+/// the farther from the middle the larger `spread`.
+fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, spread: f64, rng: &mut impl Rng) -> DVec2 {
+    // In a frame that is turned with the carrier its bounds fit best.
+    let ahead = carrier.pose.transform_vector(DVec3::X);
+    let heading = DQuat::from_rotation_z(ahead.y.atan2(ahead.x));
+    let turned = |rotation: DQuat| Pose { position: DVec3::ZERO, rotation: heading.inverse() * rotation };
+    let half = object.model.world_bounds(&turned(rotation), &object.joint_positions).size().truncate() * 0.5;
+    let top = turned(carrier.pose.rotation);
+    let cavities = carrier.model.cavities(&carrier.joint_positions);
+    let is_hollow = !cavities.is_empty();
+    let area = match is_hollow {
+        true => Aabb::from_pieces(&top, &cavities),
+        false => carrier.model.world_bounds(&top, &carrier.joint_positions),
+    };
+    let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::splat(0.003));
+    let share = match is_hollow {
+        true => 0.8 * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)),
+        // Evenly over a disc, so that nothing stands on a corner that round things do not have.
+        false => spread.sqrt() * DVec2::from_angle(rng.random_range(0.0..TAU)) * rng.random::<f64>().sqrt(),
+    };
+    let center = area.center() + (slack * share).extend(0.0);
+    carrier.pose.position.truncate() + (heading * center).truncate()
 }

@@ -13,6 +13,8 @@ mod distractors;
 mod draft;
 mod error;
 mod goal_pose;
+#[cfg(test)]
+mod goal_pose_tests;
 mod moves;
 mod network;
 mod order;
@@ -24,7 +26,7 @@ mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
 pub use error::{LayoutError, Rejections, Unfinished};
-pub use goal_pose::{GoalPose, GoalPoseSettings, goal_poses};
+pub use goal_pose::{GoalPose, GoalPoseSettings, GoalSearch};
 pub use moves::{Move, moves, references};
 pub use reach::is_in_reach;
 pub use settings::LayoutSettings;

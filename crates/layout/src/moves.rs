@@ -38,6 +38,19 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
             None => pending.push(Move { object, atoms: vec![atom.clone()] }),
         }
     }
+    // A goal that fills a shut container means it to be opened, although it does not say so.
+    let goes_in = |atom: &Atom, object: usize| match atom {
+        Atom::Relation { relation: Relation::In, reference, .. } => scene.index_of(reference) == Some(object),
+        _ => false,
+    };
+    let filled = |object: usize| atoms.iter().any(|atom| goes_in(atom, object)) && is_hollow(object, scene);
+    let unsaid = |object: &usize| !pending.iter().any(|step| step.object == *object && step.state().is_some());
+    let opened: Vec<Move> = (0..scene.objects().len())
+        .filter(|&object| filled(object))
+        .filter(unsaid)
+        .filter_map(|object| Some(Move { object, atoms: vec![opening(object, scene)?] }))
+        .collect();
+    pending.splice(0..0, opened);
     let mut ordered: Vec<Move> = Vec::new();
     while !pending.is_empty() {
         let waits = |candidate: &Move| pending.iter().any(|other| comes_first(other, candidate, scene));
@@ -64,20 +77,40 @@ fn comes_first(one: &Move, other: &Move, scene: &PosedScene) -> bool {
     }
 }
 
+const SHUT: &str = "closed";
+
 fn shuts(state: &str) -> bool {
-    state == "closed"
+    state == SHUT
+}
+
+/// The state that a shut container has to be brought into before anything can be put into it; `None` when it is open
+/// already, or never shut.
+fn opening(object: usize, scene: &PosedScene) -> Option<Atom> {
+    let posed = scene.objects().nth(object)?;
+    let states = &posed.model.joint_states;
+    let shut = states.iter().find(|state| shuts(&state.name))?;
+    let joints = posed.model.links.iter().filter_map(|link| link.joint.as_ref()).zip(&posed.joint_positions);
+    let is_shut = joints.into_iter().all(|(joint, position)| {
+        let interval = shut.intervals.iter().find(|(name, _)| *name == joint.name);
+        interval.is_none_or(|(_, [low, high])| (low..=high).contains(&position))
+    });
+    let open = states.iter().find(|state| !shuts(&state.name)).filter(|_| is_shut)?;
+    Some(Atom::State { object: posed.uid.clone(), state: open.name.clone() })
 }
 
 /// Whether a move puts something into a container.
 fn is_filled(step: &Move, container: usize, scene: &PosedScene) -> bool {
-    let hollow = scene.objects().nth(container).is_some_and(|object| !object.model.cavity.is_empty());
-    hollow
+    is_hollow(container, scene)
         && step.atoms.iter().any(|atom| match atom {
             Atom::Relation { relation: Relation::In | Relation::Top, reference, .. } => {
                 scene.index_of(reference) == Some(container)
             }
             _ => false,
         })
+}
+
+fn is_hollow(object: usize, scene: &PosedScene) -> bool {
+    scene.objects().nth(object).is_some_and(|object| object.model.is_hollow())
 }
 
 /// What an atom places its subject against.

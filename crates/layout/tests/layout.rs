@@ -5,8 +5,8 @@
 use std::sync::OnceLock;
 
 use genmanip_assets::{AssetError, Catalogue, panda};
-use genmanip_core::{Document, GraphEdge, GraphNode, Relation, Scenario, Seed, Task};
-use genmanip_layout::{LayoutError, LayoutSettings, audit, lay_out};
+use genmanip_core::{Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
+use genmanip_layout::{LayoutError, LayoutSettings, audit, lay_out, moves};
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::answer::{RecordedAnswer, check_answer};
 use genmanip_scene::relations::{
@@ -270,4 +270,46 @@ fn the_audit_notices_a_lifted_and_a_sunk_object() {
     };
     assert!(shifted(0.03).drift_m > 0.02, "it falls");
     assert!(shifted(-0.005).penetration_m > 0.004, "it starts inside the table");
+}
+
+/// What is put into something shut needs it open, said or not.
+#[test]
+fn a_shut_container_is_opened_before_it_is_filled() {
+    let placed = |relation: Relation, uid: &str| Atom::Relation {
+        subject: "046".into(),
+        relation,
+        reference: uid.into(),
+        second_reference: None,
+    };
+    let state = |uid: &str, state: &str| Atom::State { object: uid.into(), state: state.into() };
+    let (inside, top) = (Relation::In, Relation::Top);
+    let cases = [
+        ("a drawer", inside, "057", vec![0.0, 0.0], vec![], vec!["057 is top_open", "046 in 057"]),
+        ("an open drawer", inside, "057", vec![0.0, 0.085], vec![], vec!["046 in 057"]),
+        ("a lid", inside, "060", vec![0.0], vec![], vec!["060 is open", "046 in 060"]),
+        (
+            "said",
+            inside,
+            "057",
+            vec![0.0, 0.0],
+            vec![state("057", "both_open")],
+            vec!["057 is both_open", "046 in 057"],
+        ),
+        ("shut later", inside, "060", vec![1.9], vec![state("060", "closed")], vec!["046 in 060", "060 is closed"]),
+        ("upon it", top, "057", vec![0.0, 0.0], vec![], vec!["046 top 057"]),
+        ("nothing to open", inside, "001", vec![], vec![], vec!["046 in 001"]),
+    ];
+    for (name, relation, uid, joints, said, expected) in cases {
+        let posed = [(uid, 0.0, joints), ("046", 0.3, Vec::new())].map(|(uid, y, joint_positions)| PosedObject {
+            uid: uid.into(),
+            model: Catalogue::builtin().build(uid).unwrap(),
+            pose: Pose::from_position(glam::DVec3::new(0.5, y, 0.0)),
+            joint_positions,
+        });
+        let scene = PosedScene::new(posed.to_vec(), &mut ShapeCache::default());
+        let goal = Goal { alternatives: vec![[vec![placed(relation, uid)], said].concat()] };
+        let found = moves(&goal, &scene);
+        let told: Vec<String> = found[0].iter().flat_map(|step| &step.atoms).map(ToString::to_string).collect();
+        assert_eq!(told, expected, "{name}");
+    }
 }

@@ -6,6 +6,7 @@
 
 mod chain;
 mod collision;
+mod depth;
 pub mod description;
 pub mod grasp;
 mod ik;
@@ -20,7 +21,11 @@ mod timing;
 mod test_robot;
 
 pub use chain::{Chain, ModelError};
-pub use collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, World};
+pub use collision::{
+    Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, SurfaceError, World,
+    triangulate,
+};
+pub use depth::{DepthError, DepthImage, DepthSettings};
 pub use description::{DescriptionError, MeshFile, read_robot};
 pub use grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper, ReachSettings, ReachableGrasp};

@@ -6,6 +6,7 @@ use genmanip_core::{Grasp, Pose, RobotModel, Seed};
 use serde::{Deserialize, Serialize};
 
 use crate::collision::{Allowed, Attached, Checker, CollisionReport, RobotError, RobotShape, World};
+use crate::depth::{self, DepthError, DepthImage, DepthSettings};
 use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings, ReachableGrasp};
 use crate::ik::{IkSettings, InverseKinematics};
@@ -17,6 +18,8 @@ use crate::timing::{self, MotionLimits, TimingSettings, Trajectory};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlannerSettings {
+    /// Clouds from depth images.
+    pub depth: DepthSettings,
     /// Inverse kinematics.
     pub ik: IkSettings,
     /// Joint-space planning.
@@ -116,6 +119,30 @@ impl Planner {
     /// The worst contact or penetration at a configuration, if any.
     pub fn check(&self, around: &Surroundings, config: &[f64]) -> Option<CollisionReport> {
         self.checker(around, 0.0).check(config)
+    }
+
+    /// The world of `around` with everything else that depth cameras see added as a cloud called `name`.
+    ///
+    /// Pixels on the robot (which stood at `config`), on what it carries and on the obstacles of `around` are left
+    /// out: put the table in as a box, and the target of a grasp under its own name.
+    /// What no camera sees counts as free.
+    ///
+    /// # Errors
+    /// Images that cannot be used, or that see nothing at all.
+    pub fn world_seen(
+        &self,
+        around: &Surroundings,
+        config: &[f64],
+        name: &str,
+        images: &[DepthImage],
+    ) -> Result<World, DepthError> {
+        let settings = &self.settings.depth;
+        let points = depth::unexplained_points(&self.checker(around, 0.0), config, images, settings)?;
+        let mut world = around.world.clone();
+        if !points.is_empty() {
+            world.add_points(name, &points, settings.radius_m)?;
+        }
+        Ok(world)
     }
 
     /// A short, smooth, collision-free path from `start` to one of `goals`.

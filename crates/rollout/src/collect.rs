@@ -196,6 +196,7 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         frames: 0,
         tcp_path_m: 0.0,
         max_stray_contact_n: 0.0,
+        stray_contact: None,
         engine: genmanip_sim::engine_version(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     }

@@ -1,15 +1,14 @@
 //! The one loop: observe, act, step, record; settle; judge.
 
 use genmanip_core::{
-    ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, Observation, Policy,
-    PolicyError, PolicySpec, Pose, PrivilegedState, Seed,
+    ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, HandPhase,
+    Observation, Policy, PolicyError, PolicySpec, PrivilegedState, Seed, StrayContact,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{Sim, SimError};
-use glam::DVec3;
 use std::sync::Arc;
 
-use crate::{RolloutError, RolloutSettings, Stage};
+use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
 /// Runs one episode and judges it.
 ///
@@ -118,6 +117,8 @@ struct Recording<'a> {
     initial_state: Vec<f64>,
     frames: Vec<Frame>,
     success_once: bool,
+    worst_stray_n: f64,
+    stray_contact: Option<StrayContact>,
     /// State each object was in when it was last judged: a state lasts until it is clearly left.
     states: Vec<Option<String>>,
 }
@@ -127,7 +128,17 @@ impl<'a> Recording<'a> {
         let sim = Sim::new(Arc::clone(&stage.scene));
         let initial_state = sim.state();
         let states = joint_states(stage.start(), &stage.relations);
-        Self { stage, settings, sim, initial_state, frames: Vec::new(), success_once: false, states }
+        Self {
+            stage,
+            settings,
+            sim,
+            initial_state,
+            frames: Vec::new(),
+            success_once: false,
+            worst_stray_n: 0.0,
+            stray_contact: None,
+            states,
+        }
     }
 
     fn observe(&mut self, spec: &PolicySpec) -> Observation {
@@ -155,11 +166,28 @@ impl<'a> Recording<'a> {
     }
 
     fn step(&mut self, action: &[f32]) -> Result<(), RolloutError> {
-        self.frames.push(self.sim.control_step(action)?);
+        let frame = self.sim.control_step(action)?;
+        self.note_stray(&frame);
+        self.frames.push(frame);
         if self.frames.len().is_multiple_of(self.settings.judge_every) {
             self.success_once |= self.judge().success;
         }
         Ok(())
+    }
+
+    /// Keeps who touched what in the hardest stray contact so far.
+    fn note_stray(&mut self, frame: &Frame) {
+        let Some([link, other]) = self.sim.stray_bodies().filter(|_| frame.stray_contact_n > self.worst_stray_n) else {
+            return;
+        };
+        let before = self.frames.last().unwrap_or(frame).command.last().copied().unwrap_or_default();
+        self.worst_stray_n = frame.stray_contact_n;
+        self.stray_contact = Some(StrayContact {
+            time_s: frame.time_s,
+            link: self.stage.scene.body_name(link),
+            other: self.stage.scene.body_name(other),
+            hand: HandPhase::of(frame, before),
+        });
     }
 
     fn settle(&mut self) -> Result<(), RolloutError> {
@@ -187,37 +215,10 @@ impl<'a> Recording<'a> {
         judge_goal(&scene, &self.stage.scenario.task.goal, &rest, &self.stage.relations)
     }
 
-    /// What became of objects that no condition of the goal asks to be moved, if one was displaced or fell over.
-    fn disturbed(&self) -> Option<String> {
-        let goal = &self.stage.scenario.task.goal;
-        let placed = self.stage.scenario.objects.iter();
-        placed.zip(self.sim.object_states()).enumerate().find_map(|(index, (before, now))| {
-            let moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.uid);
-            let shift = before.pose.position.distance(now.pose.position);
-            let up = |pose: &Pose| pose.transform_vector(DVec3::Z);
-            let tilt = up(&before.pose).angle_between(up(&now.pose));
-            let displaced = shift > self.settings.disturbed_m || tilt > self.settings.disturbed_rad;
-            (!moved && displaced).then(|| {
-                let (name, tilt) = (self.stage.name(index), tilt.to_degrees());
-                let what = if tilt > 30.0 { "knocked over" } else { "pushed away" };
-                format!("{name} was {what}: moved {:.0} mm, tilted {tilt:.0}°", shift * 1e3)
-            })
-        })
-    }
-
     fn finish(mut self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {
         let verdict = self.judge();
         let success = verdict.success;
-        let failure = (!success).then(|| {
-            let failure = failure.unwrap_or_else(|| missed(&verdict));
-            self.disturbed().filter(|_| failure.cause == FailureCause::GoalMissed).map_or(
-                failure.clone(),
-                |disturbed| {
-                    let evidence = format!("{disturbed}; {}", failure.evidence);
-                    Failure { cause: FailureCause::Disturbed, evidence }
-                },
-            )
-        });
+        let failure = (!success).then(|| evidence::explain(self.stage, &self.frames, &verdict, failure, self.settings));
         let path = self.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
         let result = EpisodeResult {
             id: id.into(),
@@ -235,7 +236,8 @@ impl<'a> Recording<'a> {
             control_rate_hz: self.stage.control_rate_hz(),
             frames: self.frames.len(),
             tcp_path_m: path,
-            max_stray_contact_n: self.frames.iter().map(|frame| frame.stray_contact_n).fold(0.0, f64::max),
+            max_stray_contact_n: self.worst_stray_n,
+            stray_contact: self.stray_contact,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };
@@ -252,14 +254,4 @@ impl<'a> Recording<'a> {
 /// The state each object is in.
 fn joint_states(scene: &PosedScene, relations: &RelationSettings) -> Vec<Option<String>> {
     (0..scene.objects().len()).map(|index| joint_state(scene, index, relations)).collect()
-}
-
-/// The atom that is farthest from holding in the best alternative.
-fn missed(verdict: &GoalVerdict) -> Failure {
-    let worst =
-        verdict.best().into_iter().flatten().filter(|atom| !atom.holds).min_by(|a, b| a.margin.total_cmp(&b.margin));
-    Failure {
-        cause: FailureCause::GoalMissed,
-        evidence: worst.map_or("the goal does not hold".into(), |atom| format!("{}: {}", atom.atom, atom.explanation)),
-    }
 }

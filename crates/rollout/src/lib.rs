@@ -6,6 +6,7 @@
 pub mod collect;
 pub mod episode_loop;
 pub mod evaluate;
+pub mod evidence;
 pub mod expert;
 pub mod grasp_trial;
 pub mod images;

@@ -156,10 +156,13 @@ impl TouchTally {
         self.held_at_start
     }
 
-    /// Largest stray force, N; what is held does not count, whatever part of the robot it touches, and neither does
-    /// the gripper on a moving link of an articulated object.
-    pub fn stray_force(&self) -> f64 {
+    /// Largest stray force, N, and between which bodies, the robot's link first.
+    ///
+    /// What is held does not count, whatever part of the robot it touches, and neither does the gripper on a moving
+    /// link of an articulated object.
+    pub fn stray(&self) -> Option<(f64, [BodyId; 2])> {
         let is_held = |body: &BodyId| matches!(body, BodyId::Object { object, .. } if self.held.contains(object));
-        self.stray.iter().filter(|((_, other), _)| !is_held(other)).map(|(_, force)| *force).fold(0.0, f64::max)
+        let pairs = self.stray.iter().filter(|((_, other), _)| !is_held(other));
+        pairs.map(|(&(link, other), &force)| (force, [link, other])).max_by(|a, b| a.0.total_cmp(&b.0))
     }
 }

@@ -6,7 +6,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Frame, ObjectState, Pose};
 use mujoco_rs::wrappers::{MjData, MjModel, MjtState};
 
-use crate::contact::{ContactReport, Finger, TouchTally, contacts};
+use crate::contact::{BodyId, ContactReport, Finger, TouchTally, contacts};
 use crate::drive::{applied_command, lerp, next_setpoint};
 use crate::scene::RobotIndex;
 use crate::{Scene, SimError};
@@ -22,6 +22,8 @@ const CONSTRAINTS_FULL: usize = 2;
 pub struct Sim {
     pub(crate) scene: Arc<Scene>,
     pub(crate) data: MjData<Arc<MjModel>>,
+    /// Bodies of the hardest stray contact in the last control interval.
+    stray: Option<[BodyId; 2]>,
 }
 
 impl std::fmt::Debug for Sim {
@@ -38,7 +40,7 @@ impl Sim {
         let reset = data.reset_keyframe(0);
         debug_assert!(reset.is_ok());
         data.kinematics();
-        Self { scene, data }
+        Self { scene, data, stray: None }
     }
 
     /// The scene.
@@ -105,8 +107,15 @@ impl Sim {
         }
         self.data.kinematics();
         frame.grasped = touches.grasped();
-        frame.stray_contact_n = touches.stray_force();
+        let (force, bodies) = touches.stray().unzip();
+        frame.stray_contact_n = force.unwrap_or(0.0);
+        self.stray = bodies;
         Ok(frame)
+    }
+
+    /// Between which bodies the last control step's `stray_contact_n` was, the robot's link first.
+    pub fn stray_bodies(&self) -> Option<[BodyId; 2]> {
+        self.stray
     }
 
     /// Runs physics steps with the drives holding their last targets.

@@ -83,8 +83,7 @@ fn wedge(pieces: Vec<Piece>) -> ObjectModel {
         family: "test".into(),
         seed: Seed::new(0),
         generator_version: 1,
-        links: vec![ObjectLink { name: "body".into(), joint: None, visual: vec![], pieces, mass }],
-        cavity: vec![],
+        links: vec![ObjectLink { name: "body".into(), joint: None, visual: vec![], pieces, cavity: vec![], mass }],
         friction: 0.5,
         joint_states: vec![],
     }

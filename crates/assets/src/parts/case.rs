@@ -10,7 +10,8 @@ use crate::solid::Solid;
 
 /// A box that is open towards the front (-x), with shelves: carcass of a cabinet, microwave.
 ///
-/// Collision: a box per wall and shelf, of which the floor alone touches the table; cavity: the room above each shelf.
+/// Collision: a box per wall and shelf, of which the floor alone touches the table; cavity: the room above each shelf,
+/// unless drawers fill it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
@@ -27,6 +28,9 @@ pub struct Case {
     /// Thickness of a shelf.
     #[serde(default)]
     pub shelf: f64,
+    /// Whether drawers fill the room, so that nothing can lie in it but in them.
+    #[serde(default)]
+    pub drawers: bool,
     /// Look of the outside and of the walls' edges.
     pub outside: Finish,
     /// Look of the inside.
@@ -70,8 +74,10 @@ impl Case {
                 let (from, to) = (low.with_z(floor - self.shelf), high.with_z(floor));
                 self.block("shelf", from, to, &[Face::Top, Face::Bottom]).add_to(draft, seed.fork("shelf"));
             }
-            let (from, to) = (low.with_z(floor), high.with_z(floor + room));
-            draft.cavity.push(Solid::cuboid(Pose::from_position((from + to) / 2.0), (to - from) / 2.0).piece);
+            if !self.drawers {
+                let (from, to) = (low.with_z(floor), high.with_z(floor + room));
+                draft.cavity.push(Solid::cuboid(Pose::from_position((from + to) / 2.0), (to - from) / 2.0).piece);
+            }
         }
     }
 

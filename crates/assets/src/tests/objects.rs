@@ -59,7 +59,7 @@ fn lofts_are_convex_and_few() {
         if !(1..=48).contains(&pieces().count()) {
             flaws.push(format!("{} pieces", pieces().count()));
         }
-        for (index, piece) in pieces().chain(&model.cavity).enumerate() {
+        for (index, piece) in pieces().chain(&model.cavities(&[])).enumerate() {
             let Shape::Hull { points } = &piece.shape else { continue };
             // A point that is no corner of the hull can be left out without changing it: every point must be extreme
             // in some direction, up to the chord error of a bent tube.
@@ -177,17 +177,16 @@ fn hollow_objects_are_hollow() {
     check_all(|model| {
         let lidded = model.family == "teapot";
         let mut flaws = Vec::new();
-        if model.cavity.is_empty() != (!model.card.is_container || lidded)
-            && !["spoon", "ladle"].contains(&&*model.family)
-        {
-            flaws.push(format!("container {} but {} cavities", model.card.is_container, model.cavity.len()));
+        if model.is_hollow() == (!model.card.is_container || lidded) && !["spoon", "ladle"].contains(&&*model.family) {
+            flaws.push(format!("container {} but hollow {}", model.card.is_container, model.is_hollow()));
         }
-        for cavity in &model.cavity {
+        let poses = model.link_poses(&[]);
+        for cavity in model.cavities(&[]) {
             let center = cavity.link_from_piece.position;
-            for (index, piece) in model.links[0].pieces.iter().enumerate() {
-                let gap = separation(piece, center);
-                if gap <= 0.0 {
-                    flaws.push(format!("piece {index} fills the middle of the cavity"));
+            for (link, pose) in model.links.iter().zip(&poses) {
+                let local = pose.inverse().transform_point(center);
+                if link.pieces.iter().any(|piece| separation(piece, local) <= 0.0) {
+                    flaws.push(format!("{} fills the middle of a cavity", link.name));
                 }
             }
         }

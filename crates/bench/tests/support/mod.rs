@@ -161,6 +161,7 @@ pub fn result(task: &Task, policy: &str, number: u64, success: bool, failure: Op
         frames: 560 + 42 * number as usize,
         tcp_path_m: if policy == "do_nothing" { 0.0 } else { 1.9 + 0.11 * number as f64 },
         max_stray_contact_n: if success { 1.2 } else { 31.0 },
+        stray_contact: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

@@ -25,9 +25,10 @@ pub enum LabCommand {
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
     #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
-    /// Plan a file of motion problems, test every returned path again, and time planning, timing and kinematics
+    /// Plan motion problems, test every returned path again, and time planning, timing and kinematics
     #[command(after_help = "Examples:\n  genmanip lab motion --problems problems.json --json\n  \
-                      genmanip lab motion --problems problems.json --robot panda/ --json\n\n\
+                      genmanip lab motion --problems problems.json --robot panda/ --json\n  \
+                      genmanip lab motion --generate hard --seed 7 --count 100 --out problems.json\n\n\
                       A problem holds joint positions start and goal, and obstacles (box: size; cylinder: radius, \
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
@@ -134,17 +135,29 @@ pub struct ExpertArguments {
 #[derive(Debug, Args)]
 pub struct MotionArguments {
     /// Problems: {"problems": [{"start", "goal", "obstacles"}]}
-    #[arg(long, value_name = "FILE")]
-    pub problems: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "generate")]
+    pub problems: Option<PathBuf>,
+    /// Make problems instead: picking and placing on a table, hard ones with a shelf and taller things
+    #[arg(long, value_parser = ["easy", "hard"], conflicts_with = "problems")]
+    pub generate: Option<String>,
+    /// Problems to make
+    #[arg(long, default_value_t = 100, value_parser = super::parse_count, requires = "generate")]
+    pub count: usize,
+    /// Also write the problems that were made to this file
+    #[arg(long, value_name = "FILE", requires = "generate")]
+    pub out: Option<PathBuf>,
     /// Folder of another robot, or its URDF; without it, the built-in Panda
     #[arg(long, value_name = "DIR")]
     pub robot: Option<PathBuf>,
     /// Link of that robot that is the tool frame
     #[arg(long, value_name = "LINK", requires = "robot")]
     pub tip: Option<String>,
-    /// Seed of the searches
+    /// Seed of the searches, and of the problems that are made
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// Longest edge of the search tree, rad; without it, the planner's own
+    #[arg(long, value_name = "RAD", value_parser = super::parse_positive)]
+    pub rrt_range: Option<f64>,
     /// Write the states of every path, 0.02 rad apart, to this JSON file
     #[arg(long, value_name = "FILE")]
     pub paths: Option<PathBuf>,

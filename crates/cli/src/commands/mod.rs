@@ -8,6 +8,7 @@ pub mod export;
 pub mod grasps;
 pub mod lab;
 pub mod layout;
+pub mod plan;
 pub mod replay;
 pub mod report;
 pub mod task;

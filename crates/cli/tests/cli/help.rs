@@ -13,6 +13,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["task", "check"],
         &["task", "show"],
         &["layout"],
+        &["plan"],
         &["collect"],
         &["evaluate"],
         &["replay"],

@@ -7,6 +7,7 @@ mod designing;
 mod help;
 mod interrupted;
 mod motion;
+mod planning;
 mod refusals;
 mod runs;
 

@@ -35,6 +35,13 @@ fn lab_motion_plans_and_tests_again() {
     for key in ["time_scaling_ms", "ik_us"] {
         assert!(measured[key].as_f64().unwrap() > 0.0, "{measured}");
     }
+    // The camera sees the post and the box; inside of the box, which it sees from without, the goal touches nothing seen.
+    let depth = &measured["depth"];
+    assert_eq!((&depth["problems"], &depth["touching_cloud"]), (&2.into(), &0.into()), "{measured}");
+    let counted = |key: &str| depth[key].as_u64().unwrap();
+    assert_eq!(counted("planned") + counted("start_or_goal_in_cloud"), 2, "{measured}");
+    assert!(counted("solved") >= 1 && depth["points"].as_f64().unwrap() > 100.0, "{measured}");
+    assert!(measured["depth_to_path_ms"]["p95"].as_f64().unwrap() > 0.0, "{measured}");
     // The post is in the straight way of 1.8 rad.
     let length = measured["path_length_rad"]["median"].as_f64().unwrap();
     assert!(length > 1.81 && length < 8.0 && measured["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{measured}");
@@ -64,4 +71,35 @@ fn lab_motion_plans_and_tests_again() {
         let arguments = ["lab", "motion", "--problems", file, "--robot", robot];
         genmanip(folder.path(), &arguments).assert_refused(&wanted);
     }
+}
+
+/// Fresh problems read back as they were planned, and their starts and goals touch nothing.
+#[test]
+fn lab_motion_makes_problems() {
+    let folder = tempfile::tempdir().unwrap();
+    let measure = |arguments: [&str; 4]| {
+        let more = ["--count", "7", "--out", "made.json"];
+        let more = if arguments[0] == "--generate" { &more[..] } else { &[] };
+        let arguments = [&["lab", "motion", "--json"], &arguments[..], more].concat();
+        let measured = genmanip(folder.path(), &arguments).json(0);
+        assert_eq!((&measured["problems"], &measured["invalid_paths"]), (&7.into(), &0.into()), "{measured}");
+        assert!(!measured["failures"].to_string().contains("in collision"), "{measured}");
+        measured["path_length_rad"].clone()
+    };
+    for (kind, obstacles) in [("easy", 6..=13), ("hard", 14..=18)] {
+        let fresh = measure(["--generate", kind, "--seed", "5"]);
+        let text = std::fs::read(folder.path().join("made.json")).unwrap();
+        let written: serde_json::Value = serde_json::from_slice(&text).unwrap();
+        let problems = written["problems"].as_array().unwrap();
+        assert_eq!(problems[0]["goal"], problems[1]["start"], "a chain of motions");
+        for problem in problems {
+            let count = problem["obstacles"].as_array().unwrap().len();
+            assert!(obstacles.contains(&count), "{kind}: {count} obstacles");
+        }
+        if kind == "hard" {
+            assert_eq!(measure(["--problems", "made.json", "--seed", "5"]), fresh);
+        }
+    }
+    let refused = genmanip(folder.path(), &["lab", "motion", "--rrt-range", "0"]);
+    assert_eq!(refused.code, Some(2), "{refused:?}");
 }

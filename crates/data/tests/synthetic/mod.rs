@@ -133,6 +133,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         frames,
         tcp_path_m: wiggle(number, 1).abs(),
         max_stray_contact_n: 0.1,
+        stray_contact: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

@@ -29,6 +29,8 @@ pub struct JointSettings {
     pub follow: Vec<f64>,
     /// Arm configurations tried per contact.
     pub configurations: usize,
+    /// Distance the robot keeps from everything but the object itself while the joint moves, metres.
+    pub room_m: f64,
     /// Largest motion of the contact between two states that are tested, metres.
     pub step_m: f64,
     /// Largest turn between two states that are tested, radians.
@@ -44,6 +46,7 @@ impl Default for JointSettings {
             approach_m: 0.07,
             follow: vec![1.0, 0.5, 0.0],
             configurations: 6,
+            room_m: 0.003,
             step_m: 0.012,
             step_rad: 0.06,
             max_arm_step_rad: 0.3,

@@ -128,6 +128,12 @@ impl<'a> Sweeper<'a> {
             .collect()
     }
 
+    /// Position of the joint to which the hand is sent, a little farther than the joint is to go when it pushes.
+    pub fn end(&self, sweep: &JointSweep) -> f64 {
+        let motion = Motion::of(self.object, self.change, sweep.target);
+        sweep.target + motion.map_or(0.0, |motion| beyond(&motion, &sweep.contact))
+    }
+
     /// The object's surroundings and itself, joint at a position.
     pub fn world_at(&self, position: f64) -> World {
         let mut world = self.others.clone();
@@ -181,7 +187,8 @@ impl<'a> Sweeper<'a> {
         worlds: &[(f64, World)],
         tally: &mut Tally,
     ) -> bool {
-        let mut previous = config.to_vec();
+        let config = &config.to_vec();
+        let mut previous = config.clone();
         let mut way = Vec::new();
         for (by, _) in worlds.iter().skip(1) {
             let pose = tcp_at(motion, contact, *by);
@@ -192,7 +199,18 @@ impl<'a> Sweeper<'a> {
             way.push(next.clone());
             previous = next;
         }
+        let end = worlds.last().map_or(0.0, |(by, _)| *by);
+        let pressed = tcp_at(motion, contact, end + beyond(motion, contact));
+        let Some(last) = self.planner.ik_near(&pressed, &previous, self.settings.max_arm_step_rad) else {
+            tally.unfollowed += 1;
+            return false;
+        };
+        let nothing = Allowed::none();
+        let others =
+            Surroundings { world: &self.others, attached: None, allowed: &nothing, gripper_width: contact.open_width };
+        let roomy = self.planner.checker(&others, self.settings.room_m);
         way.iter().zip(worlds.iter().skip(1)).all(|(config, (_, world))| is_free(self.planner, world, contact, config))
+            && way.iter().chain([config, &last]).all(|config| roomy.is_free(config))
     }
 }
 
@@ -208,6 +226,12 @@ fn is_free(planner: &Planner, world: &World, contact: &JointContact, config: &[f
     let nothing = Allowed::none();
     let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
     planner.checker(&around, 0.0005).is_free(config)
+}
+
+/// By how much farther than the joint the hand is sent: a push first closes the gap, and presses no more at the end.
+fn beyond(motion: &Motion, contact: &JointContact) -> f64 {
+    let (_, lever) = motion.velocity(contact.world_from_tcp.transform_point(contact.tool_point));
+    contact.gap_m / lever.max(1e-3) * motion.sign
 }
 
 /// Pose of the tcp when the joint has moved `by`.

@@ -4,7 +4,9 @@ use super::convex::{self, Ball, Convex, Separation};
 use super::cover::CoverBall;
 use super::narrow::Skeleton;
 use super::pair_table::PairTable;
+use super::probe::Planes;
 use super::robot_shape::{LinkShape, RobotShape, ball_around};
+use super::surface::{Excused, Surface};
 use super::world::{Attached, Obstacle, Part};
 use crate::rigid::Rigid;
 
@@ -21,6 +23,7 @@ pub(super) struct Body<'a> {
     pub(super) pieces: &'a [Convex],
     pub(super) cover: &'a [CoverBall],
     pub(super) skeletons: &'a [Skeleton],
+    pub(super) planes: &'a [Planes],
     /// Ball around the body, in the moving frame.
     pub(super) ball: Ball,
 }
@@ -45,6 +48,9 @@ pub(super) struct Target<'a> {
     pub(super) world_from_obstacle: Rigid,
     pub(super) ball: Ball,
     pub(super) pieces: Vec<TargetPiece<'a>>,
+    pub(super) surface: Option<&'a Surface>,
+    /// Facets of the surface that need not be kept away from as the others.
+    pub(super) excused: Excused,
 }
 
 /// A piece of an obstacle.
@@ -72,12 +78,26 @@ impl<'a> Target<'a> {
         Self {
             name: &obstacle.name,
             world_from_obstacle,
-            ball: ball_around(obstacle.pieces.iter().map(|piece| moved(&world_from_obstacle, &piece.ball))),
+            ball: obstacle.surface.as_ref().map_or_else(
+                || ball_around(obstacle.pieces.iter().map(|piece| moved(&world_from_obstacle, &piece.ball))),
+                |surface| surface.ball,
+            ),
             pieces: obstacle.pieces.iter().map(piece).collect(),
+            surface: obstacle.surface.as_deref(),
+            excused: Excused::default(),
         }
     }
 
+    /// Whether a ball in the world certainly keeps `margin` from the obstacle.
+    pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
+        self.surface.is_none_or(|surface| apart(ball, &surface.ball, margin))
+            && self.pieces.iter().all(|piece| piece.clear_of(ball, margin))
+    }
+
     pub(super) fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> bool {
+        if let Some(surface) = self.surface {
+            return surface.closer_than(body, world_from_body, margin, &self.excused);
+        }
         if margin <= 0.0 {
             return matches!(self.separation(body, world_from_body, margin), Separation::Within(d) if d < margin);
         }
@@ -95,6 +115,9 @@ impl<'a> Target<'a> {
     }
 
     pub(super) fn separation(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> Separation {
+        if let Some(surface) = self.surface {
+            return surface.separation(body, world_from_body, margin, &self.excused);
+        }
         let limit = margin.max(0.0);
         let mut nearest = Separation::Beyond;
         for piece in body.pieces {
@@ -151,15 +174,15 @@ pub(super) fn bodies<'a>(robot: &'a RobotShape, attached: Option<&'a Attached>, 
     let links = robot.links.iter().enumerate().filter(|(_, link)| !link.pieces.is_empty()).map(|(index, link)| {
         let (frame, frame_from_body) = robot.chain.link_mount(index, gripper_width);
         let ball = around(&frame_from_body, &link.cover);
-        let LinkShape { name, pieces, cover, skeletons } = link;
-        Body { part: Part::Link(index), name, frame, frame_from_body, pieces, cover, skeletons, ball }
+        let LinkShape { name, pieces, cover, skeletons, planes } = link;
+        Body { part: Part::Link(index), name, frame, frame_from_body, pieces, cover, skeletons, planes, ball }
     });
     let carried = attached.map(|attached| {
         let (frame, frame_from_tcp) = robot.chain.tcp_mount();
         let frame_from_body = frame_from_tcp * attached.tcp_from_object;
         let ball = around(&frame_from_body, &attached.cover);
-        let Attached { name, pieces, cover, skeletons, .. } = attached;
-        Body { part: Part::Attached, name, frame, frame_from_body, pieces, cover, skeletons, ball }
+        let Attached { name, pieces, cover, skeletons, planes, .. } = attached;
+        Body { part: Part::Attached, name, frame, frame_from_body, pieces, cover, skeletons, planes, ball }
     });
     links.chain(carried).collect()
 }
@@ -230,6 +253,20 @@ pub(super) fn reaches(robot: &RobotShape, body: &Body) -> Vec<f64> {
         frame = joint.parent_frame;
     }
     reach
+}
+
+/// A ball in the world that the body cannot leave, whatever the joints do.
+pub(super) fn room(robot: &RobotShape, body: &Body) -> Ball {
+    let mut room = body.ball;
+    let mut frame = body.frame;
+    while frame > 0 {
+        let joint = &robot.chain.joints()[frame - 1];
+        let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+        let radius = room.center.length() + room.radius + slide;
+        room = Ball { center: joint.parent_from_joint.translation, radius };
+        frame = joint.parent_frame;
+    }
+    room
 }
 
 fn nearer(a: Separation, b: Separation) -> Separation {

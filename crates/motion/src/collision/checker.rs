@@ -4,11 +4,12 @@ use std::cell::RefCell;
 
 use super::bodies::{
     Body, BodyPair, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved,
-    reaches,
+    reaches, room,
 };
 use super::convex::Separation;
 use super::cover::CoverBall;
 use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, FastPiece, Scratch};
+use super::probe::Solid;
 use super::robot_shape::RobotShape;
 use super::world::{Allowed, Attached, Part, World};
 
@@ -43,7 +44,7 @@ pub struct Checker<'a> {
     pub(super) robot: &'a RobotShape,
     pub(super) bodies: Vec<Body<'a>>,
     pub(super) obstacles: Vec<Target<'a>>,
-    /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed.
+    /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed or out of reach.
     pub(super) obstacle_margin: Vec<Option<f64>>,
     pub(super) body_pairs: Vec<BodyPair>,
     /// Largest speed of any point of each body per unit speed of each joint.
@@ -71,9 +72,11 @@ impl<'a> Checker<'a> {
         let obstacle_margin = bodies
             .iter()
             .flat_map(|body| {
-                obstacles
-                    .iter()
-                    .map(|target| (body.frame > 0 && !allowed.contains(body.part, target.name)).then_some(padding))
+                let room = room(robot, body);
+                let may_meet = move |target: &Target| {
+                    body.frame > 0 && !allowed.contains(body.part, target.name) && !target.clear_of(&room, padding)
+                };
+                obstacles.iter().map(move |target| may_meet(target).then_some(padding))
             })
             .collect();
         let body_pairs = body_pairs(robot, &bodies, padding);
@@ -185,9 +188,16 @@ impl<'a> Checker<'a> {
         let count = self.obstacles.len();
         for (index, body) in self.bodies.iter().enumerate() {
             let world_from_body = frames[body.frame] * body.frame_from_body;
-            for (target, slot) in self.obstacles.iter().zip(&mut self.obstacle_margin[index * count..]) {
+            for (target, slot) in self.obstacles.iter_mut().zip(&mut self.obstacle_margin[index * count..]) {
                 let Some(margin) = slot else { continue };
                 if apart(&moved(&frames[body.frame], &body.ball), &target.ball, *margin) {
+                    continue;
+                }
+                if let Some(surface) = target.surface {
+                    surface.each_near(body, &world_from_body, *margin, |facet, distance| {
+                        target.excused.add(body, facet, relaxed(distance).min(*margin));
+                        note_worst(&mut worst, body.name, target.name, distance);
+                    });
                     continue;
                 }
                 if let Separation::Within(distance) = target.separation(body, &world_from_body, *margin) {
@@ -212,13 +222,58 @@ impl<'a> Checker<'a> {
         }
     }
 
+    /// Pieces of robot and attached object at a configuration (`true`), then those of obstacles; surfaces are left out.
+    pub(crate) fn solids(&self, config: &[f64]) -> impl Iterator<Item = (Solid<'_>, bool)> {
+        let frames = self.robot.chain.frames(config);
+        let moving = self.bodies.iter().flat_map(move |body| {
+            let world_from_body = frames[body.frame] * body.frame_from_body;
+            body.pieces.iter().zip(body.planes).map(move |(piece, planes)| {
+                let core_from_world = (world_from_body * piece.owner_from_core).inverse();
+                (Solid { piece, planes: Some(planes), core_from_world }, true)
+            })
+        });
+        let fixed =
+            self.obstacles.iter().flat_map(|target| &target.pieces).map(|piece| {
+                (Solid { piece: piece.convex, planes: None, core_from_world: piece.core_from_world }, false)
+            });
+        moving.chain(fixed)
+    }
+
+    /// No point of the robot or of what it carries ever is farther from the base, m.
+    pub(crate) fn reach_m(&self) -> f64 {
+        let from_base = |body: &Body| {
+            let room = room(self.robot, body);
+            room.center.length() + room.radius
+        };
+        self.bodies.iter().map(from_base).fold(0.0, f64::max)
+    }
+
+    /// The same tests, but pairs that may come closer keep `distance` metres again.
+    pub(crate) fn keeping(&self, distance: f64) -> Self {
+        let mut firmer = self.clone();
+        for margin in firmer.obstacle_margin.iter_mut().flatten() {
+            *margin = margin.max(distance);
+        }
+        for pair in &mut firmer.body_pairs {
+            pair.margin = pair.margin.max(distance);
+        }
+        firmer.refresh_fast_margins();
+        firmer
+    }
+
+    /// Whether every pair keeps at least `distance` metres, none having been allowed to come closer.
+    pub(crate) fn keeps(&self, distance: f64) -> bool {
+        let obstacles = self.obstacle_margin.iter().flatten();
+        obstacles.chain(self.body_pairs.iter().map(|pair| &pair.margin)).all(|margin| *margin >= distance)
+    }
+
     fn margins_of(&self, body: usize) -> &[Option<f64>] {
         let count = self.obstacles.len();
         &self.obstacle_margin[body * count..(body + 1) * count]
     }
 }
 
-fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target]) -> FastModel<'a> {
+fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target<'a>]) -> FastModel<'a> {
     let joint = |joint: &crate::chain::ChainJoint| FastJoint {
         parent_frame: joint.parent_frame,
         parent_from_joint: (&joint.parent_from_joint).into(),
@@ -234,9 +289,10 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target])
         cover: body.cover.iter().map(|ball| (&placed(body, ball)).into()).collect(),
     };
     let piece = |piece: &TargetPiece| FastPiece::new(&piece.convex.core, piece.convex.radius, &piece.core_from_world);
-    let obstacle = |target: &Target| FastObstacle {
+    let obstacle = |target: &Target<'a>| FastObstacle {
         ball: (&target.ball).into(),
         pieces: target.pieces.iter().map(piece).collect(),
+        field: target.surface.map(|surface| &surface.field),
     };
     FastModel {
         joints: robot.chain.joints().iter().map(joint).collect(),

@@ -130,7 +130,8 @@ impl Core {
         }
     }
 
-    fn nearest_is_exact(&self) -> bool {
+    /// Whether `distance_bound` is the distance.
+    pub(super) fn nearest_is_exact(&self) -> bool {
         !matches!(self, Self::Hull { .. } | Self::Ellipsoid(_))
     }
 
@@ -240,10 +241,14 @@ pub(crate) enum Separation {
 /// Whether `b` comes within `margin` of `a`; `a_from_b` relates their owners' frames.
 pub(crate) fn closer_than(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
     let pose = core_from_core(a, b, world_from_a, world_from_b);
-    let reach = margin + a.radius + b.radius;
-    let mut simplex = first_simplex(&pose, &a.core, &b.core);
-    match gjk::closest_points(&pose, &a.core, &b.core, reach.max(0.0), false, &mut simplex) {
-        GJKResult::NoIntersection(direction) => !separated(&pose, &a.core, &b.core, direction, reach),
+    cores_closer_than(&pose, &a.core, &b.core, margin + a.radius + b.radius)
+}
+
+/// Whether core `b` comes within `reach` of core `a`.
+pub(super) fn cores_closer_than(a_from_b: &ParryPose, a: &Core, b: &impl SupportMap, reach: f64) -> bool {
+    let mut simplex = first_simplex(a_from_b, a, b);
+    match gjk::closest_points(a_from_b, a, b, reach.max(0.0), false, &mut simplex) {
+        GJKResult::NoIntersection(direction) => !separated(a_from_b, a, b, direction, reach),
         _ => true,
     }
 }
@@ -274,19 +279,29 @@ pub(crate) fn quickly_closer_than(
 /// The distance of two bodies if it is at most `limit`, with penetration depth.
 pub(crate) fn separation(a: &Convex, b: &Convex, world_from_a: &Rigid, world_from_b: &Rigid, limit: f64) -> Separation {
     let pose = core_from_core(a, b, world_from_a, world_from_b);
-    let rounding = a.radius + b.radius;
-    let mut simplex = first_simplex(&pose, &a.core, &b.core);
-    match gjk::closest_points(&pose, &a.core, &b.core, (limit + rounding).max(0.0), true, &mut simplex) {
+    cores_separation(&pose, &a.core, &b.core, a.radius + b.radius, limit)
+}
+
+/// Like `separation`, of two cores that are rounded by `rounding` together.
+pub(super) fn cores_separation(
+    a_from_b: &ParryPose,
+    a: &Core,
+    b: &impl SupportMap,
+    rounding: f64,
+    limit: f64,
+) -> Separation {
+    let mut simplex = first_simplex(a_from_b, a, b);
+    match gjk::closest_points(a_from_b, a, b, (limit + rounding).max(0.0), true, &mut simplex) {
         GJKResult::ClosestPoints(p, q, _) => {
             let distance = p.distance(q) - rounding;
             if distance > limit { Separation::Beyond } else { Separation::Within(distance) }
         }
-        GJKResult::NoIntersection(direction) if separated(&pose, &a.core, &b.core, direction, limit + rounding) => {
+        GJKResult::NoIntersection(direction) if separated(a_from_b, a, b, direction, limit + rounding) => {
             Separation::Beyond
         }
         _ => {
             let depth = EPA::new()
-                .closest_points(&pose, &a.core, &b.core, &simplex)
+                .closest_points(a_from_b, a, b, &simplex)
                 .map_or(0.0, |(p, q, normal)| (q - p).dot(normal).min(0.0));
             Separation::Within(depth - rounding)
         }
@@ -294,11 +309,11 @@ pub(crate) fn separation(a: &Convex, b: &Convex, world_from_a: &Rigid, world_fro
 }
 
 /// GJK gives up after a number of steps with the same answer as for "far apart": believe it only with a witness.
-fn separated(pose: &ParryPose, a: &Core, b: &Core, direction: Vector, reach: f64) -> bool {
+fn separated(pose: &ParryPose, a: &Core, b: &impl SupportMap, direction: Vector, reach: f64) -> bool {
     -direction.dot(CsoPoint::from_shapes(pose, a, b, direction).point) > reach
 }
 
-fn first_simplex(pose: &ParryPose, a: &Core, b: &Core) -> VoronoiSimplex {
+fn first_simplex(pose: &ParryPose, a: &Core, b: &impl SupportMap) -> VoronoiSimplex {
     let mut simplex = VoronoiSimplex::new();
     let direction = pose.translation.try_normalize().unwrap_or(Vector::X);
     simplex.reset(CsoPoint::from_shapes(pose, a, b, direction));

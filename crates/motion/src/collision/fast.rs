@@ -1,5 +1,7 @@
 //! The fast path: balls that cover the robot against simple bounds of the obstacles, eight configurations at a time.
 //!
+//! What is compiled for wide registers are loops: a closure given to a function of the standard library would not be.
+//!
 //! Its answer is either "clear" or "look closely at this pair in these lanes"; it never says "collision".
 //! After W. Thomason, Z. Kingston and L. Kavraki, *Motions in Microseconds via Vectorized Sampling-Based Planning* (2024).
 
@@ -7,6 +9,7 @@ use multiversion::multiversion;
 
 use super::convex::{Ball, Core};
 use super::cover::CoverBall;
+use super::field::Field;
 use super::lanes::{LANES, Lanes};
 use super::narrow::{Skeleton, Verdict};
 use crate::rigid::Rigid;
@@ -19,8 +22,8 @@ pub(super) const ROUNDING: f32 = 2e-5;
 pub(super) struct FastModel<'a> {
     pub(super) joints: Vec<FastJoint>,
     pub(super) bodies: Vec<FastBody<'a>>,
-    pub(super) obstacles: Vec<FastObstacle>,
-    /// Row by row of bodies; `None` where contact is allowed.
+    pub(super) obstacles: Vec<FastObstacle<'a>>,
+    /// Row by row of bodies; `None` where contact is allowed or out of reach.
     pub(super) margins: Vec<Option<FastMargin>>,
     pub(super) body_pairs: Vec<(usize, usize, f32)>,
 }
@@ -51,9 +54,11 @@ pub(super) struct FastBody<'a> {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct FastObstacle {
+pub(super) struct FastObstacle<'a> {
     pub(super) ball: FastBall,
     pub(super) pieces: Vec<FastPiece>,
+    /// Of a surface, which has no pieces.
+    pub(super) field: Option<&'a Field>,
 }
 
 /// A primitive at least as large as the piece it stands for.
@@ -139,7 +144,7 @@ pub(super) struct Scratch {
 #[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
 pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool {
     scratch.doubts.clear();
-    forward(model, &scratch.config, &mut scratch.frames);
+    forward(&model.joints, &scratch.config, &mut scratch.frames);
     scratch.centers.clear();
     for body in &model.bodies {
         scratch.centers.push(place(&scratch.frames[body.frame], body.ball.center));
@@ -158,16 +163,13 @@ pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool 
                 continue;
             }
             place_all(&scratch.frames[body.frame], &body.cover, &mut scratch.cover);
-            let mut lanes = 0;
-            for (ball, center) in body.cover.iter().zip(&scratch.cover) {
-                let found = compare(obstacle, center, ball, accept, margin.reject);
-                if found.touching != 0 {
-                    return false;
-                }
-                lanes |= found.undecided;
+            let found = compare_all(obstacle, &scratch.cover, &body.cover, accept, margin.reject);
+            if found.touching != 0 {
+                return false;
             }
-            if lanes != 0 {
-                scratch.near.push(Near { body: index, obstacle: other, lanes, accept, reject: margin.reject });
+            if found.undecided != 0 {
+                let (lanes, reject) = (found.undecided, margin.reject);
+                scratch.near.push(Near { body: index, obstacle: other, lanes, accept, reject });
             }
         }
     }
@@ -212,11 +214,48 @@ pub(super) fn find_doubts(model: &FastModel<'_>, scratch: &mut Scratch) -> bool 
     true
 }
 
+/// The lanes in which one body is not proven clear of one obstacle; `None` when it touches it for certain.
+#[multiversion(targets("x86_64+avx2", "x86_64+avx"))]
+pub(super) fn find_doubt(model: &FastModel<'_>, scratch: &mut Scratch, body: usize, obstacle: usize) -> Option<u8> {
+    let count = model.obstacles.len();
+    let Some(FastMargin { accept, reject }) = model.margins[body * count + obstacle] else { return Some(0) };
+    let (index, other) = (body, obstacle);
+    let (body, obstacle) = (&model.bodies[index], &model.obstacles[other]);
+    forward(&model.joints[..body.frame], &scratch.config, &mut scratch.frames);
+    let frame = &scratch.frames[body.frame];
+    scratch.cover.clear();
+    place_all(frame, &body.cover, &mut scratch.cover);
+    let found = compare_all(obstacle, &scratch.cover, &body.cover, accept, reject);
+    let lanes = found.undecided;
+    if lanes == 0 || found.touching != 0 {
+        return (found.touching == 0).then_some(0);
+    }
+    let verdict = look(body, obstacle, frame, &Near { body: index, obstacle: other, lanes, accept, reject });
+    (verdict.touching == 0).then_some(verdict.undecided)
+}
+
+/// Compares all balls of a cover with an obstacle; ends at the first that touches.
+#[inline(always)]
+fn compare_all(obstacle: &FastObstacle, centers: &[Point], balls: &[FastBall], accept: f32, reject: f32) -> Verdict {
+    let mut all = Verdict::default();
+    for (ball, center) in balls.iter().zip(centers) {
+        let found = compare(obstacle, center, ball, accept, reject);
+        if found.touching != 0 {
+            return found;
+        }
+        all.undecided |= found.undecided;
+    }
+    all
+}
+
 /// The closer look at one body and one obstacle, piece by piece.
 #[inline(always)]
 fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near) -> Verdict {
     let Near { lanes, accept, reject, .. } = *near;
     let mut found = Verdict::default();
+    if obstacle.field.is_some() {
+        return Verdict { undecided: lanes, touching: 0 };
+    }
     let world_from_body = then(frame, &body.frame_from_body);
     for skeleton in body.skeletons {
         let center = place(&world_from_body, skeleton.center);
@@ -240,30 +279,38 @@ fn look(body: &FastBody, obstacle: &FastObstacle, frame: &LaneFrame, near: &Near
 #[inline(always)]
 fn place_all(frame: &LaneFrame, balls: &[FastBall], centers: &mut Vec<Point>) {
     if centers.is_empty() {
-        centers.extend(balls.iter().map(|ball| place(frame, ball.center)));
+        for ball in balls {
+            centers.push(place(frame, ball.center));
+        }
     }
 }
 
+/// Joints whose sines are computed before the first is used, so that the processor can overlap them.
+const AHEAD: usize = 7;
+
 #[inline(always)]
-fn forward(model: &FastModel, config: &[Lanes], frames: &mut Vec<LaneFrame>) {
+fn forward(joints: &[FastJoint], config: &[Lanes], frames: &mut Vec<LaneFrame>) {
     let (zero, one) = (Lanes::all(0.0), Lanes::all(1.0));
     frames.clear();
     frames.push(LaneFrame {
         columns: [[one, zero, zero], [zero, one, zero], [zero, zero, one]],
         origin: [zero, zero, zero],
     });
-    for (joint, q) in model.joints.iter().zip(config) {
+    let mut turns = [(zero, one); AHEAD];
+    for (turn, q) in turns.iter_mut().zip(config) {
+        *turn = q.sin_cos();
+    }
+    for (index, (joint, q)) in joints.iter().zip(config).enumerate() {
         let parent = &frames[joint.parent_frame];
         let Transform { rows, translation } = &joint.parent_from_joint;
-        let column = |k: usize| turn(parent, [rows[0][k], rows[1][k], rows[2][k]]);
+        let column = |k: usize| turn_sparse(parent, [rows[0][k], rows[1][k], rows[2][k]]);
         let (x, y, z) = (column(0), column(1), column(2));
-        let mut origin = add(turn(parent, *translation), parent.origin);
+        let mut origin = add(turn_sparse(parent, *translation), parent.origin);
         if joint.slides {
             origin = add(origin, scale(z, *q));
             frames.push(LaneFrame { columns: [x, y, z], origin });
         } else {
-            let sin = q.sin();
-            let cos = (*q + Lanes::all(std::f32::consts::FRAC_PI_2)).sin();
+            let (sin, cos) = turns.get(index).copied().unwrap_or_else(|| q.sin_cos());
             let turned_x = add(scale(x, cos), scale(y, sin));
             let turned_y = add(scale(y, cos), scale(x, sin * -1.0));
             frames.push(LaneFrame { columns: [turned_x, turned_y, z], origin });
@@ -273,21 +320,29 @@ fn forward(model: &FastModel, config: &[Lanes], frames: &mut Vec<LaneFrame>) {
 
 #[inline(always)]
 fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
-    if let [piece] = obstacle.pieces.as_slice() {
-        return piece.near(center, reach);
+    if let Some(field) = obstacle.field {
+        return field.near(center, reach);
     }
     let ball = &obstacle.ball;
-    let middle = ball.center.map(Lanes::all);
+    let [x, y, z] = ball.center;
+    let middle = [Lanes::all(x), Lanes::all(y), Lanes::all(z)];
     if near_point(center, &middle, ball.radius + reach) == 0 {
         return 0;
     }
-    obstacle.pieces.iter().fold(0, |lanes, piece| lanes | piece.near(center, reach))
+    let mut lanes = 0;
+    for piece in &obstacle.pieces {
+        lanes |= piece.near(center, reach);
+    }
+    lanes
 }
 
 /// Compares a ball of a body with an obstacle: near (undecided) or certainly touching, lane by lane.
 #[inline(always)]
 fn compare(obstacle: &FastObstacle, center: &Point, ball: &FastBall, accept: f32, reject: f32) -> Verdict {
     let mut found = Verdict::default();
+    if let Some(field) = obstacle.field {
+        found.undecided = field.near(center, ball.radius + accept);
+    }
     for piece in &obstacle.pieces {
         let squared = piece.squared_distance(center);
         let reach = ball.radius + accept + piece.rounding + ROUNDING;
@@ -317,7 +372,7 @@ impl FastPiece {
 
     /// Squared distance from a point in the world to the primitive without its rounding.
     #[inline(always)]
-    fn squared_distance(&self, center: &Point) -> Lanes {
+    pub(super) fn squared_distance(&self, center: &Point) -> Lanes {
         let Transform { rows, translation } = &self.core_from_world;
         let local = |k: usize| {
             center[0] * rows[k][0] + center[1] * rows[k][1] + center[2] * rows[k][2] + Lanes::all(translation[k])
@@ -381,6 +436,18 @@ fn turn(frame: &LaneFrame, vector: [f32; 3]) -> Point {
     [row(0), row(1), row(2)]
 }
 
+/// Like `turn`, for vectors that mostly lie along an axis, as joints are mounted.
+#[inline(always)]
+fn turn_sparse(frame: &LaneFrame, vector: [f32; 3]) -> Point {
+    let mut turned = [Lanes::all(0.0); 3];
+    for (column, part) in frame.columns.iter().zip(vector) {
+        if part != 0.0 {
+            turned = add(turned, scale(*column, Lanes::all(part)));
+        }
+    }
+    turned
+}
+
 impl Transform {
     #[inline(always)]
     fn before(&self, inner: &LaneFrame) -> LaneFrame {
@@ -416,11 +483,10 @@ pub(super) fn scale(a: Point, factor: Lanes) -> Point {
 
 impl From<&Rigid> for Transform {
     fn from(rigid: &Rigid) -> Self {
-        let columns = rigid.rotation.transpose().to_cols_array_2d();
-        Self {
-            rows: columns.map(|row| row.map(|value| value as f32)),
-            translation: rigid.translation.as_vec3().to_array(),
-        }
+        // What is left of a right angle after rounding is nothing.
+        let single = |value: f64| if value.abs() < 1e-12 { 0.0 } else { value as f32 };
+        let rows = rigid.rotation.transpose().to_cols_array_2d();
+        Self { rows: rows.map(|row| row.map(single)), translation: rigid.translation.to_array().map(single) }
     }
 }
 

@@ -44,6 +44,12 @@ impl Lanes {
         Self(self.0.fast_min(other.0))
     }
 
+    /// The larger of two; not for numbers that are not finite.
+    #[inline(always)]
+    pub(crate) fn higher(self, other: Self) -> Self {
+        Self(self.0.fast_max(other.0))
+    }
+
     /// The smaller of two; not for numbers that are not finite.
     #[inline(always)]
     pub(crate) fn min(self, other: f32) -> Self {
@@ -83,21 +89,28 @@ impl Lanes {
         (self.0.simd_lt(f32x8::ZERO).to_bitmask() & 0xff) as u8
     }
 
-    /// Sine, to 2e-7 for arguments of a few turns.
+    /// Sine and cosine, to 3e-7 for arguments of a few turns.
     #[inline(always)]
-    pub(crate) fn sin(self) -> Self {
+    pub(crate) fn sin_cos(self) -> (Self, Self) {
         // Adding and subtracting 1.5·2²³ rounds to the nearest whole number.
         let rounded = |x: Self| (x + Self::all(12_582_912.0)) - Self::all(12_582_912.0);
         let turns = rounded(self * std::f32::consts::FRAC_1_PI);
         let r = (self - turns * 3.140_625) - turns * 9.676_536e-4;
         let odd = turns - rounded(turns * 0.5) * 2.0;
+        let sign = Self::all(1.0) - odd * odd * 2.0;
         let s = r * r;
-        let series = Self::all(-2.505_210_8e-8);
-        let series = series * s + Self::all(2.755_731_9e-6);
-        let series = series * s - Self::all(1.984_127e-4);
-        let series = series * s + Self::all(8.333_334e-3);
-        let series = series * s - Self::all(0.166_666_67);
-        (r + r * s * series) * (Self::all(1.0) - odd * odd * 2.0)
+        let (mut sin, mut cos) = (Self::all(-2.505_210_8e-8), Self::all(2.087_675_7e-9));
+        for (odd, even) in [
+            (2.755_731_9e-6, -2.755_732e-7),
+            (-1.984_127e-4, 2.480_158_7e-5),
+            (8.333_334e-3, -1.388_888_9e-3),
+            (-0.166_666_67, 4.166_666_8e-2),
+            (1.0, -0.5),
+        ] {
+            sin = sin * s + Self::all(odd);
+            cos = cos * s + Self::all(even);
+        }
+        (r * sin * sign, (cos * s + Self::all(1.0)) * sign)
     }
 }
 

@@ -6,15 +6,26 @@ pub(crate) mod convex;
 mod cover;
 mod edge;
 mod fast;
+mod field;
 mod lanes;
+mod mesh;
 mod narrow;
 mod pair_table;
+mod points;
+mod polyline;
+mod probe;
 pub(crate) mod robot_shape;
+pub(crate) mod surface;
+#[cfg(test)]
+mod surface_tests;
 #[cfg(test)]
 mod tests;
 pub(crate) mod world;
 
 pub use checker::{Checker, CollisionReport};
 pub use convex::GeometryError;
+pub use mesh::triangulate;
+pub use points::SurfaceError;
+pub(crate) use probe::Solid;
 pub use robot_shape::{RobotError, RobotShape};
 pub use world::{Allowed, Attached, Part, World};

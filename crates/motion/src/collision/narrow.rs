@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::convex::{Convex, Core, Separation, separation};
 use super::cover::corners;
 use super::fast::{FastPiece, LaneFrame, Point, ROUNDING, add, dot, place, scale, subtract};
-use super::lanes::Lanes;
+use super::lanes::{LANES, Lanes};
 use crate::rigid::Rigid;
 use genmanip_core::Pose;
 
@@ -91,7 +91,8 @@ impl Skeleton {
             if touching != 0 {
                 return Verdict { touching, undecided: 0 };
             }
-            let direction = core_from_body.columns.map(|column| dot(column, away));
+            let [x, y, z] = core_from_body.columns;
+            let direction = [dot(x, away), dot(y, away), dot(z, away)];
             let (lowest, corner) = self.lowest(&direction);
             let along = lowest + dot(core_from_body.origin, away) - dot(nearest, away);
             let needed = squared.sqrt() * clear_reach;
@@ -99,11 +100,8 @@ impl Skeleton {
             if open == 0 || step + 1 == STEPS {
                 break;
             }
-            let turned = core_from_body.columns;
-            let corner = add(
-                add(scale(turned[0], corner[0]), scale(turned[1], corner[1])),
-                add(scale(turned[2], corner[2]), core_from_body.origin),
-            );
+            let corner =
+                add(add(scale(x, corner[0]), scale(y, corner[1])), add(scale(z, corner[2]), core_from_body.origin));
             let edge = subtract(corner, point);
             let part = dot(away, edge).over(dot(edge, edge).max(1e-12) * -1.0).clamp(0.0, 1.0);
             point = add(point, scale(edge, part));
@@ -123,8 +121,15 @@ impl Skeleton {
             best = along.lower(best);
             index += 1.0;
         }
-        let chosen = lowest.to_array().map(|index| self.corners.get(index as usize).copied().unwrap_or(self.center));
-        (best, [0, 1, 2].map(|axis| Lanes::from_array(chosen.map(|corner| corner[axis]))))
+        let mut chosen = [[0.0; LANES]; 3];
+        for (lane, index) in lowest.to_array().into_iter().enumerate() {
+            let corner = self.corners.get(index as usize).unwrap_or(&self.center);
+            for (row, value) in chosen.iter_mut().zip(corner) {
+                row[lane] = *value;
+            }
+        }
+        let [x, y, z] = chosen;
+        (best, [Lanes::from_array(x), Lanes::from_array(y), Lanes::from_array(z)])
     }
 }
 

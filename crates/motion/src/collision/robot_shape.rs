@@ -7,6 +7,7 @@ use super::convex::{Ball, Convex, GeometryError};
 use super::cover::{CoverBall, cover};
 use super::narrow::Skeleton;
 use super::pair_table::PairTable;
+use super::probe::Planes;
 use super::world::compile;
 use crate::chain::{Chain, ModelError};
 
@@ -33,6 +34,8 @@ pub(crate) struct LinkShape {
     pub(crate) cover: Vec<CoverBall>,
     /// The pieces for the closer look.
     pub(crate) skeletons: Vec<Skeleton>,
+    /// The pieces against points and triangles.
+    pub(crate) planes: Vec<Planes>,
 }
 
 /// A robot model that cannot be compiled for collision checks.
@@ -57,7 +60,8 @@ impl RobotShape {
                 let pieces = compile(&link.name, &link.pieces)?;
                 let cover = pieces.iter().flat_map(cover).collect();
                 let skeletons = pieces.iter().map(Skeleton::new).collect();
-                Ok(LinkShape { name: link.name.clone(), pieces, cover, skeletons })
+                let planes = pieces.iter().map(Planes::new).collect();
+                Ok(LinkShape { name: link.name.clone(), pieces, cover, skeletons, planes })
             })
             .collect::<Result<Vec<_>, GeometryError>>()?;
         let frame = |link: usize| chain.link_mount(link, 0.0).0;

@@ -68,7 +68,9 @@ fn relaxing_accepts_closeness_but_not_penetration() {
         assert!(!checker.is_free(&robot.home));
         assert_eq!(checker.relax(&robot.home, 0.001).is_ok(), free);
         if free {
-            assert!(checker.is_free(&robot.home));
+            assert!(checker.is_free(&robot.home) && !checker.keeps(0.003));
+            let firmer = checker.keeping(0.003);
+            assert!(firmer.keeps(0.003) && !firmer.is_free(&robot.home));
         }
     }
 }
@@ -120,6 +122,26 @@ fn edges_are_free_exactly_when_their_states_are() {
 }
 
 #[test]
+fn bodies_stay_in_their_room() {
+    let robot = test_panda();
+    let shape = RobotShape::new(&robot).unwrap();
+    let held = Attached::new("apple", &[ball(0.035)], &Pose::from_position(DVec3::Z * 0.02)).unwrap();
+    let limits: Vec<(f64, f64)> = shape.chain().lower().zip(shape.chain().upper()).collect();
+    let mut rng = Seed::new(5).rng();
+    for body in bodies::bodies(&shape, Some(&held), 0.08) {
+        let room = bodies::room(&shape, &body);
+        let mut farthest = 0.0_f64;
+        for _ in 0..300 {
+            let config: Vec<f64> = limits.iter().map(|(low, high)| rng.random_range(*low..=*high)).collect();
+            let ball = bodies::moved(&shape.chain().frames(&config)[body.frame], &body.ball);
+            farthest = farthest.max(ball.center.distance(room.center) + ball.radius);
+        }
+        assert!(farthest <= room.radius + 1e-9, "{} leaves its room", body.name);
+        assert!(farthest > 0.4 * room.radius, "{} has far too much room: {farthest} of {}", body.name, room.radius);
+    }
+}
+
+#[test]
 fn covers_hold_their_bodies() {
     let shapes = [
         Shape::Box { half_extents: DVec3::new(0.03, 0.1, 0.035) },
@@ -155,11 +177,15 @@ fn covers_hold_their_bodies() {
 }
 
 #[test]
-fn lane_sine_is_precise() {
+fn lane_sines_are_precise() {
     for index in -4000..=4000 {
         let x = index as f32 * 0.002;
-        let error = (f64::from(lanes::Lanes::all(x).sin().to_array()[0]) - f64::from(x).sin()).abs();
-        assert!(error < 5e-7, "sin {x}: {error}");
+        let (sin, cos) = lanes::Lanes::all(x).sin_cos();
+        let (sine, cosine) = f64::from(x).sin_cos();
+        for (got, wanted) in [(sin, sine), (cos, cosine)] {
+            let error = (f64::from(got.to_array()[0]) - wanted).abs();
+            assert!(error < 5e-7, "at {x}: {error}");
+        }
     }
 }
 

@@ -1,10 +1,17 @@
 //! What the robot must not touch, what it carries, and what it may touch after all.
 
+use std::sync::Arc;
+
 use genmanip_core::{Piece, Pose};
+use glam::DVec3;
 
 use super::convex::{Convex, GeometryError};
 use super::cover::{CoverBall, cover};
+use super::mesh::mesh;
 use super::narrow::Skeleton;
+use super::points::{SurfaceError, cloud};
+use super::probe::Planes;
+use super::surface::Surface;
 use crate::rigid::Rigid;
 
 /// Named obstacles in the world frame.
@@ -24,12 +31,13 @@ pub struct World {
     pub(crate) obstacles: Vec<Obstacle>,
 }
 
-/// One obstacle: convex pieces and where they are.
+/// One obstacle: convex pieces and where they are, or a surface in the world.
 #[derive(Clone, Debug)]
 pub(crate) struct Obstacle {
     pub(crate) name: String,
     pub(crate) pieces: Vec<Convex>,
     pub(crate) world_from_obstacle: Rigid,
+    pub(crate) surface: Option<Arc<Surface>>,
 }
 
 /// An object held by the gripper: it moves rigidly with the tcp.
@@ -40,6 +48,7 @@ pub struct Attached {
     /// Balls that hold the pieces, in the object's frame.
     pub(crate) cover: Vec<CoverBall>,
     pub(crate) skeletons: Vec<Skeleton>,
+    pub(crate) planes: Vec<Planes>,
     pub(crate) tcp_from_object: Rigid,
 }
 
@@ -68,16 +77,64 @@ impl World {
 
     /// Adds an obstacle, or replaces the one of the same name; `pieces` are in the obstacle's own frame.
     pub fn add(&mut self, name: &str, pieces: &[Piece], world_from_obstacle: &Pose) -> Result<(), GeometryError> {
-        let obstacle = Obstacle {
+        self.put(Obstacle {
             name: name.to_owned(),
             pieces: compile(name, pieces)?,
             world_from_obstacle: finite_pose(name, world_from_obstacle)?,
-        };
-        match self.obstacles.iter_mut().find(|other| other.name == name) {
+            surface: None,
+        });
+        Ok(())
+    }
+
+    /// Adds a point cloud, or replaces the obstacle of the same name: balls of `radius_m` around `points` (world frame).
+    ///
+    /// What makes it quick is built here, once; clones of the world share it.
+    /// A cloud is tested like any other obstacle, under its one name; near the start and the goal of a motion single
+    /// points may be as near as they are there, all others keep the full padding.
+    ///
+    /// # Errors
+    /// A cloud that is empty, not finite or larger than a million points, or a bad radius.
+    pub fn add_points(&mut self, name: &str, points: &[DVec3], radius_m: f64) -> Result<(), SurfaceError> {
+        self.put_surface(name, cloud(name, points, radius_m)?);
+        Ok(())
+    }
+
+    /// Adds a triangle mesh, or replaces the obstacle of the same name; `corners` are in the mesh's frame, each
+    /// triangle names three of them.
+    ///
+    /// Its surface is the obstacle, not what it encloses: a robot that starts inside of a closed mesh may move there.
+    /// What makes it quick is built here, once; clones of the world share it.
+    ///
+    /// # Errors
+    /// A mesh that is empty, not finite or larger than a million triangles, a corner that is not there, or a triangle
+    /// without area.
+    pub fn add_mesh(
+        &mut self,
+        name: &str,
+        corners: &[DVec3],
+        triangles: &[[u32; 3]],
+        world_from_mesh: &Pose,
+    ) -> Result<(), SurfaceError> {
+        self.put_surface(name, mesh(name, corners, triangles, world_from_mesh)?);
+        Ok(())
+    }
+
+    fn put_surface(&mut self, name: &str, surface: Arc<Surface>) {
+        let (name, surface) = (name.to_owned(), Some(surface));
+        self.put(Obstacle { name, pieces: vec![], world_from_obstacle: Rigid::IDENTITY, surface });
+    }
+
+    fn put(&mut self, obstacle: Obstacle) {
+        match self.obstacles.iter_mut().find(|other| other.name == obstacle.name) {
             Some(slot) => *slot = obstacle,
             None => self.obstacles.push(obstacle),
         }
-        Ok(())
+    }
+
+    /// Number of points of a cloud, or of triangles of a mesh; `None` when there is none of this name.
+    pub fn facet_count(&self, name: &str) -> Option<usize> {
+        let obstacle = self.obstacles.iter().find(|obstacle| obstacle.name == name)?;
+        obstacle.surface.as_ref().map(|surface| surface.facet_count())
     }
 
     /// Removes an obstacle; says whether there was one of this name.
@@ -100,7 +157,8 @@ impl Attached {
         let pieces = compile(name, pieces)?;
         let cover = pieces.iter().flat_map(cover).collect();
         let skeletons = pieces.iter().map(Skeleton::new).collect();
-        Ok(Self { name: name.to_owned(), pieces, cover, skeletons, tcp_from_object })
+        let planes = pieces.iter().map(Planes::new).collect();
+        Ok(Self { name: name.to_owned(), pieces, cover, skeletons, planes, tcp_from_object })
     }
 
     /// Name of the object.

@@ -52,13 +52,13 @@ impl Default for PlanSettings {
             padding: 0.003,
             contact_tolerance: 0.001,
             rrt_range: 0.7,
-            max_iterations: 20_000,
+            max_iterations: 50_000,
             sample_around: 1.0,
             search_spacing: 0.05,
             final_spacing: 0.006,
             retries: 3,
-            shortcuts: 40,
-            shortcut_failures: 14,
+            shortcuts: 30,
+            shortcut_failures: 10,
             blend: 0.4,
             blend_halvings: 5,
         }
@@ -107,11 +107,17 @@ pub enum PlanError {
         report: CollisionReport,
     },
     /// The search ended without a path.
-    #[error("no path found in {iterations} iterations")]
+    #[error("no path found in {iterations} iterations{}", told(in_the_way.as_ref()))]
     Exhausted {
         /// Nodes added by all searches together.
         iterations: usize,
+        /// What the straight way in joint space runs into first.
+        in_the_way: Option<CollisionReport>,
     },
+}
+
+fn told(in_the_way: Option<&CollisionReport>) -> String {
+    in_the_way.map_or_else(String::new, |report| format!("; on the straight way {report}"))
 }
 
 /// A path from `start` to the goal that is found first, start and goals given as configurations.
@@ -125,18 +131,29 @@ pub(crate) fn plan(
     seed: Seed,
 ) -> Result<Path, PlanError> {
     let goals = admit(checker, settings, start, goals)?;
+    let straight = |goal: &&Vec<f64>| checker.edges_are_free(vec![[start, goal]], settings.final_spacing);
+    if let Some(goal) = goals.iter().find(straight) {
+        return Ok(Path::polyline(vec![start.to_vec(), goal.clone()]));
+    }
     let mut iterations = 0;
     for attempt in 0..=settings.retries {
         let spacing = (settings.search_spacing * 0.4_f64.powi(attempt as i32)).max(settings.final_spacing);
         let mut rng = seed.fork_index(attempt as u64).rng();
         let found = rrt::connect(checker, settings, spacing, start, &goals, &mut rng, &mut iterations);
-        let Some(waypoints) = found else { return Err(PlanError::Exhausted { iterations }) };
-        let waypoints = smooth::shortcut(checker, settings, spacing, waypoints, &mut rng);
-        if let Some(path) = smooth::finish(checker, settings, waypoints) {
+        let Some(waypoints) = found else { return Err(exhausted(checker, start, &goals, iterations)) };
+        if let Some(path) = smooth::smooth(checker, settings, waypoints, &mut rng) {
             return Ok(path);
         }
     }
-    Err(PlanError::Exhausted { iterations })
+    Err(exhausted(checker, start, &goals, iterations))
+}
+
+/// Nothing was found from `start` to any of the goals, the nearest first.
+fn exhausted(checker: &Checker, start: &[f64], goals: &[Vec<f64>], iterations: usize) -> PlanError {
+    let nearest = goals.first().map_or(start, Vec::as_slice);
+    let straight = Path::polyline(vec![start.to_vec(), nearest.to_vec()]);
+    let in_the_way = straight.states(0.02).iter().find_map(|state| checker.check(state));
+    PlanError::Exhausted { iterations, in_the_way }
 }
 
 /// Tests start and goals; returns the goals that are free, nearest first.

@@ -32,9 +32,6 @@ pub(super) fn connect(
     rng: &mut impl Rng,
     iterations: &mut usize,
 ) -> Option<Vec<Vec<f64>>> {
-    if let Some(goal) = goals.iter().find(|goal| checker.edge_is_free(start, goal, spacing)) {
-        return Some(vec![start.to_vec(), goal.clone()]);
-    }
     let limits: Vec<(f64, f64)> = checker.chain().lower().zip(checker.chain().upper()).collect();
     let near: Vec<(f64, f64)> = limits
         .iter()
@@ -57,20 +54,19 @@ pub(super) fn connect(
         *iterations += 1;
         let [first, second] = &mut trees;
         let (active, other) = if growing == 0 { (first, second) } else { (second, first) };
-        if let Growth::Stepped(node) | Growth::Arrived(node) = active.extend(checker, settings, spacing, &sample) {
+        let near = active.nearest(&sample);
+        if let Growth::Stepped(node) | Growth::Arrived(node) = active.extend(checker, settings, spacing, near, &sample)
+        {
             let target = active.config(node).to_vec();
-            let mut met = None;
-            while *iterations < budget {
+            let mut tip = other.nearest(&target);
+            let met = loop {
                 *iterations += 1;
-                match other.extend(checker, settings, spacing, &target) {
-                    Growth::Blocked => break,
-                    Growth::Stepped(_) => {}
-                    Growth::Arrived(end) => {
-                        met = Some(end);
-                        break;
-                    }
+                match other.extend(checker, settings, spacing, tip, &target) {
+                    Growth::Arrived(end) => break Some(end),
+                    Growth::Stepped(node) if *iterations < budget => tip = node,
+                    Growth::Stepped(_) | Growth::Blocked => break None,
                 }
-            }
+            };
             if let Some(end) = met {
                 let (mut from_start, mut from_goal) = (active.to_root(node), other.to_root(end));
                 if growing == 1 {
@@ -106,8 +102,15 @@ impl Tree {
         best.1
     }
 
-    fn extend(&mut self, checker: &Checker, settings: &PlanSettings, spacing: f64, target: &[f64]) -> Growth {
-        let near = self.nearest(target);
+    /// Grows from a node towards a target, at most as far as the settings' range.
+    fn extend(
+        &mut self,
+        checker: &Checker,
+        settings: &PlanSettings,
+        spacing: f64,
+        near: usize,
+        target: &[f64],
+    ) -> Growth {
         let from = self.config(near);
         let length = distance(from, target);
         let arrives = length <= settings.rrt_range;

@@ -6,71 +6,112 @@ use super::PlanSettings;
 use crate::collision::Checker;
 use crate::path::{Path, distance, lerp};
 
-/// Removes waypoints that can be skipped, then tries random shortcuts (Geraerts and Overmars, 2007).
-pub(super) fn shortcut(
+/// Distance kept on rounded corners, m, also by pairs that may come closer at start or goal:
+/// the timed motion leaves the path there by fractions of a millimetre.
+const CORNER_CLEARANCE: f64 = 0.001;
+
+/// Shortens a path of the search, tests what is left of it, and rounds its corners; `None` when an edge does not pass.
+pub(super) fn smooth(
     checker: &Checker,
     settings: &PlanSettings,
-    spacing: f64,
     waypoints: Vec<Vec<f64>>,
     rng: &mut impl Rng,
-) -> Vec<Vec<f64>> {
-    let mut waypoints = skip(checker, spacing, waypoints);
-    let mut failures = 0;
-    for _ in 0..settings.shortcuts {
-        if waypoints.len() < 3 || failures >= settings.shortcut_failures {
-            break;
-        }
-        let lengths: Vec<f64> = waypoints.windows(2).map(|edge| distance(&edge[0], &edge[1])).collect();
-        let total: f64 = lengths.iter().sum();
-        let (a, b) = (rng.random_range(0.0..=total), rng.random_range(0.0..=total));
-        let (first_edge, first) = at_length(&waypoints, &lengths, a.min(b));
-        let (last_edge, last) = at_length(&waypoints, &lengths, a.max(b));
-        if first_edge == last_edge {
-            continue;
-        }
-        let along: f64 = distance(&first, &waypoints[first_edge + 1])
-            + lengths[first_edge + 1..last_edge].iter().sum::<f64>()
-            + distance(&waypoints[last_edge], &last);
-        if distance(&first, &last) < along - 1e-3 && checker.edge_is_free(&first, &last, spacing) {
-            waypoints.splice(first_edge + 1..=last_edge, [first, last]);
-            failures = 0;
-        } else {
-            failures += 1;
-        }
-    }
-    skip(checker, spacing, waypoints)
-}
-
-/// Tests every edge at the final spacing and rounds the corners; `None` when an edge does not pass.
-pub(super) fn finish(checker: &Checker, settings: &PlanSettings, waypoints: Vec<Vec<f64>>) -> Option<Path> {
+) -> Option<Path> {
     let spacing = settings.final_spacing;
-    if !checker.polyline_is_free(&waypoints, spacing) {
+    let mut route = Route { proven: vec![false; waypoints.len().saturating_sub(1)], waypoints };
+    route.skip(checker, spacing);
+    route.shorten(checker, settings, rng);
+    route.skip(checker, spacing);
+    if !route.is_free(checker, spacing) {
         return None;
     }
-    let mut path = Path::polyline(waypoints);
-    path.round_corners(settings.blend, settings.blend_halvings, |states| checker.polyline_is_free(states, spacing));
+    let mut path = Path::polyline(route.waypoints);
+    let firmer;
+    let rounding = if checker.keeps(CORNER_CLEARANCE) {
+        checker
+    } else {
+        firmer = checker.keeping(CORNER_CLEARANCE);
+        &firmer
+    };
+    path.round_corners(settings.blend, settings.blend_halvings, |states| rounding.polyline_is_free(states, spacing));
     Some(path)
 }
 
-/// Goes from each waypoint straight to the farthest later one it can see.
-fn skip(checker: &Checker, spacing: f64, waypoints: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    let mut kept: Vec<Vec<f64>> = Vec::with_capacity(waypoints.len());
-    let mut index = 0;
-    while let Some(waypoint) = waypoints.get(index) {
-        kept.push(waypoint.clone());
-        let sees = |later: &usize| checker.edge_is_free(waypoint, &waypoints[*later], spacing);
-        index = (index + 2..waypoints.len()).rev().find(sees).unwrap_or(index + 1);
-    }
-    kept
+/// A polyline, and for each of its edges whether it has passed the final test.
+struct Route {
+    waypoints: Vec<Vec<f64>>,
+    proven: Vec<bool>,
 }
 
-/// The edge and the point at a length along the path.
-fn at_length(waypoints: &[Vec<f64>], lengths: &[f64], mut length: f64) -> (usize, Vec<f64>) {
-    for (edge, edge_length) in lengths.iter().enumerate() {
-        if length <= *edge_length && *edge_length > 0.0 {
-            return (edge, lerp(&waypoints[edge], &waypoints[edge + 1], length / edge_length));
+impl Route {
+    /// Goes from each waypoint straight to the farthest later one it can see.
+    fn skip(&mut self, checker: &Checker, spacing: f64) {
+        let mut index = 0;
+        while index + 2 < self.waypoints.len() {
+            let sees = |later: &usize| self.sees(checker, &self.waypoints[index], &self.waypoints[*later], spacing);
+            if let Some(later) = (index + 2..self.waypoints.len()).rev().find(sees) {
+                self.replace(index, later, []);
+            }
+            index += 1;
         }
-        length -= edge_length;
     }
-    (lengths.len() - 1, waypoints[lengths.len()].clone())
+
+    /// Random shortcuts (Geraerts and Overmars, 2007).
+    fn shorten(&mut self, checker: &Checker, settings: &PlanSettings, rng: &mut impl Rng) {
+        let mut failures = 0;
+        for _ in 0..settings.shortcuts {
+            if self.waypoints.len() < 3 || failures >= settings.shortcut_failures {
+                break;
+            }
+            let lengths: Vec<f64> = self.waypoints.windows(2).map(|edge| distance(&edge[0], &edge[1])).collect();
+            let total: f64 = lengths.iter().sum();
+            let (a, b) = (rng.random_range(0.0..=total), rng.random_range(0.0..=total));
+            let (first_edge, first) = self.at_length(&lengths, a.min(b));
+            let (last_edge, last) = self.at_length(&lengths, a.max(b));
+            if first_edge == last_edge {
+                continue;
+            }
+            let along: f64 = distance(&first, &self.waypoints[first_edge + 1])
+                + lengths[first_edge + 1..last_edge].iter().sum::<f64>()
+                + distance(&self.waypoints[last_edge], &last);
+            if distance(&first, &last) < along - 1e-3 && self.sees(checker, &first, &last, settings.final_spacing) {
+                self.replace(first_edge, last_edge + 1, [first, last]);
+                failures = 0;
+            } else {
+                failures += 1;
+            }
+        }
+    }
+
+    /// Puts a shortcut that passed the final test, its ends on the edges behind `first` and before `last`, between the
+    /// two waypoints; without ends of its own it joins the waypoints themselves.
+    fn replace<const ENDS: usize>(&mut self, first: usize, last: usize, ends: [Vec<f64>; ENDS]) {
+        // Parts of edges that passed have passed.
+        let (before, after) = (self.proven[first], self.proven[last - 1]);
+        let proven: &[bool] = if ENDS == 0 { &[true] } else { &[before, true, after] };
+        self.proven.splice(first..last, proven.iter().copied());
+        self.waypoints.splice(first + 1..last, ends);
+    }
+
+    fn sees(&self, checker: &Checker, from: &[f64], to: &[f64], spacing: f64) -> bool {
+        checker.edges_are_free(vec![[from, to]], spacing)
+    }
+
+    /// The final test of the edges that have not passed it yet.
+    fn is_free(&self, checker: &Checker, spacing: f64) -> bool {
+        let edges = self.waypoints.windows(2).zip(&self.proven);
+        let open = edges.filter(|(_, proven)| !**proven).map(|(edge, _)| [&*edge[0], &*edge[1]]).collect();
+        checker.edges_are_free(open, spacing)
+    }
+
+    /// The edge and the point at a length along the path.
+    fn at_length(&self, lengths: &[f64], mut length: f64) -> (usize, Vec<f64>) {
+        for (edge, edge_length) in lengths.iter().enumerate() {
+            if length <= *edge_length && *edge_length > 0.0 {
+                return (edge, lerp(&self.waypoints[edge], &self.waypoints[edge + 1], length / edge_length));
+            }
+            length -= edge_length;
+        }
+        (lengths.len() - 1, self.waypoints[lengths.len()].clone())
+    }
 }

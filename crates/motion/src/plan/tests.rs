@@ -55,8 +55,8 @@ fn failures_say_what_is_wrong() {
     let inside_wall = planner.ik(&down(DVec3::new(0.55, 0.0, 0.2)), &home).remove(0);
     type Case<'a> = (&'a [f64], Vec<Vec<f64>>, &'a str);
     let cases: [Case; 6] = [
-        (&inside_wall, vec![home.clone()], "the start is in collision: "),
-        (&home, vec![inside_wall.clone()], "every goal is in collision; at the first, "),
+        (&inside_wall, vec![home.clone()], "the start is in collision: hand is 117.0 mm inside wall"),
+        (&home, vec![inside_wall.clone()], "every goal is in collision; at the first, hand is 117.0 mm inside wall"),
         (&home, vec![], "out of reach: no goal configuration was given"),
         (&home[..5], vec![home.clone()], "start configuration: expected 7 finite joint positions"),
         (&home, vec![vec![f64::NAN; 7]], "goal configuration: expected 7 finite joint positions"),
@@ -69,23 +69,69 @@ fn failures_say_what_is_wrong() {
 }
 
 #[test]
-fn a_closed_cage_exhausts_the_search() {
+fn a_way_too_narrow_for_the_arm_exhausts_the_search() {
     let settings = PlannerSettings {
         plan: crate::PlanSettings { max_iterations: 300, ..Default::default() },
         ..Default::default()
     };
     let planner = Planner::new(test_panda(), settings).unwrap();
-    let home = planner.robot().home.clone();
-    let tcp = planner.tcp_pose(&home).position;
+    let turned = |angle: f64| vec![angle, 0.6, 0.0, -2.0, 0.0, 0.8, 0.8];
+    let (start, goal) = (turned(1.6), turned(-1.6));
     let mut world = World::new();
-    for (name, side) in [("left", 1.0), ("right", -1.0)] {
-        let plate = cuboid(tcp + DVec3::Y * (0.16 * side), DVec3::new(2.0, 0.02, 2.0));
-        world.add(name, &[plate], &Pose::IDENTITY).unwrap();
+    // A wall through the base with a slot 0.2 m wide and 0.7 m high for the shoulder.
+    let plates = [
+        ("ahead", DVec3::new(0.85, 0.0, 0.5), DVec3::new(1.5, 0.02, 3.0)),
+        ("behind", DVec3::new(-0.85, 0.0, 0.5), DVec3::new(1.5, 0.02, 3.0)),
+        ("above", DVec3::new(0.0, 0.0, 1.35), DVec3::new(0.2, 0.02, 1.3)),
+    ];
+    for (name, center, size) in plates {
+        world.add(name, &[cuboid(center, size)], &Pose::IDENTITY).unwrap();
     }
-    let mut goal = home.clone();
-    goal[0] += 1.5;
-    let error = planner.plan_joint(&around(&world, &Allowed::none()), &home, &[goal], Seed::new(1)).unwrap_err();
-    assert!(matches!(error, PlanError::Exhausted { iterations: 300.. } | PlanError::GoalInCollision(_)), "{error}");
+    let error = planner.plan_joint(&around(&world, &Allowed::none()), &start, &[goal], Seed::new(1)).unwrap_err();
+    let PlanError::Exhausted { iterations: 300, in_the_way: Some(report) } = &error else { panic!("{error}") };
+    assert_eq!(report.other, "ahead", "the wall that the straight way runs into: {error}");
+}
+
+/// The paper's planner took steps of 0.001 rad: thousands of nodes, but a bounded search like any other.
+#[test]
+fn tiny_steps_find_the_same_way_around() {
+    let (world, allowed) = (walled(), Allowed::none());
+    let around = around(&world, &allowed);
+    let home = test_panda().home.clone();
+    let (left, right) = (down(DVec3::new(0.55, -0.25, 0.1)), down(DVec3::new(0.55, 0.25, 0.1)));
+    for (rrt_range, max_iterations, found) in [(0.7, 2_000, true), (0.01, 20_000, true), (0.001, 100, false)] {
+        let plan = crate::PlanSettings { rrt_range, max_iterations, ..Default::default() };
+        let planner = Planner::new(test_panda(), PlannerSettings { plan, ..Default::default() }).unwrap();
+        let (start, goal) = (planner.ik(&left, &home).remove(0), planner.ik(&right, &home).remove(0));
+        match planner.plan_joint(&around, &start, &[goal], Seed::new(1)) {
+            Ok(path) => assert!(found && path.length() < 6.0, "{rrt_range}: {} rad", path.length()),
+            Err(error) => {
+                assert!(
+                    !found && matches!(error, PlanError::Exhausted { iterations: 100, .. }),
+                    "{rrt_range}: {error}"
+                );
+            }
+        }
+    }
+}
+
+/// Fingertips 0.02 mm above the table at both ends: the timed motion, which cuts corners a little, touches nothing.
+#[test]
+fn timed_motions_from_and_to_near_contact_touch_nothing() {
+    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let around = around(&world, &allowed);
+    let home = planner.robot().home.clone();
+    let above_table = |y: f64| down(DVec3::new(0.55, y, 0.00852));
+    let start = planner.ik(&above_table(-0.25), &home).remove(0);
+    let goals = planner.ik(&above_table(0.25), &home);
+    let exact = planner.checker(&around, 0.0);
+    assert!(!planner.checker(&around, 0.0001).is_free(&start), "the start is not near contact");
+    for seed in 0..20 {
+        let path = planner.plan_joint(&around, &start, &goals, Seed::new(seed)).unwrap();
+        for state in path.states(0.005).iter().chain(&planner.time(&path, 1.0).configs) {
+            assert!(exact.is_free(state), "seed {seed}: {:?}", exact.check(state));
+        }
+    }
 }
 
 #[test]

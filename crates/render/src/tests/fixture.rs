@@ -84,9 +84,9 @@ pub fn object(uid: &str, mesh: TriMesh, material: Material) -> Arc<ObjectModel> 
             joint: None,
             visual: vec![part(uid, mesh, material)],
             pieces: Vec::new(),
+            cavity: Vec::new(),
             mass: NO_MASS,
         }],
-        cavity: Vec::new(),
         friction: 0.5,
         joint_states: Vec::new(),
     })

@@ -72,9 +72,7 @@ pub(super) fn plan(
 fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turning> {
     let settings = &expert.settings;
     let (direction, lever) = sweeper.velocity(sweep);
-    // A push first closes the gap, and presses no more than that at the end.
-    let beyond = sweep.contact.gap_m / lever * (sweep.target - sweep.change.from).signum();
-    let to = sweep.target + beyond;
+    let to = sweeper.end(sweep);
     let length = (to - sweep.change.from).abs();
     let rate = expert.stage.control_rate_hz();
     // The smooth start and end take their time: the peak speed is 1.875 times the mean.

@@ -20,7 +20,7 @@ use genmanip_core::{
     Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
     Pose, PrivilegedState, Seed,
 };
-use genmanip_layout::{GoalPose, Move, goal_poses, moves, surroundings};
+use genmanip_layout::{GoalPose, GoalSearch, Move, moves, surroundings};
 use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
@@ -96,29 +96,31 @@ impl Expert {
 
     /// Places for an object where every atom of its move would hold.
     fn goals(&self, scene: &PosedScene, step: &Move, usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
-        goal_poses(
+        let search = GoalSearch {
             scene,
-            step,
-            self.upright[step.object],
-            &self.stage.scenario.workspace,
-            &self.stage.relations,
-            &self.settings.goal_pose,
-            usable,
-            seed.fork("goal"),
-        )
+            upright: &self.upright,
+            workspace: &self.stage.scenario.workspace,
+            relations: &self.stage.relations,
+            settings: &self.settings.goal_pose,
+        };
+        let after = self.plans.last().into_iter().flatten().skip_while(|other| *other != step).skip(1);
+        let later: Vec<Move> = after.filter(|other| !self.is_done(scene, other)).cloned().collect();
+        search.places(step, &later, usable, seed.fork("goal"))
     }
 
     /// Whether an object has a hollow that things may fall into.
     fn is_hollow(&self, object: usize) -> bool {
-        self.stage.models.get(object).is_some_and(|model| !model.cavity.is_empty())
+        self.stage.models.get(object).is_some_and(|model| model.is_hollow())
     }
 
-    /// The first move of the current alternative whose atoms do not all hold.
+    /// Whether every atom of a move holds.
+    fn is_done(&self, scene: &PosedScene, step: &Move) -> bool {
+        step.atoms.iter().all(|atom| judge_atom(scene, atom, &self.stage.relations).holds)
+    }
+
+    /// The first move of the current alternative that is not done.
     fn next_move(&self, scene: &PosedScene) -> Option<Move> {
-        let plan = self.plans.last()?;
-        plan.iter()
-            .find(|step| step.atoms.iter().any(|atom| !judge_atom(scene, atom, &self.stage.relations).holds))
-            .cloned()
+        self.plans.last()?.iter().find(|step| !self.is_done(scene, step)).cloned()
     }
 
     /// The next move begun: its first commands and what comes after them.

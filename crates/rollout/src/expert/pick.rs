@@ -1,5 +1,8 @@
 //! Picking: a grasp that can be reached, that also works where the object is to go, and the motions to take it.
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
 use genmanip_layout::{GoalPose, Move, is_in_reach, surroundings};
@@ -88,19 +91,31 @@ fn candidates(
     }
     let Some(object) = scene.objects().nth(step.object) else { return Ok(Vec::new()) };
     let nothing = Allowed::none();
-    let (mut out_of_reach, mut blocked, mut useless) = (0, 0, 0);
+    let (mut out_of_reach, mut useless) = (0, 0);
+    let mut obstacles: Vec<String> = Vec::new();
     let mut candidates = Vec::new();
+    let occupied = surroundings::world(scene, None);
     for grasp in grasps.take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
-        let open_width = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
-        let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: open_width };
+        let wide = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
+        // In a ring or beside a rim there may be room for the opening that the grasp was tested with and no more.
+        let beside = |open_width: f64, config: &[f64]| {
+            let around =
+                Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: open_width };
+            planner.checker(&around, settings.object_clearance_m).is_free(config)
+        };
+        let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: wide };
         let checker = planner.checker(&around, clearance_m);
         let configs = planner.ik(&(object.pose * grasp.pose), arm);
         if configs.is_empty() {
             out_of_reach += 1;
             continue;
         }
-        let Some(config) = configs.into_iter().find(|config| checker.is_free(config)) else {
-            blocked += 1;
+        let Some(config) = configs.iter().find(|config| checker.is_free(config)).cloned() else {
+            obstacles.extend(configs.first().and_then(|config| checker.check(config)).map(|report| report.other));
+            continue;
+        };
+        let Some(open_width) = [wide, planner.opening(&grasp)].into_iter().find(|&width| beside(width, &config)) else {
+            obstacles.push(object.uid.clone());
             continue;
         };
         let works_at_goal = goals.iter().any(|goal| {
@@ -126,14 +141,26 @@ fn candidates(
         }
     }
     if candidates.is_empty() {
+        let blocked = obstacles.len();
         let cause = if out_of_reach >= blocked + useless { FailureCause::NoIk } else { FailureCause::NoGrasp };
         let evidence = format!(
-            "no grasp of {name} works: {out_of_reach} out of reach, {blocked} blocked where it lies, {useless} of no use \
-             at the goal"
+            "no grasp of {name} works: {out_of_reach} out of reach, {blocked} blocked where it lies{}, {useless} of no \
+             use at the goal",
+            by(&obstacles)
         );
         return Err(Failure { cause, evidence });
     }
     Ok(candidates)
+}
+
+/// ` (by 057 12, table 3)`: what stands in the way and how often, the most frequent first; nothing when nothing does.
+fn by(obstacles: &[String]) -> String {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    obstacles.iter().for_each(|name| *counts.entry(name).or_default() += 1);
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_by_key(|&(_, count)| Reverse(count));
+    let told: Vec<String> = counts.iter().map(|(name, count)| format!("{name} {count}")).collect();
+    if told.is_empty() { String::new() } else { format!(" (by {})", told.join(", ")) }
 }
 
 /// Free motion to the approach, straight in, close, straight up.
@@ -161,10 +188,14 @@ fn motions(
         position: world_from_tcp.position - grasp_direction(&world_from_tcp) * settings.approach_m,
         ..world_from_tcp
     };
-    // Wide things leave the fingers less room than motions keep elsewhere; the grasp itself was tested exactly.
+    // Wide things leave the fingers less room than motions keep elsewhere, but they are not to be touched either.
     let around_it = nothing.clone().and_gripper(planner.robot(), &object.uid);
     let beside = Surroundings { allowed: &around_it, ..open };
-    let straight = planner.straight(&open, config, &before).or_else(|_| planner.straight(&beside, config, &before));
+    let straight = planner.straight(&open, config, &before).or_else(|problem| {
+        let path = planner.straight(&beside, config, &before)?;
+        let exact = planner.checker(&open, settings.object_clearance_m);
+        if path.states(0.005).iter().all(|state| exact.is_free(state)) { Ok(path) } else { Err(problem) }
+    });
     let approach = straight?.reversed();
     let reach = planner.plan_joint(&open, arm, &[approach.start().to_vec()], seed.fork("reach"))?;
 

@@ -55,6 +55,8 @@ pub struct ExpertSettings {
     /// Distance the hand keeps from everything but the object where it takes it or lets go, and the one it makes do
     /// with when nothing else works, metres.
     pub hand_clearances_m: [f64; 2],
+    /// Distance the open fingers keep from the object itself, metres.
+    pub object_clearance_m: f64,
     /// Control steps to wait for the arm to come to rest before the fingers move.
     pub rest_steps: usize,
 }
@@ -65,8 +67,8 @@ impl Default for ExpertSettings {
             goal_pose: GoalPoseSettings::default(),
             joint: JointSettings::default(),
             joint_speed: 0.15,
-            joint_steps: 12,
-            joint_lag_m: 0.008,
+            joint_steps: 6,
+            joint_lag_m: 0.004,
             grasps: 80,
             planned_grasps: 12,
             tries_per_move: 4,
@@ -84,6 +86,7 @@ impl Default for ExpertSettings {
             rest_speed: 0.01,
             longest_wait: 20,
             hand_clearances_m: [0.003, 0.001],
+            object_clearance_m: 0.0005,
             rest_steps: 6,
         }
     }

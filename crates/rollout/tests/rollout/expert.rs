@@ -2,7 +2,7 @@
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{
-    Atom, Failure, FailureCause, Goal, GraphNode, Relation, Scenario, SceneGraph, Seed, Task, TaskKind,
+    Atom, Failure, FailureCause, Goal, GraphNode, ObjectState, Relation, Scenario, SceneGraph, Seed, Task, TaskKind,
 };
 use genmanip_rollout::{RolloutSettings, replay, run_episode};
 
@@ -74,6 +74,24 @@ fn joint_task(uid: &str, from: &str, to: &str) -> Task {
         objects: vec![card],
         source: "test".into(),
     }
+}
+
+/// What lies in a drawer moves with it, by friction and walls alone, and stays *in* it all the way.
+#[test]
+fn it_fills_a_drawer_and_shuts_it() {
+    let mut task = joint_task("057", "top_open", "closed");
+    task.objects.push(Catalogue::builtin().card("046").unwrap().clone());
+    task.scene_graph.nodes.push(GraphNode { uid: "046".into(), state: None });
+    task.goal.alternatives[0].push(relation("046", Relation::In, "057"));
+    let stage = stage(scenario(&task));
+    let episode =
+        run_episode(&stage, &mut expert(&stage), "drawer", Seed::new(11), &RolloutSettings::default()).unwrap();
+    assert!(episode.result.success, "{:?}", episode.result.failure);
+    let drawn = |objects: &[ObjectState]| objects[0].joint_positions[0];
+    let at_most = |most: f64| episode.frames.iter().rfind(|frame| drawn(&frame.objects) > most).unwrap();
+    let (open, end) = (at_most(0.05), episode.frames.last().unwrap());
+    let moved = end.objects[1].pose.position.distance(open.objects[1].pose.position);
+    assert!((moved - drawn(&open.objects)).abs() < 0.02, "the cube moved {moved:.3} m");
 }
 
 /// Pulling, pushing, turning, lifting and pressing: a joint moves because the hand moves it, and stays.

@@ -1,6 +1,6 @@
 //! Extents of objects at their poses: the exact convex pieces.
 
-use genmanip_core::Aabb;
+use genmanip_core::{Aabb, Pose};
 use glam::DVec3;
 
 use super::contact::vertical_gap;
@@ -8,6 +8,7 @@ use super::extent::{Extent, Scene, supported};
 use super::pair::Contact;
 use super::requirement::Requirement;
 use super::scene::Body;
+use super::solid::Solid;
 use super::state::state_requirements;
 use super::{PosedScene, RelationSettings};
 
@@ -73,24 +74,29 @@ fn planar_gap(a: &Body, b: &Body) -> f64 {
     best
 }
 
-/// Share of A's surface points in B's cavity, or in B's convex hull where no cavity is known.
+/// Share of A's surface points in B's cavities, where its joints have moved them, or in B's convex hull where no
+/// cavity is known.
 fn share_inside(a: &Body, b: &Body) -> f64 {
     let hull;
-    let solids = if b.shape.cavity.is_empty() {
-        hull = b.shape.hull(&b.object_from_link);
-        std::slice::from_ref(hull.as_ref())
+    let mut regions: Vec<(Pose, &[Solid])> = Vec::new();
+    if b.object.model.is_hollow() {
+        let links = b.shape.links.iter().zip(&b.object_from_link).filter(|(link, _)| !link.cavity.is_empty());
+        regions.extend(links.map(|(link, pose)| ((b.object.pose * *pose).inverse(), link.cavity.as_slice())));
     } else {
-        &b.shape.cavity
-    };
-    let object_from_world = b.object.pose.inverse();
+        hull = b.shape.hull(&b.object_from_link);
+        regions.push((b.object.pose.inverse(), std::slice::from_ref(hull.as_ref())));
+    }
     let near = Aabb { min: b.bounds.min - DVec3::splat(0.5), max: b.bounds.max + DVec3::splat(0.5) };
     let (mut inside, mut count) = (0usize, 0usize);
     for point in a.samples() {
         count += 1;
         // A cavity may reach above the pieces, but not far from them.
         let possible = point.cmpge(near.min).all() && point.cmple(near.max).all();
-        let local = object_from_world.transform_point(point);
-        inside += usize::from(possible && solids.iter().any(|solid| solid.contains(local)));
+        let is_in = |(region_from_world, solids): &(Pose, &[Solid])| {
+            let local = region_from_world.transform_point(point);
+            solids.iter().any(|solid| solid.contains(local))
+        };
+        inside += usize::from(possible && regions.iter().any(is_in));
     }
     if count == 0 { 0.0 } else { inside as f64 / count as f64 }
 }

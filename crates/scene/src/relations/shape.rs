@@ -20,13 +20,11 @@ pub struct ObjectShape {
     pub model: Arc<ObjectModel>,
     /// One entry per link of the model.
     pub(super) links: Vec<LinkShape>,
-    /// Regions in the frame of link 0 in which things are *in* the object.
-    pub(super) cavity: Vec<Solid>,
     /// Hull of a rigid object in its own frame, made when first asked for.
     rigid_hull: OnceLock<Solid>,
 }
 
-/// The surface of one link, in the link's frame.
+/// The surface and the cavities of one link, in the link's frame.
 #[derive(Debug)]
 pub(super) struct LinkShape {
     /// Area-uniform points.
@@ -35,6 +33,8 @@ pub(super) struct LinkShape {
     pub area: f64,
     /// Mean of the surface.
     pub centroid: DVec3,
+    /// Regions in which things are *in* the object.
+    pub cavity: Vec<Solid>,
 }
 
 /// Shapes by object and generator, so that each model is prepared once.
@@ -78,11 +78,11 @@ impl ObjectShape {
             .map(|(index, (faces, &area))| {
                 let count = if total > 0.0 { (samples as f64 * area / total).round() as usize } else { 0 };
                 let seed = Seed::new(0).fork("surface").fork_index(index as u64);
-                LinkShape { samples: sample(faces, area, count, seed), area, centroid: centroid(faces, area) }
+                let cavity = model.links[index].cavity.iter().map(Solid::of_piece).collect();
+                LinkShape { samples: sample(faces, area, count, seed), area, centroid: centroid(faces, area), cavity }
             })
             .collect();
-        let cavity = model.cavity.iter().map(Solid::of_piece).collect();
-        Self { model: Arc::clone(model), links, cavity, rigid_hull: OnceLock::new() }
+        Self { model: Arc::clone(model), links, rigid_hull: OnceLock::new() }
     }
 
     /// The convex hull in the object's frame at the given link poses.

@@ -22,8 +22,7 @@ fn model(uid: &str, pieces: Vec<Piece>, cavity: Vec<Piece>) -> Arc<ObjectModel> 
         family: uid.into(),
         seed: Seed::new(0),
         generator_version: 1,
-        links: vec![link("base", None, pieces)],
-        cavity,
+        links: vec![ObjectLink { cavity, ..link("base", None, pieces) }],
         friction: 0.5,
         joint_states: Vec::new(),
     })
@@ -31,7 +30,7 @@ fn model(uid: &str, pieces: Vec<Piece>, cavity: Vec<Piece>) -> Arc<ObjectModel> 
 
 fn link(name: &str, joint: Option<Joint>, pieces: Vec<Piece>) -> ObjectLink {
     let mass = MassProperties { mass_kg: 0.1, center: DVec3::ZERO, inertia: DMat3::IDENTITY };
-    ObjectLink { name: name.into(), joint, visual: Vec::new(), pieces, mass }
+    ObjectLink { name: name.into(), joint, visual: Vec::new(), pieces, cavity: Vec::new(), mass }
 }
 
 fn block(uid: &str, x: f64, y: f64, z: f64) -> Arc<ObjectModel> {
@@ -166,6 +165,23 @@ fn a_lemon_in_a_bowl_is_in_it_with_or_without_a_known_cavity() {
         // A large orange stands out of the same bowl: it rests on it, and `top` accepts that.
         let orange = ball("orange", 0.054);
         check(&[(&orange, at(0.5, 0.0, 0.005)), (&bowl, at(0.5, 0.0, 0.0))], Some(Label::On));
+    }
+}
+
+#[test]
+fn in_a_drawer_follows_the_drawer() {
+    let mut chest = Arc::unwrap_or_clone(drawer());
+    let hollow = Shape::Box { half_extents: DVec3::splat(0.045) };
+    chest.links[1].cavity = vec![Piece::at(DVec3::Z * 0.05, hollow)];
+    let (chest, coin) = (Arc::new(chest), block("coin", 0.02, 0.02, 0.01));
+    let settings = RelationSettings::default();
+    let holds = |x: f64, drawn: f64| {
+        let mut scene = scene(&[(&coin, at(x, 0.0, 0.02)), (&chest, at(0.5, 0.0, 0.0))]);
+        scene.set_pose(1, at(0.5, 0.0, 0.0), &[drawn]);
+        judge_atom(&scene, &relation("coin", Relation::In, "drawer"), &settings).holds
+    };
+    for (x, drawn, expected) in [(0.5, 0.0, true), (0.35, 0.15, true), (0.5, 0.15, false), (0.35, 0.0, false)] {
+        assert_eq!(holds(x, drawn), expected, "coin at {x}, drawn by {drawn}");
     }
 }
 

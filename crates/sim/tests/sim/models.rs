@@ -82,7 +82,7 @@ fn body(name: &str, mass_kg: f64, joint: Option<Joint>, pieces: Vec<Piece>) -> O
     let s = bounds.size();
     let inertia = DVec3::new(s.y * s.y + s.z * s.z, s.x * s.x + s.z * s.z, s.x * s.x + s.y * s.y) * (mass_kg / 12.0);
     let mass = MassProperties { mass_kg, center: bounds.center(), inertia: DMat3::from_diagonal(inertia) };
-    ObjectLink { name: name.into(), joint, visual: vec![], pieces, mass }
+    ObjectLink { name: name.into(), joint, visual: vec![], pieces, cavity: vec![], mass }
 }
 
 fn model(name: &str, size_m: DVec3, mass_kg: f64, friction: f64, links: Vec<ObjectLink>) -> ObjectModel {
@@ -108,7 +108,6 @@ fn model(name: &str, size_m: DVec3, mass_kg: f64, friction: f64, links: Vec<Obje
         seed: Seed::new(0),
         generator_version: 1,
         links,
-        cavity: vec![],
         friction,
         joint_states: vec![],
     }

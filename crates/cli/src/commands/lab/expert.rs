@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{EpisodeResult, Seed, Task};
+use genmanip_core::{EpisodeResult, Seed, StrayContact, Task};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
 use serde::Serialize;
 
@@ -15,6 +15,8 @@ use crate::printer::{Printer, table};
 
 /// Failed attempts whose evidence is kept per cause and kind; the counts have all.
 const SAMPLES: usize = 5;
+/// No part of the robot should touch anything harder than this outside of a grasp, N.
+const STRAY_BAR_N: f64 = 5.0;
 
 /// What the expert came to, per kind of task and altogether.
 #[derive(Serialize)]
@@ -41,8 +43,19 @@ struct Yield {
     cpu_s: f64,
     worst_stray_contact_n: f64,
     episodes_above_5_n: usize,
+    /// Who touched what in those episodes, hardest first.
+    stray_contacts: Vec<Stray>,
     /// What was seen in the first failed attempts of each cause.
     evidence: BTreeMap<&'static str, Vec<String>>,
+}
+
+/// An episode with a stray contact above the bar.
+#[derive(Clone, Serialize)]
+struct Stray {
+    episode: String,
+    force_n: f64,
+    #[serde(flatten)]
+    contact: Option<StrayContact>,
 }
 
 pub fn run(arguments: &ExpertArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -104,7 +117,15 @@ impl Yield {
             self.verified += usize::from(result.success);
             self.tasks_solved += usize::from(result.success);
             self.worst_stray_contact_n = self.worst_stray_contact_n.max(result.max_stray_contact_n);
-            self.episodes_above_5_n += usize::from(result.max_stray_contact_n > 5.0);
+            if result.max_stray_contact_n > STRAY_BAR_N {
+                self.episodes_above_5_n += 1;
+                self.stray_contacts.push(Stray {
+                    episode: result.id.clone(),
+                    force_n: result.max_stray_contact_n,
+                    contact: result.stray_contact.clone(),
+                });
+                self.stray_contacts.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
+            }
             if let Some(failure) = &result.failure {
                 *self.causes.entry(failure.cause.name()).or_default() += 1;
                 let samples = self.evidence.entry(failure.cause.name()).or_default();
@@ -131,5 +152,10 @@ fn in_words(measured: &Measured) -> String {
             causes.join(", "),
         ]);
     }
-    table(&rows)
+    let strays = &measured.total.stray_contacts;
+    let strays = strays.iter().map(|stray| {
+        let contact = stray.contact.as_ref().map_or_else(String::new, ToString::to_string);
+        format!("\n{}: {:.1} N, {contact}", stray.episode, stray.force_n)
+    });
+    table(&rows) + &strays.collect::<String>()
 }

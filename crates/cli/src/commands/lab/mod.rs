@@ -13,7 +13,7 @@ mod rendered;
 use cpu_time::ThreadTime;
 
 /// A clock of this thread's processor time, in seconds since it was made.
-fn cpu_clock() -> impl FnMut() -> f64 {
+pub fn cpu_clock() -> impl FnMut() -> f64 {
     let start = ThreadTime::now();
     move || start.elapsed().as_secs_f64()
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RobotModel, Scenario, Seed, Task, Workspace};
-use genmanip_layout::{GoalPoseSettings, LayoutSettings, goal_poses, lay_out, moves};
+use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves};
 use genmanip_motion::PlannerSettings;
 use genmanip_render::{
     Channels, Environment, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob,
@@ -220,8 +220,11 @@ fn after_moves(scene: &PosedScene, task: &Task, relations: &RelationSettings, se
         let object = after.objects().nth(step.object)?.clone();
         let settings = GoalPoseSettings { count: 1, ..GoalPoseSettings::default() };
         let seed = seed.fork("goal").fork_index(index as u64);
+        let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
         let workspace = Workspace::default();
-        let places = goal_poses(&after, step, object.pose.rotation, &workspace, relations, &settings, &|_| true, seed);
+        let (scene, workspace, settings) = (&after, &workspace, &settings);
+        let search = GoalSearch { scene, upright: &upright, workspace, relations, settings };
+        let places = search.places(step, &steps[index + 1..], &|_| true, seed);
         after.set_pose(step.object, places.first()?.world_from_object, &object.joint_positions);
     }
     Some(after)

@@ -1,5 +1,7 @@
-//! `genmanip lab motion`: plan a file of problems, test the paths again, time everything.
+//! `genmanip lab motion`: plan problems, of a file or fresh ones, test the paths again, time everything.
 
+mod depth;
+mod generate;
 mod kinematics;
 mod problems;
 
@@ -13,8 +15,10 @@ use serde::Serialize;
 use super::cpu_clock;
 use crate::args::MotionArguments;
 use crate::error::{ExitStatus, Failed};
+use crate::inputs;
 use crate::printer::Printer;
 use crate::robots;
+use depth::{Depth, DepthTally};
 use kinematics::Kinematics;
 use problems::Problem;
 
@@ -49,6 +53,9 @@ struct Measured {
     duration_s: Spread,
     /// Compiling the robot, once.
     setup_ms: f64,
+    /// Processor time from a depth image to a path; `depth` says of which problems, and what became of the paths.
+    depth_to_path_ms: Spread,
+    depth: Depth,
     robot: String,
     seed: u64,
     runs_per_problem: usize,
@@ -81,18 +88,23 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
         Some(path) => Arc::new(robots::read(path, arguments.tip.as_deref())?),
         None => panda(),
     };
-    let problems = problems::read(&arguments.problems)?;
+    let mut settings = PlannerSettings::default();
+    settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
     let mut clock = cpu_clock();
-    let planner = Planner::new(Arc::clone(&robot), PlannerSettings::default())
+    let planner = Planner::new(Arc::clone(&robot), settings)
         .map_err(|error| Failed::because("the robot cannot be planned for", &error))?;
     let setup_ms = clock() * 1e3;
+    let problems = problems(arguments, &planner)?;
     let mut tally = Tally::default();
+    let mut depth_tally = DepthTally::new(&planner)?;
     let bar = printer.progress("planning", problems.len());
     for (index, problem) in problems.iter().enumerate() {
         tally.solve(&planner, index, problem, Seed::new(arguments.seed));
+        depth_tally.solve(&planner, index, problem, Seed::new(arguments.seed))?;
         bar.inc(1);
     }
     bar.finish_and_clear();
+    depth_tally.finish();
     if let Some(path) = &arguments.paths {
         let text = serde_json::to_string(&tally.paths).unwrap_or_default();
         std::fs::write(path, text)
@@ -113,6 +125,8 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
         limits_exceeded: tally.limits_exceeded,
         duration_s: Spread::of(tally.durations),
         setup_ms,
+        depth_to_path_ms: Spread::of(depth_tally.total_ms),
+        depth: depth_tally.depth,
         robot: robot.name.clone(),
         seed: arguments.seed,
         runs_per_problem: RUNS,
@@ -121,6 +135,21 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
     };
     printer.data(&measured, &in_words(&measured));
     Ok(ExitStatus::Done)
+}
+
+/// The problems of the user's file, or fresh ones.
+fn problems(arguments: &MotionArguments, planner: &Planner) -> Result<Vec<Problem>, Failed> {
+    if let Some(file) = &arguments.problems {
+        return problems::read(file);
+    }
+    let hard = arguments.generate.as_deref() == Some("hard");
+    let made = generate::generate(planner, hard, arguments.count, Seed::new(arguments.seed).fork("problems"))?;
+    if let Some(path) = &arguments.out {
+        let text =
+            serde_json::to_string(&made).map_err(|error| Failed::because("cannot write the problems", &error))?;
+        inputs::write_file(path, text.as_bytes())?;
+    }
+    made.compile().map_err(|error| Failed::because("the problems cannot be built", &error))
 }
 
 impl Tally {
@@ -232,6 +261,17 @@ fn in_words(measured: &Measured) -> String {
         ik.solved,
         ik.poses,
         ik.worst_error_m,
+    );
+    let (depth, depth_ms) = (&measured.depth, &measured.depth_to_path_ms);
+    text += &format!(
+        "from depth    {:.2} ms median, {:.2} ms p95 from a depth image to a path; {} of {} solved, {} paths touch what was \
+         seen, {} what was not\n",
+        depth_ms.median,
+        depth_ms.p95,
+        depth.solved,
+        depth.planned,
+        depth.touching_seen_surfaces,
+        depth.touching_anything - depth.touching_seen_surfaces,
     );
     for line in measured.failures.iter().chain(&measured.contacts) {
         text += &format!("  {line}\n");

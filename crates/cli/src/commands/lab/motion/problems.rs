@@ -4,8 +4,8 @@ use std::path::Path;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Piece, Pose, Shape};
-use genmanip_motion::World;
-use serde::Deserialize;
+use genmanip_motion::{GeometryError, World};
+use serde::{Deserialize, Serialize};
 
 use crate::error::Failed;
 use crate::inputs;
@@ -13,31 +13,36 @@ use crate::inputs;
 /// Largest file of problems, bytes.
 const MAX_BYTES: u64 = 256 << 20;
 
-#[derive(Deserialize)]
-struct File {
-    problems: Vec<Written>,
+/// What such a file holds.
+#[derive(Serialize, Deserialize)]
+pub struct File {
+    pub problems: Vec<Written>,
 }
 
-#[derive(Deserialize)]
-struct Written {
-    start: Vec<f64>,
-    goal: Vec<f64>,
-    obstacles: Vec<Obstacle>,
-}
-
-#[derive(Deserialize)]
-struct Obstacle {
-    #[serde(flatten)]
-    shape: Form,
-    pos: [f64; 3],
+/// A problem as it is written.
+#[derive(Serialize, Deserialize)]
+pub struct Written {
+    /// What the motion is for; only for the reader.
     #[serde(default)]
-    yaw: f64,
+    pub kind: String,
+    pub start: Vec<f64>,
+    pub goal: Vec<f64>,
+    pub obstacles: Vec<Obstacle>,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+pub struct Obstacle {
+    #[serde(flatten)]
+    pub shape: Form,
+    pub pos: [f64; 3],
+    #[serde(default)]
+    pub yaw: f64,
 }
 
 /// Sizes are full extents, m.
-#[derive(Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
-enum Form {
+pub enum Form {
     Box { size: [f64; 3] },
     Cylinder { radius: f64, length: f64 },
     Sphere { radius: f64 },
@@ -48,6 +53,10 @@ pub struct Problem {
     pub start: Vec<f64>,
     pub goal: Vec<f64>,
     pub world: World,
+    /// Only the tables: boxes whose top is the plane z = 0.
+    pub tables: World,
+    /// All obstacles, placed in the world.
+    pub pieces: Vec<Piece>,
 }
 
 pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
@@ -59,22 +68,42 @@ pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
     };
     let text = inputs::read_text(path, MAX_BYTES)?;
     let file: File = serde_json::from_str(&text).map_err(|error| no_problems(&error))?;
-    let world = |obstacles: &[Obstacle]| {
-        let mut world = World::new();
-        for (index, obstacle) in obstacles.iter().enumerate() {
-            let shape = match &obstacle.shape {
-                Form::Box { size } => Shape::Box { half_extents: DVec3::from_array(*size) / 2.0 },
-                Form::Cylinder { radius, length } => Shape::Cylinder { radius: *radius, half_height: length / 2.0 },
-                Form::Sphere { radius } => Shape::Sphere { radius: *radius },
-            };
-            let pose = Pose::from_position_yaw(DVec3::from_array(obstacle.pos), obstacle.yaw);
-            world.add(&format!("obstacle {index}"), &[Piece::at(DVec3::ZERO, shape)], &pose)?;
-        }
-        Ok(world)
-    };
-    let problem = |written: Written| {
-        let world = world(&written.obstacles).map_err(|error: genmanip_motion::GeometryError| no_problems(&error))?;
-        Ok(Problem { start: written.start, goal: written.goal, world })
-    };
-    file.problems.into_iter().map(problem).collect()
+    file.compile().map_err(|error| no_problems(&error))
+}
+
+impl File {
+    /// The problems in the form the planner takes.
+    pub fn compile(self) -> Result<Vec<Problem>, GeometryError> {
+        let problem = |Written { start, goal, obstacles, .. }: Written| {
+            let tables: Vec<Obstacle> = obstacles.iter().filter(|obstacle| obstacle.is_table()).cloned().collect();
+            let pieces = obstacles.iter().map(Obstacle::piece).collect();
+            Ok(Problem { start, goal, world: world(&obstacles)?, tables: world(&tables)?, pieces })
+        };
+        self.problems.into_iter().map(problem).collect()
+    }
+}
+
+impl Obstacle {
+    /// In the robot's base frame.
+    fn piece(&self) -> Piece {
+        let shape = match self.shape {
+            Form::Box { size } => Shape::Box { half_extents: DVec3::from_array(size) / 2.0 },
+            Form::Cylinder { radius, length } => Shape::Cylinder { radius, half_height: length / 2.0 },
+            Form::Sphere { radius } => Shape::Sphere { radius },
+        };
+        Piece { shape, link_from_piece: Pose::from_position_yaw(DVec3::from_array(self.pos), self.yaw) }
+    }
+
+    fn is_table(&self) -> bool {
+        matches!(self.shape, Form::Box { size } if (self.pos[2] + size[2] / 2.0).abs() < 1e-6)
+    }
+}
+
+/// Obstacles named by their index, in the robot's base frame.
+pub fn world(obstacles: &[Obstacle]) -> Result<World, GeometryError> {
+    let mut world = World::new();
+    for (index, obstacle) in obstacles.iter().enumerate() {
+        world.add(&format!("obstacle {index}"), &[obstacle.piece()], &Pose::IDENTITY)?;
+    }
+    Ok(world)
 }

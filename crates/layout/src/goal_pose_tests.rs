@@ -1,0 +1,75 @@
+//! Places for several things on one carrier, drawn over many seeds.
+
+use genmanip_assets::Catalogue;
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Atom, Pose, Relation, Seed, Workspace};
+use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair};
+
+use crate::{GoalPoseSettings, GoalSearch, Move};
+
+/// A carrier in the middle, turned, and things far from it.
+fn scene(carrier: &str, turn: f64, things: &[&str]) -> PosedScene {
+    let posed = |(index, uid): (usize, &str)| {
+        let model = Catalogue::builtin().build(uid).unwrap();
+        let bounds = model.world_bounds(&Pose::IDENTITY, &vec![0.0; model.joint_count()]);
+        let place = if index == 0 { DVec3::new(0.45, 0.0, 0.0) } else { DVec3::new(0.0, 2.0 + index as f64, 0.0) };
+        PosedObject {
+            uid: uid.into(),
+            pose: Pose::from_position_yaw(place - DVec3::Z * bounds.min.z, turn),
+            joint_positions: vec![0.0; model.joint_count()],
+            model,
+        }
+    };
+    let uids = [carrier].into_iter().chain(things.iter().copied());
+    PosedScene::new(uids.enumerate().map(posed).collect(), &mut ShapeCache::default())
+}
+
+/// Puts the things one after the other onto or into the carrier, each knowing which are still to come.
+fn check(carrier: &str, relation: Relation, things: &[&str]) {
+    let (relations, settings) = (RelationSettings::default(), GoalPoseSettings::default());
+    let steps: Vec<Move> = (1..=things.len())
+        .map(|object| Move {
+            object,
+            atoms: vec![Atom::Relation {
+                subject: things[object - 1].into(),
+                relation,
+                reference: carrier.into(),
+                second_reference: None,
+            }],
+        })
+        .collect();
+    for seed in 0..3 {
+        let mut now = scene(carrier, 0.9 * seed as f64, things);
+        let upright: Vec<_> = now.objects().map(|object| object.pose.rotation).collect();
+        for (index, step) in steps.iter().enumerate() {
+            let search = GoalSearch {
+                scene: &now,
+                upright: &upright,
+                workspace: &Workspace::default(),
+                relations: &relations,
+                settings: &settings,
+            };
+            let places = search.places(step, &steps[index + 1..], &|_| true, Seed::new(seed));
+            let name = things[index];
+            // Whichever of them is taken, the next one finds room: take the last.
+            let place = places.last().unwrap_or_else(|| panic!("seed {seed}: no place for {name} on {carrier}"));
+            let joints = now.objects().nth(step.object).unwrap().joint_positions.clone();
+            now.set_pose(step.object, place.world_from_object, &joints);
+            assert!(judge_atom(&now, &step.atoms[0], &relations).holds, "seed {seed}: {name} on {carrier}");
+            for other in 1..step.object {
+                let gap = measure_pair(&now, step.object, other, &relations).unwrap().gap_m;
+                assert!(gap >= settings.clearance_m, "seed {seed}: {name} is {gap} m from {}", things[other - 1]);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_comes_first_leaves_room_for_what_comes_next() {
+    let (board, tray, basket) = ("014", "011", "051");
+    check(board, Relation::On, &["032", "029"]);
+    check(board, Relation::On, &["035", "031"]);
+    check(board, Relation::On, &["027", "028", "029"]);
+    check(tray, Relation::Top, &["022", "024"]);
+    check(basket, Relation::Top, &["030", "034"]);
+}

@@ -1,0 +1,307 @@
+//! Surfaces of many small facets, the points of a cloud or the triangles of a mesh: a tree for exact answers, a field of
+//! gaps for the fast path.
+//!
+//! Each node of the tree has eight children, of which one look with eight lanes finds those that matter.
+
+use glam::DVec3;
+
+use super::bodies::Body;
+use super::convex::{Ball, Separation};
+use super::fast::{FastPiece, Point, ROUNDING, lanes_of};
+use super::field::Field;
+use super::lanes::{LANES, Lanes};
+use super::probe::{Probe, Triangle};
+use super::robot_shape::ball_around;
+use crate::rigid::Rigid;
+
+/// An immutable surface in the world, built once and shared by all worlds that hold it.
+#[derive(Clone, Debug)]
+pub(crate) struct Surface {
+    facets: Facets,
+    /// Everything within this distance of a facet belongs to the surface.
+    radius: f64,
+    /// Level by level: the facets in eights, then those eights in eights, up to a single one.
+    levels: Vec<Vec<Eight>>,
+    pub(super) field: Field,
+    /// Ball around the surface.
+    pub(super) ball: Ball,
+}
+
+/// World frame; any eight, sixty-four, … that stand next to each other from a multiple of their number on are neighbours.
+#[derive(Clone, Debug)]
+pub(super) enum Facets {
+    Points(Vec<DVec3>),
+    Triangles(Vec<Triangle>),
+}
+
+/// Balls around eight facets, or around eights of the level below; the last eight may have fewer.
+#[derive(Clone, Copy, Debug)]
+struct Eight {
+    balls: [Ball; LANES],
+    count: usize,
+    centers: Point,
+    radii: Lanes,
+}
+
+impl Surface {
+    pub(super) fn new(mut facets: Facets, radius: f64) -> Self {
+        let balls = match &mut facets {
+            Facets::Points(points) => sort(points),
+            Facets::Triangles(triangles) => sort(triangles),
+        };
+        let mut levels = vec![eights(&balls)];
+        while let Some(top) = levels.last().filter(|top| top.len() > 1) {
+            let balls: Vec<Ball> = top.iter().map(Eight::ball).collect();
+            levels.push(eights(&balls));
+        }
+        let [low, high] = match &facets {
+            Facets::Points(points) => bounds(points),
+            Facets::Triangles(triangles) => bounds(triangles),
+        };
+        let field = Field::new([low, high], radius, facets.smallest_cell(), |cell, mark| match &facets {
+            Facets::Points(points) => points.iter().for_each(|point| mark(*point, *point)),
+            Facets::Triangles(triangles) => triangles.iter().for_each(|triangle| triangle.cut(cell, mark)),
+        });
+        let around = ball_around(levels.last().into_iter().flatten().map(Eight::ball));
+        let ball = Ball { radius: around.radius + radius, ..around };
+        Self { facets, radius, levels, field, ball }
+    }
+
+    pub(super) fn facet_count(&self) -> usize {
+        self.facets.len()
+    }
+
+    /// Whether a body comes within `margin` of the surface; `excused` facets keep distances of their own.
+    pub(super) fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64, excused: &Excused) -> bool {
+        probes(body).any(|probe| {
+            let core_from_world = (*world_from_body * probe.piece.owner_from_core).inverse();
+            let reach = margin + probe.piece.radius + self.radius;
+            self.any(&probe, &core_from_world, reach, &mut |facet| {
+                let touches = match &self.facets {
+                    Facets::Points(points) => probe.touches_point(core_from_world.point(points[facet]), reach),
+                    Facets::Triangles(triangles) => {
+                        probe.touches_triangle(&triangles[facet].moved(&core_from_world), reach)
+                    }
+                };
+                touches
+                    && excused.margin(body, facet).is_none_or(|own| {
+                        let found = self.facet_separation(facet, &probe, &core_from_world, margin);
+                        matches!(found, Separation::Within(distance) if distance < own)
+                    })
+            })
+        })
+    }
+
+    /// The distance of a body if it is at most `margin`; of excused facets only those count that are too near.
+    pub(super) fn separation(
+        &self,
+        body: &Body,
+        world_from_body: &Rigid,
+        margin: f64,
+        excused: &Excused,
+    ) -> Separation {
+        let mut nearest = Separation::Beyond;
+        self.each_near(body, world_from_body, margin, |facet, distance| {
+            let counts = excused.margin(body, facet).is_none_or(|own| distance < own);
+            if counts && !matches!(nearest, Separation::Within(other) if other <= distance) {
+                nearest = Separation::Within(distance);
+            }
+        });
+        nearest
+    }
+
+    /// Calls `visit` with every facet within `margin` of a piece of the body, and their distance.
+    pub(super) fn each_near(
+        &self,
+        body: &Body,
+        world_from_body: &Rigid,
+        margin: f64,
+        mut visit: impl FnMut(usize, f64),
+    ) {
+        let margin = margin.max(0.0);
+        for probe in probes(body) {
+            let core_from_world = (*world_from_body * probe.piece.owner_from_core).inverse();
+            let reach = margin + probe.piece.radius + self.radius;
+            self.any(&probe, &core_from_world, reach, &mut |facet| {
+                if let Separation::Within(distance) = self.facet_separation(facet, &probe, &core_from_world, margin) {
+                    visit(facet, distance);
+                }
+                false
+            });
+        }
+    }
+
+    fn facet_separation(&self, facet: usize, probe: &Probe, core_from_world: &Rigid, limit: f64) -> Separation {
+        match &self.facets {
+            Facets::Points(points) => {
+                probe.separation_of_point(core_from_world.point(points[facet]), self.radius, limit)
+            }
+            Facets::Triangles(triangles) => {
+                probe.separation_of_triangle(&triangles[facet].moved(core_from_world), limit)
+            }
+        }
+    }
+
+    /// Whether `test` holds for any facet that may come within `reach` of the piece's core.
+    fn any(&self, probe: &Probe, core_from_world: &Rigid, reach: f64, test: &mut impl FnMut(usize) -> bool) -> bool {
+        let core = FastPiece::new(&probe.piece.core, 0.0, core_from_world);
+        let mut open = vec![(self.levels.len() - 1, 0)];
+        while let Some((level, index)) = open.pop() {
+            let eight = &self.levels[level][index];
+            let farthest = eight.radii + Lanes::all(reach as f32 + ROUNDING);
+            let near = (core.squared_distance(&eight.centers) - farthest * farthest).not_positive();
+            for lane in lanes_of(near).take_while(|lane| *lane < eight.count) {
+                let child = index * LANES + lane;
+                if level == 0 {
+                    if test(child) {
+                        return true;
+                    }
+                    continue;
+                }
+                let Ball { center, radius } = eight.balls[lane];
+                if !probe.is_roughly_beyond(core_from_world.point(center), reach + radius) {
+                    open.push((level - 1, child));
+                }
+            }
+        }
+        false
+    }
+}
+
+impl Eight {
+    fn new(balls: &[Ball]) -> Self {
+        let ball = |lane: usize| balls[lane.min(balls.len() - 1)];
+        let center = |axis: usize| Lanes::from_array(std::array::from_fn(|lane| ball(lane).center[axis] as f32));
+        let count = balls.len();
+        let balls: [Ball; LANES] = std::array::from_fn(ball);
+        // Single precision puts the centres elsewhere by less than this.
+        let rounded = |ball: Ball| (ball.radius + 1e-7 * (ball.radius + ball.center.abs().max_element())) as f32;
+        Self { count, centers: [center(0), center(1), center(2)], radii: Lanes::from_array(balls.map(rounded)), balls }
+    }
+
+    fn ball(&self) -> Ball {
+        ball_around(self.balls[..self.count].iter().copied())
+    }
+}
+
+fn eights(balls: &[Ball]) -> Vec<Eight> {
+    balls.chunks(LANES).map(Eight::new).collect()
+}
+
+/// Facets that a body may come nearer to than to the others: it is near them at the start or goal of the motion.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Excused {
+    /// Part, facet and distance to keep, sorted.
+    facets: Vec<(super::world::Part, u32, f64)>,
+}
+
+impl Excused {
+    /// From now on `body` keeps `margin` from `facet`, or less when that was granted before.
+    pub(super) fn add(&mut self, body: &Body, facet: usize, margin: f64) {
+        match self.find(body, facet) {
+            Ok(index) => self.facets[index].2 = self.facets[index].2.min(margin),
+            Err(index) => self.facets.insert(index, (body.part, facet as u32, margin)),
+        }
+    }
+
+    /// Whether anything was granted to the body.
+    pub(super) fn any(&self, body: &Body) -> bool {
+        self.facets.iter().any(|(part, ..)| *part == body.part)
+    }
+
+    fn margin(&self, body: &Body, facet: usize) -> Option<f64> {
+        self.find(body, facet).ok().map(|index| self.facets[index].2)
+    }
+
+    fn find(&self, body: &Body, facet: usize) -> Result<usize, usize> {
+        self.facets.binary_search_by(|(part, other, _)| (*part, *other).cmp(&(body.part, facet as u32)))
+    }
+}
+
+fn probes<'a>(body: &Body<'a>) -> impl Iterator<Item = Probe<'a>> + use<'a> {
+    body.pieces.iter().zip(body.planes).map(|(piece, planes)| Probe::new(piece, planes))
+}
+
+/// What a tree can be built of.
+trait Facet: Copy {
+    fn low(&self) -> DVec3;
+    fn high(&self) -> DVec3;
+    fn ball(&self) -> Ball;
+}
+
+impl Facet for DVec3 {
+    fn low(&self) -> DVec3 {
+        *self
+    }
+
+    fn high(&self) -> DVec3 {
+        *self
+    }
+
+    fn ball(&self) -> Ball {
+        Ball { center: *self, radius: 0.0 }
+    }
+}
+
+impl Facet for Triangle {
+    fn low(&self) -> DVec3 {
+        self.0[0].min(self.0[1]).min(self.0[2])
+    }
+
+    fn high(&self) -> DVec3 {
+        self.0[0].max(self.0[1]).max(self.0[2])
+    }
+
+    fn ball(&self) -> Ball {
+        let center = (self.low() + self.high()) / 2.0;
+        Ball { center, radius: self.0.iter().map(|corner| corner.distance(center)).fold(0.0, f64::max) }
+    }
+}
+
+impl Facets {
+    fn len(&self) -> usize {
+        match self {
+            Self::Points(points) => points.len(),
+            Self::Triangles(triangles) => triangles.len(),
+        }
+    }
+
+    /// Cells so large that cutting all triangles into such pieces is done in a moment, m.
+    fn smallest_cell(&self) -> f64 {
+        const PIECES: f64 = 4e6;
+        let Self::Triangles(triangles) = self else { return 0.0 };
+        let area: f64 = triangles.iter().map(Triangle::area).sum();
+        let perimeter: f64 = triangles.iter().map(Triangle::perimeter).sum();
+        (8.0 * area / PIECES).sqrt().max(4.0 * perimeter / PIECES)
+    }
+}
+
+fn bounds<F: Facet>(facets: &[F]) -> [DVec3; 2] {
+    let wider = |[low, high]: [DVec3; 2], facet: &F| [low.min(facet.low()), high.max(facet.high())];
+    facets.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], wider)
+}
+
+/// Puts neighbours together, and returns the balls around the facets in their new order.
+fn sort<F: Facet>(facets: &mut [F]) -> Vec<Ball> {
+    divide(facets);
+    facets.iter().map(Facet::ball).collect()
+}
+
+/// Cuts the facets across their longest extent, again and again, always at a multiple of the largest power of eight.
+fn divide<F: Facet>(facets: &mut [F]) {
+    let mut unit = 1;
+    while unit * LANES < facets.len() {
+        unit *= LANES;
+    }
+    if unit < LANES {
+        return;
+    }
+    let [low, high] = bounds(facets);
+    let axis = (high - low).max_position();
+    let middle = |facet: &F| facet.low()[axis] + facet.high()[axis];
+    let half = facets.len().div_ceil(unit).div_ceil(2) * unit;
+    facets.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)));
+    let (low, high) = facets.split_at_mut(half);
+    divide(low);
+    divide(high);
+}

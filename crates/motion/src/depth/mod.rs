@@ -1,0 +1,250 @@
+//! From depth images to obstacles: points that nothing known explains.
+//!
+//! Every pixel becomes a point in the world; one point is kept per cell of a grid, and dropped again when it lies on
+//! the robot, on what it carries or on an obstacle that is known already.
+//! What is left is what the planner did not know about, as a cloud: the seen surfaces, not what is behind them.
+
+#[cfg(test)]
+mod tests;
+
+use genmanip_core::{Intrinsics, Pose};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::collision::{Checker, Solid, SurfaceError};
+
+/// What a depth camera saw.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthImage<'a> {
+    /// Metres along the optical axis at the pixels' centres, row by row from the top left; where it is not positive
+    /// and finite, nothing was seen.
+    pub depth_m: &'a [f32],
+    /// Projection.
+    pub intrinsics: Intrinsics,
+    /// Where the camera is; x right, y down, z forward.
+    pub world_from_camera: Pose,
+}
+
+/// How depth images become a cloud.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DepthSettings {
+    /// Edge of the cells of which each keeps one point, m.
+    ///
+    /// Together with radius and padding it decides how far a sharp corner of the robot can get between points: with
+    /// points a cell apart, not to the surface as long as 0.7 cells are less than the radius and the padding.
+    pub cell_m: f64,
+    /// Radius of the balls that stand for the points, m.
+    pub radius_m: f64,
+    /// Points within this distance of the robot, or of what it carries, are its own, m.
+    pub robot_margin_m: f64,
+    /// Points within this distance of a known obstacle belong to it, m.
+    pub known_margin_m: f64,
+}
+
+impl Default for DepthSettings {
+    fn default() -> Self {
+        Self { cell_m: 0.007, radius_m: 0.002, robot_margin_m: 0.006, known_margin_m: 0.004 }
+    }
+}
+
+/// Depth images that cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DepthError {
+    /// The number of depths is not that of the pixels.
+    #[error("depth image {image} has {got} depths, expected {width} x {height}")]
+    Size {
+        /// Index of the image.
+        image: usize,
+        /// Number of depths.
+        got: usize,
+        /// Pixels per row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// A camera that is nowhere, or projects nothing.
+    #[error("the camera of depth image {image} has a pose or a projection that is not finite, or no focal length")]
+    Camera {
+        /// Index of the image.
+        image: usize,
+    },
+    /// No image saw anything, so nothing is known about what stands around.
+    #[error("no pixel of {images} depth images holds a depth: the robot would move blindly")]
+    Blind {
+        /// Number of images.
+        images: usize,
+    },
+    /// A setting makes no sense.
+    #[error("cells of {cell_m} m: expected 0.001 to 0.1 m")]
+    Cell {
+        /// The setting.
+        cell_m: f64,
+    },
+    /// The joint positions of the robot in the images are not as many as its joints, or not finite.
+    #[error("expected {expected} finite joint positions of the robot in the images, got {got:?}")]
+    Configuration {
+        /// Number of arm joints.
+        expected: usize,
+        /// What was given.
+        got: Vec<f64>,
+    },
+    /// What is left cannot be a cloud.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+}
+
+/// Points in the world that neither the robot at `config` nor anything else that `checker` knows explains, thinned;
+/// in the order of the pixels, those out of the robot's reach left out.
+pub(crate) fn unexplained_points(
+    checker: &Checker,
+    config: &[f64],
+    images: &[DepthImage],
+    settings: &DepthSettings,
+) -> Result<Vec<DVec3>, DepthError> {
+    let expected = checker.chain().dof();
+    if config.len() != expected || !config.iter().all(|q| q.is_finite()) {
+        return Err(DepthError::Configuration { expected, got: config.to_vec() });
+    }
+    let mut cells = Cells::new(checker, config, settings)?;
+    let mut points = Vec::new();
+    let mut saw = false;
+    for (index, image) in images.iter().enumerate() {
+        check(index, image)?;
+        each_point(image, |point| {
+            saw = true;
+            if cells.is_new(point) {
+                points.push(point);
+            }
+        });
+    }
+    if saw { Ok(points) } else { Err(DepthError::Blind { images: images.len() }) }
+}
+
+fn check(index: usize, image: &DepthImage) -> Result<(), DepthError> {
+    let Intrinsics { width, height, fx, fy, cx, cy } = image.intrinsics;
+    if image.depth_m.len() as u64 != u64::from(width) * u64::from(height) {
+        return Err(DepthError::Size { image: index, got: image.depth_m.len(), width, height });
+    }
+    let Pose { position, rotation } = image.world_from_camera;
+    let finite = position.is_finite() && rotation.is_finite() && [fx, fy, cx, cy].iter().all(|value| value.is_finite());
+    if !(finite && fx > 0.0 && fy > 0.0) {
+        return Err(DepthError::Camera { image: index });
+    }
+    Ok(())
+}
+
+/// Calls `visit` with the world point of every pixel that saw something.
+fn each_point(image: &DepthImage, mut visit: impl FnMut(DVec3)) {
+    let Intrinsics { width, fx, fy, cx, cy, .. } = image.intrinsics;
+    let Pose { position: eye, .. } = image.world_from_camera;
+    let [right, down, forward] = DVec3::AXES.map(|axis| image.world_from_camera.transform_vector(axis));
+    let step = right / fx;
+    for (row, depths) in image.depth_m.chunks_exact((width as usize).max(1)).enumerate() {
+        let start = forward + down * ((row as f64 - cy) / fy) - step * cx;
+        for (column, &depth) in depths.iter().enumerate() {
+            if depth > 0.0 && depth.is_finite() {
+                visit(eye + (start + step * column as f64) * f64::from(depth));
+            }
+        }
+    }
+}
+
+/// Cells along the edge of a brick, as a power of two.
+const BRICK_BITS: u32 = 3;
+/// Words that hold a bit for each cell of a brick.
+const WORDS: usize = (1 << (3 * BRICK_BITS)) / 64;
+
+/// A sparse grid over the robot's reach that knows which cells were seen before, and what is known near them.
+struct Cells<'a> {
+    low: DVec3,
+    cells_per_m: f64,
+    /// Bricks along each axis.
+    count: u32,
+    /// Index into `bricks` plus one, for each brick of the grid; 0 where nothing was seen yet.
+    brick_at: Vec<u32>,
+    bricks: Vec<Brick>,
+    /// The cell of the point before: neighbouring pixels mostly share one.
+    last: [u32; 3],
+    solids: Vec<(Solid<'a>, f64)>,
+    /// Indices of solids, brick after brick.
+    near: Vec<u32>,
+}
+
+struct Brick {
+    seen: [u64; WORDS],
+    /// Range in `near`.
+    near: [u32; 2],
+}
+
+impl<'a> Cells<'a> {
+    fn new(checker: &'a Checker, config: &[f64], settings: &DepthSettings) -> Result<Self, DepthError> {
+        let cell = settings.cell_m;
+        if !(0.001..=0.1).contains(&cell) {
+            return Err(DepthError::Cell { cell_m: cell });
+        }
+        let reach = checker.reach_m();
+        let count = (2.0 * reach / (cell * f64::from(1 << BRICK_BITS))).ceil() as u32;
+        let margin = |is_robot: bool| if is_robot { settings.robot_margin_m } else { settings.known_margin_m };
+        Ok(Self {
+            low: DVec3::splat(-reach),
+            cells_per_m: 1.0 / cell,
+            count,
+            brick_at: vec![0; (count as usize).pow(3)],
+            bricks: Vec::new(),
+            last: [u32::MAX; 3],
+            solids: checker.solids(config).map(|(solid, is_robot)| (solid, margin(is_robot))).collect(),
+            near: Vec::new(),
+        })
+    }
+
+    /// Whether the point is the first of its cell and nothing known explains it.
+    fn is_new(&mut self, point: DVec3) -> bool {
+        let at = (point - self.low) * self.cells_per_m;
+        let limit = f64::from(self.count << BRICK_BITS);
+        if !(at.min_element() >= 0.0 && at.max_element() < limit) {
+            return false;
+        }
+        let cell = at.to_array().map(|cells| cells as u32);
+        if cell == self.last {
+            return false;
+        }
+        self.last = cell;
+        let [x, y, z] = cell;
+        let [bx, by, bz] = [x, y, z].map(|cell| (cell >> BRICK_BITS) as usize);
+        let count = self.count as usize;
+        let place = (bz * count + by) * count + bx;
+        let brick = match self.brick_at[place] {
+            0 => self.add_brick(place, [bx, by, bz]),
+            index => index as usize - 1,
+        };
+        let inside = |cell: u32| cell & ((1 << BRICK_BITS) - 1);
+        let bit = (inside(z) << (2 * BRICK_BITS) | inside(y) << BRICK_BITS | inside(x)) as usize;
+        let Brick { seen, near: [first, end] } = &mut self.bricks[brick];
+        let (word, mask) = (&mut seen[bit / 64], 1 << (bit % 64));
+        if *word & mask != 0 {
+            return false;
+        }
+        *word |= mask;
+        let explains = |&index: &u32| {
+            let (solid, margin) = &self.solids[index as usize];
+            solid.is_within(point, *margin)
+        };
+        !self.near[*first as usize..*end as usize].iter().any(explains)
+    }
+
+    fn add_brick(&mut self, place: usize, brick: [usize; 3]) -> usize {
+        let edge = f64::from(1 << BRICK_BITS) / self.cells_per_m;
+        let center = self.low + (DVec3::from_array(brick.map(|index| index as f64)) + 0.5) * edge;
+        let half_diagonal = 0.5 * 3.0_f64.sqrt() * edge;
+        let first = self.near.len() as u32;
+        for (index, (solid, margin)) in self.solids.iter().enumerate() {
+            if !solid.is_surely_beyond(center, half_diagonal + margin) {
+                self.near.push(index as u32);
+            }
+        }
+        self.bricks.push(Brick { seen: [0; WORDS], near: [first, self.near.len() as u32] });
+        self.brick_at[place] = self.bricks.len() as u32;
+        self.bricks.len() - 1
+    }
+}

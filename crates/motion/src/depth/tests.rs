@@ -1,0 +1,108 @@
+use genmanip_core::{Camera, Intrinsics, Piece, Pose, Seed, Shape, glam::DVec2, glam::DVec3};
+
+use crate::test_robot::test_panda;
+use crate::{Allowed, DepthImage, Planner, PlannerSettings, Surroundings, World};
+
+const BALL: (DVec3, f64) = (DVec3::new(0.55, 0.0, 0.12), 0.1);
+
+fn camera() -> Camera {
+    let intrinsics = Intrinsics::from_vertical_fov(160, 120, 0.9);
+    Camera::looking_at("test", DVec3::new(0.55, -0.9, 0.9), DVec3::new(0.5, 0.0, 0.1), intrinsics)
+}
+
+/// What the camera sees of a ball over the plane z = 0, and of the robot's hand at home, which is drawn as a ball.
+fn picture(camera: &Camera, balls: &[(DVec3, f64)]) -> Vec<f32> {
+    let k = camera.intrinsics;
+    let eye = camera.mount_from_camera.position;
+    let depth = |pixel: u32| {
+        let at = DVec2::new(f64::from(pixel % k.width), f64::from(pixel / k.width));
+        let ray = camera.mount_from_camera.transform_vector(k.unproject(at, 1.0));
+        let ball = |(center, radius): &(DVec3, f64)| {
+            let (to, square) = (*center - eye, ray.length_squared());
+            let (half, rest) = (ray.dot(to) / square, (to.length_squared() - radius * radius) / square);
+            (half * half > rest).then(|| half - (half * half - rest).sqrt())
+        };
+        let table = (ray.z < 0.0).then(|| -eye.z / ray.z);
+        balls.iter().filter_map(ball).chain(table).fold(f64::INFINITY, f64::min) as f32
+    };
+    (0..k.width * k.height).map(depth).collect()
+}
+
+fn tables() -> World {
+    let slab = Piece::at(DVec3::Z * -0.02, Shape::Box { half_extents: DVec3::new(1.5, 1.5, 0.02) });
+    let mut world = World::new();
+    world.add("table", &[slab], &Pose::IDENTITY).unwrap();
+    world
+}
+
+fn image<'a>(camera: &Camera, depth_m: &'a [f32]) -> DepthImage<'a> {
+    DepthImage { depth_m, intrinsics: camera.intrinsics, world_from_camera: camera.mount_from_camera }
+}
+
+#[test]
+fn paths_go_around_what_is_seen() {
+    let planner = Planner::new(test_panda(), PlannerSettings::default()).unwrap();
+    let (camera, tables, allowed) = (camera(), tables(), Allowed::none());
+    let around = |world| Surroundings { world, attached: None, allowed: &allowed, gripper_width: 0.08 };
+    let home = planner.robot().home.clone();
+    let side = |y: f64| {
+        let down = genmanip_core::glam::DQuat::from_rotation_x(std::f64::consts::PI);
+        planner.ik(&Pose::new(DVec3::new(0.55, y, 0.1), down), &home).remove(0)
+    };
+    let (start, goal) = (side(-0.3), side(0.3));
+    let hand = (planner.tcp_pose(&start).position + DVec3::Z * 0.07, 0.025);
+    let depth_m = picture(&camera, &[BALL, hand]);
+    let seen = planner.world_seen(&around(&tables), &start, "seen", &[image(&camera, &depth_m)]).unwrap();
+    assert_eq!(seen.names().collect::<Vec<_>>(), ["table", "seen"]);
+    // Half of the ball in cells of 7 mm: neither table nor hand are among them.
+    let count = seen.facet_count("seen").unwrap();
+    assert!((300..2500).contains(&count), "{count}");
+    assert!(planner.check(&around(&seen), &start).is_none(), "the hand is not its own obstacle");
+    // The straight way runs through the ball; the path keeps clear of the half that was seen.
+    let straight = planner.plan_joint(&around(&tables), &start, std::slice::from_ref(&goal), Seed::new(1)).unwrap();
+    let path = planner.plan_joint(&around(&seen), &start, &[goal], Seed::new(1)).unwrap();
+    let mut truth = World::new();
+    truth.add("ball", &[Piece::at(BALL.0, Shape::Sphere { radius: BALL.1 })], &Pose::IDENTITY).unwrap();
+    let touches =
+        |path: &crate::Path| path.states(0.02).iter().any(|state| planner.check(&around(&truth), state).is_some());
+    assert!(touches(&straight) && !touches(&path));
+    // The same image twice adds nothing, and nothing is added where all is known.
+    let twice = [image(&camera, &depth_m), image(&camera, &depth_m)];
+    let again = planner.world_seen(&around(&tables), &start, "seen", &twice).unwrap();
+    assert_eq!(again.facet_count("seen"), Some(count));
+    let mut known = tables.clone();
+    known.add("ball", &[Piece::at(BALL.0, Shape::Sphere { radius: BALL.1 })], &Pose::IDENTITY).unwrap();
+    let nothing = planner.world_seen(&around(&known), &start, "seen", &twice).unwrap();
+    assert_eq!(nothing.facet_count("seen"), None);
+}
+
+#[test]
+fn images_that_make_no_sense_are_refused() {
+    let planner = Planner::new(test_panda(), PlannerSettings::default()).unwrap();
+    let (camera, tables, allowed) = (camera(), tables(), Allowed::none());
+    let around = Surroundings { world: &tables, attached: None, allowed: &allowed, gripper_width: 0.08 };
+    let home = planner.robot().home.clone();
+    let depth_m = picture(&camera, &[BALL]);
+    let good = image(&camera, &depth_m);
+    let nothing = vec![f32::NAN; depth_m.len()];
+    let nowhere = Pose::from_position(DVec3::NAN);
+    let flat = Intrinsics { fx: 0.0, ..camera.intrinsics };
+    let blind = "no pixel of 1 depth images holds a depth: the robot would move blindly";
+    let no_camera = "the camera of depth image 0 has a pose or a projection that is not finite, or no focal length";
+    let cases = [
+        (DepthImage { depth_m: &depth_m[1..], ..good }, "depth image 0 has 19199 depths, expected 160 x 120"),
+        (DepthImage { depth_m: &nothing, ..good }, blind),
+        (DepthImage { world_from_camera: nowhere, ..good }, no_camera),
+        (DepthImage { intrinsics: flat, ..good }, no_camera),
+    ];
+    for (image, message) in cases {
+        assert_eq!(planner.world_seen(&around, &home, "seen", &[image]).unwrap_err().to_string(), message);
+    }
+    let error = planner.world_seen(&around, &home[..3], "seen", &[good]).unwrap_err().to_string();
+    assert!(error.starts_with("expected 7 finite joint positions of the robot in the images"), "{error}");
+    let mut settings = PlannerSettings::default();
+    settings.depth.cell_m = 0.0;
+    let planner = Planner::new(test_panda(), settings).unwrap();
+    let error = planner.world_seen(&around, &home, "seen", &[good]).unwrap_err().to_string();
+    assert_eq!(error, "cells of 0 m: expected 0.001 to 0.1 m");
+}

@@ -1,0 +1,121 @@
+//! What a failed episode tells about itself: what slipped and when, what was knocked over, by how much a goal was missed.
+//!
+//! It is read from the recorded frames and the final verdict, so it is the same for every policy.
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{AtomVerdict, Failure, FailureCause, Frame, GoalVerdict, Pose};
+
+use crate::{RolloutSettings, Stage};
+
+/// A grip that ended without the hand being opened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slip {
+    /// Index of the object.
+    pub object: usize,
+    /// When the fingers no longer both pressed on it.
+    pub time_s: f64,
+    /// How long it had been held.
+    pub held_s: f64,
+    /// How far above the place where it was gripped, metres.
+    pub height_m: f64,
+    /// Whether the hand never held it again.
+    pub for_good: bool,
+}
+
+/// A grip that is interrupted for fewer frames than this has not ended, and a shorter one never began.
+const STEADY_FRAMES: usize = 6;
+
+/// Why an episode that did not succeed failed: the policy's own word, or what the frames and the verdict show.
+///
+/// A policy's word stays; a slip and a disturbance are told with it.
+/// A goal that was missed without a word is put down to the object that slipped, or to what was knocked over.
+pub fn explain(
+    stage: &Stage,
+    frames: &[Frame],
+    verdict: &GoalVerdict,
+    word: Option<Failure>,
+    settings: &RolloutSettings,
+) -> Failure {
+    let missing: Vec<&AtomVerdict> = verdict.best().into_iter().flatten().filter(|atom| !atom.holds).collect();
+    let slips = slips(frames);
+    let is_missing = |slip: &&Slip| {
+        let uid = stage.scenario.objects.get(slip.object).map(|object| object.uid.as_str());
+        missing.iter().any(|atom| Some(atom.atom.subject()) == uid)
+    };
+    let slip = slips.iter().filter(|slip| slip.for_good).rfind(is_missing);
+    let slipped = |slip: &Slip| {
+        let Slip { object, time_s, held_s, height_m, .. } = *slip;
+        let (name, height) = (stage.name(object), (height_m * 1e3).max(0.0));
+        format!("{name} slipped at {time_s:.1} s, held for {held_s:.1} s and {height:.0} mm up")
+    };
+    let disturbed = frames.last().and_then(|last| disturbed(stage, last, settings));
+    let worst = missing.iter().filter(|_| word.is_none()).min_by(|a, b| a.margin.total_cmp(&b.margin));
+    let missed = worst.map(|atom| missed(atom));
+    let (cause, first) = match (word, slip, &disturbed) {
+        (Some(failure), ..) => (failure.cause, Some(failure.evidence)),
+        (None, Some(_), _) => (FailureCause::Slipped, None),
+        (None, None, Some(_)) => (FailureCause::Disturbed, None),
+        (None, None, None) => (FailureCause::GoalMissed, None),
+    };
+    let parts = [first, slip.or(slips.last()).map(slipped), disturbed, missed];
+    let evidence = parts.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    Failure { cause, evidence: if evidence.is_empty() { "the goal does not hold".into() } else { evidence } }
+}
+
+/// Every grip in the frames that ended without the hand being opened, in order.
+pub fn slips(frames: &[Frame]) -> Vec<Slip> {
+    let mut found = Vec::new();
+    let mut grip: Option<(usize, usize)> = None;
+    for (index, frame) in frames.iter().enumerate() {
+        let Some((object, begin)) = grip else {
+            grip = frame.grasped.map(|object| (object, index));
+            continue;
+        };
+        let still = |frame: &Frame| frame.grasped == Some(object);
+        if frames[index..].iter().take(STEADY_FRAMES).any(still) {
+            continue;
+        }
+        grip = frame.grasped.map(|object| (object, index));
+        // The hand was sent open when its command grew since a moment before.
+        let width = |frame: &Frame| frame.command.last().copied().unwrap_or_default();
+        let before = &frames[index.saturating_sub(STEADY_FRAMES)];
+        if index - begin >= STEADY_FRAMES && width(frame) <= width(before) {
+            let height = |frame: &Frame| frame.objects.get(object).map_or(0.0, |object| object.pose.position.z);
+            found.push(Slip {
+                object,
+                time_s: frame.time_s,
+                held_s: frame.time_s - frames[begin].time_s,
+                height_m: height(frame) - height(&frames[begin]),
+                for_good: !frames[index..].iter().any(still),
+            });
+        }
+    }
+    found
+}
+
+/// What became of objects that no condition of the goal asks to be moved, if one was displaced or fell over.
+fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<String> {
+    let goal = &stage.scenario.task.goal;
+    stage.scenario.objects.iter().zip(&last.objects).enumerate().find_map(|(index, (before, now))| {
+        let moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.uid);
+        let shift = before.pose.position.distance(now.pose.position);
+        let up = |pose: &Pose| pose.transform_vector(DVec3::Z);
+        let tilt = up(&before.pose).angle_between(up(&now.pose));
+        let displaced = shift > settings.disturbed_m || tilt > settings.disturbed_rad;
+        (!moved && displaced).then(|| {
+            let (name, tilt) = (stage.name(index), tilt.to_degrees());
+            let what = if tilt > 30.0 { "knocked over" } else { "pushed away" };
+            format!("{name} was {what}: moved {:.0} mm, tilted {tilt:.0}°", shift * 1e3)
+        })
+    })
+}
+
+/// A condition that does not hold, and by how much.
+fn missed(atom: &AtomVerdict) -> String {
+    let by = atom.measurements.first().and_then(|measured| match measured.unit.as_str() {
+        "m" => Some(format!("missed by {:.0} mm, ", -measured.margin * 1e3)),
+        "rad" => Some(format!("missed by {:.0}°, ", -measured.margin.to_degrees())),
+        _ => None,
+    });
+    format!("{}: {}{}", atom.atom, by.unwrap_or_default(), atom.explanation)
+}

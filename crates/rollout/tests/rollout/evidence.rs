@@ -1,0 +1,127 @@
+//! What failed episodes say about themselves.
+
+use std::sync::Arc;
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{EpisodeResult, FailureCause, Frame, Seed};
+use genmanip_rollout::evidence::{Slip, explain, slips};
+use genmanip_rollout::{RolloutSettings, Stage, run_episode};
+use genmanip_sim::SimSettings;
+
+use crate::{any_stage, episodes, expert, planner, scenario, task};
+
+/// Frames of a real episode in which the object was gripped and carried, cut and changed.
+fn carried() -> Vec<Frame> {
+    episodes()[1].1.frames.clone()
+}
+
+fn grip(frames: &[Frame]) -> (usize, usize, usize) {
+    let begin = frames.iter().position(|frame| frame.grasped.is_some()).unwrap();
+    let object = frames[begin].grasped.unwrap();
+    let end = begin + frames[begin..].iter().take_while(|frame| frame.grasped == Some(object)).count();
+    (object, begin, end)
+}
+
+#[test]
+fn letting_go_is_no_slip_and_losing_the_grip_is() {
+    let whole = carried();
+    assert_eq!(slips(&whole), [], "a verified demonstration lets go on purpose");
+    let (object, begin, end) = grip(&whole);
+    let middle = (begin + end) / 2;
+    let lost = |from: usize, to: usize| {
+        let mut frames = whole.clone();
+        frames[from..to].iter_mut().for_each(|frame| frame.grasped = None);
+        slips(&frames)
+    };
+    assert_eq!(lost(middle, middle + 3), [], "contacts flicker");
+    let [slip] = lost(middle, whole.len()).try_into().unwrap();
+    let expected = Slip {
+        object,
+        time_s: whole[middle].time_s,
+        held_s: whole[middle].time_s - whole[begin].time_s,
+        height_m: whole[middle].objects[object].pose.position.z - whole[begin].objects[object].pose.position.z,
+        for_good: true,
+    };
+    assert_eq!(slip, expected);
+    let [again] = lost(middle, middle + 20).try_into().unwrap();
+    assert!(!again.for_good, "it was held again");
+}
+
+/// Each cause from what it is read from, on the last frames of a real episode.
+#[test]
+fn the_cause_follows_from_what_was_seen() {
+    let (stage, episode) = &episodes()[1];
+    let (object, begin, end) = grip(&episode.frames);
+    let mut verdict = episode.result.verdict.clone();
+    for atom in verdict.alternatives.iter_mut().flatten() {
+        atom.holds = false;
+        for measured in atom.measurements.iter_mut().filter(|measured| measured.unit == "m") {
+            (measured.met, measured.margin) = (false, -0.031);
+        }
+        atom.measurements.sort_by_key(|measured| measured.met);
+    }
+    let explained = |frames: &[Frame], word| explain(stage, frames, &verdict, word, &RolloutSettings::default());
+
+    let missed = explained(&episode.frames, None);
+    assert_eq!(missed.cause, FailureCause::GoalMissed);
+    assert!(missed.evidence.contains("missed by 31 mm"), "{missed}");
+
+    let mut slipped = episode.frames.clone();
+    slipped[(begin + end) / 2..].iter_mut().for_each(|frame| frame.grasped = None);
+    let slipped = explained(&slipped, None);
+    assert_eq!(slipped.cause, FailureCause::Slipped);
+    assert!(slipped.evidence.starts_with(stage.name(object)) && slipped.evidence.contains(" slipped at "), "{slipped}");
+
+    let goal = &stage.scenario.task.goal;
+    let is_moved = |uid: &str| goal.alternatives.iter().flatten().any(|atom| atom.subject() == uid);
+    let bystander = stage.scenario.objects.iter().position(|object| !is_moved(&object.uid)).unwrap();
+    let mut pushed = episode.frames.clone();
+    pushed.last_mut().unwrap().objects[bystander].pose.position.x += 0.08;
+    let pushed = explained(&pushed, None);
+    assert_eq!(pushed.cause, FailureCause::Disturbed);
+    assert!(pushed.evidence.contains(" was pushed away: moved 80 mm"), "{pushed}");
+}
+
+/// Without friction at the pads nothing is carried: the expert says that it slipped, and when.
+#[test]
+fn what_slips_in_physics_is_said_to_have_slipped() {
+    let slippery = SimSettings { pad_friction: [0.005, 1e-5, 1e-5], ..SimSettings::default() };
+    let stage =
+        Stage::open(Arc::new(scenario(&task("024_appearance"))), Catalogue::builtin(), planner().robot(), &slippery)
+            .unwrap();
+    let settings = RolloutSettings::default();
+    let episode = run_episode(&stage, &mut expert(&stage), "slippery", Seed::new(5), &settings).unwrap();
+    let EpisodeResult { success, failure, .. } = episode.result;
+    let failure = failure.unwrap();
+    assert!(!success && failure.cause == FailureCause::Slipped, "{failure}");
+    assert!(failure.evidence.contains("was not in the hand after lifting (pick 4)"), "{failure}");
+}
+
+/// The hardest stray contact is told with its two sides and its time.
+#[test]
+fn the_hardest_stray_contact_is_the_one_in_the_frames() {
+    for (_, episode) in episodes() {
+        let worst = episode.frames.iter().max_by(|a, b| a.stray_contact_n.total_cmp(&b.stray_contact_n)).unwrap();
+        assert_eq!(episode.result.max_stray_contact_n, worst.stray_contact_n);
+        let contact = &episode.result.stray_contact;
+        assert_eq!(contact.is_some(), worst.stray_contact_n > 0.0);
+        if let Some(contact) = contact {
+            assert!(contact.link.starts_with("robot/") && !contact.other.is_empty(), "{contact}");
+            assert!(
+                episode
+                    .frames
+                    .iter()
+                    .any(|frame| { frame.time_s == contact.time_s && frame.stray_contact_n == worst.stray_contact_n })
+            );
+        }
+    }
+}
+
+/// A goal that names nothing that is there is missed without anything to blame.
+#[test]
+fn an_empty_goal_is_still_explained() {
+    let stage = any_stage();
+    let verdict = genmanip_core::GoalVerdict::from_alternatives(Vec::new());
+    let failure = explain(stage, &[], &verdict, None, &RolloutSettings::default());
+    assert_eq!((failure.cause, failure.evidence.as_str()), (FailureCause::GoalMissed, "the goal does not hold"));
+}
