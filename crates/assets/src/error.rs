@@ -33,6 +33,19 @@ pub enum AssetError {
         /// What the catalogue makes.
         got: String,
     },
+    /// Grasps that were tried with other physics than this version of the generator makes.
+    #[error(
+        "the tried grasps of object {uid} are stale: expected physics hash {expected}, got {got}; make them again with \
+         `genmanip grasps bake`"
+    )]
+    StaleGrasps {
+        /// Uid of the object.
+        uid: String,
+        /// Hash that the grasps were tried with.
+        expected: String,
+        /// Hash of the object as it is now.
+        got: String,
+    },
     /// A data file that cannot be read.
     #[error("{file}: {message}")]
     Data {

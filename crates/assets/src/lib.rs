@@ -21,6 +21,7 @@
 mod catalogue;
 mod error;
 mod finish;
+mod grasps;
 mod handle;
 mod paint;
 mod parts;
@@ -35,6 +36,7 @@ mod tests;
 
 pub use catalogue::Catalogue;
 pub use error::AssetError;
+pub use grasps::{GraspFile, GraspProvenance, ObjectGrasps};
 pub use handle::{HANDLE, handle_bounds};
 pub use robot::{panda, robot_from_json};
 pub use variant::variant;

@@ -66,6 +66,12 @@ pub enum Command {
         after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-000.json > scene.xml"
     )]
     Export(ExportArguments),
+    /// Try grasps of the catalogue's objects in physics beforehand, and show them
+    Grasps {
+        /// What to do with grasps
+        #[command(subcommand)]
+        command: GraspsCommand,
+    },
     /// Measure the parts on cases of your own: agreement, validity, processor time
     Lab {
         /// What to measure
@@ -90,6 +96,54 @@ pub enum TaskCommand {
     /// Show a task: instruction, goal and scene graph
     #[command(after_help = "Example:\n  genmanip task show examples/tasks/017_pick_and_place.json --svg graph.svg")]
     Show(ShowArguments),
+}
+
+/// Verbs for grasps.
+#[derive(Debug, Subcommand)]
+pub enum GraspsCommand {
+    /// Try candidates of every object that can be grasped, each several times, a little off, and keep how often it held
+    #[command(
+        after_help = "An interrupted run continues where it stopped: start the same command again.\n\nExamples:\n  \
+                      genmanip grasps bake --out crates/assets/data/grasps.json\n  \
+                      genmanip grasps bake --out out/mug.json --objects 001 --count 100"
+    )]
+    Bake(BakeArguments),
+    /// Show the tried grasps of an object; with --json also as rows of the GraspNet convention
+    #[command(after_help = "Example:\n  genmanip grasps show 001 --json")]
+    Show(ShowGraspsArguments),
+}
+
+/// Arguments of `grasps bake`.
+#[derive(Debug, Args)]
+pub struct BakeArguments {
+    /// File to write; what it holds already is kept, if it was made alike
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Seed of candidates and trials
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Candidates per object, at most
+    #[arg(long, default_value_t = 50, value_parser = parse_count)]
+    pub count: usize,
+    /// Trials per candidate
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub trials: u32,
+    /// Uids, comma separated, instead of all objects that can be grasped
+    #[arg(long, value_delimiter = ',')]
+    pub objects: Vec<String>,
+    /// Worker threads; results do not depend on it [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
+}
+
+/// Arguments of `grasps show`.
+#[derive(Debug, Args)]
+pub struct ShowGraspsArguments {
+    /// Object
+    pub uid: String,
+    /// File of `grasps bake` instead of the grasps that come with the program
+    #[arg(long, value_name = "FILE")]
+    pub file: Option<PathBuf>,
 }
 
 /// Arguments of `task new`.

@@ -12,7 +12,7 @@ mod stop;
 
 use clap::Parser;
 
-use args::{Arguments, Command, LabCommand, TaskCommand};
+use args::{Arguments, Command, GraspsCommand, LabCommand, TaskCommand};
 use error::{ExitStatus, Failed};
 
 fn main() -> std::process::ExitCode {
@@ -40,10 +40,13 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Replay(arguments) => commands::replay::run(arguments, printer),
         Command::Report(arguments) => commands::report::run(arguments, printer),
         Command::Export(arguments) => commands::export::run(arguments, printer),
+        Command::Grasps { command: GraspsCommand::Bake(arguments) } => commands::grasps::bake(arguments, printer),
+        Command::Grasps { command: GraspsCommand::Show(arguments) } => commands::grasps::show(arguments, printer),
         Command::Lab { command } => match command {
             LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
             LabCommand::Answers(arguments) => commands::lab::answers::run(arguments, printer),
             LabCommand::Design(arguments) => commands::lab::design::run(arguments, printer),
+            LabCommand::Fit(arguments) => commands::lab::fit::run(arguments, printer),
             LabCommand::Grasp(arguments) => commands::lab::grasp::run(arguments, printer),
             LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
             LabCommand::Layout(arguments) => commands::lab::layout::run(arguments, printer),

@@ -34,6 +34,24 @@ impl Grasp {
     }
 }
 
+/// A grasp that was tried in physics.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TriedGrasp {
+    /// The grasp, in the object's frame.
+    pub grasp: Grasp,
+    /// How often it was tried.
+    pub trials: u32,
+    /// How often it held.
+    pub held: u32,
+}
+
+impl TriedGrasp {
+    /// Share of the trials in which it held, 0-1.
+    pub fn share(&self) -> f64 {
+        f64::from(self.held) / f64::from(self.trials.max(1))
+    }
+}
+
 /// A grasp with the numbers that the GraspNet convention adds, in the frame of the pose.
 ///
 /// A row of that convention is `[score, width, height, depth, R (9, row by row), t (3), object id]`.

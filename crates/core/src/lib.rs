@@ -40,7 +40,7 @@ pub use episode::{
     AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, ObjectState, StrayContact,
 };
 pub use geometry::{Aabb, Piece, Shape};
-pub use grasp::Grasp;
+pub use grasp::{Grasp, TriedGrasp};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
 pub use policy::{

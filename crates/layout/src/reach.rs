@@ -3,9 +3,9 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Pose, Seed, Task, Workspace};
+use genmanip_core::{Grasp, Pose, Seed, Task, Workspace};
 use genmanip_motion::{Allowed, Planner, Surroundings};
-use genmanip_scene::relations::{PosedScene, RelationSettings};
+use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalPoseSettings, GoalSearch};
@@ -42,6 +42,9 @@ fn obstacle(
     let nothing = Allowed::none();
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
     let home = &planner.robot().home;
+    let within_reach = |object: &PosedObject, candidates: &[Grasp]| {
+        !planner.reachable_grasps(&around, &object.uid, &object.pose, candidates, home, 1).is_empty()
+    };
     let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
     let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
     let mut after = scene.clone();
@@ -55,8 +58,9 @@ fn obstacle(
             after.set_pose(step.object, object.pose, &joints);
             return None;
         }
-        let candidates = surroundings::grasps(planner, scene, step.object, seed.fork("reach"));
-        if planner.reachable_grasps(&around, &object.uid, &object.pose, &candidates, home, 1).is_empty() {
+        if !within_reach(object, &surroundings::tried_grasps(planner, scene, step.object))
+            && !within_reach(object, &surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach")))
+        {
             return Some(format!("{name} cannot be grasped where it lies"));
         }
         let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);

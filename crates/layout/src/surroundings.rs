@@ -1,9 +1,13 @@
 //! What the planner must keep clear of: the table and the objects where they are now.
 
+use genmanip_assets::GraspFile;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Grasp, ObjectModel, Piece, Seed, Shape};
 use genmanip_motion::{GraspTarget, Planner, World};
 use genmanip_scene::relations::{PosedObject, PosedScene};
+
+/// Grasps that held in a smaller share of their trials are not used.
+const SOUND: f64 = 0.8;
 
 /// Name of the table among the obstacles.
 pub const TABLE: &str = "table";
@@ -59,16 +63,33 @@ fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
     points
 }
 
-/// Grasp candidates on an object as it lies, best first, in its own frame.
-pub fn grasps(planner: &Planner, scene: &PosedScene, object: usize, seed: Seed) -> Vec<Grasp> {
+/// Grasps that held when they were tried in physics beforehand, those that fit where the object lies, best first, in its
+/// own frame; none of an object whose grasps were never tried.
+pub fn tried_grasps(planner: &Planner, scene: &PosedScene, object: usize) -> Vec<Grasp> {
+    let known = scene.objects().nth(object).and_then(|posed| GraspFile::builtin().of(&posed.model).ok().flatten());
+    let Some(known) = known else { return Vec::new() };
+    let sound = known.iter().filter(|tried| tried.share() >= SOUND).map(|tried| &tried.grasp);
+    with_target(planner, scene, object, |target| planner.fitting_grasps(target, sound))
+}
+
+/// Grasp candidates on an object as it lies, from its geometry alone, best first, in its own frame.
+pub fn generated_grasps(planner: &Planner, scene: &PosedScene, object: usize, seed: Seed) -> Vec<Grasp> {
+    with_target(planner, scene, object, |target| planner.grasps(target, seed.fork("grasps")))
+}
+
+fn with_target(
+    planner: &Planner,
+    scene: &PosedScene,
+    object: usize,
+    use_it: impl FnOnce(&GraspTarget) -> Vec<Grasp>,
+) -> Vec<Grasp> {
     let Some((posed, bounds)) = scene.objects().nth(object).zip(scene.bounds(object)) else { return Vec::new() };
     let Some(link) = posed.model.links.first() else { return Vec::new() };
-    let target = GraspTarget {
+    use_it(&GraspTarget {
         surface: &surface(&posed.model, planner.settings().grasp.surface_points),
         pieces: &link.pieces,
         center_of_mass: link.mass.center,
         world_from_object: posed.pose,
         table_height: bounds.min.z,
-    };
-    planner.grasps(&target, seed.fork("grasps"))
+    })
 }

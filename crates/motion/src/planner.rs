@@ -183,6 +183,11 @@ impl Planner {
         grasp::candidates(target, &self.gripper, &self.settings.grasp, seed)
     }
 
+    /// Those of known grasps (object frame) that fit where the object is, in their order.
+    pub fn fitting_grasps<'a>(&self, target: &GraspTarget, known: impl Iterator<Item = &'a Grasp>) -> Vec<Grasp> {
+        grasp::fitting(target, &self.gripper, &self.settings.grasp, known)
+    }
+
     /// Grasp candidates from points alone, in the world, best first.
     ///
     /// # Errors

@@ -203,15 +203,15 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
 }
 
 /// Maps jobs over worker threads; results come back in the order of the jobs, stopped jobs are left out.
-pub(crate) fn in_parallel<J: Sync, R: Send>(
+pub(crate) fn in_parallel<J: Sync, R: Send, E: Send>(
     jobs: &[J],
     workers: usize,
     stop: &AtomicBool,
-    work: &(dyn Fn(&J) -> Result<R, RolloutError> + Sync),
-) -> Result<Vec<R>, RolloutError> {
+    work: &(dyn Fn(&J) -> Result<R, E> + Sync),
+) -> Result<Vec<R>, E> {
     let next = AtomicUsize::new(0);
     let broken = AtomicBool::new(false);
-    let results: Mutex<Vec<(usize, Result<R, RolloutError>)>> = Mutex::new(Vec::new());
+    let results: Mutex<Vec<(usize, Result<R, E>)>> = Mutex::new(Vec::new());
     std::thread::scope(|scope| {
         for _ in 0..workers.clamp(1, jobs.len().max(1)) {
             scope.spawn(|| {

@@ -43,6 +43,24 @@ pub enum LabCommand {
                       Things of three classes (compact, utensils, clutter), COUNT each, drawn by seed;\n\
                       docs/concepts/grasps.md says what is measured.")]
     Grasp(GraspArguments),
+    /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
+    #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
+                      The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
+    Fit(FitArguments),
+}
+
+/// Arguments of `lab fit`.
+#[derive(Debug, Args)]
+pub struct FitArguments {
+    /// Trials to fit to
+    #[arg(required = true, value_name = "FILE")]
+    pub trials: Vec<PathBuf>,
+    /// Keep the weights in use, and so the ranking: fit only their constant
+    #[arg(long)]
+    pub constant: bool,
+    /// Other trials, to see how true the chances are
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub test: Vec<PathBuf>,
 }
 
 /// Arguments of `lab design`.

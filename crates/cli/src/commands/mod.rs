@@ -5,6 +5,7 @@ pub mod demo;
 pub mod doctor;
 pub mod evaluate;
 pub mod export;
+pub mod grasps;
 pub mod lab;
 pub mod layout;
 pub mod plan;

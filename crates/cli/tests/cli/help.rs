@@ -19,6 +19,8 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["replay"],
         &["report"],
         &["export"],
+        &["grasps", "bake"],
+        &["grasps", "show"],
         &["lab", "layout"],
         &["lab", "relations"],
         &["lab", "answers"],
@@ -26,6 +28,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["lab", "design"],
         &["lab", "motion"],
         &["lab", "grasp"],
+        &["lab", "fit"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);

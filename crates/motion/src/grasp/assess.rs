@@ -81,8 +81,13 @@ impl<'a> Bench<'a> {
         })
     }
 
+    /// Whether the hand may come from where a grasp wants it to, as the object lies.
+    pub(super) fn is_upright(&self, grasp: &Grasp) -> bool {
+        let top = self.object.iter().map(|piece| piece.support(self.up).dot(self.up)).fold(f64::NEG_INFINITY, f64::max);
+        -grasp.approach().dot(self.up) >= self.settings.largest_tilt(top - self.table).cos()
+    }
+
     /// Whether the gripper, opened for a grasp, has room around it.
-    #[cfg(test)]
     pub(super) fn is_clear(&self, grasp: &Grasp) -> bool {
         let opening = self.gripper.opening_for(grasp, self.settings.opening_clearance);
         self.fits(&Rigid::from(&grasp.pose), opening)

@@ -150,6 +150,25 @@ pub fn candidates(target: &GraspTarget, gripper: &Gripper, settings: &GraspSetti
     kept
 }
 
+/// Those of known grasps (object frame) that fit where the object is, in their order: the hand comes steeply enough and
+/// has room beside object and table.
+pub(crate) fn fitting<'a>(
+    target: &GraspTarget,
+    gripper: &Gripper,
+    settings: &GraspSettings,
+    known: impl Iterator<Item = &'a Grasp>,
+) -> Vec<Grasp> {
+    let Ok(bench) = assess::Bench::new(target, gripper, settings) else { return Vec::new() };
+    known.filter(|grasp| bench.is_upright(grasp) && bench.is_clear(grasp)).cloned().collect()
+}
+
+impl GraspSettings {
+    /// Largest angle between approach and straight down for an object of some height, rad.
+    fn largest_tilt(&self, height: f64) -> f64 {
+        if height >= self.tall_height { self.max_tilt_tall } else { self.max_tilt }
+    }
+}
+
 /// 1 when the pads meet the surface squarely, 0 at the edge of the friction cone; from the cosine of the larger angle.
 fn squareness(cosine: f64, friction: f64) -> f64 {
     1.0 - cosine.clamp(-1.0, 1.0).acos() / friction.atan()

@@ -56,7 +56,7 @@ pub(super) fn proposals(
     if high - low <= settings.flat_height {
         flat_pairs(&solid, &surface, up, widest, settings, &mut pairs);
     }
-    let max_tilt = if high - low >= settings.tall_height { settings.max_tilt_tall } else { settings.max_tilt };
+    let max_tilt = settings.largest_tilt(high - low);
     let mut proposals = Vec::new();
     for pair in &pairs {
         approaches(pair, target, gripper, settings, up, max_tilt, &mut proposals);

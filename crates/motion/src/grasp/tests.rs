@@ -51,8 +51,12 @@ fn lying_rod(radius: f64, length: f64) -> Vec<Piece> {
     vec![Piece { shape: Shape::Cylinder { radius, half_height: length / 2.0 }, link_from_piece: pose }]
 }
 
+fn planner() -> Planner {
+    Planner::new(test_panda(), PlannerSettings::default()).unwrap()
+}
+
 fn check(name: &str, pieces: &[Piece], expected: impl Fn(&[Grasp])) {
-    let planner = Planner::new(test_panda(), PlannerSettings::default()).unwrap();
+    let planner = planner();
     let surface = surface(pieces, 3000);
     let center = surface.iter().map(|(point, _)| *point).sum::<DVec3>() / surface.len() as f64;
     let target = GraspTarget {
@@ -69,6 +73,15 @@ fn check(name: &str, pieces: &[Piece], expected: impl Fn(&[Grasp])) {
     for grasp in &grasps {
         assert!((0.0..=1.0).contains(&grasp.score) && grasp.width <= 0.076, "{name}: {grasp:?}");
         assert!(bench.is_clear(grasp), "{name}: {grasp:?}");
+    }
+    assert_eq!(planner.fitting_grasps(&target, grasps.iter()), grasps, "{name}: all fit where they were found");
+    let deeper = GraspTarget { table_height: 0.4, ..target };
+    assert!(planner.fitting_grasps(&deeper, grasps.iter()).is_empty(), "{name}: nothing is taken through the table");
+    let over = DQuat::from_rotation_x(std::f64::consts::PI);
+    let overturned = GraspTarget { world_from_object: Pose::new(DVec3::Z * 0.5, over), table_height: 0.2, ..target };
+    for grasp in planner.fitting_grasps(&overturned, grasps.iter()) {
+        let approach = over * grasp.approach();
+        assert!(approach.z < 0.13, "{name}: the hand does not come from below: {approach}");
     }
     expected(&grasps);
 }
@@ -109,4 +122,27 @@ fn walls_are_grasped_at_the_rim() {
 fn what_does_not_fit_has_no_grasp() {
     check("crate", &box_of(DVec3::new(0.1, 0.12, 0.09)), |grasps| assert!(grasps.is_empty(), "{grasps:?}"));
     check("plate", &tube(0.1, 0.012), |grasps| assert!(grasps.is_empty(), "{grasps:?}"));
+}
+
+#[test]
+fn what_has_no_width_has_no_grasp() {
+    let flat = |size: DVec3| {
+        let pieces = box_of(size);
+        let surface: Vec<(DVec3, DVec3)> = (0..500)
+            .map(|i| {
+                (DVec3::new(0.0002 * f64::from(i) - 0.05, 0.0, 0.01), if i % 2 == 0 { DVec3::Y } else { -DVec3::Y })
+            })
+            .collect();
+        let target = GraspTarget {
+            surface: &surface,
+            pieces: &pieces,
+            center_of_mass: DVec3::Z * 0.01,
+            world_from_object: Pose::from_position(DVec3::X * 0.5),
+            table_height: 0.0,
+        };
+        planner().grasps(&target, Seed::new(1))
+    };
+    for size in [DVec3::new(0.1, 0.0, 0.05), DVec3::ZERO, DVec3::new(f64::NAN, 0.02, 0.05)] {
+        assert_eq!(flat(size), [], "{size}");
+    }
 }

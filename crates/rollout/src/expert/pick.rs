@@ -82,8 +82,10 @@ fn candidates(
 ) -> Result<Vec<Candidate>, Failure> {
     let name = expert.stage.name(step.object);
     let (planner, settings) = (&expert.planner, &expert.settings);
-    let grasps = surroundings::grasps(planner, scene, step.object, seed);
-    if grasps.is_empty() {
+    let tried = surroundings::tried_grasps(planner, scene, step.object);
+    let generated = || surroundings::generated_grasps(planner, scene, step.object, seed);
+    let mut grasps = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
+    if grasps.peek().is_none() {
         let evidence = format!("{name} has no grasp that fits the hand as it lies");
         return Err(Failure { cause: FailureCause::NoGrasp, evidence });
     }
@@ -93,7 +95,7 @@ fn candidates(
     let mut obstacles: Vec<String> = Vec::new();
     let mut candidates = Vec::new();
     let occupied = surroundings::world(scene, None);
-    for grasp in grasps.iter().take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
+    for grasp in grasps.take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
         let wide = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
         // In a ring or beside a rim there may be room for the opening that the grasp was tested with and no more.
         let beside = |open_width: f64, config: &[f64]| {

@@ -90,6 +90,17 @@ pub(super) fn carry_out(
     Ok((ending, Some(Tried { rank, score: grasp.score, width: grasp.width, features: *features, final_width })))
 }
 
+/// Carries out one grasp (world frame) of the table's first thing; `None` when the arm cannot.
+pub(super) fn carry_out_one(
+    trials: &GraspTrials,
+    table: &Table,
+    grasp: &Grasp,
+    opening: f64,
+) -> Result<Option<Ending>, TrialError> {
+    let Some(motion) = motion(trials, &neighbours(table), grasp) else { return Ok(None) };
+    Ok(Some(simulate(trials, table, &motion, opening)?.0))
+}
+
 /// Table and neighbours, for starting the arm where it touches nothing.
 fn neighbours(table: &Table) -> World {
     let mut world = World::new();

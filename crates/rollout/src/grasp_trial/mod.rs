@@ -9,6 +9,7 @@
 
 mod arm;
 mod table;
+mod tried;
 mod view;
 
 use std::sync::Arc;
@@ -22,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use arm::Ending;
 pub use table::Table;
+pub use tried::{TryingSettings, tried_grasps, try_all};
 pub use view::{Cloud, ViewSettings};
 
 /// What is grasped, and among what.
@@ -80,6 +82,8 @@ pub struct Trial {
     pub class: Class,
     /// Name of the family's card.
     pub object: String,
+    /// Things on the table, the target included.
+    pub things: usize,
     /// Points of the target's cloud.
     pub points: usize,
     /// Processor time of the sampler as the caller's clock counts, s.
@@ -154,6 +158,7 @@ impl GraspTrials {
         Ok(Trial {
             class,
             object: table.models[0].card.name.clone(),
+            things: table.models.len(),
             points: cloud.points.len(),
             sampler_cpu_s,
             candidates: grasps.len(),

@@ -65,6 +65,13 @@ impl Table {
         Ok(table)
     }
 
+    /// One thing upright at the usual place, at rest.
+    pub(super) fn with_one(model: Arc<ObjectModel>, sim: &SimSettings) -> Result<Self, TrialError> {
+        let mut table = Self { models: vec![model], poses: vec![Pose::from_position(MIDDLE + DVec3::Z * 0.001)] };
+        table.settle(sim)?;
+        Ok(table)
+    }
+
     fn settle(&mut self, sim: &SimSettings) -> Result<(), TrialError> {
         let scene = Scene::compile_without_robot(&self.objects(), sim)?;
         let mut settling = Sim::new(Arc::new(scene));
@@ -89,7 +96,7 @@ impl Table {
     }
 }
 
-/// Upright places with any yaw; the target near the middle, what finds no room is left out.
+/// Upright places with any yaw; the target near the middle, the others ever farther from it until there is room.
 fn places(models: &[Arc<ObjectModel>], seed: Seed) -> Vec<Pose> {
     let mut rng = seed.rng();
     let radius = |model: &ObjectModel| model.card.size_m.x.hypot(model.card.size_m.y) / 2.0;
@@ -98,8 +105,9 @@ fn places(models: &[Arc<ObjectModel>], seed: Seed) -> Vec<Pose> {
         let spread = if placed.is_empty() { SPREAD_M } else { CLUTTER_SPREAD_M };
         // Bounding circles of long things are generous: let them overlap by a third.
         let reach = 0.5 * radius(model) + 0.25 * model.card.size_m.x.min(model.card.size_m.y);
-        for _ in 0..400 {
-            let mut off = || spread * (2.0 * rng.random::<f64>() - 1.0);
+        for draw in 0..2000 {
+            let wider = 1.0 + f64::from(draw / 400) * 0.25;
+            let mut off = || wider * spread * (2.0 * rng.random::<f64>() - 1.0);
             let position = MIDDLE + DVec3::new(off(), off(), 0.001);
             let yaw = TAU * rng.random::<f64>();
             let free = |(pose, other): &(Pose, f64)| pose.position.distance(position) > reach + other + NEAR_M;

@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::Seed;
-use genmanip_motion::{Planner, PlannerSettings};
-use genmanip_rollout::grasp_trial::{Class, Ending, GraspTrials, Pick, Trial, View, ViewSettings};
+use genmanip_motion::{GraspSettings, Planner, PlannerSettings};
+use genmanip_rollout::grasp_trial::{
+    Class, Ending, GraspTrials, Pick, Trial, TryingSettings, View, ViewSettings, tried_grasps,
+};
 use genmanip_sim::SimSettings;
 
 fn trials(sim: SimSettings) -> GraspTrials {
@@ -36,4 +38,20 @@ fn most_things_are_lifted_shaken_and_held_by_friction_alone() {
     let slippery = SimSettings { pad_friction: [0.01, 1e-5, 1e-5], ..SimSettings::default() };
     let (count, done) = held(&trials(slippery), Class::Compact, View::One, 4);
     assert!(count <= 1, "{done:?}");
+}
+
+#[test]
+fn grasps_of_a_catalogue_object_are_tried_a_little_off_each_time() {
+    let grasp = GraspSettings { max_candidates: 1, ..GraspSettings::default() };
+    let planner = Planner::new(panda(), PlannerSettings { grasp, ..PlannerSettings::default() }).unwrap();
+    let real = GraspTrials { planner: Arc::new(planner), ..trials(SimSettings::default()) };
+    let ball = real.catalogue.build("050").unwrap();
+    let settings = TryingSettings { trials: 2, ..TryingSettings::default() };
+    let tried = tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap();
+    assert!(tried.len() == 1 && tried[0].trials == 2 && tried[0].held >= 1, "{tried:?}");
+    assert_eq!(tried, tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap(), "same seed");
+
+    let blind = TryingSettings { offset_m: 0.2, ..settings };
+    let tried = tried_grasps(&real, &ball, &blind, Seed::new(6)).unwrap();
+    assert!(tried.iter().all(|grasp| grasp.held == 0), "a hand that is off by decimetres takes nothing: {tried:?}");
 }

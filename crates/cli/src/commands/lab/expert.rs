@@ -7,7 +7,7 @@ use genmanip_core::{EpisodeResult, Seed, StrayContact, Task};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
 use serde::Serialize;
 
-use super::cpu_clock;
+use super::{cpu_clock, peak_memory_mb};
 use crate::args::ExpertArguments;
 use crate::error::{ExitStatus, Failed};
 use crate::inputs;
@@ -25,6 +25,8 @@ struct Measured {
     tries_per_task: u64,
     total: Yield,
     kinds: BTreeMap<&'static str, Yield>,
+    /// Most memory held, MiB; null where it is not known.
+    peak_memory_mb: Option<f64>,
 }
 
 /// Attempts of some tasks: each task is tried until an attempt is verified or its tries are used up.
@@ -78,7 +80,8 @@ pub fn run(arguments: &ExpertArguments, printer: &Printer) -> Result<ExitStatus,
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let measured = Measured { seed: arguments.seed, tries_per_task: arguments.tries, total, kinds };
+    let (seed, tries_per_task, peak_memory_mb) = (arguments.seed, arguments.tries, peak_memory_mb());
+    let measured = Measured { seed, tries_per_task, total, kinds, peak_memory_mb };
     printer.data(&measured, &in_words(&measured));
     Ok(ExitStatus::Done)
 }

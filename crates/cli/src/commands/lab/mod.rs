@@ -3,6 +3,7 @@
 pub mod answers;
 pub mod design;
 pub mod expert;
+pub mod fit;
 pub mod grasp;
 pub mod layout;
 pub mod motion;
@@ -15,4 +16,12 @@ use cpu_time::ThreadTime;
 pub fn cpu_clock() -> impl FnMut() -> f64 {
     let start = ThreadTime::now();
     move || start.elapsed().as_secs_f64()
+}
+
+/// Most memory that this process has held so far, MiB; known on Linux only.
+fn peak_memory_mb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let kib: f64 =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib / 1024.0)
 }

@@ -142,12 +142,13 @@ pub fn cloud_grasps(
     }
     found.sort_by(|a, b| b.grasp.score.total_cmp(&a.grasp.score));
     let mut kept: Vec<CloudGrasp> = Vec::new();
+    let mut blocker = 0;
     for grasp in found {
         if kept.len() >= settings.max_candidates {
             break;
         }
         let fresh = |other: &CloudGrasp| !same(&other.grasp.pose, &grasp.grasp.pose, sameness);
-        if kept.iter().all(fresh) && strip::hand_is_clear(&cloud, gripper, settings, &grasp.grasp.pose) {
+        if kept.iter().all(fresh) && strip::hand_is_clear(&cloud, gripper, settings, &grasp.grasp.pose, &mut blocker) {
             kept.push(grasp);
         }
     }

@@ -37,55 +37,60 @@ pub(super) struct Contacts {
 }
 
 impl Contacts {
-    /// Flat pads closed on points between them, sorted along the closing direction; `None` when there are too few.
-    pub(super) fn of<'a>(points: impl Iterator<Item = &'a Local>, h: f64, tip: f64) -> Option<Self> {
-        let points: Vec<Local> = points.map(|p| Local { h: p.h - h, a: tip - p.a, ..*p }).collect();
-        if points.len() < 4 {
-            return None;
-        }
-        // The outermost points of a noisy cloud are noise.
-        let skipped = points.len() / 80;
-        let low = points[skipped].c;
-        let high = points[points.len() - 1 - skipped].c;
+    /// Flat pads closed at `ends` on points between them, sorted along the closing direction; pads in the middle `h`
+    /// across, tips at `tip` along the approach.
+    pub(super) fn of(points: &[Local], [low, high]: [f64; 2], h: f64, tip: f64) -> Self {
         // Each side sees its own half only, or walls would count for both pads.
         let reach = |distance: f64| distance.min((high - low) / 2.0).max(0.0005);
-        let below = |limit: f64| points.partition_point(|p| p.c <= low + reach(limit));
-        let above = |limit: f64| points.partition_point(|p| p.c < high - reach(limit));
-        Some(Self {
-            low: Patch::of(low, &points[..below(CONTACT_M)], &points[..below(SLOPE_M)]),
-            high: Patch::of(high, &points[above(CONTACT_M)..], &points[above(SLOPE_M)..]),
-        })
+        let below = |limit: f64| points.partition_point(|p| f64::from(p.c) <= low + reach(limit));
+        let above = |limit: f64| points.partition_point(|p| f64::from(p.c) < high - reach(limit));
+        let patch = |c: f64, contact: &[Local], near: &[Local]| Patch::of(contact, near, [c, h, tip]);
+        Self {
+            low: patch(low, &points[..below(CONTACT_M)], &points[..below(SLOPE_M)]),
+            high: patch(high, &points[above(CONTACT_M)..], &points[above(SLOPE_M)..]),
+        }
     }
 }
 
 impl Patch {
-    fn of(c: f64, contact: &[Local], near: &[Local]) -> Self {
+    /// From the points in contact and those near it, for a pad at `c`, its middle at `h`, its tip at `tip`.
+    fn of(contact: &[Local], near: &[Local], [c, h, tip]: [f64; 3]) -> Self {
         let count = contact.len().max(1) as f64;
-        let mean = |value: fn(&Local) -> f64| contact.iter().map(value).sum::<f64>() / count;
-        let extent = |value: fn(&Local) -> f64| {
-            let (low, high) = contact
-                .iter()
-                .map(value)
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-            (high - low).max(0.0)
-        };
-        let guessed = contact.iter().filter(|p| p.guessed).count() as f64 / count;
-        let size = [extent(|p| p.h), extent(|p| p.a)];
-        Self { c, h: mean(|p| p.h), depth: mean(|p| p.a), size, slope: slope(near), guessed }
+        let mut sums = [0.0; 3];
+        let mut least = [f64::INFINITY; 2];
+        let mut most = [f64::NEG_INFINITY; 2];
+        for point in contact {
+            let place = [f64::from(point.h) - h, tip - f64::from(point.a)];
+            sums = [sums[0] + place[0], sums[1] + place[1], sums[2] + f64::from(point.guessed)];
+            for axis in [0, 1] {
+                least[axis] = least[axis].min(place[axis]);
+                most[axis] = most[axis].max(place[axis]);
+            }
+        }
+        let [h_mean, depth, guessed] = sums.map(|sum| sum / count);
+        let size = [0, 1].map(|axis| (most[axis] - least[axis]).max(0.0));
+        Self { c, h: h_mean, depth, size, slope: slope(near, [c, h, tip]), guessed }
     }
 }
 
-/// Tangent of the angle between the pad and the plane that fits points best, by least squares with a slight pull to 0.
-fn slope(points: &[Local]) -> f64 {
+/// Tangent of the angle between the pad and the plane that fits points best, by least squares with a slight pull to 0;
+/// `origin` is any place near them.
+fn slope(points: &[Local], [c0, h0, a0]: [f64; 3]) -> f64 {
     let count = points.len().max(1) as f64;
-    let mean = |value: &dyn Fn(&Local) -> f64| points.iter().map(value).sum::<f64>() / count;
-    let (h, a, c) = (mean(&|p| p.h), mean(&|p| p.a), mean(&|p| p.c));
-    let product = |x: &dyn Fn(&Local) -> f64, y: &dyn Fn(&Local) -> f64| mean(&|p| x(p) * y(p));
-    let (dh, da, dc) = (|p: &Local| p.h - h, |p: &Local| p.a - a, |p: &Local| p.c - c);
+    let mut means = [0.0; 3];
+    let mut products = [0.0; 5];
+    for point in points {
+        let (c, h, a) = (f64::from(point.c) - c0, f64::from(point.h) - h0, f64::from(point.a) - a0);
+        means = [means[0] + c, means[1] + h, means[2] + a];
+        let [hh, aa, ha, hc, ac] = products;
+        products = [hh + h * h, aa + a * a, ha + h * a, hc + h * c, ac + a * c];
+    }
+    let [c, h, a] = means.map(|sum| sum / count);
+    let [hh, aa, ha, hc, ac] = products.map(|sum| sum / count);
     // As if everything lay on the pad to within a millimetre.
     let pull = 1e-6;
-    let (hh, aa, ha) = (product(&dh, &dh) + pull, product(&da, &da) + pull, product(&dh, &da));
-    let (hc, ac) = (product(&dh, &dc), product(&da, &dc));
+    let (hh, aa, ha) = (hh - h * h + pull, aa - a * a + pull, ha - h * a);
+    let (hc, ac) = (hc - h * c, ac - a * c);
     let determinant = hh * aa - ha * ha;
     let (along_h, along_a) = ((hc * aa - ac * ha) / determinant, (ac * hh - hc * ha) / determinant);
     along_h.hypot(along_a)
@@ -193,7 +198,7 @@ pub struct Weights {
 impl Default for Weights {
     fn default() -> Self {
         Self {
-            bias: 2.81,
+            bias: 3.49,
             slope: -3.72,
             offset: 0.0,
             off_pad: -0.92,

@@ -15,20 +15,29 @@ const STRIDE: usize = 2;
 /// The target counts from this far above the tips on, m.
 const BITE: f64 = 0.0015;
 
-/// A point in the frame of a hand: along closing, across, along approach.
-#[derive(Clone, Copy)]
+/// A point in the frame of a hand: along closing, across, along approach, m; in 32 bits, since most of the sampler's time
+/// goes into passing these on.
+#[derive(Clone, Copy, Default)]
 pub(super) struct Local {
-    pub(super) c: f64,
-    pub(super) h: f64,
-    pub(super) a: f64,
-    pub(super) guessed: bool,
+    pub(super) c: f32,
+    pub(super) h: f32,
+    pub(super) a: f32,
+    /// 1 when it was guessed, 0 when it was seen.
+    pub(super) guessed: f32,
 }
 
 /// What is nearest to the hand, per cell.
 struct Relief {
     columns: usize,
-    target: Vec<f64>,
-    all: Vec<f64>,
+    target: Vec<f32>,
+    all: Vec<f32>,
+}
+
+/// Points of a strip after the other, each strip's sorted along the closing direction.
+struct Strips {
+    points: Vec<Local>,
+    /// Where each strip begins in `points`, and their end.
+    starts: Vec<usize>,
 }
 
 /// Adds every candidate with this approach and closing direction.
@@ -42,16 +51,16 @@ pub(super) fn search(
 ) {
     let across = closing.cross(approach);
     let local = |point: DVec3, guessed: bool| Local {
-        c: point.dot(closing),
-        h: point.dot(across),
-        a: point.dot(approach),
-        guessed,
+        c: point.dot(closing) as f32,
+        h: point.dot(across) as f32,
+        a: point.dot(approach) as f32,
+        guessed: f32::from(u8::from(guessed)),
     };
-    let points: Vec<Local> = cloud.target.iter().map(|seen| local(seen.point, seen.guessed)).collect();
-    let range = |value: fn(&Local) -> f64| {
-        points.iter().map(value).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
-    };
-    let ((c_low, c_high), (h_low, h_high)) = (range(|p| p.c), range(|p| p.h));
+    let points = sorted(cloud.target.iter().map(|seen| local(seen.point, seen.guessed)).collect());
+    let (c_low, c_high) = points.first().zip(points.last()).map_or((0.0, 0.0), |(low, high)| (low.c, high.c));
+    let (h_low, h_high) =
+        points.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), p| (low.min(p.h), high.max(p.h)));
+    let [c_low, c_high, h_low, h_high] = [c_low, c_high, h_low, h_high].map(f64::from);
     // Room for an open finger on either side.
     let margin = gripper.max_width / 2.0 + finger_thickness(gripper);
     let (c_low, h_margin) = (c_low - margin, gripper.pad_size.y / 2.0 + 0.003);
@@ -59,49 +68,83 @@ pub(super) fn search(
     let h_low = h_low - h_margin;
     let rows = ((h_high + h_margin - h_low) / ROW).ceil() as usize + 1;
     let cell = |point: &Local| {
-        let (column, row) = ((point.c - c_low) / CELL, (point.h - h_low) / ROW);
-        let inside = column >= 0.0 && row >= 0.0 && (column as usize) < columns && (row as usize) < rows;
-        inside.then_some((column as usize, row as usize))
+        let (column, row) = ((f64::from(point.c) - c_low) * (1.0 / CELL), (f64::from(point.h) - h_low) * (1.0 / ROW));
+        let inside = column >= 0.0 && row >= 0.0 && column < columns as f64 && row < rows as f64;
+        inside.then_some(row as i32 as usize * columns + column as i32 as usize)
     };
-    let mut relief =
-        Relief { columns, target: vec![f64::INFINITY; rows * columns], all: vec![f64::INFINITY; rows * columns] };
-    let mut by_row: Vec<Vec<Local>> = vec![Vec::new(); rows];
+    let mut target = vec![f32::INFINITY; rows * columns];
     for point in &points {
-        if let Some((column, row)) = cell(point) {
-            let nearest = &mut relief.target[row * columns + column];
-            *nearest = nearest.min(point.a);
-            by_row[row].push(*point);
+        if let Some(cell) = cell(point) {
+            target[cell] = target[cell].min(point.a);
         }
     }
-    relief.all.copy_from_slice(&relief.target);
-    for point in &cloud.scene {
-        if let Some((column, row)) = cell(&local(*point, false)) {
-            let nearest = &mut relief.all[row * columns + column];
-            *nearest = nearest.min(point.dot(approach));
+    let mut all = target.clone();
+    for point in cloud.scene.iter().map(|point| local(*point, false)) {
+        if let Some(cell) = cell(&point) {
+            all[cell] = all[cell].min(point.a);
         }
     }
-    let frame = Frame { cloud, gripper, settings, approach, closing, across, c_low };
+    let relief = Relief { columns, target, all };
     let half = (h_margin / ROW).round() as usize;
-    for row in (half..rows.saturating_sub(half)).step_by(STRIDE) {
+    let middles: Vec<usize> = (half..rows.saturating_sub(half)).step_by(STRIDE).collect();
+    let middle_of = |row: usize| h_low + (row as f64 + 0.5) * ROW;
+    let strips = Strips::new(&points, middle_of(half), middles.len(), gripper.pad_size.y / 2.0);
+    let frame = Frame { cloud, gripper, settings, approach, closing, across, c_low };
+    let mut buffer = vec![Local::default(); points.len() + 1];
+    for (strip, &row) in strips.iter().zip(&middles).filter(|(strip, _)| strip.len() >= 4) {
         let rows = row - half..row + half + 1;
-        let h = h_low + (row as f64 + 0.5) * ROW;
-        let mut strip: Vec<Local> = by_row[rows.clone()]
-            .iter()
-            .flatten()
-            .filter(|point| (point.h - h).abs() <= gripper.pad_size.y / 2.0)
-            .copied()
-            .collect();
-        if strip.len() >= 4 {
-            strip.sort_unstable_by(|a, b| a.c.total_cmp(&b.c));
-            let (target, all) = (relief.lowest(&relief.target, rows.clone()), relief.lowest(&relief.all, rows));
-            frame.strip(h, &strip, &target, &all, found);
+        let (target, all) = (relief.lowest(&relief.target, rows.clone()), relief.lowest(&relief.all, rows));
+        frame.strip(middle_of(row), strip, &target, &all, &mut buffer, found);
+    }
+}
+
+/// The points in the order of `c`, to 0.1 µm: whole numbers sort faster.
+fn sorted(points: Vec<Local>) -> Vec<Local> {
+    let low = points.iter().map(|point| point.c).fold(f32::INFINITY, f32::min);
+    let key = |(index, point): (usize, &Local)| ((f64::from(point.c - low) * 1e7) as u64) << 32 | index as u64;
+    let mut order: Vec<u64> = points.iter().enumerate().map(key).collect();
+    order.sort_unstable();
+    order.into_iter().map(|key| points[key as u32 as usize]).collect()
+}
+
+impl Strips {
+    /// Deals points out, sorted along the closing direction as they are, to `count` overlapping strips whose middles
+    /// begin at `first` and that reach `half_width` to either side.
+    fn new(points: &[Local], first: f64, count: usize, half_width: f64) -> Self {
+        let step = STRIDE as f64 * ROW;
+        let per_strip = 1.0 / step;
+        let strips_of = |point: &Local| {
+            // Casts cut off towards 0; calls for rounding and unsigned casts would take a tenth of the sampler's time.
+            let begun = |h: f64| if h < 0.0 { 0 } else { h as i32 as usize + 1 };
+            let h = f64::from(point.h) - first;
+            begun((h - half_width) * per_strip)..begun((h + half_width) * per_strip).min(count)
+        };
+        let mut starts = vec![0; count + 1];
+        for strip in points.iter().flat_map(strips_of) {
+            starts[strip + 1] += 1;
         }
+        for strip in 0..count {
+            starts[strip + 1] += starts[strip];
+        }
+        let mut next = starts.clone();
+        let mut dealt = vec![Local::default(); starts[count]];
+        for point in points {
+            for strip in strips_of(point) {
+                dealt[next[strip]] = *point;
+                next[strip] += 1;
+            }
+        }
+        Self { points: dealt, starts }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &[Local]> {
+        self.starts.windows(2).map(|ends| &self.points[ends[0]..ends[1]])
     }
 }
 
 impl Relief {
-    fn lowest(&self, field: &[f64], rows: std::ops::Range<usize>) -> Vec<f64> {
-        let mut lowest = vec![f64::INFINITY; self.columns];
+    fn lowest(&self, field: &[f32], rows: std::ops::Range<usize>) -> Vec<f32> {
+        let mut lowest = vec![f32::INFINITY; self.columns];
         for row in rows {
             let row = &field[row * self.columns..(row + 1) * self.columns];
             for (lowest, value) in lowest.iter_mut().zip(row) {
@@ -123,9 +166,18 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// Candidates in one strip, its points sorted along the closing direction: `target` and `all` hold the nearest point per column.
-    fn strip(&self, h: f64, points: &[Local], target: &[f64], all: &[f64], found: &mut Vec<CloudGrasp>) {
-        let top = target.iter().copied().fold(f64::INFINITY, f64::min);
+    /// Candidates in one strip, its points sorted along the closing direction: `target` and `all` hold the nearest point
+    /// per column, `buffer` has room for all points.
+    fn strip(
+        &self,
+        h: f64,
+        points: &[Local],
+        target: &[f32],
+        all: &[f32],
+        buffer: &mut [Local],
+        found: &mut Vec<CloudGrasp>,
+    ) {
+        let top = f64::from(target.iter().copied().fold(f32::INFINITY, f32::min));
         let table = self.deepest(h);
         let mut levels: Vec<f64> = self.settings.depths.iter().map(|depth| top + depth).collect();
         // Down to the table, if the palm does not stop the hand before.
@@ -137,17 +189,35 @@ impl Frame<'_> {
         let slot = ((self.gripper.pad_size.x + 0.002) / CELL).ceil() as usize;
         for tip in levels {
             let runs = runs(target, tip - BITE, slot);
+            if runs.is_empty() {
+                continue;
+            }
+            let between = self.reached(tip, points, buffer);
             for first in 0..runs.len() {
                 for last in first..runs.len() {
                     let (from, to) = (runs[first].0, runs[last].1);
                     if (to - from) as f64 * CELL > self.gripper.max_width {
                         break;
                     }
-                    let range = (self.c_low + (from as f64 - 1.0) * CELL, self.c_low + (to as f64 + 1.0) * CELL);
-                    found.extend(self.close(h, tip, range, points, all));
+                    let column = |index: f64| (self.c_low + index * CELL) as f32;
+                    let from = between.partition_point(|point| point.c < column(from as f64 - 1.0));
+                    let to = between.partition_point(|point| point.c <= column(to as f64 + 1.0));
+                    found.extend(self.close(h, tip, &between[from..to], all));
                 }
             }
         }
+    }
+
+    /// The points of a strip at the height of the pads.
+    fn reached<'a>(&self, tip: f64, points: &[Local], buffer: &'a mut [Local]) -> &'a [Local] {
+        let (above, below) = ((tip - self.gripper.pad_size.z) as f32, tip as f32);
+        let mut count = 0;
+        for point in points {
+            buffer[count] = *point;
+            // Without a branch, since nobody could guess which way it goes.
+            count += usize::from(point.a > above) & usize::from(point.a < below);
+        }
+        &buffer[..count]
     }
 
     /// How deep the tips may go at a strip, along the approach.
@@ -159,50 +229,57 @@ impl Frame<'_> {
         (height - h * self.across.z) / self.approach.z
     }
 
-    /// Closes the pads on what lies between two columns, if they find room beside it.
-    fn close(&self, h: f64, tip: f64, range: (f64, f64), points: &[Local], all: &[f64]) -> Option<CloudGrasp> {
+    /// Closes the pads on points between them, if they find room beside these.
+    fn close(&self, h: f64, tip: f64, between: &[Local], all: &[f32]) -> Option<CloudGrasp> {
         let (gripper, settings) = (self.gripper, self.settings);
-        let pad = gripper.pad_size;
-        let from = points.partition_point(|point| point.c < range.0);
-        let to = points.partition_point(|point| point.c <= range.1);
-        let between = points[from..to].iter().filter(|point| point.a > tip - pad.z && point.a < tip);
-        let contacts = Contacts::of(between, h, tip)?;
-        let width = contacts.high.c - contacts.low.c;
+        let (low, high) = extremes(between)?;
+        let width = high - low;
         if !(0.0..=gripper.max_width - settings.width_clearance).contains(&width) {
             return None;
         }
-        let room = |clearance: f64| {
-            let opening = (width + 2.0 * clearance).min(gripper.max_width);
-            let middle = (contacts.high.c + contacts.low.c) / 2.0;
-            let inner = opening / 2.0;
-            let is_free = |from: f64, to: f64, level: f64| {
-                let column = |c: f64| ((c - self.c_low) / CELL).floor().max(0.0) as usize;
-                let cells = all.get(column(from)..=column(to).min(all.len() - 1));
-                cells.is_some_and(|cells| cells.iter().all(|&nearest| nearest >= level))
-            };
-            let outer = inner + finger_thickness(gripper);
-            let body = tip - pad.z;
-            // One cell of slack, for what is touched lies in it.
-            let free = is_free(middle - inner - pad.x, middle - inner - CELL, tip)
-                && is_free(middle + inner + CELL, middle + inner + pad.x, tip)
-                && is_free(middle - outer, middle - inner - pad.x, body)
-                && is_free(middle + inner + pad.x, middle + outer, body);
-            free.then_some((opening, clearance))
-        };
-        let (opening, clearance) = settings.opening_clearances.iter().find_map(|&clearance| room(clearance))?;
-        let c = (contacts.high.c + contacts.low.c) / 2.0;
+        let c = (high + low) / 2.0;
+        let opening_for = |clearance: f64| (width + 2.0 * clearance).min(gripper.max_width);
+        let &clearance = settings
+            .opening_clearances
+            .iter()
+            .find(|&&clearance| self.has_room(c, tip, opening_for(clearance), all))?;
+        let contacts = Contacts::of(between, [low, high], h, tip);
         let position = self.closing * c + self.across * h + self.approach * (tip - gripper.tip);
         let features = Features::new(self.cloud, gripper, &contacts, position, self.approach, self.closing, clearance);
         let score = settings.weights.chance(&features);
         let pose = tcp_pose(position, self.approach, self.closing);
-        Some(CloudGrasp { grasp: Grasp { pose, width, score }, opening, features })
+        Some(CloudGrasp { grasp: Grasp { pose, width, score }, opening: opening_for(clearance), features })
+    }
+
+    /// Whether pads and fingers, so far open about `middle`, find nothing where they go.
+    fn has_room(&self, middle: f64, tip: f64, opening: f64, all: &[f32]) -> bool {
+        let (pad, inner) = (self.gripper.pad_size, opening / 2.0);
+        let outer = inner + finger_thickness(self.gripper);
+        let is_free = |from: f64, to: f64, level: f64| {
+            let column = |c: f64| ((c - self.c_low) / CELL).max(0.0) as usize;
+            let cells = all.get(column(from)..=column(to).min(all.len() - 1));
+            cells.is_some_and(|cells| cells.iter().all(|&nearest| f64::from(nearest) >= level))
+        };
+        let body = tip - pad.z;
+        // One cell of slack, for what is touched lies in it.
+        is_free(middle - inner - pad.x, middle - inner - CELL, tip)
+            && is_free(middle + inner + CELL, middle + inner + pad.x, tip)
+            && is_free(middle - outer, middle - inner - pad.x, body)
+            && is_free(middle + inner + pad.x, middle + outer, body)
     }
 }
 
+/// Where pads would stop on points between them, sorted along the closing direction; `None` when there are too few.
+fn extremes(between: &[Local]) -> Option<(f64, f64)> {
+    // The outermost points of a noisy cloud are noise.
+    let skipped = between.len() / 80;
+    (between.len() >= 4).then(|| (f64::from(between[skipped].c), f64::from(between[between.len() - 1 - skipped].c)))
+}
+
 /// Stretches of columns nearer than `level`, with gaps of fewer than `slot` columns closed.
-fn runs(nearest: &[f64], level: f64, slot: usize) -> Vec<(usize, usize)> {
+fn runs(nearest: &[f32], level: f64, slot: usize) -> Vec<(usize, usize)> {
     let mut runs: Vec<(usize, usize)> = Vec::new();
-    for column in (0..nearest.len()).filter(|&column| nearest[column] < level) {
+    for column in (0..nearest.len()).filter(|&column| f64::from(nearest[column]) < level) {
         match runs.last_mut() {
             Some(last) if column < last.1 + slot => last.1 = column + 1,
             _ => runs.push((column, column + 1)),
@@ -217,7 +294,15 @@ fn finger_thickness(gripper: &Gripper) -> f64 {
 }
 
 /// Whether the hand's body keeps clear of points and table at a pose of the tcp and all along the way there.
-pub(super) fn hand_is_clear(cloud: &Cloud, gripper: &Gripper, settings: &CloudSettings, pose: &Pose) -> bool {
+///
+/// `blocker` is the point that was in the way last time: most likely it is in the way again, and so is tried first.
+pub(super) fn hand_is_clear(
+    cloud: &Cloud,
+    gripper: &Gripper,
+    settings: &CloudSettings,
+    pose: &Pose,
+    blocker: &mut usize,
+) -> bool {
     let clearance = settings.hand_clearance;
     let (low, high) = (gripper.hand_bounds.min - clearance, gripper.hand_bounds.max + clearance);
     let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.transform_vector(axis));
@@ -228,5 +313,12 @@ pub(super) fn hand_is_clear(cloud: &Cloud, gripper: &Gripper, settings: &CloudSe
         offset.dot(axes[2]) < high.z && within(0) && within(1)
     };
     let lean = |axis: usize| (low[axis] * axes[axis].z).min(high[axis] * axes[axis].z);
-    pose.position.z + lean(0) + lean(1) + lean(2) > cloud.table_height && !cloud.coarse.iter().any(blocks)
+    if pose.position.z + lean(0) + lean(1) + lean(2) <= cloud.table_height
+        || cloud.coarse.get(*blocker).is_some_and(blocks)
+    {
+        return false;
+    }
+    let found = cloud.coarse.iter().position(blocks);
+    *blocker = found.unwrap_or(*blocker);
+    found.is_none()
 }

@@ -89,7 +89,7 @@ fn what_stands_in_the_way_is_kept_clear_of_and_what_is_too_wide_has_no_good_gras
     let crate_sized: Vec<DVec3> = cuboid(DVec3::splat(0.12), 0.2, 3000).iter().map(|(point, _)| *point).collect();
     // Only its corners fit between the pads, and they would slip.
     for grasp in planner.cloud_grasps(&target(&crate_sized, &[], &[])).unwrap() {
-        assert!(grasp.grasp.score < 0.5, "{grasp:?}");
+        assert!(grasp.grasp.score < 0.67 && grasps[0].grasp.score > 0.8, "{grasp:?}");
     }
 }
 

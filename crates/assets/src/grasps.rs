@@ -1,0 +1,139 @@
+//! Grasps that were tried in physics beforehand, kept as data of their objects.
+//!
+//! A file says how it was made and holds, per object, the hash of the physics that its grasps were tried with:
+//! grasps of an object that has changed since are not given out.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use genmanip_core::{Document, Grasp, ObjectModel, Pose, Seed, TriedGrasp};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::AssetError;
+
+const BUILTIN: &str = include_str!("../data/grasps.json");
+
+/// Tried grasps of several objects; a file of `genmanip grasps bake`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GraspFile {
+    /// How they were made.
+    pub made_by: GraspProvenance,
+    /// By uid.
+    pub objects: BTreeMap<String, ObjectGrasps>,
+}
+
+/// Everything that the grasps of a file depend on besides their objects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GraspProvenance {
+    /// Seed of candidates and trials.
+    pub seed: Seed,
+    /// Version of this program.
+    pub genmanip_version: String,
+    /// Physics engine and version.
+    pub engine: String,
+    /// Name of the robot whose hand tried them.
+    pub robot: String,
+    /// Settings of generator, trials and physics.
+    pub settings: Value,
+}
+
+/// Tried grasps of one object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectGrasps {
+    /// [`ObjectModel::physics_hash`] of the object when it was tried.
+    pub physics_hash: String,
+    /// Object frame, those that held most often first.
+    #[serde(with = "rows")]
+    pub grasps: Vec<TriedGrasp>,
+}
+
+impl Document for GraspFile {
+    const SCHEMA: &'static str = "genmanip.grasps/1";
+}
+
+impl GraspFile {
+    /// The grasps that come with the program.
+    ///
+    /// # Panics
+    /// Never in a tested build: the data file is compiled in.
+    pub fn builtin() -> &'static Self {
+        static FILE: OnceLock<GraspFile> = OnceLock::new();
+        FILE.get_or_init(|| Self::from_json(BUILTIN).expect("built-in data files are tested"))
+    }
+
+    /// The grasps of an object; `None` when the file does not know it.
+    ///
+    /// # Errors
+    /// [`AssetError::StaleGrasps`] when the object has changed since they were tried.
+    pub fn of(&self, model: &ObjectModel) -> Result<Option<&[TriedGrasp]>, AssetError> {
+        let Some(object) = self.objects.get(&model.card.uid) else { return Ok(None) };
+        let got = model.physics_hash();
+        if object.physics_hash != got {
+            let (uid, expected) = (model.card.uid.clone(), object.physics_hash.clone());
+            return Err(AssetError::StaleGrasps { uid, expected, got });
+        }
+        Ok(Some(&object.grasps))
+    }
+
+    /// The text of the file: a line per object.
+    pub fn to_text(&self) -> String {
+        let line = |value: &dyn Fn() -> serde_json::Result<String>| value().unwrap_or_default();
+        let objects: Vec<String> = self
+            .objects
+            .iter()
+            .map(|(uid, object)| format!("\"{uid}\": {}", line(&|| serde_json::to_string(object))))
+            .collect();
+        let made_by = line(&|| serde_json::to_string(&self.made_by));
+        format!(
+            "{{\"schema\": \"{}\",\n\"made_by\": {made_by},\n\"objects\": {{\n{}\n}}}}\n",
+            Self::SCHEMA,
+            objects.join(",\n")
+        )
+    }
+}
+
+/// A grasp as a row: position (m), rotation as axis times angle (rad), width (m), score, times held, trials.
+mod rows {
+    use genmanip_core::glam::{DQuat, DVec3};
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::{Grasp, Pose, TriedGrasp};
+
+    type Row = [f64; 10];
+
+    pub fn serialize<S: Serializer>(grasps: &[TriedGrasp], serializer: S) -> Result<S::Ok, S::Error> {
+        grasps.iter().map(to_row).collect::<Vec<Row>>().serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<TriedGrasp>, D::Error> {
+        let rows = Vec::<Row>::deserialize(deserializer)?;
+        rows.iter().enumerate().map(|(index, row)| from_row(index, row).map_err(D::Error::custom)).collect()
+    }
+
+    fn to_row(tried: &TriedGrasp) -> Row {
+        let Grasp { pose, width, score } = &tried.grasp;
+        let ([x, y, z], [rx, ry, rz]) = (pose.position.to_array(), pose.rotation.to_scaled_axis().to_array());
+        // A hundredth of a millimetre is finer than any hand; what was read is written alike.
+        let rounded = [x, y, z, rx, ry, rz, *width, *score].map(|value| (value * 1e5).round() / 1e5 + 0.0);
+        let [x, y, z, rx, ry, rz, width, score] = rounded;
+        [x, y, z, rx, ry, rz, width, score, f64::from(tried.held), f64::from(tried.trials)]
+    }
+
+    fn from_row(index: usize, row: &Row) -> Result<TriedGrasp, String> {
+        let &[x, y, z, rx, ry, rz, width, score, held, trials] = row;
+        let counts = held >= 0.0 && held <= trials && held.fract() == 0.0 && trials.fract() == 0.0 && trials < 1e6;
+        if !(0.0..=1.0).contains(&width) || !(0.0..=1.0).contains(&score) || !counts {
+            return Err(format!(
+                "grasp {index}: expected [x, y, z, rx, ry, rz, width, score, held, trials] with width and score in 0-1 \
+                 and whole numbers held ≤ trials"
+            ));
+        }
+        let pose = Pose::new(DVec3::new(x, y, z), DQuat::from_scaled_axis(DVec3::new(rx, ry, rz)));
+        Ok(TriedGrasp { grasp: Grasp { pose, width, score }, trials: trials as u32, held: held as u32 })
+    }
+}

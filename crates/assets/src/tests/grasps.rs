@@ -1,0 +1,68 @@
+use genmanip_core::{Document, Seed};
+
+use crate::{AssetError, Catalogue, GraspFile, variant};
+
+#[test]
+fn the_grasps_that_come_with_the_program_are_fresh_and_plausible() {
+    let (catalogue, file) = (Catalogue::builtin(), GraspFile::builtin());
+    assert!(!file.objects.is_empty());
+    for uid in file.objects.keys() {
+        let model = catalogue.build(uid).unwrap();
+        let (card, grasps) = (&model.card, file.of(&model).unwrap().unwrap());
+        assert!(card.can_grasp && !card.is_articulated && !grasps.is_empty(), "{}", card.name);
+        assert!(grasps.windows(2).all(|pair| pair[0].share() >= pair[1].share()), "{}: not sorted", card.name);
+        for tried in grasps {
+            let grasp = &tried.grasp;
+            assert!(tried.trials > 0 && tried.held <= tried.trials, "{}: {tried:?}", card.name);
+            assert!(grasp.width > 0.0 && grasp.width < 0.08, "{}: {grasp:?}", card.name);
+            assert!(grasp.pose.position.length() < card.size_m.length() + 0.02, "{}: {grasp:?}", card.name);
+        }
+    }
+}
+
+/// Also when it is read and written again, as an interrupted bake does.
+#[test]
+fn a_file_of_grasps_comes_back_as_it_was_written() {
+    let text = GraspFile::builtin().to_text();
+    let again = GraspFile::from_json(&text).unwrap();
+    assert!(again.to_text() == text && again.objects.keys().eq(GraspFile::builtin().objects.keys()));
+    let grasps = |file: &GraspFile| file.objects.values().flat_map(|object| object.grasps.clone()).collect::<Vec<_>>();
+    for (read, written) in grasps(&again).iter().zip(grasps(GraspFile::builtin())) {
+        assert!(read.grasp.pose.position.distance(written.grasp.pose.position) < 1e-5, "{read:?}");
+        assert!(read.grasp.pose.angle_to(&written.grasp.pose) < 1e-4, "{read:?}");
+        assert_eq!((read.held, read.trials), (written.held, written.trials));
+    }
+}
+
+#[test]
+fn stale_grasps_are_refused_and_unknown_objects_have_none() {
+    let mug = Catalogue::builtin().build("001").unwrap();
+    let changed = variant(&mug, Seed::new(1));
+    let error = GraspFile::builtin().of(&changed).unwrap_err();
+    assert!(matches!(&error, AssetError::StaleGrasps { uid, .. } if uid == "001"), "{error}");
+    assert!(error.to_string().contains("genmanip grasps bake"), "{error}");
+    let mut nameless = (*mug).clone();
+    nameless.card.uid = "no such thing".into();
+    assert_eq!(GraspFile::builtin().of(&nameless).unwrap(), None);
+}
+
+#[test]
+fn broken_rows_are_refused_with_their_place() {
+    let file = |row: &str| {
+        let made_by = r#"{"seed":0,"genmanip_version":"","engine":"","robot":"","settings":{}}"#;
+        let objects = format!(r#"{{"001":{{"physics_hash":"","grasps":[{row}]}}}}"#);
+        GraspFile::from_json(&format!(r#"{{"schema":"genmanip.grasps/1","made_by":{made_by},"objects":{objects}}}"#))
+    };
+    assert_eq!(file("[0,0,0.1, 0,3,0, 0.05,0.8, 4,5]").unwrap().objects["001"].grasps[0].held, 4);
+    for (row, expected) in [
+        ("[0,0,0.1, 0,3,0, -0.05,0.8, 4,5]", "width"),
+        ("[0,0,0.1, 0,3,0, 0.05,1.8, 4,5]", "score"),
+        ("[0,0,0.1, 0,3,0, 0.05,0.8, 6,5]", "held ≤ trials"),
+        ("[0,0,0.1, 0,3,0, 0.05,0.8, 4.5,5]", "whole numbers"),
+        ("[0,0,0.1, 0,3,0]", "length 6"),
+        ("[0,0,1e999, 0,3,0, 0.05,0.8, 4,5]", "out of range"),
+    ] {
+        let message = file(row).unwrap_err().to_string();
+        assert!(message.contains(expected), "{row}: {message}");
+    }
+}

@@ -1,0 +1,175 @@
+//! Grasps of a catalogue's object, each tried several times as a hand would that is a little off.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{Grasp, MassProperties, ObjectModel, Pose, Seed, TriedGrasp};
+use genmanip_layout::surroundings;
+use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
+use genmanip_sim::SimSettings;
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+
+use super::arm::{self, Ending};
+use super::{GraspTrials, Table, TrialError};
+use crate::collect::in_parallel;
+
+/// How grasps are tried, and by how much every trial is off.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TryingSettings {
+    /// Trials per grasp.
+    pub trials: u32,
+    /// A grasp that was lost so often is not tried further.
+    pub most_lost: u32,
+    /// Largest error of the hand's position along each axis, m.
+    pub offset_m: f64,
+    /// Largest error of the hand's orientation, rad.
+    pub turn_rad: f64,
+    /// Least share of the pads' friction; 0.4 of 0.7.
+    pub least_friction: f64,
+    /// Largest change of the mass, as a share.
+    pub mass_spread: f64,
+    /// Turns of the object on the table at which the arm is tried, until it can carry the grasp out.
+    pub yaws: usize,
+}
+
+impl Default for TryingSettings {
+    fn default() -> Self {
+        Self {
+            trials: 5,
+            most_lost: 2,
+            offset_m: 0.003,
+            turn_rad: 0.052,
+            least_friction: 0.57,
+            mass_spread: 0.3,
+            yaws: 12,
+        }
+    }
+}
+
+/// Tries the grasps of several objects; `finished` hears of each object as it ends.
+///
+/// When `stop` becomes true, objects under way are finished and the rest is left out.
+///
+/// # Errors
+/// The first object whose physics refused or diverged.
+pub fn try_all(
+    trials: &GraspTrials,
+    models: &[Arc<ObjectModel>],
+    settings: &TryingSettings,
+    seed: Seed,
+    workers: usize,
+    stop: &AtomicBool,
+    finished: &(dyn Fn(&ObjectModel, Vec<TriedGrasp>) + Sync),
+) -> Result<(), TrialError> {
+    in_parallel(models, workers, stop, &|model| {
+        finished(model, tried_grasps(trials, model, settings, seed.fork(&model.card.uid))?);
+        Ok(())
+    })
+    .map(|_: Vec<()>| ())
+}
+
+/// The candidates of the planner's exact generator for an object that stands upright on the table, with how often they
+/// held: those that held in the largest share first, then by score; object frame.
+///
+/// Candidates that the arm cannot carry out, however the object is turned, are left out.
+///
+/// # Errors
+/// Physics that refused or diverged.
+pub fn tried_grasps(
+    trials: &GraspTrials,
+    model: &Arc<ObjectModel>,
+    settings: &TryingSettings,
+    seed: Seed,
+) -> Result<Vec<TriedGrasp>, TrialError> {
+    let table = Table::with_one(Arc::clone(model), &trials.sim)?;
+    let object = PosedObject {
+        uid: model.card.uid.clone(),
+        model: Arc::clone(model),
+        pose: table.poses[0],
+        joint_positions: Vec::new(),
+    };
+    let scene = PosedScene::new(vec![object], &mut ShapeCache::default());
+    let candidates = surroundings::generated_grasps(&trials.planner, &scene, 0, seed);
+    let mut tried = Vec::new();
+    for (index, grasp) in candidates.into_iter().enumerate() {
+        tried.extend(try_out(trials, &table, grasp, settings, seed.fork("trials").fork_index(index as u64))?);
+    }
+    tried.sort_by(|a, b| b.share().total_cmp(&a.share()).then(b.grasp.score.total_cmp(&a.grasp.score)));
+    Ok(tried)
+}
+
+fn try_out(
+    trials: &GraspTrials,
+    table: &Table,
+    grasp: Grasp,
+    settings: &TryingSettings,
+    seed: Seed,
+) -> Result<Option<TriedGrasp>, TrialError> {
+    let mut tried = TriedGrasp { grasp, trials: 0, held: 0 };
+    while tried.trials < settings.trials && tried.trials - tried.held < settings.most_lost {
+        match try_once(trials, table, &tried.grasp, settings, seed.fork_index(u64::from(tried.trials)))? {
+            Ending::OutOfReach => return Ok(None),
+            ending => tried.held += u32::from(ending == Ending::Held),
+        }
+        tried.trials += 1;
+    }
+    Ok(Some(tried))
+}
+
+/// One trial, everything off by as much as the seed says.
+fn try_once(
+    trials: &GraspTrials,
+    table: &Table,
+    grasp: &Grasp,
+    settings: &TryingSettings,
+    seed: Seed,
+) -> Result<Ending, TrialError> {
+    let mut rng = seed.rng();
+    let mut spread = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
+    let offset = DVec3::new(spread(settings.offset_m), spread(settings.offset_m), spread(settings.offset_m));
+    let mass = 1.0 + spread(settings.mass_spread);
+    let friction = 1.0 - (1.0 - settings.least_friction) * rng.random::<f64>();
+    let turn = settings.turn_rad * rng.random::<f64>();
+    let error = Pose { position: offset, rotation: DQuat::from_axis_angle(direction(&mut rng), turn) };
+    let first = rng.random::<f64>();
+
+    let [sliding, turning, rolling] = trials.sim.pad_friction;
+    let sim = SimSettings { pad_friction: [sliding * friction, turning, rolling], ..trials.sim.clone() };
+    let trials = GraspTrials { sim, ..trials.clone() };
+    let heavier = Arc::new(with_mass(&table.models[0], mass));
+    for yaw in 0..settings.yaws {
+        let yaw = TAU * (first + yaw as f64 / settings.yaws as f64);
+        let table = Table { models: vec![Arc::clone(&heavier)], poses: vec![turned(&table.poses[0], yaw)] };
+        let aimed = Grasp { pose: table.poses[0] * grasp.pose * error, ..grasp.clone() };
+        if let Some(ending) = arm::carry_out_one(&trials, &table, &aimed, trials.planner.opening(grasp))? {
+            return Ok(ending);
+        }
+    }
+    Ok(Ending::OutOfReach)
+}
+
+/// Turned on the table about its own upright axis.
+fn turned(world_from_object: &Pose, yaw: f64) -> Pose {
+    let turn = DQuat::from_rotation_z(yaw);
+    Pose { rotation: turn * world_from_object.rotation, ..*world_from_object }
+}
+
+/// Evenly over the sphere.
+fn direction(rng: &mut impl Rng) -> DVec3 {
+    let z = 2.0 * rng.random::<f64>() - 1.0;
+    let (sin, cos) = (TAU * rng.random::<f64>()).sin_cos();
+    DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
+}
+
+fn with_mass(model: &ObjectModel, share: f64) -> ObjectModel {
+    let mut changed = model.clone();
+    for link in &mut changed.links {
+        let MassProperties { mass_kg, center, inertia } = link.mass;
+        link.mass = MassProperties { mass_kg: mass_kg * share, center, inertia: inertia * share };
+    }
+    changed
+}
