@@ -123,7 +123,7 @@ pub struct BakeArguments {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Candidates per object, at most
-    #[arg(long, default_value_t = 50, value_parser = parse_count)]
+    #[arg(long, default_value_t = 24, value_parser = parse_count)]
     pub count: usize,
     /// Trials per candidate
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
