@@ -6,11 +6,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
-use genmanip_core::{Document, DocumentError, ObjectCard, Seed, Task, TaskKind};
+use genmanip_core::{Document, DocumentError, ObjectCard, Scenario, Seed, Task, TaskKind};
 use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_rollout::Stage;
 use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
 use genmanip_scene::designer::{DesignSettings, design_many};
+use genmanip_sim::SimSettings;
 
 use crate::error::Failed;
 
@@ -37,6 +39,15 @@ pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, Failed> {
 /// Reads a versioned document.
 pub fn read_document<T: Document>(path: &Path) -> Result<T, Failed> {
     T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| not_a_document::<T>(path, &error))
+}
+
+/// Reads a scenario and makes it ready: models built, physics compiled.
+pub fn read_stage(path: &Path) -> Result<Stage, Failed> {
+    let scenario: Scenario = read_document(path)?;
+    Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default()).map_err(|error| {
+        Failed::because(format!("{} cannot be set up", path.display()), &error)
+            .hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
+    })
 }
 
 fn not_a_document<T: Document>(path: &Path, error: &DocumentError) -> Failed {

@@ -166,17 +166,25 @@ impl ObjectModel {
         self.links.iter().any(|link| !link.cavity.is_empty())
     }
 
+    /// The collision pieces of all links in the object's frame, given a position for each joint in the order of the links.
+    pub fn pieces(&self, joint_positions: &[f64]) -> Vec<Piece> {
+        self.placed(joint_positions, |link| &link.pieces)
+    }
+
     /// The cavities of all links in the object's frame, given a position for each joint in the order of the links.
     pub fn cavities(&self, joint_positions: &[f64]) -> Vec<Piece> {
-        let poses = self.link_poses(joint_positions);
-        let of_link = |(link, object_from_link): (&ObjectLink, Pose)| -> Vec<Piece> {
-            let moved = |piece: &Piece| Piece {
-                link_from_piece: object_from_link * piece.link_from_piece,
+        self.placed(joint_positions, |link| &link.cavity)
+    }
+
+    fn placed(&self, joint_positions: &[f64], of: impl Fn(&ObjectLink) -> &[Piece]) -> Vec<Piece> {
+        let mut placed = Vec::new();
+        for (link, object_from_link) in self.links.iter().zip(self.link_poses(joint_positions)) {
+            placed.extend(of(link).iter().map(|piece| Piece {
                 shape: piece.shape.clone(),
-            };
-            link.cavity.iter().map(moved).collect()
-        };
-        self.links.iter().zip(poses).flat_map(of_link).collect()
+                link_from_piece: object_from_link * piece.link_from_piece,
+            }));
+        }
+        placed
     }
 
     /// Exact bounds in the world.

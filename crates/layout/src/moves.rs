@@ -3,6 +3,8 @@
 use genmanip_core::{Atom, Goal, Relation};
 use genmanip_scene::relations::PosedScene;
 
+use crate::articulation::joint_changes;
+
 /// One object to be moved, or brought into a state, so that all its atoms hold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Move {
@@ -89,11 +91,7 @@ fn opening(object: usize, scene: &PosedScene) -> Option<Atom> {
     let posed = scene.objects().nth(object)?;
     let states = &posed.model.joint_states;
     let shut = states.iter().find(|state| shuts(&state.name))?;
-    let joints = posed.model.links.iter().filter_map(|link| link.joint.as_ref()).zip(&posed.joint_positions);
-    let is_shut = joints.into_iter().all(|(joint, position)| {
-        let interval = shut.intervals.iter().find(|(name, _)| *name == joint.name);
-        interval.is_none_or(|(_, [low, high])| (low..=high).contains(&position))
-    });
+    let is_shut = joint_changes(scene, object, &shut.name).is_empty();
     let open = states.iter().find(|state| !shuts(&state.name)).filter(|_| is_shut)?;
     Some(Atom::State { object: posed.uid.clone(), state: open.name.clone() })
 }

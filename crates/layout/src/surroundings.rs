@@ -4,7 +4,7 @@ use genmanip_assets::GraspFile;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Grasp, ObjectModel, Piece, Seed, Shape};
 use genmanip_motion::{GraspTarget, Planner, World};
-use genmanip_scene::relations::{PosedObject, PosedScene};
+use genmanip_scene::relations::PosedScene;
 
 /// Grasps that held in a smaller share of their trials are not used.
 const SOUND: f64 = 0.8;
@@ -21,26 +21,10 @@ pub fn world(scene: &PosedScene, without: Option<usize>) -> World {
     let _ = world.add(TABLE, &[slab], &genmanip_core::Pose::IDENTITY);
     for (index, object) in scene.objects().enumerate() {
         if Some(index) != without {
-            let _ = world.add(&object.uid, &pieces(object), &object.pose);
+            let _ = world.add(&object.uid, &object.model.pieces(&object.joint_positions), &object.pose);
         }
     }
     world
-}
-
-/// All pieces of an object in its own frame, joints as they are.
-pub fn pieces(object: &PosedObject) -> Vec<Piece> {
-    let model = &object.model;
-    model
-        .links
-        .iter()
-        .zip(model.link_poses(&object.joint_positions))
-        .flat_map(|(link, object_from_link)| {
-            link.pieces.iter().map(move |piece| Piece {
-                shape: piece.shape.clone(),
-                link_from_piece: object_from_link * piece.link_from_piece,
-            })
-        })
-        .collect()
 }
 
 /// Points on the drawn surface of an object's first link with outward normals, in the object's frame.

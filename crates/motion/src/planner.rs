@@ -80,6 +80,14 @@ impl Planner {
         Ok(Self { robot, settings, shape, ik, gripper })
     }
 
+    /// The same planner, which looks at depth images in another way; nothing is compiled again.
+    #[must_use]
+    pub fn with_depth(&self, depth: DepthSettings) -> Self {
+        let mut other = self.clone();
+        other.settings.depth = depth;
+        other
+    }
+
     /// The robot.
     pub fn robot(&self) -> &Arc<RobotModel> {
         &self.robot

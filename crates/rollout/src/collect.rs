@@ -203,7 +203,10 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
 }
 
 /// Maps jobs over worker threads; results come back in the order of the jobs, stopped jobs are left out.
-pub(crate) fn in_parallel<J: Sync, R: Send, E: Send>(
+///
+/// # Errors
+/// The first failure in the order of the jobs; no job begins after one has failed.
+pub fn in_parallel<J: Sync, R: Send, E: Send>(
     jobs: &[J],
     workers: usize,
     stop: &AtomicBool,

@@ -1,13 +1,12 @@
 //! `genmanip layout`.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::AtomicBool;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{Document, Seed};
 use genmanip_layout::LayoutSettings;
 use genmanip_motion::PlannerSettings;
-use genmanip_rollout::collect::{Attempt, Resources};
+use genmanip_rollout::collect::{Attempt, Resources, in_parallel};
 use serde::Serialize;
 
 use crate::args::LayoutArguments;
@@ -32,7 +31,7 @@ pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus,
     let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
     let attempts = Attempt::all(&tasks, arguments.count, Seed::new(arguments.seed));
     let bar = printer.progress("laying out", attempts.len());
-    let rows = in_parallel(&attempts, inputs::workers(arguments.workers), |attempt| {
+    let rows = in_parallel(&attempts, inputs::workers(arguments.workers), &AtomicBool::new(false), &|attempt| {
         let row = lay_out(attempt, arguments, resources, &settings);
         bar.inc(1);
         row
@@ -75,30 +74,4 @@ fn lay_out(
             Ok(Row { task: id, scenario: None, refused: Some(error.to_string()), picture })
         }
     }
-}
-
-/// Rows in the order of the attempts, whatever the number of workers; the first failure ends the work.
-fn in_parallel<'a, 'b>(
-    attempts: &'a [Attempt<'b>],
-    workers: usize,
-    work: impl Fn(&'a Attempt<'b>) -> Result<Row, Failed> + Sync,
-) -> Result<Vec<Row>, Failed> {
-    let (next, broken) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let rows = Mutex::new(Vec::with_capacity(attempts.len()));
-    std::thread::scope(|scope| {
-        for _ in 0..workers.min(attempts.len()) {
-            scope.spawn(|| {
-                while !broken.load(Ordering::Relaxed) {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(attempt) = attempts.get(index) else { break };
-                    let row = work(attempt);
-                    broken.fetch_or(row.is_err(), Ordering::Relaxed);
-                    rows.lock().unwrap_or_else(PoisonError::into_inner).push((index, row));
-                }
-            });
-        }
-    });
-    let mut rows = rows.into_inner().unwrap_or_else(PoisonError::into_inner);
-    rows.sort_by_key(|(index, _)| *index);
-    rows.into_iter().map(|(_, row)| row).collect()
 }

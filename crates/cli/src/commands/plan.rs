@@ -1,15 +1,12 @@
 //! `genmanip plan`: one motion of the arm in a scenario, with a picture or an animation of it.
 
 use std::path::Path as FilePath;
-use std::sync::Arc;
 
-use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Pose, Scenario, Seed};
+use genmanip_core::{Pose, Seed};
 use genmanip_layout::surroundings;
 use genmanip_motion::{Allowed, Path, PlanError, Planner, PlannerSettings, ReachableGrasp, Surroundings, World};
 use genmanip_rollout::Stage;
-use genmanip_sim::SimSettings;
 use serde::Serialize;
 
 use super::lab::cpu_clock;
@@ -53,12 +50,7 @@ enum Goal {
 }
 
 pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let scenario: Scenario = inputs::read_document(&arguments.scenario)?;
-    let stage =
-        Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default()).map_err(|error| {
-            Failed::because(format!("{} cannot be set up", arguments.scenario.display()), &error)
-                .hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
-        })?;
+    let stage = inputs::read_stage(&arguments.scenario)?;
     let mut settings = PlannerSettings::default();
     settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
     let planner = inputs::planner(&settings)?;

@@ -142,7 +142,7 @@ impl<'a> Sweeper<'a> {
             *value = position;
         }
         // The models' own pieces and finite poses are always accepted.
-        let _ = world.add(&object.uid, &surroundings::pieces(&object), &object.pose);
+        let _ = world.add(&object.uid, &object.model.pieces(&object.joint_positions), &object.pose);
         world
     }
 
@@ -187,30 +187,23 @@ impl<'a> Sweeper<'a> {
         worlds: &[(f64, World)],
         tally: &mut Tally,
     ) -> bool {
-        let config = &config.to_vec();
-        let mut previous = config.clone();
-        let mut way = Vec::new();
-        for (by, _) in worlds.iter().skip(1) {
-            let pose = tcp_at(motion, contact, *by);
-            let Some(next) = self.planner.ik_near(&pose, &previous, self.settings.max_arm_step_rad) else {
+        let end = worlds.last().map_or(0.0, |(by, _)| *by) + beyond(motion, contact);
+        let mut way = vec![config.to_vec()];
+        for by in worlds.iter().skip(1).map(|(by, _)| *by).chain([end]) {
+            let pose = tcp_at(motion, contact, by);
+            let Some(next) = self.planner.ik_near(&pose, &way[way.len() - 1], self.settings.max_arm_step_rad) else {
                 tally.unfollowed += 1;
                 return false;
             };
-            way.push(next.clone());
-            previous = next;
+            way.push(next);
         }
-        let end = worlds.last().map_or(0.0, |(by, _)| *by);
-        let pressed = tcp_at(motion, contact, end + beyond(motion, contact));
-        let Some(last) = self.planner.ik_near(&pressed, &previous, self.settings.max_arm_step_rad) else {
-            tally.unfollowed += 1;
-            return false;
-        };
         let nothing = Allowed::none();
         let others =
             Surroundings { world: &self.others, attached: None, allowed: &nothing, gripper_width: contact.open_width };
         let roomy = self.planner.checker(&others, self.settings.room_m);
-        way.iter().zip(worlds.iter().skip(1)).all(|(config, (_, world))| is_free(self.planner, world, contact, config))
-            && way.iter().chain([config, &last]).all(|config| roomy.is_free(config))
+        let met = way.iter().zip(worlds).skip(1);
+        met.into_iter().all(|(config, (_, world))| is_free(self.planner, world, contact, config))
+            && way.iter().all(|config| roomy.is_free(config))
     }
 }
 

@@ -7,6 +7,7 @@ use super::bodies::Target;
 use super::fast::lanes_of;
 use super::field::Field;
 use super::lanes::{LANES, Lanes};
+use super::tests::one_of_each_shape;
 use super::*;
 use crate::path::lerp;
 use crate::test_robot::test_panda;
@@ -235,16 +236,8 @@ fn surfaces_that_make_no_sense_are_refused() {
 
 #[test]
 fn triangulated_pieces_have_the_surface_of_the_piece() {
-    let shapes = [
-        Shape::Box { half_extents: DVec3::new(0.03, 0.1, 0.035) },
-        Shape::Sphere { radius: 0.05 },
-        Shape::Ellipsoid { radii: DVec3::new(0.03, 0.06, 0.1) },
-        Shape::Cylinder { radius: 0.05, half_height: 0.12 },
-        Shape::Capsule { radius: 0.04, half_length: 0.1 },
-        Shape::Hull { points: [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::ONE].map(|p| p * 0.1).to_vec() },
-    ];
     let mut rng = Seed::new(14).rng();
-    for shape in shapes {
+    for shape in one_of_each_shape() {
         let piece = Piece::at(DVec3::new(0.1, 0.2, 0.3), shape.clone());
         let (corners, triangles) = triangulate(&piece).unwrap();
         // As far in every direction as the piece, but for the chords of 48 sides.

@@ -141,18 +141,22 @@ fn bodies_stay_in_their_room() {
     }
 }
 
-#[test]
-fn covers_hold_their_bodies() {
-    let shapes = [
+/// Every kind of piece, none of them a cube or a ball in disguise.
+pub(super) fn one_of_each_shape() -> [Shape; 6] {
+    [
         Shape::Box { half_extents: DVec3::new(0.03, 0.1, 0.035) },
         Shape::Sphere { radius: 0.05 },
         Shape::Ellipsoid { radii: DVec3::new(0.03, 0.06, 0.1) },
         Shape::Cylinder { radius: 0.05, half_height: 0.12 },
         Shape::Capsule { radius: 0.04, half_length: 0.1 },
         Shape::Hull { points: [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::ONE].map(|p| p * 0.1).to_vec() },
-    ];
+    ]
+}
+
+#[test]
+fn covers_hold_their_bodies() {
     let mut rng = Seed::new(4).rng();
-    for shape in shapes {
+    for shape in one_of_each_shape() {
         let body = convex::Convex::new("body", 0, &Piece::at(DVec3::new(0.1, 0.2, 0.3), shape.clone())).unwrap();
         let balls = cover::cover(&body);
         let mut draw =

@@ -29,6 +29,12 @@ struct Candidate {
     hold_width: f64,
 }
 
+/// What is in the way of a pick: everything, and everything but the object itself.
+struct Worlds {
+    occupied: World,
+    free: World,
+}
+
 /// Plans a pick, or says what stood in the way.
 pub(super) fn plan(
     expert: &Expert,
@@ -46,14 +52,15 @@ pub(super) fn plan(
         let evidence = format!("no free place for {name} where every condition on it holds");
         return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
     }
-    let free = surroundings::world(scene, Some(step.object));
+    let worlds =
+        Worlds { occupied: surroundings::world(scene, None), free: surroundings::world(scene, Some(step.object)) };
     let [roomy, tight] = expert.settings.hand_clearances_m;
-    let at = |clearance_m: f64| candidates(expert, scene, step, arm, &goals, &free, clearance_m, seed);
+    let at = |clearance_m: f64| candidates(expert, scene, step, arm, &goals, &worlds, clearance_m, seed);
     // Flat things can only be taken with the fingers close above the table.
     let candidates = at(roomy).or_else(|_| at(tight))?;
     let mut problem = None;
     for candidate in &candidates {
-        match motions(expert, scene, step, arm, width, candidate, &free, seed) {
+        match motions(expert, scene, step, arm, width, candidate, &worlds, seed) {
             Ok(commands) => {
                 return Ok(Pick { commands, open_width: candidate.open_width, hold_width: candidate.hold_width });
             }
@@ -76,7 +83,7 @@ fn candidates(
     step: &Move,
     arm: &[f64],
     goals: &[GoalPose],
-    free: &World,
+    worlds: &Worlds,
     clearance_m: f64,
     seed: Seed,
 ) -> Result<Vec<Candidate>, Failure> {
@@ -94,16 +101,15 @@ fn candidates(
     let (mut out_of_reach, mut useless) = (0, 0);
     let mut obstacles: Vec<String> = Vec::new();
     let mut candidates = Vec::new();
-    let occupied = surroundings::world(scene, None);
     for grasp in grasps.take(settings.grasps).flat_map(|grasp| [grasp.clone(), grasp.flipped()]) {
         let wide = (grasp.width + settings.finger_clearance_m).min(expert.stage.robot.gripper.max_width);
         // In a ring or beside a rim there may be room for the opening that the grasp was tested with and no more.
         let beside = |open_width: f64, config: &[f64]| {
             let around =
-                Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: open_width };
+                Surroundings { world: &worlds.occupied, attached: None, allowed: &nothing, gripper_width: open_width };
             planner.checker(&around, settings.object_clearance_m).is_free(config)
         };
-        let around = Surroundings { world: free, attached: None, allowed: &nothing, gripper_width: wide };
+        let around = Surroundings { world: &worlds.free, attached: None, allowed: &nothing, gripper_width: wide };
         let checker = planner.checker(&around, clearance_m);
         let configs = planner.ik(&(object.pose * grasp.pose), arm);
         if configs.is_empty() {
@@ -172,16 +178,15 @@ fn motions(
     arm: &[f64],
     width: f64,
     candidate: &Candidate,
-    free: &World,
+    worlds: &Worlds,
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, PlanError> {
     let (planner, settings) = (&expert.planner, &expert.settings);
     let Candidate { grasp, config, open_width, hold_width } = candidate;
     let Some(object) = scene.objects().nth(step.object) else { return Ok(Vec::new()) };
-    let occupied = surroundings::world(scene, None);
     let nothing = Allowed::none();
     // The object itself is an obstacle too: the open fingers must come in around it.
-    let open = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: *open_width };
+    let open = Surroundings { world: &worlds.occupied, attached: None, allowed: &nothing, gripper_width: *open_width };
 
     let world_from_tcp = planner.tcp_pose(config);
     let before = Pose {
@@ -200,14 +205,14 @@ fn motions(
     let reach = planner.plan_joint(&open, arm, &[approach.start().to_vec()], seed.fork("reach"))?;
 
     let lifted = Pose { position: world_from_tcp.position + DVec3::Z * settings.lift_m, ..world_from_tcp };
-    let pieces = surroundings::pieces(object);
+    let pieces = object.model.pieces(&object.joint_positions);
     let attached = Attached::new(&object.uid, &pieces, &grasp.pose.inverse())
         .map_err(|error| PlanError::Unreachable { what: error.to_string() })?;
     let holding =
-        Surroundings { world: free, attached: Some(&attached), allowed: &nothing, gripper_width: grasp.width };
+        Surroundings { world: &worlds.free, attached: Some(&attached), allowed: &nothing, gripper_width: grasp.width };
     let lift = planner.straight(&holding, config, &lifted)?;
 
-    let mut commands = expert.reach(&occupied, &reach, width, *open_width);
+    let mut commands = expert.reach(&worlds.occupied, &reach, width, *open_width);
     commands.extend(commands::follow(planner, &approach, *open_width, settings.careful_speed));
     commands.extend(commands::wait(config, *open_width, settings.rest_steps));
     commands.extend(commands::fingers(config, *open_width, *hold_width, settings.close_steps));

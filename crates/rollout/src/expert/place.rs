@@ -85,7 +85,7 @@ fn motions(
     let (planner, settings) = (&expert.planner, &expert.settings);
     let unusable = |error: genmanip_motion::GeometryError| PlanError::Unreachable { what: error.to_string() };
     let Some(held) = scene.objects().nth(object) else { return Ok(Vec::new()) };
-    let pieces = surroundings::pieces(held);
+    let pieces = held.model.pieces(&held.joint_positions);
     let tcp_from_object = tcp_from_object(expert, scene, object, hand);
     let attached = Attached::new(&held.uid, &pieces, &tcp_from_object).map_err(unusable)?;
     let nothing = Allowed::none();

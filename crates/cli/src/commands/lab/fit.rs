@@ -6,6 +6,7 @@ use genmanip_motion::grasp::cloud::Weights;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use super::calibration::Calibration;
 use crate::args::FitArguments;
 use crate::error::{ExitStatus, Failed};
 use crate::inputs;
@@ -38,19 +39,8 @@ struct Report {
 struct Reliability {
     trials: usize,
     held: f64,
-    /// Mean squared difference of chance and outcome.
-    brier: f64,
-    /// The same for the share that held as a constant, which nobody knows beforehand.
-    brier_of_constant: f64,
-    bins: Vec<Bin>,
-}
-
-#[derive(Serialize, Default)]
-struct Bin {
-    from: f64,
-    trials: usize,
-    mean_chance: f64,
-    held: f64,
+    #[serde(flatten)]
+    calibration: Calibration,
 }
 
 /// One trial: its features in the order of the names, after a constant 1, and whether the grasp held.
@@ -197,28 +187,10 @@ fn solve(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
 }
 
 fn reliability(weights: &[f64], samples: &[Sample]) -> Reliability {
-    let outcomes: Vec<(f64, f64)> =
-        samples.iter().map(|(features, held)| (chance(weights, features), f64::from(u8::from(*held)))).collect();
-    let count = outcomes.len().max(1) as f64;
-    let held = outcomes.iter().map(|(_, held)| held).sum::<f64>() / count;
-    let mut bins: Vec<Bin> = (0..BINS).map(|bin| Bin { from: bin as f64 / BINS as f64, ..Bin::default() }).collect();
-    for &(chance, held) in &outcomes {
-        let bin = &mut bins[((chance * BINS as f64) as usize).min(BINS - 1)];
-        bin.trials += 1;
-        bin.mean_chance += chance;
-        bin.held += held;
-    }
-    for bin in &mut bins {
-        let trials = bin.trials.max(1) as f64;
-        (bin.mean_chance, bin.held) = (bin.mean_chance / trials, bin.held / trials);
-    }
-    Reliability {
-        trials: outcomes.len(),
-        held,
-        brier: outcomes.iter().map(|(chance, held)| (chance - held).powi(2)).sum::<f64>() / count,
-        brier_of_constant: held * (1.0 - held),
-        bins,
-    }
+    let outcomes: Vec<(f64, bool)> =
+        samples.iter().map(|(features, held)| (chance(weights, features), *held)).collect();
+    let held = outcomes.iter().filter(|(_, held)| *held).count() as f64 / outcomes.len().max(1) as f64;
+    Reliability { trials: outcomes.len(), held, calibration: Calibration::of(&outcomes, BINS) }
 }
 
 fn in_words(report: &Report) -> String {
@@ -233,14 +205,17 @@ fn in_words(report: &Report) -> String {
         let Some(reliability) = reliability else { continue };
         text += &format!(
             "\n{what}: {} trials, {:.3} held, Brier {:.4}, {:.4} for a constant\n",
-            reliability.trials, reliability.held, reliability.brier, reliability.brier_of_constant
+            reliability.trials,
+            reliability.held,
+            reliability.calibration.brier,
+            reliability.calibration.brier_of_base_rate
         );
         let mut rows = vec![["chance", "trials", "mean chance", "held"].map(String::from).to_vec()];
-        for bin in &reliability.bins {
+        for bin in &reliability.calibration.bins {
             rows.push(vec![
                 format!("{:.1}-{:.1}", bin.from, bin.from + 1.0 / BINS as f64),
-                bin.trials.to_string(),
-                format!("{:.3}", bin.mean_chance),
+                bin.count.to_string(),
+                format!("{:.3}", bin.mean_score),
                 format!("{:.3}", bin.held),
             ]);
         }
@@ -276,10 +251,10 @@ mod tests {
         let off = [-4.0, 2.0, -3.0];
         let back = shifted(&off, &samples);
         assert!((back[0] - truth[0]).abs() < 0.2 && back[1..] == truth[1..], "{back:?}");
-        let reliability = reliability(&found, &samples);
-        assert!(reliability.brier < reliability.brier_of_constant);
-        for bin in reliability.bins.iter().filter(|bin| bin.trials > 500) {
-            assert!((bin.mean_chance - bin.held).abs() < 0.04, "{} {}", bin.mean_chance, bin.held);
+        let Calibration { brier, brier_of_base_rate, bins } = reliability(&found, &samples).calibration;
+        assert!(brier < brier_of_base_rate);
+        for bin in bins.iter().filter(|bin| bin.count > 500) {
+            assert!((bin.mean_score - bin.held).abs() < 0.04, "{} {}", bin.mean_score, bin.held);
         }
     }
 

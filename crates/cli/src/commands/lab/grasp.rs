@@ -11,6 +11,7 @@ use genmanip_rollout::grasp_trial::{Class, Ending, GraspTrials, Pick, Trial, Vie
 use genmanip_sim::SimSettings;
 use serde::Serialize;
 
+use super::calibration::Calibration;
 use super::cpu_clock;
 use crate::args::GraspArguments;
 use crate::error::{ExitStatus, Failed};
@@ -52,24 +53,6 @@ struct CpuTimes {
     p95: f64,
     /// Median number of points of a cloud.
     points: usize,
-}
-
-/// Whether a grasp with score p holds in a share p of the cases.
-#[derive(Serialize)]
-struct Calibration {
-    /// Mean squared difference of score and outcome.
-    brier: f64,
-    /// The same for the constant share of grasps that held.
-    brier_of_base_rate: f64,
-    bins: Vec<Bin>,
-}
-
-#[derive(Serialize, Default)]
-struct Bin {
-    from: f64,
-    count: usize,
-    mean_score: f64,
-    held: f64,
 }
 
 pub fn run(arguments: &GraspArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -157,27 +140,8 @@ fn report(seed: u64, view: View, pick: Pick, trials: &[Trial], cpu_s: f64) -> Re
 }
 
 fn calibration(trials: &[Trial]) -> Calibration {
-    let outcomes: Vec<(f64, f64)> = trials
-        .iter()
-        .filter_map(|trial| Some((trial.grasp.as_ref()?.score, if trial.ending == Ending::Held { 1.0 } else { 0.0 })))
-        .collect();
-    let count = outcomes.len().max(1) as f64;
-    let base = outcomes.iter().map(|(_, held)| held).sum::<f64>() / count;
-    let brier =
-        |score: &dyn Fn(f64) -> f64| outcomes.iter().map(|&(p, held)| (score(p) - held).powi(2)).sum::<f64>() / count;
-    let mut bins: Vec<Bin> = (0..BINS).map(|bin| Bin { from: bin as f64 / BINS as f64, ..Bin::default() }).collect();
-    for &(score, held) in &outcomes {
-        let bin = &mut bins[((score * BINS as f64) as usize).min(BINS - 1)];
-        bin.count += 1;
-        bin.mean_score += score;
-        bin.held += held;
-    }
-    bins.retain(|bin| bin.count > 0);
-    for bin in &mut bins {
-        bin.mean_score /= bin.count as f64;
-        bin.held /= bin.count as f64;
-    }
-    Calibration { brier: brier(&|p| p), brier_of_base_rate: brier(&|_| base), bins }
+    let outcome = |trial: &Trial| Some((trial.grasp.as_ref()?.score, trial.ending == Ending::Held));
+    Calibration::of(&trials.iter().filter_map(outcome).collect::<Vec<_>>(), BINS)
 }
 
 fn in_words(report: &Report) -> String {

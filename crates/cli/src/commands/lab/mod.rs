@@ -1,6 +1,7 @@
 //! `genmanip lab`: one module per measurement; figures are of one thread and in processor time.
 
 pub mod answers;
+mod calibration;
 pub mod design;
 pub mod expert;
 pub mod fit;

@@ -216,14 +216,12 @@ impl Agreement {
 fn after_moves(scene: &PosedScene, task: &Task, relations: &RelationSettings, seed: Seed) -> Option<PosedScene> {
     let mut after = scene.clone();
     let steps = moves(&task.goal, scene).into_iter().next()?;
+    let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
+    let (workspace, settings) = (&Workspace::default(), &GoalPoseSettings { count: 1, ..GoalPoseSettings::default() });
     for (index, step) in steps.iter().enumerate() {
         let object = after.objects().nth(step.object)?.clone();
-        let settings = GoalPoseSettings { count: 1, ..GoalPoseSettings::default() };
+        let search = GoalSearch { scene: &after, upright: &upright, workspace, relations, settings };
         let seed = seed.fork("goal").fork_index(index as u64);
-        let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
-        let workspace = Workspace::default();
-        let (scene, workspace, settings) = (&after, &workspace, &settings);
-        let search = GoalSearch { scene, upright: &upright, workspace, relations, settings };
         let places = search.places(step, &steps[index + 1..], &|_| true, seed);
         after.set_pose(step.object, places.first()?.world_from_object, &object.joint_positions);
     }

@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, Material, Piece, Pose, RobotModel, Seed, TriMesh, VisualPart};
-use genmanip_motion::{
-    Allowed, DepthImage, DepthSettings, Path, Planner, PlannerSettings, Surroundings, World, triangulate,
-};
+use genmanip_motion::{Allowed, DepthImage, DepthSettings, Path, Planner, Surroundings, World, triangulate};
 use genmanip_render::{Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use serde::Serialize;
 
@@ -55,24 +53,21 @@ pub struct DepthTally {
 }
 
 impl DepthTally {
-    pub fn new(planner: &Planner) -> Result<Self, Failed> {
+    pub fn new(planner: &Planner) -> Self {
         let (cell_m, radius_m) = PIXELS;
         let depth = DepthSettings { cell_m, radius_m, ..planner.settings().depth.clone() };
-        let settings = PlannerSettings { depth, ..planner.settings().clone() };
-        let close = Planner::new(Arc::clone(planner.robot()), settings)
-            .map_err(|error| Failed::because("the robot cannot be planned for", &error))?;
         // Over the robot's left shoulder: what opens towards the robot is seen into.
         let intrinsics = Intrinsics::from_vertical_fov(640, 480, 55_f64.to_radians());
         let camera = Camera::looking_at("shoulder", DVec3::new(-0.15, 0.6, 1.1), DVec3::new(0.5, 0.0, 0.1), intrinsics);
-        Ok(Self {
+        Self {
             total_ms: vec![],
             depth: Depth::default(),
-            close,
+            close: planner.with_depth(depth),
             camera,
             perceive_ms: vec![],
             plan_ms: vec![],
             points: vec![],
-        })
+        }
     }
 
     pub fn solve(&mut self, planner: &Planner, index: usize, problem: &Problem, seed: Seed) -> Result<(), Failed> {

@@ -96,7 +96,7 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
     let setup_ms = clock() * 1e3;
     let problems = problems(arguments, &planner)?;
     let mut tally = Tally::default();
-    let mut depth_tally = DepthTally::new(&planner)?;
+    let mut depth_tally = DepthTally::new(&planner);
     let bar = printer.progress("planning", problems.len());
     for (index, problem) in problems.iter().enumerate() {
         tally.solve(&planner, index, problem, Seed::new(arguments.seed));
