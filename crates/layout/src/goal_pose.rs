@@ -4,9 +4,7 @@ use std::f64::consts::TAU;
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Workspace};
-use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, judge_atom, measure_pair, placement_window,
-};
+use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, judge_atom, placement_window, planar_gap};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
@@ -190,7 +188,7 @@ impl GoalSearch<'_> {
     /// Whether nothing but its carrier, and what that stands on, is near the object in the plane.
     fn is_free(&self, after: &PosedScene, moved: usize, support: Option<usize>) -> bool {
         let Some(bounds) = after.bounds(moved) else { return false };
-        let measure = |one: usize, other: usize| measure_pair(after, one, other, self.relations);
+        let gap_m = |one: usize, other: usize| planar_gap(after, one, other);
         after.objects().enumerate().all(|(index, other)| {
             // Whatever lies wholly below the object is what its carrier stands on.
             let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + 0.002);
@@ -198,9 +196,9 @@ impl GoalSearch<'_> {
                 return true;
             }
             let holds_carrier = support.is_some_and(|carrier| {
-                other.model.card.is_container && measure(carrier, index).is_some_and(|pair| pair.gap_m == 0.0)
+                other.model.card.is_container && gap_m(carrier, index).is_some_and(|gap_m| gap_m == 0.0)
             });
-            holds_carrier || measure(moved, index).is_some_and(|pair| pair.gap_m >= self.settings.clearance_m)
+            holds_carrier || gap_m(moved, index).is_some_and(|gap_m| gap_m >= self.settings.clearance_m)
         })
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, ObjectModel, Pose, Relation, Seed, Task, Workspace};
 use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair, outlines_apart, placement_window,
+    PosedObject, PosedScene, RelationSettings, ShapeCache, contact_below, judge_atom, outlines_apart, placement_window,
 };
 use rand::{Rng, RngExt};
 
@@ -444,8 +444,7 @@ pub(crate) fn let_down(
     gap: f64,
     relations: &RelationSettings,
 ) -> bool {
-    let fall = measure_pair(scene, object, carrier, relations).and_then(|pair| pair.a_over_b);
-    let Some(fall) = fall else { return false };
+    let Some(fall) = contact_below(scene, object, carrier, relations) else { return false };
     scene.shift(object, DVec3::Z * (gap - fall.gap_m));
     true
 }

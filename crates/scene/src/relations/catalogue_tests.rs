@@ -8,6 +8,10 @@ use super::*;
 
 /// Puts the first object with its base at a place relative to the second, which stands on the table.
 fn label(upper: &str, lower: &str, offset: DVec3) -> PairVerdict {
+    label_pair(&scene(upper, lower, offset), 0, 1, &RelationSettings::default()).unwrap()
+}
+
+fn scene(upper: &str, lower: &str, offset: DVec3) -> PosedScene {
     let catalogue = Catalogue::builtin();
     let posed = |uid: &str, position: DVec3| {
         let model = catalogue.build(uid).unwrap();
@@ -16,8 +20,7 @@ fn label(upper: &str, lower: &str, offset: DVec3) -> PairVerdict {
     };
     let anchor = DVec3::new(0.5, 0.0, 0.0);
     let objects = vec![posed(upper, anchor + offset), posed(lower, anchor)];
-    let scene = PosedScene::new(objects, &mut ShapeCache::default());
-    label_pair(&scene, 0, 1, &RelationSettings::default()).unwrap()
+    PosedScene::new(objects, &mut ShapeCache::default())
 }
 
 /// Lowers the first object until it touches the second, and compares the label.
@@ -48,4 +51,17 @@ fn everyday_arrangements() {
 fn neighbours_on_the_table() {
     assert_eq!(label("033", "014", DVec3::new(-0.25, 0.0, 0.0)).a_to_b, Some(Label::Back));
     assert_eq!(label("023", "010", DVec3::new(0.0, -0.2, 0.0)).a_to_b, Some(Label::Right));
+}
+
+#[test]
+fn single_quantities_are_those_of_the_pair() {
+    let settings = RelationSettings::default();
+    for offset in [DVec3::Z * 0.1, DVec3::Z * 0.02, DVec3::new(0.1, 0.0, 0.05), DVec3::new(0.3, 0.2, 0.0)] {
+        for [upper, lower] in [["033", "005"], ["044", "052"], ["046", "048"]] {
+            let scene = scene(upper, lower, offset);
+            let pair = measure_pair(&scene, 0, 1, &settings).unwrap();
+            assert_eq!(contact_below(&scene, 0, 1, &settings), pair.a_over_b, "{upper} {lower} {offset}");
+            assert_eq!(planar_gap(&scene, 0, 1), Some(pair.gap_m), "{upper} {lower} {offset}");
+        }
+    }
 }

@@ -36,7 +36,9 @@ mod window;
 
 pub use cloud::CloudScene;
 pub use judge::{Rest, judge_atom, judge_edges, judge_goal, judge_states};
-pub use pair::{Contact, Label, PairGeometry, PairVerdict, label_pair, measure_pair, outlines_apart};
+pub use pair::{
+    Contact, Label, PairGeometry, PairVerdict, contact_below, label_pair, measure_pair, outlines_apart, planar_gap,
+};
 pub use requirement::is_clear;
 pub use scene::{PosedObject, PosedScene};
 pub use settings::RelationSettings;

@@ -74,29 +74,50 @@ fn planar_gap(a: &Body, b: &Body) -> f64 {
     best
 }
 
+/// Points this far outside of the bounds of a room are surely outside of the room, metres.
+const ROUNDING_M: f64 = 1e-9;
+
+/// Room that one link of a body holds: its bounds in the world, which most points lie outside of, and the solids that
+/// it is made of.
+struct Room<'a> {
+    bounds: Aabb,
+    room_from_world: Pose,
+    solids: &'a [Solid],
+}
+
+impl Room<'_> {
+    fn contains(&self, point: DVec3) -> bool {
+        let near = |low: DVec3, high: DVec3| point.cmpge(low).all() && point.cmple(high).all();
+        near(self.bounds.min - DVec3::splat(ROUNDING_M), self.bounds.max + DVec3::splat(ROUNDING_M)) && {
+            let local = self.room_from_world.transform_point(point);
+            self.solids.iter().any(|solid| solid.contains(local))
+        }
+    }
+}
+
 /// Share of A's surface points in B's cavities, where its joints have moved them, or in B's convex hull where no
 /// cavity is known.
 fn share_inside(a: &Body, b: &Body) -> f64 {
     let hull;
-    let mut regions: Vec<(Pose, &[Solid])> = Vec::new();
+    let mut rooms: Vec<Room> = Vec::new();
     if b.object.model.is_hollow() {
-        let links = b.shape.links.iter().zip(&b.object_from_link).filter(|(link, _)| !link.cavity.is_empty());
-        regions.extend(links.map(|(link, pose)| ((b.object.pose * *pose).inverse(), link.cavity.as_slice())));
+        let links = b.shape.links.iter().zip(&b.object.model.links).zip(&b.object_from_link);
+        rooms.extend(links.filter(|((link, _), _)| !link.cavity.is_empty()).map(
+            |((link, model), object_from_link)| {
+                let world_from_link = b.object.pose * *object_from_link;
+                let bounds = Aabb::from_pieces(&world_from_link, &model.cavity);
+                Room { bounds, room_from_world: world_from_link.inverse(), solids: &link.cavity }
+            },
+        ));
     } else {
         hull = b.shape.hull(&b.object_from_link);
-        regions.push((b.object.pose.inverse(), std::slice::from_ref(hull.as_ref())));
+        let solids = std::slice::from_ref(hull.as_ref());
+        rooms.push(Room { bounds: b.bounds, room_from_world: b.object.pose.inverse(), solids });
     }
-    let near = Aabb { min: b.bounds.min - DVec3::splat(0.5), max: b.bounds.max + DVec3::splat(0.5) };
     let (mut inside, mut count) = (0usize, 0usize);
     for point in a.samples() {
         count += 1;
-        // A cavity may reach above the pieces, but not far from them.
-        let possible = point.cmpge(near.min).all() && point.cmple(near.max).all();
-        let is_in = |(region_from_world, solids): &(Pose, &[Solid])| {
-            let local = region_from_world.transform_point(point);
-            solids.iter().any(|solid| solid.contains(local))
-        };
-        inside += usize::from(possible && regions.iter().any(is_in));
+        inside += usize::from(rooms.iter().any(|room| room.contains(point)));
     }
     if count == 0 { 0.0 } else { inside as f64 / count as f64 }
 }
