@@ -126,14 +126,14 @@ fn candidates(
         };
         let works_at_goal = goals.iter().any(|goal| {
             let raised = Pose { position: goal.world_from_object.position + DVec3::Z * 0.01, ..goal.world_from_object };
-            planner.ik(&(raised * grasp.pose), &config).iter().take(4).any(|config| checker.is_free(config))
+            planner.ik_each(&(raised * grasp.pose), &config).take(4).any(|config| checker.is_free(&config))
                 || goal.support.is_some_and(|carrier| expert.is_hollow(carrier))
                     && settings.release_heights_m.iter().any(|&height| {
                         let raised = Pose {
                             position: goal.world_from_object.position + DVec3::Z * height,
                             ..goal.world_from_object
                         };
-                        planner.ik(&(raised * grasp.pose), &config).iter().take(4).any(|c| checker.is_free(c))
+                        planner.ik_each(&(raised * grasp.pose), &config).take(4).any(|c| checker.is_free(&c))
                     })
         });
         if !works_at_goal {
