@@ -80,10 +80,8 @@ impl<'a> Sweeper<'a> {
             let world = &motions[0].2[0].1;
             let nothing = Allowed::none();
             let checker = self.planner.checker(&around(world, &nothing, &start), CONTACT_M);
-            let starts: Vec<_> = configs
-                .filter(|config| checker.is_free(config))
-                .take(self.settings.configurations)
-                .collect();
+            let starts: Vec<_> =
+                configs.filter(|config| checker.is_free(config)).take(self.settings.configurations).collect();
             if starts.is_empty() {
                 tally.blocked += 1;
                 continue;
