@@ -171,6 +171,9 @@ impl Planner {
     }
 
     /// A path that moves the tcp straight (position linearly, rotation along the shortest turn) to `world_from_goal`.
+    ///
+    /// What the robot is close to at `start` it may stay close to; from everything else it keeps the padding, to the
+    /// end: plan from the contact away, and reverse the path for a motion that ends there.
     pub fn straight(&self, around: &Surroundings, start: &[f64], world_from_goal: &Pose) -> Result<Path, PlanError> {
         let mut checker = self.checker(around, self.settings.plan.padding);
         let settings = &self.settings;

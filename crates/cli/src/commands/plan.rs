@@ -135,8 +135,8 @@ fn to_grasp(
 ) -> Result<Vec<Path>, PlanError> {
     let touching = Allowed::none().and_gripper(planner.robot(), object);
     let beside = Surroundings { world, attached: None, allowed: &touching, gripper_width: grasp.opening };
-    let approach = planner.straight(&beside, &grasp.pregrasp, &grasp.world_from_tcp)?;
-    let reach = planner.plan_joint(free, start, std::slice::from_ref(&grasp.pregrasp), seed)?;
+    let approach = planner.straight(&beside, &grasp.config, &planner.tcp_pose(&grasp.pregrasp))?.reversed();
+    let reach = planner.plan_joint(free, start, &[approach.start().to_vec()], seed)?;
     Ok(vec![reach, approach])
 }
 

@@ -27,6 +27,8 @@ impl Default for StraightSettings {
 }
 
 /// A path on which the tcp moves straight from where it is at `start` to `world_from_goal`.
+///
+/// Only at the start may pairs be closer than the padding, and then they may stay as close.
 pub(crate) fn straight_line(
     checker: &mut Checker,
     ik: &InverseKinematics,
@@ -41,9 +43,6 @@ pub(crate) fn straight_line(
     }
     let waypoints = follow(checker, ik, settings, start, world_from_goal)?;
     checker.relax(start, plan.contact_tolerance).map_err(PlanError::StartInCollision)?;
-    if let Some(goal) = waypoints.last() {
-        checker.relax(goal, plan.contact_tolerance).map_err(PlanError::GoalInCollision)?;
-    }
     let edges = waypoints.len().saturating_sub(1);
     for (index, edge) in waypoints.windows(2).enumerate() {
         if let Some((fraction, report)) = first_contact(checker, &edge[0], &edge[1], plan.final_spacing) {

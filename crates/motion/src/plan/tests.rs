@@ -160,6 +160,24 @@ fn straight_lines_are_straight_or_say_where_they_end() {
 }
 
 #[test]
+fn straight_lines_may_begin_near_contact_but_not_end_there() {
+    let (planner, world, allowed) = (planner(), walled(), Allowed::none());
+    let around = around(&world, &allowed);
+    let home = planner.robot().home.clone();
+    let above_table = |gap: f64| down(DVec3::new(0.55, 0.25, 0.0085 + gap));
+    let config = |gap: f64| planner.ik(&above_table(gap), &home).remove(0);
+    for gap in [0.0005, 0.002] {
+        let away = planner.straight(&around, &config(gap), &above_table(0.09)).unwrap();
+        assert!(planner.checker(&around, planner.settings().plan.padding).is_free(away.goal()));
+        let toward = planner.straight(&around, &config(0.09), &above_table(gap)).unwrap_err();
+        assert!(
+            matches!(&toward, PlanError::Blocked { fraction, report } if *fraction > 0.9 && report.other == "table"),
+            "{toward}"
+        );
+    }
+}
+
+#[test]
 fn trajectories_obey_the_limits_and_rest_at_both_ends() {
     let (planner, world, allowed) = (planner(), walled(), Allowed::none());
     let around = around(&world, &allowed);

@@ -113,6 +113,11 @@ impl Expert {
         self.stage.models.get(object).is_some_and(|model| model.is_hollow())
     }
 
+    /// Whether something may be let go of this high above its goal, metres: only into a hollow from far up.
+    fn may_release(&self, goal: &GoalPose, height_m: f64) -> bool {
+        height_m <= self.settings.max_open_release_m || goal.support.is_some_and(|carrier| self.is_hollow(carrier))
+    }
+
     /// Whether every atom of a move holds.
     fn is_done(&self, scene: &PosedScene, step: &Move) -> bool {
         step.atoms.iter().all(|atom| judge_atom(scene, atom, &self.stage.relations).holds)

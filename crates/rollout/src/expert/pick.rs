@@ -27,6 +27,8 @@ struct Candidate {
     config: Vec<f64>,
     open_width: f64,
     hold_width: f64,
+    /// Least height above a goal pose at which the hand has room to let go, metres.
+    release_m: f64,
 }
 
 /// What is in the way of a pick: everything, and everything but the object itself.
@@ -124,24 +126,20 @@ fn candidates(
             obstacles.push(object.uid.clone());
             continue;
         };
-        let works_at_goal = goals.iter().any(|goal| {
-            let raised = Pose { position: goal.world_from_object.position + DVec3::Z * 0.01, ..goal.world_from_object };
+        let is_free_at = |goal: &GoalPose, height_m: f64| {
+            let raised = goal.world_from_object.position + DVec3::Z * height_m;
+            let raised = Pose { position: raised, ..goal.world_from_object };
             planner.ik_each(&(raised * grasp.pose), &config).take(4).any(|config| checker.is_free(&config))
-                || goal.support.is_some_and(|carrier| expert.is_hollow(carrier))
-                    && settings.release_heights_m.iter().any(|&height| {
-                        let raised = Pose {
-                            position: goal.world_from_object.position + DVec3::Z * height,
-                            ..goal.world_from_object
-                        };
-                        planner.ik_each(&(raised * grasp.pose), &config).take(4).any(|c| checker.is_free(&c))
-                    })
+        };
+        let release_m = settings.release_heights_m.iter().copied().find(|&height_m| {
+            goals.iter().any(|goal| expert.may_release(goal, height_m) && is_free_at(goal, height_m))
         });
-        if !works_at_goal {
+        let Some(release_m) = release_m else {
             useless += 1;
             continue;
-        }
+        };
         let hold_width = (grasp.width - settings.squeeze_m).max(0.0);
-        candidates.push(Candidate { grasp, config, open_width, hold_width });
+        candidates.push(Candidate { grasp, config, open_width, hold_width, release_m });
         if candidates.len() >= settings.planned_grasps {
             break;
         }
@@ -156,6 +154,8 @@ fn candidates(
         );
         return Err(Failure { cause, evidence });
     }
+    // Rather a worse grasp than a long fall.
+    candidates.sort_by_key(|candidate| candidate.release_m > settings.max_open_release_m);
     Ok(candidates)
 }
 
@@ -182,7 +182,7 @@ fn motions(
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, PlanError> {
     let (planner, settings) = (&expert.planner, &expert.settings);
-    let Candidate { grasp, config, open_width, hold_width } = candidate;
+    let Candidate { grasp, config, open_width, hold_width, .. } = candidate;
     let Some(object) = scene.objects().nth(step.object) else { return Ok(Vec::new()) };
     let nothing = Allowed::none();
     // The object itself is an obstacle too: the open fingers must come in around it.

@@ -52,12 +52,9 @@ fn toward(
 ) -> Result<Vec<Vec<f32>>, Failure> {
     let free = surroundings::world(scene, Some(object));
     let mut problem = None;
-    for (index, goal) in goals.iter().enumerate() {
-        for &height in &expert.settings.release_heights_m {
-            let hollow = goal.support.is_some_and(|carrier| expert.is_hollow(carrier));
-            if !hollow && height > expert.settings.max_open_release_m {
-                break;
-            }
+    // What falls far tips over and meets the hand again: every place is tried low before any is tried from higher up.
+    for &height in &expert.settings.release_heights_m {
+        for (index, goal) in goals.iter().enumerate().filter(|(_, goal)| expert.may_release(goal, height)) {
             match motions(expert, scene, object, hand, goal, height, &free, seed.fork_index(index as u64)) {
                 Ok(commands) => return Ok(commands),
                 Err(error) => problem = problem.or(Some(error)),

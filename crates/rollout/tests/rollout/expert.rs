@@ -2,7 +2,8 @@
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{
-    Atom, Failure, FailureCause, Goal, GraphNode, ObjectState, Relation, Scenario, SceneGraph, Seed, Task, TaskKind,
+    Atom, Failure, FailureCause, Frame, Goal, GraphNode, ObjectState, Relation, Scenario, SceneGraph, Seed, Task,
+    TaskKind,
 };
 use genmanip_rollout::{RolloutSettings, replay, run_episode};
 
@@ -92,6 +93,27 @@ fn it_fills_a_drawer_and_shuts_it() {
     let (open, end) = (at_most(0.05), episode.frames.last().unwrap());
     let moved = end.objects[1].pose.position.distance(open.objects[1].pose.position);
     assert!((moved - drawn(&open.objects)).abs() < 0.02, "the cube moved {moved:.3} m");
+}
+
+/// Where the hand finds room to let go low, it does so, though a worse grasp or another place is needed for it.
+#[test]
+fn it_lets_go_low_in_a_deep_box() {
+    let mut task = joint_task("052", "none", "none");
+    task.scene_graph.nodes[0].state = None;
+    for uid in ["026", "040"] {
+        task.objects.push(Catalogue::builtin().card(uid).unwrap().clone());
+        task.scene_graph.nodes.push(GraphNode { uid: uid.into(), state: None });
+    }
+    task.goal.alternatives = vec![vec![relation("040", Relation::Top, "052"), relation("026", Relation::Top, "052")]];
+    let stage = stage(scenario(&task));
+    let episode = run_episode(&stage, &mut expert(&stage), "box", Seed::new(11), &RolloutSettings::default()).unwrap();
+    assert!(episode.result.success, "{:?}", episode.result.failure);
+    for object in [1, 2] {
+        let height = |frame: &Frame| frame.objects[object].pose.position.z;
+        let held = episode.frames.iter().rfind(|frame| frame.grasped == Some(object)).unwrap();
+        let fall = height(held) - height(episode.frames.last().unwrap());
+        assert!(fall < 0.025, "object {object} fell by {fall:.3} m");
+    }
 }
 
 /// Pulling, pushing, turning, lifting and pressing: a joint moves because the hand moves it, and stays.
