@@ -8,6 +8,8 @@
 
 pub mod articulation;
 mod audit;
+#[cfg(test)]
+mod audit_tests;
 mod between;
 mod distractors;
 mod draft;

@@ -99,6 +99,6 @@ pub fn is_in_reach(planner: &Planner, point: DVec3) -> bool {
     let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(PI) };
     (0..4).any(|turn| {
         let world_from_tcp = Pose::from_position_yaw(point, f64::from(turn) * FRAC_PI_4) * down;
-        !planner.ik(&world_from_tcp, &planner.robot().home).is_empty()
+        planner.ik_each(&world_from_tcp, &planner.robot().home).next().is_some()
     })
 }

@@ -43,7 +43,7 @@ pub struct LayoutSettings {
     pub max_settle_shift_m: f64,
     /// Largest tilt of an object while settling, radians.
     pub max_settle_tilt_rad: f64,
-    /// How long a settled layout is left alone, simulated seconds.
+    /// How long a settled layout is left alone, simulated seconds; less where nothing gets faster and all is nearly still.
     pub stay_s: f64,
     /// Farthest that an object may move in this time, metres.
     pub max_drift_m: f64,

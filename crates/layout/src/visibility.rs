@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Camera, ObjectModel, Pose, RobotModel};
+use genmanip_core::{Camera, Pose, RobotModel};
 use genmanip_render::{
     Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
 };
@@ -21,7 +21,7 @@ pub(crate) fn hidden(
     robot: &Arc<RobotModel>,
     settings: &LayoutSettings,
 ) -> Option<String> {
-    let models: Vec<_> = scene.objects().map(|object| Arc::new(without_textures(&object.model))).collect();
+    let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
     let assets = RenderAssets::new(Arc::clone(robot), &models, &Environment::default()).ok()?;
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let cameras: Vec<Camera> =
@@ -75,15 +75,6 @@ fn pixels_per_object(picture: &FrameBuffers, objects: usize) -> Vec<usize> {
         pixels[object] += 1;
     }
     pixels
-}
-
-/// The same shape, cheaper to prepare for drawing.
-fn without_textures(model: &ObjectModel) -> ObjectModel {
-    let mut bare = model.clone();
-    for part in bare.links.iter_mut().flat_map(|link| &mut link.visual) {
-        part.material.texture = None;
-    }
-    bare
 }
 
 /// Pixels in the bounds of what an object would cover if nothing hid it; infinite when a corner is behind the camera.

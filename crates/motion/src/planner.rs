@@ -113,6 +113,11 @@ impl Planner {
         self.ik.solve(world_from_tcp, reference)
     }
 
+    /// What [`Planner::ik`] returns, one after the other: for those who need only the first few.
+    pub fn ik_each(&self, world_from_tcp: &Pose, reference: &[f64]) -> impl Iterator<Item = Vec<f64>> + use<'_> {
+        self.ik.solutions(world_from_tcp, reference)
+    }
+
     /// The configuration nearest to `previous` that brings the tcp to `world_from_tcp`, on the same branch;
     /// `None` when a joint would have to move by more than `max_step`.
     pub fn ik_near(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {

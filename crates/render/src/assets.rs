@@ -276,7 +276,7 @@ impl Surface {
             metallic: material.metallic.clamp(0.0, 1.0),
             opacity: material.opacity.clamp(0.0, 1.0),
             reflectance: ((ior - 1.0) / (ior + 1.0)).powi(2),
-            texture: material.texture.as_deref().and_then(MipTexture::new),
+            texture: material.texture.as_ref().and_then(MipTexture::new),
             is_table: false,
         }
     }
@@ -306,28 +306,34 @@ fn texel_density(texture: &MipTexture, positions: &[Vec3], uvs: &[Vec2], triangl
 /// Whether every edge, after joining corners at equal places, is walked as often forwards as backwards,
 /// and the mesh is not inside out.
 fn is_closed(mesh: &TriMesh) -> bool {
-    let key = |index: u32| mesh.positions[index as usize].to_array().map(|value| (value + 0.0).to_bits());
-    let mut order: Vec<u32> = (0..mesh.positions.len() as u32).collect();
-    order.sort_unstable_by_key(|&index| key(index));
-    let mut joined = vec![0_u32; order.len()];
+    // Corners by their place, and edges, each as one number, which is quickly sorted.
+    let key = |position: &Vec3| {
+        let [x, y, z] = position.to_array().map(|value| u128::from((value + 0.0).to_bits()));
+        x << 64 | y << 32 | z
+    };
+    let mut corners: Vec<u128> =
+        mesh.positions.iter().zip(0..).map(|(place, index)| key(place) << 32 | index).collect();
+    corners.sort_unstable();
+    let mut joined = vec![0_u64; corners.len()];
     let mut place = 0;
-    for (rank, &index) in order.iter().enumerate() {
-        if rank > 0 && key(order[rank - 1]) != key(index) {
+    for (rank, corner) in corners.iter().enumerate() {
+        if rank > 0 && corners[rank - 1] >> 32 != corner >> 32 {
             place += 1;
         }
-        joined[index as usize] = place;
+        joined[*corner as u32 as usize] = place;
     }
-    let mut edges: Vec<([u32; 2], bool)> = mesh
+    // The lowest bit tells the direction.
+    let mut edges: Vec<u64> = mesh
         .triangles
         .iter()
         .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
         .map(|edge| edge.map(|index| joined[index as usize]))
         .filter(|[from, to]| from != to)
-        .map(|[from, to]| if from < to { ([from, to], true) } else { ([to, from], false) })
+        .map(|[from, to]| if from < to { from << 32 | to << 1 | 1 } else { to << 32 | from << 1 })
         .collect();
     edges.sort_unstable();
-    let balanced =
-        edges.chunk_by(|a, b| a.0 == b.0).all(|same| same.iter().filter(|edge| edge.1).count() * 2 == same.len());
+    let forwards = |same: &[u64]| same.iter().filter(|edge| *edge & 1 == 1).count();
+    let balanced = edges.chunk_by(|a, b| a >> 1 == b >> 1).all(|same| forwards(same) * 2 == same.len());
     let volume: f64 = mesh.corners().map(|[a, b, c]| a.dot(b.cross(c))).sum();
     balanced && volume > 0.0
 }

@@ -1,12 +1,15 @@
 //! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
 
+use std::sync::{Arc, OnceLock};
+
 use genmanip_core::Texture;
 use glam::{Vec2, Vec3A};
 
-/// A texture and its smaller copies, linear colour.
+/// A texture and its smaller copies, linear colour; they are made when the first pixel asks for them.
 #[derive(Debug)]
 pub(crate) struct MipTexture {
-    levels: Vec<Level>,
+    texture: Arc<Texture>,
+    levels: OnceLock<Vec<Level>>,
 }
 
 #[derive(Debug)]
@@ -19,22 +22,15 @@ struct Level {
 
 impl MipTexture {
     /// The pyramid of a texture; `None` when it has no pixels or their number does not match its size.
-    pub fn new(texture: &Texture) -> Option<Self> {
+    pub fn new(texture: &Arc<Texture>) -> Option<Self> {
         let (width, height) = (texture.width as usize, texture.height as usize);
-        if width == 0 || height == 0 || texture.rgb.len() != width * height * 3 {
-            return None;
-        }
-        let texels = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2], 0]).collect();
-        let mut levels = vec![Level { width, height, texels }];
-        while let Some(smaller) = levels.last().and_then(Level::halved) {
-            levels.push(smaller);
-        }
-        Some(Self { levels })
+        let is_whole = width > 0 && height > 0 && texture.rgb.len() == width * height * 3;
+        is_whole.then(|| Self { texture: Arc::clone(texture), levels: OnceLock::new() })
     }
 
     /// Number of texels per unit square of texture coordinates.
     pub fn texels(&self) -> f32 {
-        (self.levels[0].width * self.levels[0].height) as f32
+        (self.texture.width as usize * self.texture.height as usize) as f32
     }
 
     /// Linear colour at a texture coordinate, where a pixel covers about `texels_per_pixel` texels along one side.
@@ -42,8 +38,18 @@ impl MipTexture {
     pub fn sample(&self, uv: Vec2, texels_per_pixel: f32) -> Vec3A {
         // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
         let octave = ((texels_per_pixel.max(1.0) * 1.19).to_bits() >> 23) as usize - 127;
-        self.levels[octave.min(self.levels.len() - 1)].sample(uv)
+        let levels = self.levels.get_or_init(|| pyramid(&self.texture));
+        levels[octave.min(levels.len() - 1)].sample(uv)
     }
+}
+
+fn pyramid(texture: &Texture) -> Vec<Level> {
+    let texels = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2], 0]).collect();
+    let mut levels = vec![Level { width: texture.width as usize, height: texture.height as usize, texels }];
+    while let Some(smaller) = levels.last().and_then(Level::halved) {
+        levels.push(smaller);
+    }
+    levels
 }
 
 impl Level {
@@ -140,12 +146,12 @@ pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
 
 /// Linear light of quarters of 8-bit codes.
 fn linear_table() -> &'static [f32; 1024] {
-    static TABLE: std::sync::OnceLock<[f32; 1024]> = std::sync::OnceLock::new();
+    static TABLE: OnceLock<[f32; 1024]> = OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|quarter| linear_from_srgb([quarter as f32 / 1020.0; 3]).x))
 }
 
 fn srgb_table() -> &'static [u8; 4096] {
-    static TABLE: std::sync::OnceLock<[u8; 4096]> = std::sync::OnceLock::new();
+    static TABLE: OnceLock<[u8; 4096]> = OnceLock::new();
     TABLE.get_or_init(|| {
         std::array::from_fn(|index| {
             let linear = index as f32 / 4095.0;

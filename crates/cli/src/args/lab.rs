@@ -158,6 +158,9 @@ pub struct MotionArguments {
     /// Longest edge of the search tree, rad; without it, the planner's own
     #[arg(long, value_name = "RAD", value_parser = super::parse_positive)]
     pub rrt_range: Option<f64>,
+    /// Poses at which the inverse kinematics are measured; a numeric arm gets one for 200 of them
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = super::parse_count)]
+    pub ik_poses: usize,
     /// Write the states of every path, 0.02 rad apart, to this JSON file
     #[arg(long, value_name = "FILE")]
     pub paths: Option<PathBuf>,

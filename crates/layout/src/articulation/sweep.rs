@@ -9,6 +9,9 @@ use super::contacts::of_link;
 use super::{JointChange, JointContact, JointSettings, Motion};
 use crate::surroundings;
 
+/// Distance between robot and object while it is moved, but for the gap at the contact itself, metres.
+const CONTACT_M: f64 = 0.0005;
+
 /// A contact with an arm that can follow it.
 #[derive(Clone, Debug)]
 pub struct JointSweep {
@@ -69,17 +72,16 @@ impl<'a> Sweeper<'a> {
             .zip(link)
             .map(|((_, motion, _), link)| of_link(link, motion, self.planner.robot(), self.settings));
         for start in contacts.into_iter().flatten() {
-            let configs = self.planner.ik(&start.world_from_tcp, reference);
-            if configs.is_empty() {
+            let mut configs = self.planner.ik_each(&start.world_from_tcp, reference).peekable();
+            if configs.peek().is_none() {
                 tally.out_of_reach += 1;
                 continue;
             }
             let world = &motions[0].2[0].1;
-            let starts: Vec<_> = configs
-                .into_iter()
-                .filter(|config| is_free(self.planner, world, &start, config))
-                .take(self.settings.configurations)
-                .collect();
+            let nothing = Allowed::none();
+            let checker = self.planner.checker(&around(world, &nothing, &start), CONTACT_M);
+            let starts: Vec<_> =
+                configs.filter(|config| checker.is_free(config)).take(self.settings.configurations).collect();
             if starts.is_empty() {
                 tally.blocked += 1;
                 continue;
@@ -173,10 +175,9 @@ impl<'a> Sweeper<'a> {
     /// Straight to the contact along the fingers.
     fn approach(&self, contact: &JointContact, config: &[f64], world: &World) -> Option<Path> {
         let nothing = Allowed::none();
-        let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
         let back = contact.world_from_tcp.transform_vector(DVec3::NEG_Z) * self.settings.approach_m;
         let before = Pose { position: contact.world_from_tcp.position + back, ..contact.world_from_tcp };
-        self.planner.straight(&around, config, &before).ok().map(Path::reversed)
+        self.planner.straight(&around(world, &nothing, contact), config, &before).ok().map(Path::reversed)
     }
 
     fn is_possible(
@@ -198,12 +199,11 @@ impl<'a> Sweeper<'a> {
             way.push(next);
         }
         let nothing = Allowed::none();
-        let others =
-            Surroundings { world: &self.others, attached: None, allowed: &nothing, gripper_width: contact.open_width };
-        let roomy = self.planner.checker(&others, self.settings.room_m);
-        let met = way.iter().zip(worlds).skip(1);
-        met.into_iter().all(|(config, (_, world))| is_free(self.planner, world, contact, config))
-            && way.iter().all(|config| roomy.is_free(config))
+        let roomy = self.planner.checker(&around(&self.others, &nothing, contact), self.settings.room_m);
+        let is_free = |(config, (_, world)): (&Vec<f64>, &(f64, World))| {
+            self.planner.checker(&around(world, &nothing, contact), CONTACT_M).is_free(config)
+        };
+        way.iter().all(|config| roomy.is_free(config)) && way.iter().zip(worlds).skip(1).all(is_free)
     }
 }
 
@@ -215,10 +215,8 @@ struct Tally {
     possible: usize,
 }
 
-fn is_free(planner: &Planner, world: &World, contact: &JointContact, config: &[f64]) -> bool {
-    let nothing = Allowed::none();
-    let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
-    planner.checker(&around, 0.0005).is_free(config)
+fn around<'a>(world: &'a World, allowed: &'a Allowed, contact: &JointContact) -> Surroundings<'a> {
+    Surroundings { world, attached: None, allowed, gripper_width: contact.open_width }
 }
 
 /// By how much farther than the joint the hand is sent: a push first closes the gap, and presses no more at the end.

@@ -171,8 +171,15 @@ impl<'a> Checker<'a> {
 
     fn refresh_fast_margins(&mut self) {
         let single = |margin: &f64| margin.max(0.0) as f32;
-        let both = |margin: &f64| FastMargin { accept: margin.max(0.0) as f32, reject: *margin as f32 };
-        self.fast.margins = self.obstacle_margin.iter().map(|margin| margin.as_ref().map(both)).collect();
+        let count = self.obstacles.len();
+        let both = |(index, margin): (usize, &Option<f64>)| {
+            let margin = (*margin)?;
+            // Where some facets may be touched, only the exact test knows which.
+            let excused = self.obstacles[index % count].excused.any(&self.bodies[index / count]);
+            let reject = if excused { -1.0 } else { margin as f32 };
+            Some(FastMargin { accept: margin.max(0.0) as f32, reject })
+        };
+        self.fast.margins = self.obstacle_margin.iter().enumerate().map(both).collect();
         self.fast.body_pairs =
             self.body_pairs.iter().map(|pair| (pair.first, pair.second, single(&pair.margin))).collect();
     }

@@ -20,9 +20,9 @@ impl Checker<'_> {
         scratch.config.resize(from.len(), Lanes::all(0.0));
         scratch.swell.clear();
         scratch.swell.resize(self.bodies.len(), 0.0);
-        let mut proven_pairs = vec![false; self.body_pairs.len()];
+        let mut doubted_pairs = vec![false; self.body_pairs.len()];
         // The lanes are spread over the edge and walk backwards together; the first state is the caller's to test.
-        (0..batches).rev().all(|batch| {
+        let obstacles_are_clear = (0..batches).rev().all(|batch| {
             let time = |lane: usize| ((lane * batches + batch + 1).min(steps)) as f64 / steps as f64;
             for ((q, a), b) in scratch.config.iter_mut().zip(from).zip(to) {
                 *q = Lanes::from_array(std::array::from_fn(|lane| (a + (b - a) * time(lane)) as f32));
@@ -30,15 +30,20 @@ impl Checker<'_> {
             if !fast::find_doubts(&self.fast, &mut scratch) {
                 return false;
             }
-            let pairs_are_free = scratch.doubts.iter().all(|doubt| match *doubt {
-                Doubt::Bodies { pair, .. } if !proven_pairs[pair] => {
-                    proven_pairs[pair] = self.pair_is_free(&self.body_pairs[pair], from, to, spacing);
-                    proven_pairs[pair]
+            for doubt in &scratch.doubts {
+                if let Doubt::Bodies { pair, .. } = *doubt {
+                    doubted_pairs[pair] = true;
                 }
-                _ => true,
-            });
-            pairs_are_free && self.doubts_are_unfounded(&scratch.doubts, |lane| lerp(from, to, time(lane)))
-        })
+            }
+            self.doubts_are_unfounded(&scratch.doubts, |lane| lerp(from, to, time(lane)))
+        });
+        // Last, because a pair is followed along the whole edge, and most edges end at an obstacle.
+        obstacles_are_clear
+            && self
+                .body_pairs
+                .iter()
+                .zip(doubted_pairs)
+                .all(|(pair, doubted)| !doubted || self.pair_is_free(pair, from, to, spacing))
     }
 
     /// Whether two bodies keep their distance all along an edge, by conservative advancement: the distance at one

@@ -341,7 +341,8 @@ fn near_obstacle(obstacle: &FastObstacle, center: &Point, reach: f32) -> u8 {
 fn compare(obstacle: &FastObstacle, center: &Point, ball: &FastBall, accept: f32, reject: f32) -> Verdict {
     let mut found = Verdict::default();
     if let Some(field) = obstacle.field {
-        found.undecided = field.near(center, ball.radius + accept);
+        let touch = if ball.inner > 0.0 && reject >= 0.0 { ball.inner + reject } else { 0.0 };
+        return field.compare(center, ball.radius + accept, touch);
     }
     for piece in &obstacle.pieces {
         let squared = piece.squared_distance(center);

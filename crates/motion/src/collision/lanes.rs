@@ -89,14 +89,32 @@ impl Lanes {
         (self.0.simd_lt(f32x8::ZERO).to_bitmask() & 0xff) as u8
     }
 
+    /// The nearest whole numbers; for numbers below 2²².
+    #[inline(always)]
+    fn rounded(self) -> Self {
+        // Adding and subtracting 1.5·2²³ rounds.
+        (self + Self::all(12_582_912.0)) - Self::all(12_582_912.0)
+    }
+
+    /// The next smaller whole numbers; for numbers below 2²².
+    #[inline(always)]
+    pub(crate) fn floor(self) -> Self {
+        let nearest = self.rounded();
+        nearest - self.below(nearest).pick(Self::all(1.0), Self::all(0.0))
+    }
+
+    /// Without what is behind the point; for numbers of 32 bits.
+    #[inline(always)]
+    pub(crate) fn whole(self) -> [i32; LANES] {
+        self.0.fast_trunc_int().to_array()
+    }
+
     /// Sine and cosine, to 3e-7 for arguments of a few turns.
     #[inline(always)]
     pub(crate) fn sin_cos(self) -> (Self, Self) {
-        // Adding and subtracting 1.5·2²³ rounds to the nearest whole number.
-        let rounded = |x: Self| (x + Self::all(12_582_912.0)) - Self::all(12_582_912.0);
-        let turns = rounded(self * std::f32::consts::FRAC_1_PI);
+        let turns = (self * std::f32::consts::FRAC_1_PI).rounded();
         let r = (self - turns * 3.140_625) - turns * 9.676_536e-4;
-        let odd = turns - rounded(turns * 0.5) * 2.0;
+        let odd = turns - (turns * 0.5).rounded() * 2.0;
         let sign = Self::all(1.0) - odd * odd * 2.0;
         let s = r * r;
         let (mut sin, mut cos) = (Self::all(-2.505_210_8e-8), Self::all(2.087_675_7e-9));

@@ -7,7 +7,7 @@ mod cover;
 mod edge;
 mod fast;
 mod field;
-mod lanes;
+pub(crate) mod lanes;
 mod mesh;
 mod narrow;
 mod pair_table;

@@ -6,6 +6,7 @@ use super::checker::Checker;
 use super::fast::{self, Doubt, Scratch};
 use super::lanes::{LANES, Lanes};
 use crate::path::lerp;
+use crate::rigid::Rigid;
 
 /// Steps at the final spacing into which a stretch is cut where it is not proven clear at once.
 const STEPS: usize = LANES;
@@ -33,7 +34,7 @@ impl Checker<'_> {
         let stretches: Vec<Stretch> = (0..edges.len()).flat_map(stretches_of).collect();
         let mut scratch = self.scratch.borrow_mut();
         scratch.config.resize(self.robot.chain.dof(), Lanes::all(0.0));
-        let mut query = Query { checker: self, edges, speeds, spacing, proven: Vec::new(), scratch };
+        let mut query = Query { checker: self, edges, speeds, spacing, scratch };
         let Some(near) = query.survey(&stretches) else { return false };
         near.iter().all(|near| query.follow(near))
     }
@@ -61,6 +62,13 @@ struct Passing {
     obstacle: usize,
 }
 
+/// What the state in the middle of a stretch says about all of it.
+enum Look {
+    Clear,
+    Near,
+    Touching,
+}
+
 /// One test of some edges.
 struct Query<'a, 'c> {
     checker: &'a Checker<'c>,
@@ -68,15 +76,13 @@ struct Query<'a, 'c> {
     /// Per edge and body.
     speeds: Vec<Vec<f64>>,
     spacing: f64,
-    /// Edges and pairs of bodies that are known to keep their distance.
-    proven: Vec<(usize, usize)>,
     scratch: RefMut<'a, Scratch>,
 }
 
 impl Query<'_, '_> {
     /// Looks at whole stretches; `None` when something is touched, otherwise what is not proven clear.
     fn survey(&mut self, stretches: &[Stretch]) -> Option<Vec<Passing>> {
-        let mut passing = Vec::new();
+        let (mut passing, mut doubted_pairs) = (Vec::new(), Vec::new());
         let batches = stretches.len().div_ceil(LANES);
         for batch in 0..batches {
             // Lanes are spread over the path, so that trouble anywhere is seen early.
@@ -91,21 +97,55 @@ impl Query<'_, '_> {
             }
             // Lanes beyond the end repeat the last stretch.
             let real = |lane: &usize| lane * batches + batch < stretches.len();
+            let mut frames: [Option<Vec<Rigid>>; LANES] = Default::default();
             for index in 0..self.scratch.doubts.len() {
                 match self.scratch.doubts[index] {
                     Doubt::Obstacle { body, obstacle, lanes } => {
-                        let lanes = fast::lanes_of(lanes).filter(real);
-                        passing.extend(lanes.map(|lane| Passing { stretch: at(lane), body, obstacle }));
+                        for lane in fast::lanes_of(lanes).filter(real) {
+                            let near = Passing { stretch: at(lane), body, obstacle };
+                            match self.look_at_middle(&near, &mut frames[lane]) {
+                                Look::Touching => return None,
+                                Look::Near => passing.push(near),
+                                Look::Clear => {}
+                            }
+                        }
                     }
                     Doubt::Bodies { pair, lanes } => {
-                        for lane in fast::lanes_of(lanes) {
-                            self.prove_pair(at(lane).edge, pair)?;
-                        }
+                        doubted_pairs.extend(fast::lanes_of(lanes).map(|lane| (at(lane).edge, pair)));
                     }
                 }
             }
         }
-        Some(passing)
+        doubted_pairs.sort_unstable();
+        doubted_pairs.dedup();
+        let is_free = |&(edge, pair): &(usize, usize)| {
+            let [from, to] = self.edges[edge];
+            self.checker.pair_is_free(&self.checker.body_pairs[pair], from, to, self.spacing)
+        };
+        doubted_pairs.iter().all(is_free).then_some(passing)
+    }
+
+    /// Looks exactly at the state in the middle of a stretch on which a body passes a surface, for which the fast path
+    /// knows no contact: often all of the stretch is clear, and a path that leads through a surface is found out early.
+    fn look_at_middle(&self, passing: &Passing, frames: &mut Option<Vec<Rigid>>) -> Look {
+        let Passing { stretch: Stretch { edge, middle, half }, body: index, obstacle } = *passing;
+        let checker = self.checker;
+        let (body, target) = (&checker.bodies[index], &checker.obstacles[obstacle]);
+        let margin = checker.obstacle_margin[index * checker.obstacles.len() + obstacle];
+        let Some(margin) = margin.filter(|_| target.surface.is_some() && !target.excused.any(body)) else {
+            return Look::Near;
+        };
+        let [from, to] = self.edges[edge];
+        let frames = frames.get_or_insert_with(|| checker.robot.chain.frames(&lerp(from, to, middle)));
+        let world_from_body = frames[body.frame] * body.frame_from_body;
+        let is_within = |distance: f64| target.closer_than(body, &world_from_body, distance);
+        if !is_within(margin + half * self.speeds[edge][index]) {
+            Look::Clear
+        } else if is_within(margin) {
+            Look::Touching
+        } else {
+            Look::Near
+        }
     }
 
     /// Whether a body keeps its distance from an obstacle at every step of a stretch; the exact test has the last word.
@@ -129,17 +169,6 @@ impl Query<'_, '_> {
                     lerp(from, to, time(lane))
                 })
         })
-    }
-
-    fn prove_pair(&mut self, edge: usize, pair: usize) -> Option<()> {
-        if !self.proven.contains(&(edge, pair)) {
-            let [from, to] = self.edges[edge];
-            if !self.checker.pair_is_free(&self.checker.body_pairs[pair], from, to, self.spacing) {
-                return None;
-            }
-            self.proven.push((edge, pair));
-        }
-        Some(())
     }
 
     /// Fills the lanes with states, each at a part of an edge.

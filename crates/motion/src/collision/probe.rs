@@ -44,7 +44,9 @@ impl Solid<'_> {
         // What is inside belongs to it even without a margin.
         let reach = (margin + self.piece.radius).max(SINGLE);
         match self.planes {
-            Some(planes) if !planes.0.is_empty() => farthest(&planes.0, point, reach) <= reach,
+            Some(planes) if !planes.0.is_empty() => {
+                self.piece.core.distance_bound(point) <= reach && farthest(&planes.0, point, reach) <= reach
+            }
             _ => Probe::new(self.piece, &Planes(vec![])).touches_point(point, reach),
         }
     }

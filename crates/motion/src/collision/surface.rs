@@ -14,6 +14,9 @@ use super::probe::{Probe, Triangle};
 use super::robot_shape::ball_around;
 use crate::rigid::Rigid;
 
+/// Nodes that wait to be looked at when the deepest of trees is walked: each level leaves seven.
+const MOST_OPEN: usize = 64;
+
 /// An immutable surface in the world, built once and shared by all worlds that hold it.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
@@ -145,8 +148,12 @@ impl Surface {
     /// Whether `test` holds for any facet that may come within `reach` of the piece's core.
     fn any(&self, probe: &Probe, core_from_world: &Rigid, reach: f64, test: &mut impl FnMut(usize) -> bool) -> bool {
         let core = FastPiece::new(&probe.piece.core, 0.0, core_from_world);
-        let mut open = vec![(self.levels.len() - 1, 0)];
-        while let Some((level, index)) = open.pop() {
+        let mut open = [(0, 0); MOST_OPEN];
+        open[0] = (self.levels.len() - 1, 0);
+        let mut count = 1;
+        while count > 0 {
+            count -= 1;
+            let (level, index) = open[count];
             let eight = &self.levels[level][index];
             let farthest = eight.radii + Lanes::all(reach as f32 + ROUNDING);
             let near = (core.squared_distance(&eight.centers) - farthest * farthest).not_positive();
@@ -160,7 +167,8 @@ impl Surface {
                 }
                 let Ball { center, radius } = eight.balls[lane];
                 if !probe.is_roughly_beyond(core_from_world.point(center), reach + radius) {
-                    open.push((level - 1, child));
+                    open[count] = (level - 1, child);
+                    count += 1;
                 }
             }
         }

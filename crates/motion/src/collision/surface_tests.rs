@@ -157,7 +157,7 @@ fn only_the_points_near_the_start_are_excused() {
 }
 
 #[test]
-fn fields_never_promise_more_room_than_there_is() {
+fn fields_never_promise_more_room_or_less_than_there_is() {
     let mut rng = Seed::new(12).rng();
     for case in 0..12 {
         let size = [0.02, 0.3, 1.0, 4.0][case % 4];
@@ -166,12 +166,23 @@ fn fields_never_promise_more_room_than_there_is() {
         let field = Field::new([low.unwrap(), high.unwrap()], RADIUS_M, 0.0, |_, mark| {
             points.iter().for_each(|point| mark(*point, *point));
         });
-        let mut clear = 0;
-        for _ in 0..2000 {
-            let center = within(&mut rng, DVec3::splat(-size - 0.2), DVec3::splat(size + 0.2));
+        let (mut clear, mut touching) = (0, 0);
+        for draw in 0..2000 {
+            let anywhere = within(&mut rng, DVec3::splat(-size - 0.2), DVec3::splat(size + 0.2));
+            let beside = points[draw % points.len()] + within(&mut rng, DVec3::splat(-0.04), DVec3::splat(0.04));
+            let center = if draw % 2 == 0 { anywhere } else { beside };
             let reach: f64 = rng.random_range(0.0..0.2);
             let nearest = points.iter().map(|point| point.distance(center)).fold(f64::MAX, f64::min) - RADIUS_M;
-            let lanes = field.near(&center.to_array().map(|x| Lanes::all(x as f32)), reach as f32);
+            let in_lanes = center.to_array().map(|x| Lanes::all(x as f32));
+            let lanes = field.near(&in_lanes, reach as f32);
+            let touch = rng.random_range(0.0..reach);
+            let verdict = field.compare(&in_lanes, reach as f32, touch as f32);
+            assert_eq!(verdict.undecided, lanes);
+            assert!(
+                verdict.touching == 0 || nearest < touch,
+                "case {case}: {center} is {nearest} m away, not {touch} m"
+            );
+            touching += usize::from(verdict.touching != 0);
             assert!(lanes == 0 || lanes_of(lanes).count() == LANES);
             assert!(lanes != 0 || nearest > reach, "case {case}: {center} has {nearest} m, not {reach} m");
             clear += usize::from(lanes == 0);
@@ -180,7 +191,18 @@ fn fields_never_promise_more_room_than_there_is() {
             assert!(lanes == 0 || !is_inside || nearest < reach + 0.045, "case {case}: {nearest} {reach}");
         }
         assert!(clear > 100, "case {case}: {clear} of 2000");
+        assert!(touching > 50 || size > 1.0, "case {case}: {touching} of 2000");
     }
+}
+
+#[test]
+fn only_points_prove_contact() {
+    let touching = |from: DVec3, to: DVec3| {
+        let field = Field::new([from, DVec3::splat(0.1)], RADIUS_M, 0.0, |_, mark| mark(from, to));
+        field.compare(&[Lanes::all(0.0); 3], 0.1, 0.05).touching
+    };
+    assert_eq!(touching(DVec3::ZERO, DVec3::ZERO), u8::MAX);
+    assert_eq!(touching(DVec3::ZERO, DVec3::splat(0.01)), 0, "a box may hold a triangle that misses its corners");
 }
 
 #[test]

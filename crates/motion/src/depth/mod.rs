@@ -4,12 +4,15 @@
 //! the robot, on what it carries or on an obstacle that is known already.
 //! What is left is what the planner did not know about, as a cloud: the seen surfaces, not what is behind them.
 
+mod pixels;
 #[cfg(test)]
 mod tests;
 
 use genmanip_core::{Intrinsics, Pose};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+
+use pixels::{Grid, View};
 
 use crate::collision::{Checker, Solid, SurfaceError};
 
@@ -107,17 +110,18 @@ pub(crate) fn unexplained_points(
         return Err(DepthError::Configuration { expected, got: config.to_vec() });
     }
     let mut cells = Cells::new(checker, config, settings)?;
-    let mut points = Vec::new();
-    let mut saw = false;
+    let (mut points, mut of_row) = (Vec::new(), Vec::new());
     for (index, image) in images.iter().enumerate() {
         check(index, image)?;
-        each_point(image, |point| {
-            saw = true;
-            if cells.is_new(point) {
-                points.push(point);
+        let (view, width) = (View::new(image), image.intrinsics.width as usize);
+        for (row, depths) in image.depth_m.chunks_exact(width.max(1)).enumerate() {
+            cells.grid.cells_of_row(&view, row, depths, &mut of_row);
+            for &(column, cell) in &of_row {
+                points.extend(cells.new_point(cell, || view.point(row, column, depths[column])));
             }
-        });
+        }
     }
+    let saw = images.iter().flat_map(|image| image.depth_m).any(|depth_m| *depth_m > 0.0 && depth_m.is_finite());
     if saw { Ok(points) } else { Err(DepthError::Blind { images: images.len() }) }
 }
 
@@ -134,22 +138,6 @@ fn check(index: usize, image: &DepthImage) -> Result<(), DepthError> {
     Ok(())
 }
 
-/// Calls `visit` with the world point of every pixel that saw something.
-fn each_point(image: &DepthImage, mut visit: impl FnMut(DVec3)) {
-    let Intrinsics { width, fx, fy, cx, cy, .. } = image.intrinsics;
-    let Pose { position: eye, .. } = image.world_from_camera;
-    let [right, down, forward] = DVec3::AXES.map(|axis| image.world_from_camera.transform_vector(axis));
-    let step = right / fx;
-    for (row, depths) in image.depth_m.chunks_exact((width as usize).max(1)).enumerate() {
-        let start = forward + down * ((row as f64 - cy) / fy) - step * cx;
-        for (column, &depth) in depths.iter().enumerate() {
-            if depth > 0.0 && depth.is_finite() {
-                visit(eye + (start + step * column as f64) * f64::from(depth));
-            }
-        }
-    }
-}
-
 /// Cells along the edge of a brick, as a power of two.
 const BRICK_BITS: u32 = 3;
 /// Words that hold a bit for each cell of a brick.
@@ -157,15 +145,12 @@ const WORDS: usize = (1 << (3 * BRICK_BITS)) / 64;
 
 /// A sparse grid over the robot's reach that knows which cells were seen before, and what is known near them.
 struct Cells<'a> {
-    low: DVec3,
-    cells_per_m: f64,
+    grid: Grid,
     /// Bricks along each axis.
     count: u32,
     /// Index into `bricks` plus one, for each brick of the grid; 0 where nothing was seen yet.
     brick_at: Vec<u32>,
     bricks: Vec<Brick>,
-    /// The cell of the point before: neighbouring pixels mostly share one.
-    last: [u32; 3],
     solids: Vec<(Solid<'a>, f64)>,
     /// Indices of solids, brick after brick.
     near: Vec<u32>,
@@ -187,30 +172,17 @@ impl<'a> Cells<'a> {
         let count = (2.0 * reach / (cell * f64::from(1 << BRICK_BITS))).ceil() as u32;
         let margin = |is_robot: bool| if is_robot { settings.robot_margin_m } else { settings.known_margin_m };
         Ok(Self {
-            low: DVec3::splat(-reach),
-            cells_per_m: 1.0 / cell,
+            grid: Grid { low: DVec3::splat(-reach), cells_per_m: 1.0 / cell, count: count << BRICK_BITS },
             count,
             brick_at: vec![0; (count as usize).pow(3)],
             bricks: Vec::new(),
-            last: [u32::MAX; 3],
             solids: checker.solids(config).map(|(solid, is_robot)| (solid, margin(is_robot))).collect(),
             near: Vec::new(),
         })
     }
 
-    /// Whether the point is the first of its cell and nothing known explains it.
-    fn is_new(&mut self, point: DVec3) -> bool {
-        let at = (point - self.low) * self.cells_per_m;
-        let limit = f64::from(self.count << BRICK_BITS);
-        if !(at.min_element() >= 0.0 && at.max_element() < limit) {
-            return false;
-        }
-        let cell = at.to_array().map(|cells| cells as u32);
-        if cell == self.last {
-            return false;
-        }
-        self.last = cell;
-        let [x, y, z] = cell;
+    /// The point of a pixel if it is the first in its cell and nothing known explains it.
+    fn new_point(&mut self, [x, y, z]: [u32; 3], point: impl Fn() -> DVec3) -> Option<DVec3> {
         let [bx, by, bz] = [x, y, z].map(|cell| (cell >> BRICK_BITS) as usize);
         let count = self.count as usize;
         let place = (bz * count + by) * count + bx;
@@ -223,19 +195,20 @@ impl<'a> Cells<'a> {
         let Brick { seen, near: [first, end] } = &mut self.bricks[brick];
         let (word, mask) = (&mut seen[bit / 64], 1 << (bit % 64));
         if *word & mask != 0 {
-            return false;
+            return None;
         }
         *word |= mask;
+        let point = point();
         let explains = |&index: &u32| {
             let (solid, margin) = &self.solids[index as usize];
             solid.is_within(point, *margin)
         };
-        !self.near[*first as usize..*end as usize].iter().any(explains)
+        (!self.near[*first as usize..*end as usize].iter().any(explains)).then_some(point)
     }
 
     fn add_brick(&mut self, place: usize, brick: [usize; 3]) -> usize {
-        let edge = f64::from(1 << BRICK_BITS) / self.cells_per_m;
-        let center = self.low + (DVec3::from_array(brick.map(|index| index as f64)) + 0.5) * edge;
+        let edge = f64::from(1 << BRICK_BITS) / self.grid.cells_per_m;
+        let center = self.grid.low + (DVec3::from_array(brick.map(|index| index as f64)) + 0.5) * edge;
         let half_diagonal = 0.5 * 3.0_f64.sqrt() * edge;
         let first = self.near.len() as u32;
         for (index, (solid, margin)) in self.solids.iter().enumerate() {

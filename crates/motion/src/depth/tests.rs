@@ -1,5 +1,6 @@
 use genmanip_core::{Camera, Intrinsics, Piece, Pose, Seed, Shape, glam::DVec2, glam::DVec3};
 
+use super::pixels::{Grid, View};
 use crate::test_robot::test_panda;
 use crate::{Allowed, DepthImage, Planner, PlannerSettings, Surroundings, World};
 
@@ -74,6 +75,46 @@ fn paths_go_around_what_is_seen() {
     known.add("ball", &[Piece::at(BALL.0, Shape::Sphere { radius: BALL.1 })], &Pose::IDENTITY).unwrap();
     let nothing = planner.world_seen(&around(&known), &start, "seen", &twice).unwrap();
     assert_eq!(nothing.facet_count("seen"), None);
+}
+
+#[test]
+fn pixels_fall_into_the_cells_of_their_points() {
+    let mut rng = Seed::new(21).rng();
+    let camera = camera();
+    let strange = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 0.0, -1.0];
+    let depth = |k: usize, rng: &mut _| match k % 5 {
+        0 => strange[k / 5 % strange.len()],
+        1 => 1.0,
+        _ => rand::RngExt::random_range(rng, 0.2..3.0),
+    };
+    let depth_m: Vec<f32> = (0..160 * 120).map(|k| depth(k, &mut rng)).collect();
+    let view = View::new(&image(&camera, &depth_m));
+    let grid = Grid { low: DVec3::splat(-1.2), cells_per_m: 1.0 / 0.007, count: 343 };
+    let (mut cells, mut inside) = (Vec::new(), 0);
+    for (row, depths) in depth_m.chunks_exact(160).enumerate() {
+        grid.cells_of_row(&view, row, depths, &mut cells);
+        let mut found = cells.iter().copied().peekable();
+        let mut last = None;
+        for (column, depth) in depths.iter().enumerate() {
+            let at = (view.point(row, column, *depth) - grid.low) * grid.cells_per_m;
+            let sees = *depth > 0.0 && depth.is_finite() && at.min_element() >= 0.0 && at.max_element() < 343.0;
+            if let Some((_, cell)) = found.next_if(|(found, _)| *found == column) {
+                let middle = DVec3::from_array(cell.map(f64::from)) + 0.5;
+                // Rounding may put what is on the border of a cell on its other side.
+                assert!((at - middle).abs().max_element() < 0.501, "{row} {column}: {at} is not in {cell:?}");
+                last = Some(cell);
+                inside += 1;
+            } else {
+                let is_last = last.is_some_and(|cell| {
+                    (at - DVec3::from_array(cell.map(f64::from)) - 0.5).abs().max_element() < 0.501
+                });
+                let is_on_the_border = at.min_element() < 1e-3 || at.max_element() > 343.0 - 1e-3;
+                assert!(!sees || is_last || is_on_the_border, "{row} {column}: {at} was left out");
+            }
+        }
+        assert_eq!(found.next(), None);
+    }
+    assert!(inside > 5000, "{inside}");
 }
 
 #[test]

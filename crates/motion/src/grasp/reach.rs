@@ -76,9 +76,10 @@ fn carry_out(
     let world_from_pregrasp = world_from_tcp * Pose::from_position(DVec3::Z * -settings.approach);
     let touching = around.allowed.clone().and_gripper(planner.robot(), target);
     let at_grasp = Surroundings { allowed: &touching, gripper_width: opening, ..*around };
+    let mut solutions = planner.ik_each(&world_from_tcp, reference).take(settings.configurations).peekable();
+    solutions.peek()?;
     let checker = planner.checker(&at_grasp, settings.padding);
-    let solutions = planner.ik(&world_from_tcp, reference);
-    solutions.into_iter().take(settings.configurations).find_map(|config| {
+    solutions.find_map(|config| {
         if !checker.is_free(&config) {
             return None;
         }

@@ -83,27 +83,36 @@ impl InverseKinematics {
     /// `reference` is the configuration near which the arm would like to stay.
     /// Every solution keeps the limit margin and is exact to the settings' tolerance.
     pub fn solve(&self, world_from_tcp: &Pose, reference: &[f64]) -> Vec<Vec<f64>> {
-        if !(world_from_tcp.position.is_finite() && world_from_tcp.rotation.is_finite())
-            || reference.len() != self.chain.dof()
-        {
-            return Vec::new();
-        }
+        self.solutions(world_from_tcp, reference).collect()
+    }
+
+    /// What [`InverseKinematics::solve`] returns, each refined when it is asked for.
+    pub fn solutions(&self, world_from_tcp: &Pose, reference: &[f64]) -> impl Iterator<Item = Vec<f64>> + use<'_> {
+        let finite = world_from_tcp.position.is_finite() && world_from_tcp.rotation.is_finite();
         let wanted = Rigid::from(world_from_tcp);
         let mut solutions = Vec::new();
-        if let Some(franka) = &self.franka {
-            solutions = self.sweep(franka, &wanted, reference, self.settings.free_joint_values);
-            if solutions.is_empty() && self.may_reach(&wanted) {
-                solutions = self.sweep(franka, &wanted, reference, self.settings.fine_free_joint_values);
-            }
-        }
-        if solutions.is_empty() && self.may_reach(&wanted) {
-            solutions = self.descend_from_many(&wanted, reference);
+        if finite && reference.len() == self.chain.dof() {
+            solutions = self.ranked(self.rough(&wanted, reference), reference);
         }
         // Rounding near a singularity costs the closed form a few digits; a step of refinement brings them back.
-        let refine = |config: Vec<f64>| {
+        solutions.into_iter().filter_map(move |config| {
             numeric::descend(&self.chain, &wanted, &config, self.settings.limit_margin, self.settings.tolerance, 10)
-        };
-        self.ranked(solutions, reference).into_iter().filter_map(refine).collect()
+        })
+    }
+
+    /// Solutions that are not refined, in no order.
+    fn rough(&self, wanted: &Rigid, reference: &[f64]) -> Vec<Vec<f64>> {
+        let mut solutions = Vec::new();
+        if let Some(franka) = &self.franka {
+            solutions = self.sweep(franka, wanted, reference, self.settings.free_joint_values);
+            if solutions.is_empty() && self.may_reach(wanted) {
+                solutions = self.sweep(franka, wanted, reference, self.settings.fine_free_joint_values);
+            }
+        }
+        if solutions.is_empty() && self.may_reach(wanted) {
+            solutions = self.descend_from_many(wanted, reference);
+        }
+        solutions
     }
 
     /// The solution that continues a motion: the free joint of `previous` is kept as far as possible.

@@ -129,7 +129,7 @@ fn candidates(
         let is_free_at = |goal: &GoalPose, height_m: f64| {
             let raised = goal.world_from_object.position + DVec3::Z * height_m;
             let raised = Pose { position: raised, ..goal.world_from_object };
-            planner.ik(&(raised * grasp.pose), &config).iter().take(4).any(|config| checker.is_free(config))
+            planner.ik_each(&(raised * grasp.pose), &config).take(4).any(|config| checker.is_free(&config))
         };
         let release_m = settings.release_heights_m.iter().copied().find(|&height_m| {
             goals.iter().any(|goal| expert.may_release(goal, height_m) && is_free_at(goal, height_m))

@@ -19,7 +19,7 @@ pub(super) fn plan(
     let tcp_from_object = tcp_from_object(expert, scene, step.object, hand);
     let usable = |goal: &Pose| {
         let raised = Pose { position: goal.position + DVec3::Z * 0.01, ..*goal };
-        !expert.planner.ik(&(raised * tcp_from_object.inverse()), &hand.arm).is_empty()
+        expert.planner.ik_each(&(raised * tcp_from_object.inverse()), &hand.arm).next().is_some()
     };
     let goals = expert.goals(scene, step, &usable, seed);
     if goals.is_empty() {

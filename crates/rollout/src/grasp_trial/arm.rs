@@ -122,7 +122,7 @@ fn motion(trials: &GraspTrials, world: &World, grasp: &Grasp) -> Option<Motion> 
     let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: wide };
     let checker = planner.checker(&around, 0.0);
     [grasp.clone(), grasp.flipped()].iter().find_map(|grasp| {
-        planner.ik(&grasp.pose, home).into_iter().take(4).find_map(|config| {
+        planner.ik_each(&grasp.pose, home).take(4).find_map(|config| {
             let back =
                 |distance: f64| Pose { position: grasp.pose.position - grasp.approach() * distance, ..grasp.pose };
             let mut retreat = follow(

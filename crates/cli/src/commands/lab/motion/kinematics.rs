@@ -8,9 +8,8 @@ use serde::Serialize;
 use super::super::cpu_clock;
 use crate::error::Failed;
 
-/// Poses tried; fewer where every solution is a numeric search.
-const POSES: usize = 10_000;
-const NUMERIC_POSES: usize = 50;
+/// Poses of an arm with a closed form for one of an arm where every solution is a numeric search.
+const PER_NUMERIC_POSE: usize = 200;
 
 #[derive(Serialize)]
 pub struct Kinematics {
@@ -26,13 +25,14 @@ pub struct Kinematics {
     pub worst_error_m: f64,
 }
 
-pub fn measure(planner: &Planner, seed: Seed) -> Result<Kinematics, Failed> {
+/// At so many poses, or a part of them where every solution is a numeric search.
+pub fn measure(planner: &Planner, poses: usize, seed: Seed) -> Result<Kinematics, Failed> {
     let robot = planner.robot();
     let chain = Chain::new(robot).map_err(|error| Failed::because("the robot has no arm", &error))?;
     let settings = IkSettings::default();
     let margin = settings.limit_margin;
     let ik = InverseKinematics::new(chain.clone(), settings);
-    let poses = if ik.is_analytic() { POSES } else { NUMERIC_POSES };
+    let poses = if ik.is_analytic() { poses } else { poses.div_ceil(PER_NUMERIC_POSE) };
     let mut rng = seed.fork("poses").rng();
     let limits: Vec<(f64, f64)> = chain.lower().zip(chain.upper()).collect();
     let mut draw = || -> Vec<f64> {

@@ -110,7 +110,7 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
         std::fs::write(path, text)
             .map_err(|error| Failed::because(format!("cannot write {}", path.display()), &error))?;
     }
-    let ik = kinematics::measure(&planner, Seed::new(arguments.seed))?;
+    let ik = kinematics::measure(&planner, arguments.ik_poses, Seed::new(arguments.seed))?;
     let timing = Spread::of(tally.time_ms);
     let measured = Measured {
         problems: problems.len(),

@@ -1,0 +1,44 @@
+//! Things that stay, and things that would tip over in their own time.
+
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+
+use genmanip_assets::Catalogue;
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{ObjectModel, Pose};
+use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
+
+use crate::LayoutSettings;
+use crate::audit::{leave_alone, left_alone, scene_object};
+
+/// One thing on the table, turned by an angle about the world's y axis.
+fn scene(model: &Arc<ObjectModel>, tilt_rad: f64) -> PosedScene {
+    let turned = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_y(tilt_rad) };
+    let lowest = model.world_bounds(&turned, &vec![0.0; model.joint_count()]).min.z;
+    let object = PosedObject {
+        uid: model.card.uid.clone(),
+        pose: Pose { position: DVec3::new(0.45, 0.0, -lowest), ..turned },
+        joint_positions: vec![0.0; model.joint_count()],
+        model: Arc::clone(model),
+    };
+    PosedScene::new(vec![object], &mut ShapeCache::default())
+}
+
+#[test]
+fn what_ends_early_would_have_stayed() {
+    let settings = LayoutSettings::default();
+    let (mut stayed, mut tipped) = (0, 0);
+    let model = Catalogue::builtin().build("024").unwrap();
+    let size = model.world_bounds(&Pose::IDENTITY, &[]).size();
+    // On its edge, the middle right above it: the least push decides, and the fall takes its time.
+    let balance = size.x.atan2(size.z);
+    for tilt_rad in [0.0, FRAC_PI_2, balance - 1e-2, balance + 1e-3, balance - 1e-4, balance + 1e-5, balance - 1e-5] {
+        let scene = scene(&model, tilt_rad);
+        let objects: Vec<_> = scene.objects().map(scene_object).collect();
+        let (_, drift_m) = left_alone(&objects, settings.stay_s).unwrap();
+        let stays = drift_m[0] <= settings.max_drift_m;
+        assert_eq!(leave_alone(&scene, &settings).is_ok(), stays, "at {tilt_rad} rad: {drift_m:?} m");
+        if stays { stayed += 1 } else { tipped += 1 }
+    }
+    assert!(stayed >= 2 && tipped >= 3, "{stayed} stayed, {tipped} tipped");
+}
