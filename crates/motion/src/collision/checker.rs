@@ -309,9 +309,10 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target<'
     }
 }
 
-/// The distance a pair keeps that was found at `distance`, nearer than its padding.
+/// The distance a pair keeps that was found at `distance`, nearer than its padding: what is apart stays apart.
 fn relaxed(distance: f64) -> f64 {
-    distance - (0.1 * distance.abs()).max(1e-4)
+    let nearly = distance - (0.1 * distance.abs()).max(1e-4);
+    if distance > 0.0 { nearly.max(0.0) } else { nearly }
 }
 
 fn note_worst(worst: &mut Option<CollisionReport>, part: &str, other: &str, distance: f64) {

@@ -75,6 +75,32 @@ fn relaxing_accepts_closeness_but_not_penetration() {
     }
 }
 
+/// 0.04 mm from a ball: what then touches the ball by as little is no closeness, but contact.
+#[test]
+fn what_was_apart_may_come_close_but_not_touch() {
+    let robot = test_panda();
+    let shape = RobotShape::new(&robot).unwrap();
+    let tcp = robot.tcp_pose(&robot.home);
+    let mut world = World::new();
+    world.add("ball", &[ball(0.02)], &tcp).unwrap();
+    let gap = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.02).check(&robot.home).unwrap().distance;
+    world.add("ball", &[ball(0.02 + gap - 4e-5)], &tcp).unwrap();
+    let exact = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.0);
+    let mut checker = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.003);
+    checker.relax(&robot.home, 0.001).unwrap();
+    assert!(exact.is_free(&robot.home) && checker.is_free(&robot.home));
+    let mut touching = 0;
+    for joint in 0..7 {
+        for turn in [-2e-4, 2e-4] {
+            let mut config = robot.home.clone();
+            config[joint] += turn;
+            assert_eq!(checker.is_free(&config), exact.is_free(&config), "joint {joint} turned by {turn}");
+            touching += usize::from(!exact.is_free(&config));
+        }
+    }
+    assert!(touching > 0);
+}
+
 #[test]
 fn edges_are_free_exactly_when_their_states_are() {
     let robot = test_panda();
