@@ -157,7 +157,7 @@ impl GraspTrials {
             Err(CloudError::Empty | CloudError::TooFew { .. } | CloudError::NoExtent { .. }) => Vec::new(),
             Err(error) => return Err(error.into()),
         };
-        let (ending, grasp) = arm::carry_out(self, &table, &grasps, pick, seed.fork("pick"))?;
+        let (ending, grasp) = arm::carry_out(self, &table, &cloud.scene, &grasps, pick, seed.fork("pick"))?;
         Ok(Trial {
             class,
             object: table.models[0].card.name.clone(),
