@@ -58,10 +58,13 @@ fn obstacle(
             after.set_pose(step.object, object.pose, &joints);
             return None;
         }
-        if !within_reach(object, &surroundings::tried_grasps(planner, scene, step.object))
-            && !within_reach(object, &surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach")))
-        {
-            return Some(format!("{name} cannot be grasped where it lies"));
+        let generated = || surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach"));
+        let can_be_grasped = surroundings::tried_grasps(planner, scene, step.object)
+            .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
+        match can_be_grasped {
+            Ok(true) => {}
+            Ok(false) => return Some(format!("{name} cannot be grasped where it lies")),
+            Err(error) => return Some(format!("{name} cannot be grasped: {error}")),
         }
         let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
         let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);

@@ -3,7 +3,7 @@
 use genmanip_assets::GraspFile;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Grasp, ObjectModel, Piece, Seed, Shape};
-use genmanip_motion::{GraspTarget, Planner, World};
+use genmanip_motion::{GeometryError, GraspTarget, Planner, World};
 use genmanip_scene::relations::PosedScene;
 
 /// Grasps that held in a smaller share of their trials are not used.
@@ -49,15 +49,26 @@ fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
 
 /// Grasps that held when they were tried in physics beforehand, those that fit where the object lies, best first, in its
 /// own frame; none of an object whose grasps were never tried.
-pub fn tried_grasps(planner: &Planner, scene: &PosedScene, object: usize) -> Vec<Grasp> {
+///
+/// # Errors
+/// A piece of the object that is not finite or has no size.
+pub fn tried_grasps(planner: &Planner, scene: &PosedScene, object: usize) -> Result<Vec<Grasp>, GeometryError> {
     let known = scene.objects().nth(object).and_then(|posed| GraspFile::builtin().of(&posed.model).ok().flatten());
-    let Some(known) = known else { return Vec::new() };
+    let Some(known) = known else { return Ok(Vec::new()) };
     let sound = known.iter().filter(|tried| tried.share() >= SOUND).map(|tried| &tried.grasp);
     with_target(planner, scene, object, |target| planner.fitting_grasps(target, sound))
 }
 
 /// Grasp candidates on an object as it lies, from its geometry alone, best first, in its own frame.
-pub fn generated_grasps(planner: &Planner, scene: &PosedScene, object: usize, seed: Seed) -> Vec<Grasp> {
+///
+/// # Errors
+/// A piece of the object that is not finite or has no volume.
+pub fn generated_grasps(
+    planner: &Planner,
+    scene: &PosedScene,
+    object: usize,
+    seed: Seed,
+) -> Result<Vec<Grasp>, GeometryError> {
     with_target(planner, scene, object, |target| planner.grasps(target, seed.fork("grasps")))
 }
 
@@ -65,10 +76,10 @@ fn with_target(
     planner: &Planner,
     scene: &PosedScene,
     object: usize,
-    use_it: impl FnOnce(&GraspTarget) -> Vec<Grasp>,
-) -> Vec<Grasp> {
-    let Some((posed, bounds)) = scene.objects().nth(object).zip(scene.bounds(object)) else { return Vec::new() };
-    let Some(link) = posed.model.links.first() else { return Vec::new() };
+    use_it: impl FnOnce(&GraspTarget) -> Result<Vec<Grasp>, GeometryError>,
+) -> Result<Vec<Grasp>, GeometryError> {
+    let Some((posed, bounds)) = scene.objects().nth(object).zip(scene.bounds(object)) else { return Ok(Vec::new()) };
+    let Some(link) = posed.model.links.first() else { return Ok(Vec::new()) };
     use_it(&GraspTarget {
         surface: &surface(&posed.model, planner.settings().grasp.surface_points),
         pieces: &link.pieces,

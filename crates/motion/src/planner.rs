@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::{Grasp, Pose, RobotModel, Seed};
 use serde::{Deserialize, Serialize};
 
-use crate::collision::{Allowed, Attached, Checker, CollisionReport, RobotError, RobotShape, World};
+use crate::collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, RobotError, RobotShape, World};
 use crate::depth::{self, DepthError, DepthImage, DepthSettings};
 use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings, ReachableGrasp};
@@ -195,12 +195,22 @@ impl Planner {
     }
 
     /// Grasp candidates on an object, best first, in the object's frame.
-    pub fn grasps(&self, target: &GraspTarget, seed: Seed) -> Vec<Grasp> {
+    ///
+    /// # Errors
+    /// A piece of the object that is not finite or has no volume.
+    pub fn grasps(&self, target: &GraspTarget, seed: Seed) -> Result<Vec<Grasp>, GeometryError> {
         grasp::candidates(target, &self.gripper, &self.settings.grasp, seed)
     }
 
     /// Those of known grasps (object frame) that fit where the object is, in their order.
-    pub fn fitting_grasps<'a>(&self, target: &GraspTarget, known: impl Iterator<Item = &'a Grasp>) -> Vec<Grasp> {
+    ///
+    /// # Errors
+    /// A piece of the object that is not finite or has no size.
+    pub fn fitting_grasps<'a>(
+        &self,
+        target: &GraspTarget,
+        known: impl Iterator<Item = &'a Grasp>,
+    ) -> Result<Vec<Grasp>, GeometryError> {
         grasp::fitting(target, &self.gripper, &self.settings.grasp, known)
     }
 

@@ -23,6 +23,8 @@ pub use gripper::Gripper;
 pub(crate) use reach::reachable;
 pub use reach::{ReachSettings, ReachableGrasp};
 
+use crate::collision::GeometryError;
+
 /// How candidates are found and ranked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -126,10 +128,18 @@ pub struct GraspTarget<'a> {
 
 /// Candidates in the object's frame, best first, none equal to another up to half a turn about the approach axis.
 ///
-/// Empty when no grasp fits, or when the target has no surface points or no usable piece.
-pub fn candidates(target: &GraspTarget, gripper: &Gripper, settings: &GraspSettings, seed: Seed) -> Vec<Grasp> {
-    let Ok(bench) = assess::Bench::new(target, gripper, settings) else { return Vec::new() };
-    let mut proposals = propose::proposals(target, gripper, settings, seed.fork("grasp"));
+/// Empty when no grasp fits, or when the target has no surface points.
+///
+/// # Errors
+/// A piece that is not finite or has no volume.
+pub fn candidates(
+    target: &GraspTarget,
+    gripper: &Gripper,
+    settings: &GraspSettings,
+    seed: Seed,
+) -> Result<Vec<Grasp>, GeometryError> {
+    let bench = assess::Bench::new(target, gripper, settings)?;
+    let mut proposals = propose::proposals(target, gripper, settings, seed.fork("grasp"))?;
     proposals.sort_by(|a, b| b.promise.total_cmp(&a.promise));
     let mut kept: Vec<Grasp> = Vec::new();
     let mut assessed = 0;
@@ -147,19 +157,22 @@ pub fn candidates(target: &GraspTarget, gripper: &Gripper, settings: &GraspSetti
         }
     }
     kept.sort_by(|a, b| b.score.total_cmp(&a.score));
-    kept
+    Ok(kept)
 }
 
 /// Those of known grasps (object frame) that fit where the object is, in their order: the hand comes steeply enough and
 /// has room beside object and table.
+///
+/// # Errors
+/// A piece that is not finite or has no size.
 pub(crate) fn fitting<'a>(
     target: &GraspTarget,
     gripper: &Gripper,
     settings: &GraspSettings,
     known: impl Iterator<Item = &'a Grasp>,
-) -> Vec<Grasp> {
-    let Ok(bench) = assess::Bench::new(target, gripper, settings) else { return Vec::new() };
-    known.filter(|grasp| bench.is_upright(grasp) && bench.is_clear(grasp)).cloned().collect()
+) -> Result<Vec<Grasp>, GeometryError> {
+    let bench = assess::Bench::new(target, gripper, settings)?;
+    Ok(known.filter(|grasp| bench.is_upright(grasp) && bench.is_clear(grasp)).cloned().collect())
 }
 
 impl GraspSettings {

@@ -6,6 +6,7 @@ use rand::{Rng, RngExt};
 
 use super::solid::{Chord, Solid};
 use super::{GraspSettings, GraspTarget, Gripper, squareness};
+use crate::collision::GeometryError;
 
 /// Places along either axis at which flat things are searched.
 const FLAT_PLACES: usize = 24;
@@ -35,13 +36,13 @@ pub(super) fn proposals(
     gripper: &Gripper,
     settings: &GraspSettings,
     seed: Seed,
-) -> Vec<Proposal> {
-    let solid = Solid::new(target.pieces);
+) -> Result<Vec<Proposal>, GeometryError> {
+    let solid = Solid::new(target.pieces)?;
     let up = (target.world_from_object.rotation.inverse() * DVec3::Z).normalize();
     let surface: Vec<(DVec3, DVec3)> =
         target.surface.iter().copied().filter(|(p, n)| p.is_finite() && n.is_finite() && n.length() > 0.5).collect();
     if surface.is_empty() {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let heights = surface.iter().map(|(point, _)| point.dot(up));
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)));
@@ -61,7 +62,7 @@ pub(super) fn proposals(
     for pair in &pairs {
         approaches(pair, target, gripper, settings, up, max_tilt, &mut proposals);
     }
-    proposals
+    Ok(proposals)
 }
 
 /// Points to start from: half of them anywhere, half from the top 3 cm, where rims and tops are.

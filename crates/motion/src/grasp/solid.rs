@@ -4,6 +4,7 @@ use genmanip_core::{Piece, Shape};
 use glam::{DMat3, DVec3};
 use parry3d_f64::{math::Vector, transformation::try_convex_hull};
 
+use crate::collision::GeometryError;
 use crate::rigid::Rigid;
 
 /// The object as a set of convex pieces that lines can be cut with.
@@ -40,18 +41,22 @@ enum Surface {
     },
 }
 
+/// Hulls with less than this are flat, m³: a square millimetre, a micrometre thick.
+const LEAST_VOLUME_M3: f64 = 1e-12;
+
 impl Solid {
-    /// From pieces in the object's frame.
-    pub(crate) fn new(pieces: &[Piece]) -> Self {
-        let cuttable = |piece: &Piece| {
+    /// From pieces in the object's frame; a piece without volume is an error.
+    pub(crate) fn new(pieces: &[Piece]) -> Result<Self, GeometryError> {
+        let cuttable = |(index, piece): (usize, &Piece)| {
             let object_from_piece = Rigid::from(&piece.link_from_piece);
-            Some(Cuttable {
+            let flat = || GeometryError { owner: "object".into(), index, what: "its corners span no volume".into() };
+            Ok(Cuttable {
                 piece_from_object: object_from_piece.inverse(),
                 object_from_piece: object_from_piece.rotation,
-                surface: Surface::new(&piece.shape)?,
+                surface: Surface::new(&piece.shape).ok_or_else(flat)?,
             })
         };
-        Self { pieces: pieces.iter().filter_map(cuttable).collect() }
+        Ok(Self { pieces: pieces.iter().enumerate().map(cuttable).collect::<Result<_, _>>()? })
     }
 
     /// The stretches of a line inside the solid, in order; stretches closer than `gap` are joined.
@@ -102,6 +107,13 @@ impl Surface {
                 let (corners, triangles) = try_convex_hull(&points).ok()?;
                 let corners: Vec<DVec3> = corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect();
                 let middle = corners.iter().sum::<DVec3>() / corners.len().max(1) as f64;
+                let volume = |triangle: &[u32; 3]| {
+                    let [a, b, c] = triangle.map(|index| corners[index as usize] - middle);
+                    a.dot(b.cross(c)).abs() / 6.0
+                };
+                if triangles.iter().map(volume).sum::<f64>() < LEAST_VOLUME_M3 {
+                    return None;
+                }
                 let plane = |triangle: &[u32; 3]| {
                     let [a, b, c] = triangle.map(|index| corners[index as usize]);
                     let normal = (b - a).cross(c - a).try_normalize()?;

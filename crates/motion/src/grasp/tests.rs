@@ -10,7 +10,7 @@ use crate::{Planner, PlannerSettings};
 
 /// Points on the outside of pieces: rays from far away against the exact solid.
 fn surface(pieces: &[Piece], count: usize) -> Vec<(DVec3, DVec3)> {
-    let solid = solid::Solid::new(pieces);
+    let solid = solid::Solid::new(pieces).unwrap();
     let mut rng = Seed::new(9).rng();
     let mut points = Vec::new();
     while points.len() < count {
@@ -66,20 +66,27 @@ fn check(name: &str, pieces: &[Piece], expected: impl Fn(&[Grasp])) {
         world_from_object: Pose::from_position_yaw(DVec3::new(0.5, 0.1, 0.0), 0.7),
         table_height: 0.0,
     };
-    let grasps = planner.grasps(&target, Seed::new(1));
-    assert_eq!(grasps, planner.grasps(&target, Seed::new(1)), "{name}: not deterministic");
+    let grasps = planner.grasps(&target, Seed::new(1)).unwrap();
+    assert_eq!(grasps, planner.grasps(&target, Seed::new(1)).unwrap(), "{name}: not deterministic");
     assert!(grasps.windows(2).all(|pair| pair[0].score >= pair[1].score), "{name}: not sorted");
     let bench = assess::Bench::new(&target, planner.gripper(), &planner.settings().grasp).unwrap();
     for grasp in &grasps {
         assert!((0.0..=1.0).contains(&grasp.score) && grasp.width <= 0.076, "{name}: {grasp:?}");
         assert!(bench.is_clear(grasp), "{name}: {grasp:?}");
     }
-    assert_eq!(planner.fitting_grasps(&target, grasps.iter()), grasps, "{name}: all fit where they were found");
+    assert_eq!(
+        planner.fitting_grasps(&target, grasps.iter()).unwrap(),
+        grasps,
+        "{name}: all fit where they were found"
+    );
     let deeper = GraspTarget { table_height: 0.4, ..target };
-    assert!(planner.fitting_grasps(&deeper, grasps.iter()).is_empty(), "{name}: nothing is taken through the table");
+    assert!(
+        planner.fitting_grasps(&deeper, grasps.iter()).unwrap().is_empty(),
+        "{name}: nothing is taken through the table"
+    );
     let over = DQuat::from_rotation_x(std::f64::consts::PI);
     let overturned = GraspTarget { world_from_object: Pose::new(DVec3::Z * 0.5, over), table_height: 0.2, ..target };
-    for grasp in planner.fitting_grasps(&overturned, grasps.iter()) {
+    for grasp in planner.fitting_grasps(&overturned, grasps.iter()).unwrap() {
         let approach = over * grasp.approach();
         assert!(approach.z < 0.13, "{name}: the hand does not come from below: {approach}");
     }
@@ -125,24 +132,29 @@ fn what_does_not_fit_has_no_grasp() {
 }
 
 #[test]
-fn what_has_no_width_has_no_grasp() {
-    let flat = |size: DVec3| {
-        let pieces = box_of(size);
-        let surface: Vec<(DVec3, DVec3)> = (0..500)
-            .map(|i| {
-                (DVec3::new(0.0002 * f64::from(i) - 0.05, 0.0, 0.01), if i % 2 == 0 { DVec3::Y } else { -DVec3::Y })
-            })
-            .collect();
+fn what_has_no_width_is_refused_with_the_reason() {
+    let surface: Vec<(DVec3, DVec3)> = (0..500)
+        .map(|i| (DVec3::new(0.0002 * f64::from(i) - 0.05, 0.0, 0.01), if i % 2 == 0 { DVec3::Y } else { -DVec3::Y }))
+        .collect();
+    let refused = |pieces: &[Piece]| {
         let target = GraspTarget {
             surface: &surface,
-            pieces: &pieces,
+            pieces,
             center_of_mass: DVec3::Z * 0.01,
             world_from_object: Pose::from_position(DVec3::X * 0.5),
             table_height: 0.0,
         };
-        planner().grasps(&target, Seed::new(1))
+        planner().grasps(&target, Seed::new(1)).unwrap_err().to_string()
     };
     for size in [DVec3::new(0.1, 0.0, 0.05), DVec3::ZERO, DVec3::new(f64::NAN, 0.02, 0.05)] {
-        assert_eq!(flat(size), [], "{size}");
+        let error = refused(&box_of(size));
+        assert!(error.starts_with("collision piece 0 of object: sizes must be positive and finite"), "{size}: {error}");
+    }
+    let sheet = [[-0.05, 0.0], [0.05, 0.0], [0.05, 0.1], [-0.05, 0.1], [0.0, 0.12]].map(|[x, z]| DVec3::new(x, 0.0, z));
+    let line = [0.0, 0.02, 0.05, 0.1].map(|x| DVec3::X * x);
+    for points in [sheet.to_vec(), line.to_vec(), vec![DVec3::ONE; 6]] {
+        let whole = box_of(DVec3::splat(0.04)).remove(0);
+        let error = refused(&[whole, Piece::at(DVec3::ZERO, Shape::Hull { points: points.clone() })]);
+        assert_eq!(error, "collision piece 1 of object: its corners span no volume", "{points:?}");
     }
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
 use genmanip_layout::{GoalPose, Move, is_in_reach, surroundings};
-use genmanip_motion::{Allowed, Attached, PlanError, Surroundings, World};
+use genmanip_motion::{Allowed, Attached, GeometryError, PlanError, Surroundings, World};
 use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, commands};
@@ -91,8 +91,10 @@ fn candidates(
 ) -> Result<Vec<Candidate>, Failure> {
     let name = expert.stage.name(step.object);
     let (planner, settings) = (&expert.planner, &expert.settings);
-    let tried = surroundings::tried_grasps(planner, scene, step.object);
-    let generated = || surroundings::generated_grasps(planner, scene, step.object, seed);
+    let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
+    let tried = surroundings::tried_grasps(planner, scene, step.object).map_err(flawed)?;
+    // What has no volume has no grasps.
+    let generated = || surroundings::generated_grasps(planner, scene, step.object, seed).unwrap_or_default();
     let mut grasps = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
     if grasps.peek().is_none() {
         let evidence = format!("{name} has no grasp that fits the hand as it lies");

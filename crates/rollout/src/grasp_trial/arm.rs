@@ -61,10 +61,12 @@ struct Motion {
     shake: Vec<Vec<f64>>,
 }
 
-/// Carries out the first candidate that the arm can carry out, best first or in a drawn order.
+/// Carries out the first candidate that the arm can carry out, best first or in a drawn order; its links keep clear of
+/// what was seen of other things.
 pub(super) fn carry_out(
     trials: &GraspTrials,
     table: &Table,
+    seen: &[DVec3],
     grasps: &[CloudGrasp],
     pick: Pick,
     seed: Seed,
@@ -76,9 +78,9 @@ pub(super) fn carry_out(
             order.swap(index, rng.random_range(0..=index));
         }
     }
-    let world = neighbours(table);
+    let around = Around::new(table, seen);
     let reachable = order.into_iter().find_map(|rank| {
-        let motion = motion(trials, &world, &grasps[rank].grasp)?;
+        let motion = motion(trials, &around, &grasps[rank].grasp)?;
         Some((rank, motion))
     });
     let Some((rank, motion)) = reachable else {
@@ -97,9 +99,33 @@ pub(super) fn carry_out_one(
     grasp: &Grasp,
     opening: f64,
 ) -> Result<Option<Ending>, TrialError> {
-    let Some(motion) = motion(trials, &neighbours(table), grasp) else { return Ok(None) };
+    let around = Around::new(table, &[]);
+    let Some(motion) = motion(trials, &around, grasp) else { return Ok(None) };
     Ok(Some(simulate(trials, table, &motion, opening)?.0))
 }
+
+/// What the arm has to avoid.
+struct Around {
+    /// The things as they are: the arm starts where it touches none.
+    things: World,
+    /// What the cameras saw of them.
+    seen: World,
+}
+
+impl Around {
+    fn new(table: &Table, points: &[DVec3]) -> Self {
+        let mut seen = World::new();
+        if !points.is_empty() {
+            // A camera's points, which are finite, are always accepted.
+            let _ = seen.add_points(SEEN, points, SEEN_RADIUS_M);
+        }
+        Self { things: neighbours(table), seen }
+    }
+}
+
+/// Name and radius of the points that the arm avoids, m.
+const SEEN: &str = "seen";
+const SEEN_RADIUS_M: f64 = 0.003;
 
 /// Table and neighbours, for starting the arm where it touches nothing.
 fn neighbours(table: &Table) -> World {
@@ -114,13 +140,16 @@ fn neighbours(table: &Table) -> World {
 }
 
 /// Joint motions for a grasp or for its half turn; `None` when the arm cannot.
-fn motion(trials: &GraspTrials, world: &World, grasp: &Grasp) -> Option<Motion> {
+fn motion(trials: &GraspTrials, around: &Around, grasp: &Grasp) -> Option<Motion> {
     let planner = &trials.planner;
     let home = &planner.robot().home;
     let nothing = Allowed::none();
     let wide = planner.gripper().max_width;
-    let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: wide };
-    let checker = planner.checker(&around, 0.0);
+    // The sampler has found room for the hand.
+    let hand = Allowed::none().and_gripper(planner.robot(), SEEN);
+    let checker =
+        |world, allowed| planner.checker(&Surroundings { world, attached: None, allowed, gripper_width: wide }, 0.0);
+    let (start, arm) = (checker(&around.things, &nothing), checker(&around.seen, &hand));
     [grasp.clone(), grasp.flipped()].iter().find_map(|grasp| {
         planner.ik_each(&grasp.pose, home).take(4).find_map(|config| {
             let back =
@@ -132,7 +161,7 @@ fn motion(trials: &GraspTrials, world: &World, grasp: &Grasp) -> Option<Motion> 
             )?;
             retreat.reverse();
             let approach = retreat;
-            if !checker.is_free(&approach[0]) {
+            if !start.is_free(&approach[0]) || !arm.is_free(&config) {
                 return None;
             }
             let raised = |height: f64| Pose { position: grasp.pose.position + DVec3::Z * height, ..grasp.pose };

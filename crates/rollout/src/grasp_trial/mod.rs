@@ -17,7 +17,7 @@ use std::sync::Arc;
 use genmanip_assets::Catalogue;
 use genmanip_core::{RobotModel, Seed};
 use genmanip_motion::grasp::cloud::Features;
-use genmanip_motion::{CloudError, CloudTarget, Planner};
+use genmanip_motion::{CloudError, CloudTarget, GeometryError, Planner};
 use genmanip_sim::{SimError, SimSettings};
 use serde::{Deserialize, Serialize};
 
@@ -123,6 +123,9 @@ pub enum TrialError {
     /// A picture could not be made.
     #[error("a depth picture of the table failed: {0}")]
     Render(#[from] genmanip_render::RenderError),
+    /// The object's geometry was refused.
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
     /// The cloud was refused.
     #[error(transparent)]
     Cloud(#[from] CloudError),
@@ -154,7 +157,7 @@ impl GraspTrials {
             Err(CloudError::Empty | CloudError::TooFew { .. } | CloudError::NoExtent { .. }) => Vec::new(),
             Err(error) => return Err(error.into()),
         };
-        let (ending, grasp) = arm::carry_out(self, &table, &grasps, pick, seed.fork("pick"))?;
+        let (ending, grasp) = arm::carry_out(self, &table, &cloud.scene, &grasps, pick, seed.fork("pick"))?;
         Ok(Trial {
             class,
             object: table.models[0].card.name.clone(),

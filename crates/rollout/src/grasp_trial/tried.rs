@@ -78,7 +78,7 @@ pub fn try_all(
 /// Candidates that the arm cannot carry out, however the object is turned, are left out.
 ///
 /// # Errors
-/// Physics that refused or diverged.
+/// Physics that refused or diverged; an object with a piece that has no volume.
 pub fn tried_grasps(
     trials: &GraspTrials,
     model: &Arc<ObjectModel>,
@@ -93,7 +93,7 @@ pub fn tried_grasps(
         joint_positions: Vec::new(),
     };
     let scene = PosedScene::new(vec![object], &mut ShapeCache::default());
-    let candidates = surroundings::generated_grasps(&trials.planner, &scene, 0, seed);
+    let candidates = surroundings::generated_grasps(&trials.planner, &scene, 0, seed)?;
     let mut tried = Vec::new();
     for (index, grasp) in candidates.into_iter().enumerate() {
         tried.extend(try_out(trials, &table, grasp, settings, seed.fork("trials").fork_index(index as u64))?);

@@ -2,13 +2,14 @@
 
 use glam::DVec3;
 
+use super::unseen::Unseen;
 use super::{CloudError, CloudSettings, CloudTarget};
 
 /// A point of the target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) point: DVec3,
-    /// Whether it was put there by [`complete`].
+    /// Whether it was put there by [`Unseen::complete`].
     pub(super) guessed: bool,
 }
 
@@ -24,6 +25,8 @@ pub(super) struct Cloud {
     /// Root mean square distance of the target's points from `center`, m.
     pub(super) spread: f64,
     pub(super) table_height: f64,
+    /// What no camera saw.
+    pub(super) unseen: Unseen,
 }
 
 /// Fewest points that say anything about a shape.
@@ -61,13 +64,16 @@ pub(super) fn prepare(target: &CloudTarget, reach: f64, settings: &CloudSettings
     };
     let scene: Vec<DVec3> = target.scene.iter().copied().filter(near).collect();
     let scene = thinned(&scene, 2.0 * settings.voxel);
+    let mut unseen = Unseen::new(&points, target.scene, target.cameras);
     let mut seen: Vec<Seen> = points.iter().map(|&point| Seen { point, guessed: false }).collect();
-    seen.extend(complete(&points, &scene, target.cameras, settings));
+    let guessed = unseen.complete(&points, settings.hidden_share);
+    unseen.raise(&guessed);
+    seen.extend(guessed);
     let all: Vec<DVec3> = seen.iter().map(|seen| seen.point).chain(scene.iter().copied()).collect();
     let coarse = thinned(&all, 3.0 * settings.voxel);
     let center = seen.iter().map(|seen| seen.point).sum::<DVec3>() / seen.len() as f64;
     let spread = (seen.iter().map(|seen| seen.point.distance_squared(center)).sum::<f64>() / seen.len() as f64).sqrt();
-    Ok(Cloud { target: seen, scene, coarse, center, spread, table_height: target.table_height })
+    Ok(Cloud { target: seen, scene, coarse, center, spread, table_height: target.table_height, unseen })
 }
 
 /// Means of the points in each cell of a grid, in the order of the cells; averaging also takes noise away where views
@@ -90,6 +96,17 @@ pub(super) fn thinned(points: &[DVec3], cell: f64) -> Vec<DVec3> {
 
 fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), point| (low.min(*point), high.max(*point)))
+}
+
+/// Level direction in which points spread most.
+pub(super) fn long_axis(points: impl Iterator<Item = DVec3>, middle: DVec3) -> DVec3 {
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for point in points {
+        let d = point - middle;
+        (xx, xy, yy) = (xx + d.x * d.x, xy + d.x * d.y, yy + d.y * d.y);
+    }
+    let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+    DVec3::new(angle.cos(), angle.sin(), 0.0)
 }
 
 /// Standard deviations along the principal axes, by the closed form for symmetric 3×3 matrices.
@@ -117,84 +134,4 @@ fn principal_extents(points: &[DVec3]) -> [f64; 3] {
         let eigenvalue = mean + 2.0 * spread * (angle + third * std::f64::consts::PI / 3.0).cos();
         eigenvalue.max(0.0).sqrt()
     })
-}
-
-/// How near each camera sees something, by direction.
-struct Silhouette {
-    eye: DVec3,
-    axes: [DVec3; 3],
-    nearest: Vec<f64>,
-}
-
-/// Cells of a silhouette per side, and their size at the target, m.
-const CELLS: usize = 160;
-const CELL_M: f64 = 0.003;
-
-impl Silhouette {
-    fn new(eye: DVec3, middle: DVec3, points: impl Iterator<Item = DVec3>) -> Self {
-        let forward = (middle - eye).normalize_or(DVec3::NEG_Z);
-        let right = forward.any_orthonormal_vector();
-        let mut silhouette =
-            Self { eye, axes: [right, forward.cross(right), forward], nearest: vec![f64::INFINITY; CELLS * CELLS] };
-        let distance = middle.distance(eye);
-        for point in points {
-            let Some((column, row, range)) = silhouette.cell(point, distance) else { continue };
-            // Points are some cells apart: each covers its neighbours.
-            for row in row.saturating_sub(1)..(row + 2).min(CELLS) {
-                for column in column.saturating_sub(1)..(column + 2).min(CELLS) {
-                    let nearest = &mut silhouette.nearest[row * CELLS + column];
-                    *nearest = nearest.min(range);
-                }
-            }
-        }
-        silhouette
-    }
-
-    fn cell(&self, point: DVec3, distance: f64) -> Option<(usize, usize, f64)> {
-        let offset = point - self.eye;
-        let [x, y, range] = self.axes.map(|axis| offset.dot(axis));
-        if range <= 0.0 {
-            return None;
-        }
-        let place = |value: f64| {
-            let cell = value / range * distance / CELL_M + CELLS as f64 / 2.0;
-            (0.0..CELLS as f64).contains(&cell).then_some(cell as usize)
-        };
-        Some((place(x)?, place(y)?, range))
-    }
-
-    fn hides(&self, point: DVec3, distance: f64) -> bool {
-        self.cell(point, distance).is_some_and(|(column, row, range)| self.nearest[row * CELLS + column] < range)
-    }
-}
-
-/// Mirror images of what was seen, where every camera's view was blocked.
-///
-/// Things are taken to be symmetric about an upright plane that faces the cameras (Bohg et al., *Mind the Gap: Robotic
-/// Grasping under Incomplete Observation*, 2011); of all such planes the farthest one is taken whose mirror image would
-/// not have been seen.
-fn complete(points: &[DVec3], scene: &[DVec3], cameras: &[DVec3], settings: &CloudSettings) -> Vec<Seen> {
-    if cameras.is_empty() {
-        return Vec::new();
-    }
-    let middle = points.iter().sum::<DVec3>() / points.len() as f64;
-    let eye = cameras.iter().sum::<DVec3>() / cameras.len() as f64;
-    let towards = DVec3::new(eye.x - middle.x, eye.y - middle.y, 0.0);
-    let Some(normal) = towards.try_normalize() else { return Vec::new() };
-    let all = || points.iter().chain(scene).copied();
-    let silhouettes: Vec<(Silhouette, f64)> =
-        cameras.iter().map(|&camera| (Silhouette::new(camera, middle, all()), camera.distance(middle))).collect();
-    let hidden = |point: DVec3| silhouettes.iter().all(|(silhouette, distance)| silhouette.hides(point, *distance));
-    let mirrored = |point: DVec3, offset: f64| point - normal * (2.0 * ((point - middle).dot(normal) + offset));
-    let step = (points.len() / 300).max(1);
-    let share = |offset: f64| {
-        let sample = points.iter().step_by(step).map(|&point| hidden(mirrored(point, offset)));
-        let (count, passed) =
-            sample.fold((0.0, 0.0), |(count, passed), hidden| (count + 1.0, passed + f64::from(u8::from(hidden))));
-        passed / f64::max(count, 1.0)
-    };
-    let offsets = (-6..=15).map(|step| f64::from(step) * 0.003);
-    let Some(offset) = offsets.rev().find(|&offset| share(offset) >= settings.hidden_share) else { return Vec::new() };
-    let images = points.iter().map(|&point| mirrored(point, offset)).filter(|&point| hidden(point));
-    images.map(|point| Seen { point, guessed: true }).collect()
 }

@@ -12,6 +12,7 @@ mod score;
 mod strip;
 #[cfg(test)]
 mod tests;
+mod unseen;
 
 use genmanip_core::{Grasp, Pose};
 use glam::DVec3;
@@ -160,12 +161,7 @@ fn approaches(cloud: &filter::Cloud, settings: &CloudSettings) -> Vec<(DVec3, Ve
     let level = |angle: f64| DVec3::new(angle.cos(), angle.sin(), 0.0);
     let rolls = settings.rolls.max(1);
     let even = (0..rolls).map(|roll| level(std::f64::consts::PI * roll as f64 / rolls as f64));
-    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for seen in &cloud.target {
-        let d = seen.point - cloud.center;
-        (xx, xy, yy) = (xx + d.x * d.x, xy + d.x * d.y, yy + d.y * d.y);
-    }
-    let long = level(0.5 * (2.0 * xy).atan2(xx - yy));
+    let long = filter::long_axis(cloud.target.iter().map(|seen| seen.point), cloud.center);
     let down = [DVec3::new(-long.y, long.x, 0.0), long].into_iter().chain(even).collect();
     let mut all = vec![(DVec3::NEG_Z, down)];
     // From the side the hand closes along the table, as from above: the palm's long side stays level.

@@ -103,9 +103,11 @@ pub struct Features {
     pub slope: f64,
     /// How far the contacts are from opposite each other: tangent of the angle of their line to the closing direction.
     pub offset: f64,
-    /// How far the worse contact is off the pad's middle across, as a share of its half width.
+    /// How far the worse contact is off the pad's middle across, as a share of its half width, to the fourth power: only
+    /// the pad's border is a bad place.
     pub off_pad: f64,
-    /// How near the tips the worse contact is, as a share of 9 mm; 0 in the middle of the pad.
+    /// How near the tips the worse contact is, as a share of 9 mm, to the third power; 0 in the middle of the
+    /// pad.
     pub at_tip: f64,
     /// Size of the smaller contact as a share of the pad's; larger is better.
     pub area: f64,
@@ -124,6 +126,10 @@ pub struct Features {
     pub torque: f64,
     /// 1 when the pads come in with hardly any room, 0 with plenty.
     pub tight: f64,
+    /// Share of the room for the pads that other things hide from all cameras.
+    pub unseen: f64,
+    /// Share of the more certain contact that was guessed.
+    pub both_guessed: f64,
 }
 
 impl Features {
@@ -149,8 +155,8 @@ impl Features {
         Self {
             slope: share((low.slope + high.slope) / 2.0),
             offset: share((low.h - high.h).hypot(low.depth - high.depth) / width.max(0.01)),
-            off_pad: share(low.h.abs().max(high.h.abs()) / (pad.y / 2.0)),
-            at_tip: share(at_tip(low).max(at_tip(high))),
+            off_pad: share(low.h.abs().max(high.h.abs()) / (pad.y / 2.0)).powi(4),
+            at_tip: share(at_tip(low).max(at_tip(high))).powi(3),
             area: share(area(low).min(area(high))),
             lever,
             torque: to_center.cross(closing).length() / 0.1 * cloud.spread / 0.05,
@@ -159,6 +165,8 @@ impl Features {
             guessed: share(low.guessed.max(high.guessed)),
             below: (-to_center.z).max(0.0) / 0.1,
             tight: share(1.0 - (clearance - 0.002) / 0.006),
+            unseen: 0.0,
+            both_guessed: share(low.guessed.min(high.guessed)),
         }
     }
 }
@@ -193,24 +201,30 @@ pub struct Weights {
     pub torque: f64,
     /// See [`Features`].
     pub tight: f64,
+    /// See [`Features`].
+    pub unseen: f64,
+    /// See [`Features`].
+    pub both_guessed: f64,
 }
 
 impl Default for Weights {
     fn default() -> Self {
         Self {
-            bias: 3.49,
-            slope: -3.72,
-            offset: 0.0,
-            off_pad: -0.92,
-            at_tip: -2.08,
-            area: 2.46,
-            lever: -1.17,
-            width: 0.0,
-            tilt: -0.45,
-            guessed: -0.61,
-            below: -3.52,
-            torque: -0.16,
-            tight: -0.55,
+            bias: 1.75,
+            slope: -1.55,
+            offset: 2.36,
+            off_pad: -2.40,
+            at_tip: -3.16,
+            area: 2.32,
+            lever: 0.06,
+            width: 0.51,
+            tilt: -0.11,
+            guessed: -0.05,
+            below: -0.94,
+            torque: -0.70,
+            tight: -0.57,
+            unseen: -2.32,
+            both_guessed: -1.10,
         }
     }
 }
@@ -231,7 +245,9 @@ impl Weights {
             + self.guessed * f.guessed
             + self.below * f.below
             + self.torque * f.torque
-            + self.tight * f.tight;
+            + self.tight * f.tight
+            + self.unseen * f.unseen
+            + self.both_guessed * f.both_guessed;
         1.0 / (1.0 + (-sum).exp())
     }
 }

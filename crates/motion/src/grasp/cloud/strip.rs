@@ -12,6 +12,8 @@ const CELL: f64 = 0.002;
 const ROW: f64 = 0.003;
 /// Distance between strips that are looked at, in rows.
 const STRIDE: usize = 2;
+/// Distance of the middle of a pad from what it touches, m.
+const PAD_MIDDLE_M: f64 = 0.005;
 /// The target counts from this far above the tips on, m.
 const BITE: f64 = 0.0015;
 
@@ -243,12 +245,52 @@ impl Frame<'_> {
             .opening_clearances
             .iter()
             .find(|&&clearance| self.has_room(c, tip, opening_for(clearance), all))?;
+        let opening = opening_for(clearance);
+        if self.enters_solid([low, high], h, tip) {
+            return None;
+        }
         let contacts = Contacts::of(between, [low, high], h, tip);
         let position = self.closing * c + self.across * h + self.approach * (tip - gripper.tip);
-        let features = Features::new(self.cloud, gripper, &contacts, position, self.approach, self.closing, clearance);
+        let unseen = self.unseen([low, high], opening, h, tip);
+        let features = Features {
+            unseen,
+            ..Features::new(self.cloud, gripper, &contacts, position, self.approach, self.closing, clearance)
+        };
         let score = settings.weights.chance(&features);
         let pose = tcp_pose(position, self.approach, self.closing);
-        Some(CloudGrasp { grasp: Grasp { pose, width, score }, opening: opening_for(clearance), features })
+        Some(CloudGrasp { grasp: Grasp { pose, width, score }, opening, features })
+    }
+
+    /// Whether a pad coming in from the side would go where nothing was seen but a surface above, as into the end of a
+    /// box; from above, what was seen is in the way itself.
+    fn enters_solid(&self, ends: [f64; 2], h: f64, tip: f64) -> bool {
+        let half_pad = self.gripper.pad_size.y / 2.0;
+        self.approach.z > -0.99
+            && [ends[0] - PAD_MIDDLE_M, ends[1] + PAD_MIDDLE_M].into_iter().any(|c| {
+                [-0.6, 0.0, 0.6].into_iter().any(|share| {
+                    let inside = |a: f64| self.cloud.unseen.is_inside(self.world(c, h + share * half_pad, a));
+                    inside(tip - 0.003) || inside(tip - self.gripper.pad_size.z / 2.0)
+                })
+            })
+    }
+
+    /// Share of the room for the pads, from the contacts on, that other things hide: the target may go on there.
+    fn unseen(&self, [low, high]: [f64; 2], opening: f64, h: f64, tip: f64) -> f64 {
+        let pad = self.gripper.pad_size;
+        let outer = (opening - (high - low)) / 2.0 + pad.x / 2.0;
+        let mut hidden = 0;
+        for c in [low - PAD_MIDDLE_M, low - outer, high + PAD_MIDDLE_M, high + outer] {
+            for h in [h - 0.3 * pad.y, h + 0.3 * pad.y] {
+                for a in [tip - 0.002, tip - 0.6 * pad.z] {
+                    hidden += usize::from(self.cloud.unseen.is_behind_others(self.world(c, h, a)));
+                }
+            }
+        }
+        hidden as f64 / 16.0
+    }
+
+    fn world(&self, c: f64, h: f64, a: f64) -> DVec3 {
+        self.closing * c + self.across * h + self.approach * a
     }
 
     /// Whether pads and fingers, so far open about `middle`, find nothing where they go.

@@ -62,9 +62,9 @@ fn boxes_are_grasped_across_their_narrow_side_from_all_sides_and_from_one() {
             let aligned = (DQuat::from_rotation_z(yaw) * narrow).dot(closing).abs();
             let square = (size.x - size.y).abs() < 1e-9 && aligned < 0.3;
             assert!(aligned > 0.97 || square, "{size}: closes {aligned} off the narrow side");
-            assert!((best.width - size.x.min(size.y)).abs() < 0.004, "{size}: width {}", best.width);
             // From one view half of a long side's contacts are guesses, and the grasp may be off the middle.
-            let off = if cameras.is_empty() { 0.03 } else { 0.07 };
+            let (off, width_off) = if cameras.is_empty() { (0.03, 0.006) } else { (0.07, 0.008) };
+            assert!((best.width - size.x.min(size.y)).abs() < width_off, "{size}: width {}", best.width);
             assert!((best.pose.position - DVec3::new(0.5, 0.0, size.z / 2.0)).length() < off, "{size}: {best:?}");
             assert!(grasps.windows(2).all(|pair| pair[0].grasp.score >= pair[1].grasp.score), "{size}: not sorted");
         }
@@ -89,8 +89,69 @@ fn what_stands_in_the_way_is_kept_clear_of_and_what_is_too_wide_has_no_good_gras
     let crate_sized: Vec<DVec3> = cuboid(DVec3::splat(0.12), 0.2, 3000).iter().map(|(point, _)| *point).collect();
     // Only its corners fit between the pads, and they would slip.
     for grasp in planner.cloud_grasps(&target(&crate_sized, &[], &[])).unwrap() {
-        assert!(grasp.grasp.score < 0.67 && grasps[0].grasp.score > 0.8, "{grasp:?}");
+        assert!(grasp.grasp.score < 0.75 && grasps[0].grasp.score > 0.9, "{grasp:?}");
     }
+}
+
+/// Distance of a point from a box's surface, below 0 inside; the box as [`cuboid`] makes it.
+fn from_surface(point: DVec3, size: DVec3, yaw: f64) -> f64 {
+    let local = DQuat::from_rotation_z(-yaw) * (point - DVec3::new(0.5, 0.0, size.z / 2.0));
+    let beyond = local.abs() - size / 2.0;
+    beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0)
+}
+
+#[test]
+fn far_sides_of_boxes_are_guessed_however_they_are_turned() {
+    for (size, yaw) in [([0.06, 0.06, 0.07], 0.5), ([0.07, 0.14, 0.06], 0.6), ([0.05, 0.18, 0.1], -0.5)] {
+        let size = DVec3::from_array(size);
+        let seen = facing(&cuboid(size, yaw, 6000), CAMERA);
+        let unseen = unseen::Unseen::new(&seen, &[], &[CAMERA]);
+        let guessed = unseen.complete(&seen, 0.97);
+        let off = guessed.iter().filter(|seen| from_surface(seen.point, size, yaw).abs() > 0.01).count();
+        assert!(guessed.len() > 200 && off * 4 < guessed.len(), "{size}: {off} of {} are off", guessed.len());
+    }
+}
+
+#[test]
+fn no_pad_goes_where_only_the_camera_sees_nothing() {
+    let planner = planner();
+    let gripper = planner.gripper();
+    for (size, yaw) in [([0.05, 0.19, 0.2], 0.2), ([0.07, 0.07, 0.2], 0.5), ([0.03, 0.15, 0.22], -0.4)] {
+        let size = DVec3::from_array(size);
+        let seen = facing(&cuboid(size, yaw, 8000), CAMERA);
+        for grasp in planner.cloud_grasps(&target(&seen, &[CAMERA], &[])).unwrap() {
+            for side in [-1.0, 1.0] {
+                let beside = side * (grasp.opening / 2.0 + gripper.pad_size.x / 2.0);
+                let tip = grasp.grasp.pose.transform_point(DVec3::new(0.0, beside, gripper.tip - 0.003));
+                let depth = from_surface(tip, size, yaw);
+                assert!(depth > -0.008, "{size}: a pad is {:.1} mm inside: {grasp:?}", depth * -1e3);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_others_hide_and_what_lies_below_a_top_is_known_to_be_unknown() {
+    let size = DVec3::new(0.06, 0.06, 0.08);
+    let seen = facing(&cuboid(size, 0.0, 6000), CAMERA);
+    // A wall between camera and box, left of it.
+    let wall: Vec<DVec3> =
+        (0..6000).map(|i| DVec3::new(0.6, 0.02 + 0.0015 * f64::from(i % 60), 0.0015 * f64::from(i / 60))).collect();
+    let unseen = unseen::Unseen::new(&seen, &wall, &[CAMERA]);
+    let cases = [
+        ("in the box", [0.5, -0.01, 0.04], false, true),
+        ("before the box", [0.56, -0.02, 0.04], false, false),
+        ("behind the box", [0.45, -0.01, 0.04], false, false),
+        ("above the box", [0.5, -0.01, 0.1], false, false),
+        ("behind the wall", [0.56, 0.05, 0.03], true, false),
+        ("before the wall", [0.65, 0.05, 0.03], false, false),
+    ];
+    for (what, [x, y, z], behind_others, inside) in cases {
+        let point = DVec3::new(x, y, z);
+        assert_eq!((unseen.is_behind_others(point), unseen.is_inside(point)), (behind_others, inside), "{what}");
+    }
+    let everything = unseen::Unseen::new(&seen, &wall, &[]);
+    assert!(!everything.is_behind_others(DVec3::new(0.56, 0.05, 0.03)) && !everything.is_inside(DVec3::Z * 0.04));
 }
 
 #[test]
