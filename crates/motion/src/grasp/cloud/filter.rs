@@ -50,7 +50,7 @@ pub(super) fn prepare(target: &CloudTarget, reach: f64, settings: &CloudSettings
     if target.points.len() < FEWEST_POINTS {
         return Err(CloudError::TooFew { got: target.points.len(), least: FEWEST_POINTS });
     }
-    let points = thinned(target.points, settings.voxel);
+    let points = thinned_to(target.points, settings.voxel, settings.most_points);
     let (low, high) = bounds(&points);
     let mut extents = principal_extents(&points);
     extents.sort_by(f64::total_cmp);
@@ -74,6 +74,13 @@ pub(super) fn prepare(target: &CloudTarget, reach: f64, settings: &CloudSettings
     let center = seen.iter().map(|seen| seen.point).sum::<DVec3>() / seen.len() as f64;
     let spread = (seen.iter().map(|seen| seen.point.distance_squared(center)).sum::<f64>() / seen.len() as f64).sqrt();
     Ok(Cloud { target: seen, scene, coarse, center, spread, table_height: target.table_height, unseen })
+}
+
+/// Points of a surface `cell` apart, or farther, so that about `most` are left.
+fn thinned_to(points: &[DVec3], cell: f64, most: usize) -> Vec<DVec3> {
+    let fine = thinned(points, cell);
+    let excess = fine.len() as f64 / most.max(1) as f64;
+    if excess > 1.0 { thinned(points, cell * excess.sqrt()) } else { fine }
 }
 
 /// Means of the points in each cell of a grid, in the order of the cells; averaging also takes noise away where views

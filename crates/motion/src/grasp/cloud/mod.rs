@@ -71,6 +71,8 @@ pub enum CloudError {
 pub struct CloudSettings {
     /// Points are averaged in cells of this size, m.
     pub voxel: f64,
+    /// Points of the target above which the cells are made larger: a thing with many is large, and needs no finer ones.
+    pub most_points: usize,
     /// Share of a mirror image that must be hidden from all cameras for the image to be believed.
     pub hidden_share: f64,
     /// Rolls of the hand over half a turn, coming from above; two more are along the target's axes.
@@ -97,6 +99,7 @@ impl Default for CloudSettings {
     fn default() -> Self {
         Self {
             voxel: 0.0025,
+            most_points: 2000,
             hidden_share: 0.97,
             rolls: 12,
             tilts: vec![0.6, 1.25],
