@@ -122,6 +122,9 @@ pub struct StrayContact {
     pub other: String,
     /// What the hand was doing.
     pub hand: HandPhase,
+    /// Whether it touched what it had held within the last second: what is let go of may fall against the open hand.
+    #[serde(default)]
+    pub let_go: bool,
 }
 
 /// What the hand is doing, as its command and its fingers tell.
@@ -163,7 +166,8 @@ impl HandPhase {
 
 impl std::fmt::Display for StrayContact {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} on {} at {:.1} s, hand {}", self.link, self.other, self.time_s, self.hand.name())
+        let just_held = if self.let_go { ", which it had just held" } else { "" };
+        write!(f, "{} on {} at {:.1} s, hand {}{just_held}", self.link, self.other, self.time_s, self.hand.name())
     }
 }
 

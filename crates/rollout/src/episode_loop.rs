@@ -5,10 +5,13 @@ use genmanip_core::{
     Observation, Policy, PolicyError, PolicySpec, PrivilegedState, Seed, StrayContact,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
-use genmanip_sim::{Sim, SimError};
+use genmanip_sim::{BodyId, Sim, SimError};
 use std::sync::Arc;
 
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
+
+/// So long after the hand last held something it is still letting go of it, s.
+const LETTING_GO_S: f64 = 1.0;
 
 /// Runs one episode and judges it.
 ///
@@ -119,6 +122,8 @@ struct Recording<'a> {
     success_once: bool,
     worst_stray_n: f64,
     stray_contact: Option<StrayContact>,
+    /// The object that was in the hand last, and when.
+    last_held: Option<(usize, f64)>,
     /// State each object was in when it was last judged: a state lasts until it is clearly left.
     states: Vec<Option<String>>,
 }
@@ -137,6 +142,7 @@ impl<'a> Recording<'a> {
             success_once: false,
             worst_stray_n: 0.0,
             stray_contact: None,
+            last_held: None,
             states,
         }
     }
@@ -177,6 +183,7 @@ impl<'a> Recording<'a> {
 
     /// Keeps who touched what in the hardest stray contact so far.
     fn note_stray(&mut self, frame: &Frame) {
+        self.last_held = frame.grasped.map(|object| (object, frame.time_s)).or(self.last_held);
         let Some([link, other]) = self.sim.stray_bodies().filter(|_| frame.stray_contact_n > self.worst_stray_n) else {
             return;
         };
@@ -187,6 +194,10 @@ impl<'a> Recording<'a> {
             link: self.stage.scene.body_name(link),
             other: self.stage.scene.body_name(other),
             hand: HandPhase::of(frame, before),
+            let_go: self.last_held.is_some_and(|(held, last_s)| {
+                matches!(other, BodyId::Object { object, .. } if object == held)
+                    && frame.time_s - last_s <= LETTING_GO_S
+            }),
         });
     }
 

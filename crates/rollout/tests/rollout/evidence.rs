@@ -100,7 +100,7 @@ fn what_slips_in_physics_is_said_to_have_slipped() {
 /// The hardest stray contact is told with its two sides and its time.
 #[test]
 fn the_hardest_stray_contact_is_the_one_in_the_frames() {
-    for (_, episode) in episodes() {
+    for (stage, episode) in episodes() {
         let worst = episode.frames.iter().max_by(|a, b| a.stray_contact_n.total_cmp(&b.stray_contact_n)).unwrap();
         assert_eq!(episode.result.max_stray_contact_n, worst.stray_contact_n);
         let contact = &episode.result.stray_contact;
@@ -113,6 +113,10 @@ fn the_hardest_stray_contact_is_the_one_in_the_frames() {
                     .iter()
                     .any(|frame| { frame.time_s == contact.time_s && frame.stray_contact_n == worst.stray_contact_n })
             );
+            let lately = |frame: &&Frame| (contact.time_s - 1.0..=contact.time_s).contains(&frame.time_s);
+            let held = episode.frames.iter().filter(lately).rev().find_map(|frame| frame.grasped);
+            let is_touched = |object: usize| contact.other.starts_with(&stage.scenario.objects[object].uid);
+            assert_eq!(contact.let_go, held.is_some_and(is_touched), "{contact}");
         }
     }
 }

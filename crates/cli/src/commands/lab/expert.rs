@@ -43,6 +43,8 @@ struct Yield {
     cpu_s: f64,
     worst_stray_contact_n: f64,
     episodes_above_5_n: usize,
+    /// How many of these touched nothing harder than what they were letting go of.
+    above_5_n_letting_go: usize,
     /// Who touched what in those episodes, hardest first.
     stray_contacts: Vec<Stray>,
     /// What was seen in the first failed attempts of each cause.
@@ -119,6 +121,8 @@ impl Yield {
             self.worst_stray_contact_n = self.worst_stray_contact_n.max(result.max_stray_contact_n);
             if result.max_stray_contact_n > STRAY_BAR_N {
                 self.episodes_above_5_n += 1;
+                self.above_5_n_letting_go +=
+                    usize::from(result.stray_contact.as_ref().is_some_and(|contact| contact.let_go));
                 self.stray_contacts.push(Stray {
                     episode: result.id.clone(),
                     force_n: result.max_stray_contact_n,
