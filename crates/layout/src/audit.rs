@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Atom, RobotModel, Scenario};
+use genmanip_core::{Atom, ObjectState, RobotModel, Scenario};
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
 };
@@ -61,8 +61,7 @@ pub(crate) fn leave_alone(scene: &PosedScene, settings: &LayoutSettings) -> Resu
     for spell in 1..=spells {
         sim.advance(steps(SPELL_S, &SimSettings::default())).map_err(broken)?;
         let now = sim.object_states();
-        let drift_m = start.iter().zip(&now).map(|(from, to)| from.pose.position.distance(to.pose.position));
-        let drift_m: Vec<f64> = drift_m.collect();
+        let drift_m = drift_m(&start, &now);
         if let Some(index) = drift_m.iter().position(|&drift_m| drift_m > settings.max_drift_m) {
             return Err(format!("{} does not stay where it lies", objects[index].model.card.name));
         }
@@ -85,9 +84,12 @@ pub(crate) fn left_alone(objects: &[SceneObject], seconds: f64) -> Result<(f64, 
     let penetration_m = sim.penetration();
     let before = sim.object_states();
     sim.advance(steps(seconds, &settings))?;
-    let after = sim.object_states();
-    let moved = before.iter().zip(&after).map(|(from, to)| from.pose.position.distance(to.pose.position));
-    Ok((penetration_m, moved.collect()))
+    Ok((penetration_m, drift_m(&before, &sim.object_states())))
+}
+
+/// How far each object's origin moved between two moments, metres.
+fn drift_m(before: &[ObjectState], after: &[ObjectState]) -> Vec<f64> {
+    before.iter().zip(after).map(|(from, to)| from.pose.position.distance(to.pose.position)).collect()
 }
 
 fn steps(seconds: f64, settings: &SimSettings) -> u32 {

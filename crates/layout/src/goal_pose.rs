@@ -188,17 +188,15 @@ impl GoalSearch<'_> {
     /// Whether nothing but its carrier, and what that stands on, is near the object in the plane.
     fn is_free(&self, after: &PosedScene, moved: usize, support: Option<usize>) -> bool {
         let Some(bounds) = after.bounds(moved) else { return false };
-        let gap_m = |one: usize, other: usize| planar_gap(after, one, other);
         after.objects().enumerate().all(|(index, other)| {
             // Whatever lies wholly below the object is what its carrier stands on.
             let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + 0.002);
             if index == moved || Some(index) == support || (support.is_some() && below) {
                 return true;
             }
-            let holds_carrier = support.is_some_and(|carrier| {
-                other.model.card.is_container && gap_m(carrier, index).is_some_and(|gap_m| gap_m == 0.0)
-            });
-            holds_carrier || gap_m(moved, index).is_some_and(|gap_m| gap_m >= self.settings.clearance_m)
+            let holds_carrier = support
+                .is_some_and(|carrier| other.model.card.is_container && planar_gap(after, carrier, index) == Some(0.0));
+            holds_carrier || planar_gap(after, moved, index).is_some_and(|gap_m| gap_m >= self.settings.clearance_m)
         })
     }
 }
