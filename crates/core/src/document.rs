@@ -15,6 +15,9 @@ pub trait Document: Serialize + DeserializeOwned {
     /// Name and version, e.g. `genmanip.task/1`.
     const SCHEMA: &'static str;
 
+    /// The version before this one, which readers still accept; `None` for a first version.
+    const PREVIOUS: Option<Upgrade> = None;
+
     /// Reads the text of a file.
     ///
     /// # Errors
@@ -38,6 +41,11 @@ pub trait Document: Serialize + DeserializeOwned {
         };
         match map.shift_remove("schema") {
             Some(Value::String(schema)) if schema == Self::SCHEMA => {}
+            Some(Value::String(schema)) if Self::PREVIOUS.is_some_and(|previous| previous.schema == schema) => {
+                if let Some(previous) = Self::PREVIOUS {
+                    (previous.upgrade)(&mut map)?;
+                }
+            }
             other => {
                 return Err(DocumentError::WrongSchema {
                     expected: Self::SCHEMA.into(),
@@ -70,6 +78,17 @@ pub trait Document: Serialize + DeserializeOwned {
         }
         Value::Object(document)
     }
+}
+
+/// How the version before becomes the present one.
+///
+/// What the older version did not say is filled in with what was fixed when it was current, never with today's default.
+#[derive(Clone, Copy, Debug)]
+pub struct Upgrade {
+    /// Name and version that is read, e.g. `genmanip.task/1`.
+    pub schema: &'static str,
+    /// Changes the body, without its schema, into a body of the present version.
+    pub upgrade: fn(&mut Map<String, Value>) -> Result<(), DocumentError>,
 }
 
 /// Why a text is not the document it should be.

@@ -35,7 +35,7 @@ pub mod verdict;
 pub use glam;
 
 pub use camera::{Camera, CameraMount, Intrinsics};
-pub use document::{Document, DocumentError};
+pub use document::{Document, DocumentError, Upgrade};
 pub use episode::{
     AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, ObjectState, StrayContact,
 };
