@@ -52,7 +52,7 @@ pub fn read_stage(path: &Path) -> Result<Stage, Failed> {
 
 fn not_a_document<T: Document>(path: &Path, error: &DocumentError) -> Failed {
     let hint = match error {
-        DocumentError::NotJson { .. } => "JSON has no NaN, no infinity, no comments and no trailing commas".into(),
+        DocumentError::NotJson { hint, .. } => (*hint).into(),
         DocumentError::WrongSchema { .. } => {
             format!("expected a JSON object that starts with \"schema\": \"{}\"", T::SCHEMA)
         }
