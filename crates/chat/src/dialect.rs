@@ -12,11 +12,14 @@ use crate::reply::{ChatReply, Structure};
 use crate::request::ChatRequest;
 use crate::secret::ApiKey;
 
+mod anthropic;
 mod openai;
 
 dialects! {
     /// OpenAI's chat completions, which most servers and gateways speak.
     OpenAi = openai::OpenAi,
+    /// Anthropic's messages.
+    Anthropic = anthropic::Anthropic,
 }
 
 /// What a dialect is asked for.
@@ -101,4 +104,9 @@ fn without_thoughts(text: &str) -> &str {
         Some((_, answer)) => answer.trim_start(),
         None => text,
     }
+}
+
+/// The name of the model that answered, under the name that all dialects so far have for it.
+fn model_name(body: &Value) -> String {
+    body.get("model").and_then(Value::as_str).map_or_else(|| "unknown".into(), |name| shortened(name, 200))
 }

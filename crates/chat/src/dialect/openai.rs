@@ -4,7 +4,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Map, Value, json};
 
-use super::{Wire, error_message, without_thoughts};
+use super::{Wire, error_message, model_name, without_thoughts};
 use crate::error::{ChatError, shortened};
 use crate::message::{Message, Part};
 use crate::reply::{ChatReply, Structure, Usage};
@@ -74,10 +74,7 @@ impl Wire for OpenAi {
         }
         Ok(ChatReply {
             text,
-            model: body
-                .get("model")
-                .and_then(Value::as_str)
-                .map_or_else(|| "unknown".into(), |name| shortened(name, 200)),
+            model: model_name(body),
             finish_reason,
             usage: body.get("usage").and_then(usage),
             structure,

@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::{client, impatient, question};
 
 /// A PNG file, 2 pixels wide and 1 high, with these colours.
-fn png(rgb: [u8; 6]) -> Vec<u8> {
+pub fn png(rgb: [u8; 6]) -> Vec<u8> {
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, 2, 1);
     encoder.set_color(png::ColorType::Rgb);
@@ -28,18 +28,18 @@ fn pixels(file: &[u8]) -> Vec<u8> {
     pixels
 }
 
-fn image(rgb: [u8; 6]) -> Part {
+pub fn image(rgb: [u8; 6]) -> Part {
     Part::Image(Image::new(png(rgb)).unwrap())
 }
 
-const RED_GREEN: [u8; 6] = [255, 0, 0, 0, 255, 0];
+pub const RED_GREEN: [u8; 6] = [255, 0, 0, 0, 255, 0];
 const RED_BLUE: [u8; 6] = [255, 0, 0, 0, 0, 255];
 
 fn question_with(parts: impl IntoIterator<Item = Part>) -> ChatRequest {
     ChatRequest { messages: vec![Message::system("Answer."), Message::user_parts(parts)], ..question("") }
 }
 
-fn words(text: &str) -> Part {
+pub fn words(text: &str) -> Part {
     Part::Text(text.into())
 }
 

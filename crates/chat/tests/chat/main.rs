@@ -4,6 +4,7 @@
 
 mod cassettes;
 mod client;
+mod dialects;
 mod images;
 mod secrets;
 
