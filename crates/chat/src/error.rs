@@ -76,6 +76,12 @@ pub enum ChatError {
         /// In the server's words, or `none`.
         finish_reason: String,
     },
+    /// An image where servers take none; nothing was sent.
+    #[error("expected images in messages of the user only, got one in message {message}")]
+    MisplacedImage {
+        /// Index of the message, from 0.
+        message: usize,
+    },
     /// An image that the settings do not allow; nothing was sent.
     #[error("the image in message {message} has {size_bytes} bytes, more than the limit of {limit_bytes}")]
     ImageTooLarge {
@@ -165,6 +171,7 @@ impl ChatError {
         !matches!(
             self,
             Self::NoText { .. }
+                | Self::MisplacedImage { .. }
                 | Self::ImageTooLarge { .. }
                 | Self::RequestTooLarge { .. }
                 | Self::Declined { .. }
@@ -193,6 +200,7 @@ impl ChatError {
                 "`base_url` must be that of a server that speaks `dialect`, with most ending in `/v1`"
             }
             Self::NoText { .. } => "a model that thinks at length needs a larger token limit in `parameters`",
+            Self::MisplacedImage { .. } => "say it in words there, or move the image into the user's message",
             Self::ImageTooLarge { .. } => "scale the image down, or raise `max_image_bytes` if the server takes it",
             Self::RequestTooLarge { .. } => {
                 "send fewer or smaller images, or raise `max_request_bytes` if the server takes it"

@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use crate::dialect::{Wire, error_message, refuses_structure};
 use crate::error::{ChatError, SettingsError, shortened};
+use crate::message::Role;
 use crate::model::ChatModel;
 use crate::reply::{ChatReply, Structure};
 use crate::request::ChatRequest;
@@ -139,6 +140,9 @@ impl HttpChat {
     fn check_images(&self, request: &ChatRequest) -> Result<(), ChatError> {
         let limit_bytes = self.settings.max_image_bytes;
         for (message, image) in request.images() {
+            if request.messages[message].role != Role::User {
+                return Err(ChatError::MisplacedImage { message });
+            }
             let size_bytes = image.bytes().len() as u64;
             if size_bytes > limit_bytes {
                 return Err(ChatError::ImageTooLarge { message, size_bytes, limit_bytes });

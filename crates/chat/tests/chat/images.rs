@@ -5,7 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use genmanip_chat::fake::{Behaviour, FakeServer};
 use genmanip_chat::{
     CassetteChat, CassetteMode, CassetteSettings, ChatError, ChatModel, ChatRequest, HttpChat, Image, Message, Part,
-    read_cassette,
+    Role, read_cassette,
 };
 use genmanip_core::{Document, Seed};
 use serde_json::Value;
@@ -119,6 +119,18 @@ fn cassettes_hold_hashes_of_images_and_tell_others_apart() {
     assert!(error.contains("messages[1] part 0 line 2: asked \"that?\", recorded \"this?\""), "{error}");
     let error = miss(vec![words("What is\nthis?")]);
     assert!(error.contains("messages[1] part 1 line 1: asked \"nothing\", recorded \"image/png, "), "{error}");
+}
+
+#[test]
+fn only_users_show_images() {
+    let server = FakeServer::scripted([]).unwrap();
+    for (message, role) in [(0, Role::System), (1, Role::Assistant)] {
+        let mut request = question_with([words("?")]);
+        request.messages[message] = Message { role, parts: vec![image(RED_GREEN)] };
+        let error = client(&server).chat(&request).unwrap_err();
+        assert_eq!(error, ChatError::MisplacedImage { message });
+    }
+    assert!(server.seen().is_empty());
 }
 
 #[test]
