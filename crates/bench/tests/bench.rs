@@ -113,7 +113,6 @@ fn hostile_text_stays_text() {
     let atom = &mut shown.verdict.alternatives[0][0];
     atom.explanation = hostile.into();
     atom.measurements[0].quantity = hostile.into();
-    atom.measurements[0].unit = hostile.into();
     atom.measurements[1].value = f64::NAN;
 
     let page = report_html(&input, &ReportSettings::default()).unwrap();
