@@ -1,12 +1,11 @@
 //! `genmanip evaluate`.
 
-use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use genmanip_assets::Catalogue;
-use genmanip_bench::{EvaluationReport, StatisticsSettings};
-use genmanip_core::{Document, Scenario};
+use genmanip_bench::{EvaluationReport, StatisticsSettings, reference_paths_m};
+use genmanip_core::{Document, EpisodeResult, Scenario};
 use genmanip_rollout::collect::Resources;
 use genmanip_rollout::evaluate::{BuiltinPolicy, evaluate};
 
@@ -40,6 +39,7 @@ pub fn evaluate_run(
         return Err(Failed::new(format!("{} has no scenario to evaluate on", arguments.run.display()))
             .hint("collect episodes first"));
     }
+    let references = reference_paths_m(&collected_results(&store)?);
     let mut reports = Vec::new();
     for policy in policies {
         let started = Instant::now();
@@ -53,7 +53,7 @@ pub fn evaluate_run(
         }
         let name = arguments.run.file_name().unwrap_or_default().to_string_lossy();
         let report =
-            EvaluationReport::new(&name, &scenarios, results, &BTreeMap::new(), &StatisticsSettings::default())
+            EvaluationReport::new(&name, &scenarios, results, &references, &StatisticsSettings::default())
                 .map_err(|error| Failed::because(format!("cannot summarise {}", policy.name()), &error))?;
         let path = folder.join("evaluation").join(format!("{}.json", policy.name()));
         inputs::write_file(&path, report.to_json().as_bytes())?;
@@ -74,6 +74,13 @@ pub fn recorded_scenarios(store: &genmanip_data::EpisodeStore) -> Result<Vec<Sce
         }
     }
     Ok(scenarios)
+}
+
+/// Results of all collected episodes, in the order of their ids.
+fn collected_results(store: &genmanip_data::EpisodeStore) -> Result<Vec<EpisodeResult>, Failed> {
+    let unreadable = |error| Failed::because("cannot read the episodes", &error);
+    let ids = store.ids().map_err(unreadable)?;
+    ids.iter().map(|id| store.read_result(id).map_err(unreadable)).collect()
 }
 
 /// A table of success rates with their intervals.
