@@ -130,7 +130,10 @@ impl EvaluationReport {
             let (scenario, seed) = (pair[0].scenario_id.clone(), pair[0].seed);
             return Err(StatisticsError::RepeatedEpisode { policy, scenario, seed }.into());
         }
-        let summary = summarise(&results, &kinds, reference_paths_m, statistics)?;
+        let is_ours = |id: &str| scenarios.iter().any(|scenario| scenario.id == id);
+        let references = reference_paths_m.iter().filter(|(id, _)| is_ours(id));
+        let reference_paths_m = references.map(|(id, &path_m)| (id.clone(), path_m)).collect();
+        let summary = summarise(&results, &kinds, &reference_paths_m, statistics)?;
         let summary = summary.into_iter().next().ok_or(EvaluationError::NoResults)?;
         Ok(Self {
             suite: suite.into(),
@@ -141,7 +144,7 @@ impl EvaluationReport {
             statistics: statistics.clone(),
             summary,
             kinds,
-            reference_paths_m: reference_paths_m.clone(),
+            reference_paths_m,
             results,
         })
     }

@@ -155,8 +155,7 @@ fn summarise_policy(
         success: rate(results, &|result| result.success),
         success_once: rate(results, &|result| result.success_once),
         score: mean("score", results, &|result| result.verdict.score),
-        spl: (!spl_values.is_empty())
-            .then(|| mean_with_interval(&spl_values, settings, settings.seed.fork("spl"))),
+        spl: (!spl_values.is_empty()).then(|| mean_with_interval(&spl_values, settings, settings.seed.fork("spl"))),
         tcp_path_m: mean("path", results, &|result| result.tcp_path_m),
         duration_s: mean("duration", results, &|result| result.duration_s),
         collisions: rate(results, &|result| result.max_stray_contact_n >= settings.collision_n),

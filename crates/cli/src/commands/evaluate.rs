@@ -52,9 +52,8 @@ pub fn evaluate_run(
             break;
         }
         let name = arguments.run.file_name().unwrap_or_default().to_string_lossy();
-        let report =
-            EvaluationReport::new(&name, &scenarios, results, &references, &StatisticsSettings::default())
-                .map_err(|error| Failed::because(format!("cannot summarise {}", policy.name()), &error))?;
+        let report = EvaluationReport::new(&name, &scenarios, results, &references, &StatisticsSettings::default())
+            .map_err(|error| Failed::because(format!("cannot summarise {}", policy.name()), &error))?;
         let path = folder.join("evaluation").join(format!("{}.json", policy.name()));
         inputs::write_file(&path, report.to_json().as_bytes())?;
         folder.time_phase(&format!("evaluate {}", policy.name()), started.elapsed().as_secs_f64());
