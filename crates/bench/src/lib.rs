@@ -18,7 +18,7 @@ mod text_table;
 pub use drawing::{
     DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg, graph_svg, layout_svg,
 };
-pub use evaluation::{EvaluationError, EvaluationReport, suite_hash};
+pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
 pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
 pub use statistics::{
     PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,

@@ -1,13 +1,12 @@
 //! Evaluating policies on the scenarios of a run: one results file per policy in `evaluation/`.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use genmanip_assets::Catalogue;
-use genmanip_bench::{EvaluationReport, StatisticsSettings, text_table};
-use genmanip_core::{Document, Scenario};
+use genmanip_bench::{EvaluationReport, StatisticsSettings, reference_paths_m, text_table};
+use genmanip_core::{Document, EpisodeResult, Scenario};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::RolloutError;
 use genmanip_rollout::collect::Resources;
@@ -40,6 +39,7 @@ pub fn evaluate(
         return Err(RunError::input(format!("{} has no scenario to evaluate on", path.display()))
             .with_hint("collect episodes first"));
     }
+    let references = reference_paths_m(&collected_results(&store)?);
     let suite = path.file_name().unwrap_or_default().to_string_lossy();
     let mut reports = Vec::new();
     for policy in policies {
@@ -60,9 +60,8 @@ pub fn evaluate(
         if stop.load(Ordering::Relaxed) {
             break;
         }
-        let report =
-            EvaluationReport::new(&suite, &scenarios, results, &BTreeMap::new(), &StatisticsSettings::default())
-                .map_err(|error| RunError::broken(format!("cannot summarise {}", policy.label()), error))?;
+        let report = EvaluationReport::new(&suite, &scenarios, results, &references, &StatisticsSettings::default())
+            .map_err(|error| RunError::broken(format!("cannot summarise {}", policy.label()), error))?;
         let file = folder.join("evaluation").join(format!("{}.json", policy.label()));
         inputs::write_file(&file, report.to_json().as_bytes())?;
         folder.time_phase(&format!("evaluate {}", policy.label()), started.elapsed().as_secs_f64());
@@ -98,4 +97,11 @@ fn recorded_scenarios(store: &EpisodeStore) -> Result<Vec<Scenario>, RunError> {
         }
     }
     Ok(scenarios)
+}
+
+/// Results of all collected episodes, in the order of their ids.
+fn collected_results(store: &EpisodeStore) -> Result<Vec<EpisodeResult>, RunError> {
+    let unreadable = |error| RunError::broken("cannot read the episodes", error);
+    let ids = store.ids().map_err(unreadable)?;
+    ids.iter().map(|id| store.read_result(id).map_err(unreadable)).collect()
 }
