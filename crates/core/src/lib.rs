@@ -53,4 +53,4 @@ pub use robot::{Gripper, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario, Workspace};
 pub use seed::Seed;
 pub use task::{Atom, Goal, GraphEdge, GraphNode, Relation, SceneGraph, Task, TaskKind};
-pub use verdict::{AtomVerdict, GoalVerdict, Measurement};
+pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};

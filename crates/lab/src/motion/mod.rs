@@ -1,25 +1,23 @@
-//! `genmanip lab motion`: plan problems, of a file or fresh ones, test the paths again, time everything.
+//! Motion: plan problems, of a file or fresh ones, test the paths again, time everything.
 
 mod depth;
 mod generate;
 mod kinematics;
 mod problems;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use genmanip_assets::panda;
-use genmanip_core::Seed;
+use genmanip_core::{RobotModel, Seed};
 use genmanip_motion::{Allowed, Path, Planner, PlannerSettings, Surroundings, Trajectory};
 use serde::Serialize;
 
-use super::cpu_clock;
-use crate::args::MotionArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::inputs;
-use crate::printer::Printer;
-use crate::robots;
-use depth::{Depth, DepthTally};
-use kinematics::Kinematics;
+use crate::LabError;
+use crate::clock::cpu_clock;
+pub use depth::Depth;
+use depth::DepthTally;
+use genmanip_run::{Progress, inputs};
+pub use kinematics::Kinematics;
 use problems::Problem;
 
 /// A path is planned and timed this often; its time is the middle one.
@@ -31,43 +29,89 @@ const OPEN: f64 = 0.08;
 /// Failures and contacts that are named.
 const SHOWN: usize = 20;
 
-/// What `--json` prints.
-#[derive(Serialize)]
-struct Measured {
-    problems: usize,
-    solved: usize,
-    /// Paths with a state, every 0.02 rad, that touches something.
-    invalid_paths: usize,
-    /// Processor time of planning and smoothing one path.
-    cpu_ms: Spread,
-    /// Sum of the Euclidean joint-space steps.
-    path_length_rad: Spread,
-    /// Median processor time of timing one path.
-    time_scaling_ms: f64,
-    /// All branches of the inverse kinematics for one value of the free joint (numeric arms: one solution), median.
-    ik_us: f64,
-    ik: Kinematics,
-    time_scaling_p95_ms: f64,
-    /// Timed paths that exceed a joint's velocity or acceleration limit.
-    limits_exceeded: usize,
-    duration_s: Spread,
-    /// Compiling the robot, once.
-    setup_ms: f64,
-    /// Processor time from a depth image to a path; `depth` says of which problems, and what became of the paths.
-    depth_to_path_ms: Spread,
-    depth: Depth,
-    robot: String,
-    seed: u64,
-    runs_per_problem: usize,
-    failures: Vec<String>,
-    contacts: Vec<String>,
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct MotionArguments {
+    /// The arm.
+    pub robot: Arc<RobotModel>,
+    /// Where the problems come from.
+    pub problems: Source,
+    /// Longest edge of the search tree, rad; without it, the planner's own.
+    pub rrt_range: Option<f64>,
+    /// Poses at which the inverse kinematics are measured; a numeric arm gets one for 200 of them.
+    pub ik_poses: usize,
+    /// File for the states of every path, 0.02 rad apart.
+    pub paths: Option<PathBuf>,
 }
 
+/// Where motion problems come from.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// A file.
+    File(PathBuf),
+    /// They are made: picking and placing on a table.
+    Generated {
+        /// With a shelf and taller things.
+        is_hard: bool,
+        /// How many.
+        count: usize,
+        /// File they are also written to.
+        out: Option<PathBuf>,
+    },
+}
+
+/// What was measured.
 #[derive(Serialize)]
-struct Spread {
-    median: f64,
-    p95: f64,
-    max: f64,
+pub struct Measured {
+    /// Problems.
+    pub problems: usize,
+    /// Problems with a path.
+    pub solved: usize,
+    /// Paths with a state, every 0.02 rad, that touches something.
+    pub invalid_paths: usize,
+    /// Processor time of planning and smoothing one path.
+    pub cpu_ms: Spread,
+    /// Sum of the Euclidean joint-space steps.
+    pub path_length_rad: Spread,
+    /// Median processor time of timing one path.
+    pub time_scaling_ms: f64,
+    /// All branches of the inverse kinematics for one value of the free joint (numeric arms: one solution), median.
+    pub ik_us: f64,
+    /// More of the inverse kinematics.
+    pub ik: Kinematics,
+    /// 95 of 100 paths are timed in no more.
+    pub time_scaling_p95_ms: f64,
+    /// Timed paths that exceed a joint's velocity or acceleration limit.
+    pub limits_exceeded: usize,
+    /// How long the motions take.
+    pub duration_s: Spread,
+    /// Compiling the robot, once.
+    pub setup_ms: f64,
+    /// Processor time from a depth image to a path; `depth` says of which problems, and what became of the paths.
+    pub depth_to_path_ms: Spread,
+    /// Planning in what a camera sees.
+    pub depth: Depth,
+    /// Name of the robot.
+    pub robot: String,
+    /// Seed of the searches, and of the problems that are made.
+    pub seed: u64,
+    /// How often each problem is solved; the middle time counts.
+    pub runs_per_problem: usize,
+    /// The first problems without a path, and why.
+    pub failures: Vec<String>,
+    /// The first paths that touch something, and what.
+    pub contacts: Vec<String>,
+}
+
+/// Of many values the middle one, the one that 95 of 100 do not exceed, and the largest.
+#[derive(Serialize)]
+pub struct Spread {
+    /// The middle one.
+    pub median: f64,
+    /// 95 of 100 are not larger.
+    pub p95: f64,
+    /// The largest.
+    pub max: f64,
 }
 
 #[derive(Default)]
@@ -83,36 +127,36 @@ struct Tally {
     paths: Vec<Option<Vec<Vec<f64>>>>,
 }
 
-pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let robot = match &arguments.robot {
-        Some(path) => Arc::new(robots::read(path, arguments.tip.as_deref())?),
-        None => panda(),
-    };
+/// Plans every problem, tests the paths again, and times planning, timing and kinematics; one thread.
+///
+/// # Errors
+/// When the problems cannot be read or made, the robot cannot be planned for, or a file cannot be written.
+pub fn measure(arguments: &MotionArguments, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
+    let robot = &arguments.robot;
     let mut settings = PlannerSettings::default();
     settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
     let mut clock = cpu_clock();
-    let planner = Planner::new(Arc::clone(&robot), settings)
-        .map_err(|error| Failed::because("the robot cannot be planned for", &error))?;
+    let planner = Planner::new(Arc::clone(robot), settings)
+        .map_err(|error| LabError::broken("the robot cannot be planned for", error))?;
     let setup_ms = clock() * 1e3;
-    let problems = problems(arguments, &planner)?;
+    let problems = problems(&arguments.problems, &planner, seed)?;
     let mut tally = Tally::default();
     let mut depth_tally = DepthTally::new(&planner);
-    let bar = printer.progress("planning", problems.len());
+    progress.begin("planning", problems.len());
     for (index, problem) in problems.iter().enumerate() {
-        tally.solve(&planner, index, problem, Seed::new(arguments.seed));
-        depth_tally.solve(&planner, index, problem, Seed::new(arguments.seed))?;
-        bar.inc(1);
+        tally.solve(&planner, index, problem, seed);
+        depth_tally.solve(&planner, index, problem, seed)?;
+        progress.advance();
     }
-    bar.finish_and_clear();
+    progress.end();
     depth_tally.finish();
     if let Some(path) = &arguments.paths {
         let text = serde_json::to_string(&tally.paths).unwrap_or_default();
-        std::fs::write(path, text)
-            .map_err(|error| Failed::because(format!("cannot write {}", path.display()), &error))?;
+        std::fs::write(path, text).map_err(|error| LabError::file("write", path, error))?;
     }
-    let ik = kinematics::measure(&planner, arguments.ik_poses, Seed::new(arguments.seed))?;
+    let ik = kinematics::measure(&planner, arguments.ik_poses, seed)?;
     let timing = Spread::of(tally.time_ms);
-    let measured = Measured {
+    Ok(Measured {
         problems: problems.len(),
         solved: tally.lengths.len(),
         invalid_paths: tally.invalid,
@@ -128,28 +172,26 @@ pub fn run(arguments: &MotionArguments, printer: &Printer) -> Result<ExitStatus,
         depth_to_path_ms: Spread::of(depth_tally.total_ms),
         depth: depth_tally.depth,
         robot: robot.name.clone(),
-        seed: arguments.seed,
+        seed: seed.value(),
         runs_per_problem: RUNS,
         failures: tally.failures,
         contacts: tally.contacts,
-    };
-    printer.data(&measured, &in_words(&measured));
-    Ok(ExitStatus::Done)
+    })
 }
 
 /// The problems of the user's file, or fresh ones.
-fn problems(arguments: &MotionArguments, planner: &Planner) -> Result<Vec<Problem>, Failed> {
-    if let Some(file) = &arguments.problems {
-        return problems::read(file);
-    }
-    let hard = arguments.generate.as_deref() == Some("hard");
-    let made = generate::generate(planner, hard, arguments.count, Seed::new(arguments.seed).fork("problems"))?;
-    if let Some(path) = &arguments.out {
+fn problems(source: &Source, planner: &Planner, seed: Seed) -> Result<Vec<Problem>, LabError> {
+    let (is_hard, count, out) = match source {
+        Source::File(file) => return problems::read(file),
+        Source::Generated { is_hard, count, out } => (*is_hard, *count, out),
+    };
+    let made = generate::generate(planner, is_hard, count, seed.fork("problems"))?;
+    if let Some(path) = out {
         let text =
-            serde_json::to_string(&made).map_err(|error| Failed::because("cannot write the problems", &error))?;
+            serde_json::to_string(&made).map_err(|error| LabError::broken("cannot write the problems", error))?;
         inputs::write_file(path, text.as_bytes())?;
     }
-    made.compile().map_err(|error| Failed::because("the problems cannot be built", &error))
+    made.compile().map_err(|error| LabError::broken("the problems cannot be built", error))
 }
 
 impl Tally {
@@ -241,7 +283,8 @@ impl Spread {
     }
 }
 
-fn in_words(measured: &Measured) -> String {
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
     let Measured { cpu_ms, path_length_rad, ik, .. } = measured;
     let mut text = format!(
         "solved        {} of {}\ninvalid       {} paths touch something when tested again every {RECHECK} rad\n\

@@ -10,7 +10,7 @@ use genmanip_data::{VideoEncoder, VideoSettings};
 use genmanip_render::{Channels, Environment, FrameBuffers, ROBOT, RenderAssets, RenderVariation, Renderer, ViewJob};
 use genmanip_rollout::Stage;
 
-use crate::error::Failed;
+use crate::error::RunError;
 
 /// Columns of pictures and films.
 const WIDTH: u32 = 960;
@@ -40,7 +40,7 @@ pub struct Drawn<'a> {
 }
 
 /// The arm at several moments, the last one solid, and the way of the hand; PNG or JPEG by the file's ending.
-pub fn picture(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, Failed> {
+pub fn picture(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, RunError> {
     let as_jpeg = match path.extension().and_then(|ending| ending.to_str()) {
         Some("png") => false,
         Some("jpg" | "jpeg") => true,
@@ -66,19 +66,18 @@ pub fn picture(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u
         true => genmanip_render::encode::jpeg_rgb(width, height, &canvas.rgb, 90),
         false => genmanip_render::encode::png_rgb(width, height, &canvas.rgb),
     };
-    encoded.map_err(|error| Failed::because("cannot encode the picture", &error))
+    encoded.map_err(|error| RunError::broken("cannot encode the picture", error))
 }
 
 /// The motion in real time as MP4, the way of the hand drawn behind it as it goes.
-pub fn animation(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, Failed> {
+pub fn animation(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u8>, RunError> {
     if path.extension().is_none_or(|ending| ending != "mp4") {
         return Err(ending(path, "an animation is written as .mp4"));
     }
-    let failed = |error: &dyn std::error::Error| Failed::because("cannot encode the animation", error);
+    let failed = |error| RunError::broken("cannot encode the animation", error);
     let mut painter = Painter::new(drawn, camera)?;
     let (width, height) = (painter.camera.intrinsics.width, painter.camera.intrinsics.height);
-    let mut encoder =
-        VideoEncoder::new(width, height, FPS, &VideoSettings::default()).map_err(|error| failed(&error))?;
+    let mut encoder = VideoEncoder::new(width, height, FPS, &VideoSettings::default()).map_err(failed)?;
     let stride = (drawn.stage.control_rate_hz() / f64::from(FPS)).round().max(1.0) as usize;
     let last = drawn.configs.len().saturating_sub(1);
     // The last posture stays a while.
@@ -86,13 +85,13 @@ pub fn animation(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec
     for index in shown {
         let mut canvas = painter.paint(&drawn.configs[index])?;
         painter.draw_way(&mut canvas, &drawn.tcp[..=index]);
-        encoder.push(&canvas.rgb).map_err(|error| failed(&error))?;
+        encoder.push(&canvas.rgb).map_err(failed)?;
     }
-    mux_mp4([&encoder.finish()]).map_err(|error| failed(&error))
+    mux_mp4([&encoder.finish()]).map_err(failed)
 }
 
-fn ending(path: &Path, expected: &str) -> Failed {
-    Failed::new(format!("cannot write {}", path.display())).hint(expected)
+fn ending(path: &Path, expected: &str) -> RunError {
+    RunError::input(format!("cannot write {}", path.display())).with_hint(expected)
 }
 
 struct Painter<'a> {
@@ -103,7 +102,7 @@ struct Painter<'a> {
 }
 
 impl<'a> Painter<'a> {
-    fn new(drawn: &'a Drawn, camera: Option<&str>) -> Result<Self, Failed> {
+    fn new(drawn: &'a Drawn, camera: Option<&str>) -> Result<Self, RunError> {
         let whole = Camera::looking_at(
             "whole",
             DVec3::new(1.75, 1.3, 1.15),
@@ -114,8 +113,8 @@ impl<'a> Painter<'a> {
         let find = |name| cameras.iter().find(|known| known.name == name);
         let Some(camera) = camera.map_or(Some(&whole), find) else {
             let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
-            return Err(Failed::new(format!("scenario {} has no such camera", drawn.stage.scenario.id))
-                .hint(format!("its cameras are {}", known.join(", "))));
+            return Err(RunError::input(format!("scenario {} has no such camera", drawn.stage.scenario.id))
+                .with_hint(format!("its cameras are {}", known.join(", "))));
         };
         let Camera { intrinsics, .. } = camera;
         // Films want even sizes.
@@ -123,22 +122,19 @@ impl<'a> Painter<'a> {
         let camera = Camera { intrinsics: intrinsics.resized(WIDTH, height), ..camera.clone() };
         let stage = drawn.stage;
         let assets = RenderAssets::new(Arc::clone(&stage.robot), &stage.models, &Environment::default())
-            .map_err(|error| Failed::because(format!("cannot draw {}", stage.scenario.id), &error))?;
+            .map_err(|error| RunError::broken(format!("cannot draw {}", stage.scenario.id), error))?;
         let renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
         Ok(Self { drawn, assets, renderer, camera })
     }
 
-    fn paint(&mut self, config: &[f64]) -> Result<FrameBuffers, Failed> {
-        let failed = |error: &dyn std::error::Error| Failed::because("cannot draw the arm", error);
+    fn paint(&mut self, config: &[f64]) -> Result<FrameBuffers, RunError> {
+        let failed = |error| RunError::broken("cannot draw the arm", error);
         let placed = &self.drawn.stage.scenario.objects;
         let objects = placed.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let state =
-            self.assets.frame_state(config, self.drawn.gripper_width, objects).map_err(|error| failed(&error))?;
+        let state = self.assets.frame_state(config, self.drawn.gripper_width, objects).map_err(failed)?;
         let channels = Channels { rgb: true, depth: false, instance: true, normal: false };
         let mut buffers = [FrameBuffers::default()];
-        self.renderer
-            .render(&[ViewJob::new(&state, &self.camera, channels)], &mut buffers)
-            .map_err(|error| failed(&error))?;
+        self.renderer.render(&[ViewJob::new(&state, &self.camera, channels)], &mut buffers).map_err(failed)?;
         let [buffers] = buffers;
         Ok(buffers)
     }

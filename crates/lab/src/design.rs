@@ -1,27 +1,28 @@
-//! `genmanip lab design`.
+//! Tasks of the rule-based designer: validity, variety, quotas, references.
 
 use genmanip_assets::Catalogue;
 use genmanip_core::Seed;
-use genmanip_scene::designer::{DesignReport, DesignSettings, measure};
+use genmanip_scene::designer::{self, DesignReport, DesignSettings};
 
-use super::cpu_clock;
-use crate::args::DesignArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::{Printer, table};
+use crate::LabError;
+use crate::clock::cpu_clock;
+use genmanip_bench::text_table;
 
 /// Flaws that are printed for people; the JSON has all.
 const SHOWN: usize = 20;
 
-pub fn run(arguments: &DesignArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+/// Designs so many tasks, the six kinds in turn, and judges them.
+///
+/// # Errors
+/// When the designer gives up.
+pub fn measure(count: usize, seed: Seed) -> Result<DesignReport, LabError> {
     let cards = Catalogue::builtin().cards();
-    let seed = Seed::new(arguments.seed);
-    let report = measure(cards, arguments.count, seed, &DesignSettings::default(), &mut cpu_clock())
-        .map_err(|error| Failed::because("the designer gave up", &error))?;
-    printer.data(&report, &in_words(&report));
-    Ok(ExitStatus::Done)
+    designer::measure(cards, count, seed, &DesignSettings::default(), &mut cpu_clock())
+        .map_err(|error| LabError::broken("the designer gave up", error))
 }
 
-fn in_words(report: &DesignReport) -> String {
+/// The same in words.
+pub fn in_words(report: &DesignReport) -> String {
     let mut rows = vec![["", "count", "quota"].map(String::from).to_vec()];
     for (name, occurrence) in report.kinds.iter().chain(&report.relations) {
         rows.push(vec![name.clone(), occurrence.count.to_string(), format!("{:.1}", occurrence.quota)]);
@@ -38,7 +39,7 @@ fn in_words(report: &DesignReport) -> String {
         report.references,
         report.words_max,
         100.0 * report.worst_quota_deviation,
-        table(&rows),
+        text_table(&rows),
     );
     for (reason, count) in &report.rejections {
         text += &format!("{count:6} × {reason}\n");

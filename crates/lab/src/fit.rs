@@ -1,4 +1,4 @@
-//! `genmanip lab fit`: weights of the cloud sampler's score from trials, and how true the chances are on others.
+//! Weights of the cloud sampler's score from trials, and how true the chances are on others.
 
 use std::path::{Path, PathBuf};
 
@@ -6,11 +6,10 @@ use genmanip_motion::grasp::cloud::Weights;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::calibration::Calibration;
-use crate::args::FitArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::inputs;
-use crate::printer::{Printer, table};
+use crate::LabError;
+use crate::calibration::Calibration;
+use genmanip_bench::text_table;
+use genmanip_run::inputs;
 
 /// Largest file of trials that is read, bytes.
 const MAX_FILE_BYTES: u64 = 256 << 20;
@@ -23,49 +22,56 @@ const BINS: usize = 5;
 
 /// What was found.
 #[derive(Serialize)]
-struct Report {
-    trials: usize,
-    weights: Weights,
+pub struct Report {
+    /// Trials that the weights were fitted to.
+    pub trials: usize,
+    /// The new weights.
+    pub weights: Weights,
     /// The new weights on the trials they were fitted to.
-    fitted: Reliability,
+    pub fitted: Reliability,
     /// The new weights on other trials.
-    tested: Option<Reliability>,
+    pub tested: Option<Reliability>,
     /// The weights in use on these other trials.
-    in_use: Option<Reliability>,
+    pub in_use: Option<Reliability>,
 }
 
 /// Whether what has the chance p holds in a share p of the trials.
 #[derive(Serialize)]
-struct Reliability {
-    trials: usize,
-    held: f64,
+pub struct Reliability {
+    /// Number of trials.
+    pub trials: usize,
+    /// Share that held.
+    pub held: f64,
+    /// How true the chances are.
     #[serde(flatten)]
-    calibration: Calibration,
+    pub calibration: Calibration,
 }
 
 /// One trial: its features in the order of the names, after a constant 1, and whether the grasp held.
 type Sample = (Vec<f64>, bool);
 
-pub fn run(arguments: &FitArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+/// Fits the weights to trials, or with `constant` only their constant, and tests them on others.
+///
+/// # Errors
+/// When a file holds something else than trials, or all trials ended alike.
+pub fn measure(trials: &[PathBuf], test: &[PathBuf], constant: bool) -> Result<Report, LabError> {
     let names = names();
-    let samples = read(&arguments.trials, &names)?;
-    let test = read(&arguments.test, &names)?;
+    let samples = read(trials, &names)?;
+    let test = read(test, &names)?;
     if samples.iter().all(|(_, held)| *held) || samples.iter().all(|(_, held)| !held) {
-        return Err(Failed::new(format!("{} trials, and all ended alike", samples.len()))
-            .hint("expected held and lost grasps; try `genmanip lab grasp --pick any` with more trials"));
+        return Err(LabError::input(format!("{} trials, and all ended alike", samples.len()))
+            .with_hint("expected held and lost grasps; try `genmanip lab grasp --pick any` with more trials"));
     }
     let old = vector(&Weights::default(), &names);
-    let fitted = if arguments.constant { shifted(&old, &samples) } else { fit(&samples) };
+    let fitted = if constant { shifted(&old, &samples) } else { fit(&samples) };
     let tested = |weights: &[f64]| (!test.is_empty()).then(|| reliability(weights, &test));
-    let report = Report {
+    Ok(Report {
         trials: samples.len(),
         weights: weights(&fitted, &names),
         fitted: reliability(&fitted, &samples),
         tested: tested(&fitted),
         in_use: tested(&old),
-    };
-    printer.data(&report, &in_words(&report));
-    Ok(ExitStatus::Done)
+    })
 }
 
 /// Names of the weights, the constant left out.
@@ -89,7 +95,7 @@ fn weights(vector: &[f64], names: &[String]) -> Weights {
 }
 
 /// The grasps that were carried out, from files of `lab grasp --out`.
-fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, Failed> {
+fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
     let mut samples = Vec::new();
     for path in paths {
         for (index, line) in inputs::read_text(path, MAX_FILE_BYTES)?.lines().enumerate() {
@@ -108,9 +114,9 @@ fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, Failed> {
     Ok(samples)
 }
 
-fn broken(path: &Path, index: usize, why: &str) -> Failed {
-    Failed::new(format!("line {} of {} is no trial: {why}", index + 1, path.display()))
-        .hint("expected a file of `genmanip lab grasp --out`")
+fn broken(path: &Path, index: usize, why: &str) -> LabError {
+    LabError::input(format!("line {} of {} is no trial: {why}", index + 1, path.display()))
+        .with_hint("expected a file of `genmanip lab grasp --out`")
 }
 
 fn chance(weights: &[f64], features: &[f64]) -> f64 {
@@ -193,7 +199,8 @@ fn reliability(weights: &[f64], samples: &[Sample]) -> Reliability {
     Reliability { trials: outcomes.len(), held, calibration: Calibration::of(&outcomes, BINS) }
 }
 
-fn in_words(report: &Report) -> String {
+/// The same in words.
+pub fn in_words(report: &Report) -> String {
     let mut text = format!("fitted to {} trials\n", report.trials);
     for (name, value) in names().iter().zip(vector(&report.weights, &names()).iter().skip(1)) {
         text += &format!("  {name:<8} {value:6.2}\n");
@@ -219,7 +226,7 @@ fn in_words(report: &Report) -> String {
                 format!("{:.3}", bin.held),
             ]);
         }
-        text += &table(&rows);
+        text += &text_table(&rows);
     }
     text
 }

@@ -5,15 +5,18 @@ use genmanip_motion::{Chain, IkSettings, InverseKinematics, Planner};
 use rand::RngExt;
 use serde::Serialize;
 
-use super::super::cpu_clock;
-use crate::error::Failed;
+use crate::LabError;
+use crate::clock::cpu_clock;
 
 /// Poses of an arm with a closed form for one of an arm where every solution is a numeric search.
 const PER_NUMERIC_POSE: usize = 200;
 
+/// The inverse kinematics, measured.
 #[derive(Serialize)]
 pub struct Kinematics {
+    /// Whether the arm has a closed form.
     pub analytic: bool,
+    /// Poses.
     pub poses: usize,
     /// Poses with at least one solution.
     pub solved: usize,
@@ -26,9 +29,9 @@ pub struct Kinematics {
 }
 
 /// At so many poses, or a part of them where every solution is a numeric search.
-pub fn measure(planner: &Planner, poses: usize, seed: Seed) -> Result<Kinematics, Failed> {
+pub fn measure(planner: &Planner, poses: usize, seed: Seed) -> Result<Kinematics, LabError> {
     let robot = planner.robot();
-    let chain = Chain::new(robot).map_err(|error| Failed::because("the robot has no arm", &error))?;
+    let chain = Chain::new(robot).map_err(|error| LabError::broken("the robot has no arm", error))?;
     let settings = IkSettings::default();
     let margin = settings.limit_margin;
     let ik = InverseKinematics::new(chain.clone(), settings);

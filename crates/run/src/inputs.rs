@@ -14,7 +14,7 @@ use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, Tas
 use genmanip_scene::designer::{DesignSettings, design_many};
 use genmanip_sim::SimSettings;
 
-use crate::error::Failed;
+use crate::error::RunError;
 
 /// Largest file that is read as a document, bytes.
 const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
@@ -23,61 +23,75 @@ const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
 const MAX_ID_LENGTH: usize = 120;
 
 /// Reads a text file, refusing what is too large or not text.
-pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, Failed> {
-    let unreadable = |error: &dyn std::error::Error| Failed::because(format!("cannot read {}", path.display()), error);
-    let file = fs::File::open(path)
-        .map_err(|error| unreadable(&error).hint("check the path; relative paths start at the current folder"))?;
+///
+/// # Errors
+/// [`RunError::File`] and [`RunError::TooLarge`].
+pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, RunError> {
+    String::from_utf8(read_bytes(path, max_bytes)?)
+        .map_err(|error| RunError::file("read", path, error).with_hint("expected a text file in UTF-8"))
+}
+
+/// Reads a file, refusing what is too large.
+///
+/// # Errors
+/// [`RunError::File`] and [`RunError::TooLarge`].
+pub fn read_bytes(path: &Path, max_bytes: u64) -> Result<Vec<u8>, RunError> {
+    let file = fs::File::open(path).map_err(|error| {
+        RunError::file("read", path, error).with_hint("check the path; relative paths start at the current folder")
+    })?;
     let mut bytes = Vec::new();
-    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(&error))?;
+    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| RunError::file("read", path, error))?;
     if bytes.len() as u64 > max_bytes {
-        return Err(Failed::new(format!("{} is larger than {} MiB", path.display(), max_bytes >> 20))
-            .hint("expected a small JSON document; is this the right file?"));
+        return Err(RunError::TooLarge { path: path.to_owned(), limit_bytes: max_bytes });
     }
-    String::from_utf8(bytes).map_err(|error| unreadable(&error).hint("expected a text file in UTF-8"))
+    Ok(bytes)
 }
 
 /// Reads a versioned document.
-pub fn read_document<T: Document>(path: &Path) -> Result<T, Failed> {
-    T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| not_a_document::<T>(path, &error))
+///
+/// # Errors
+/// As [`read_text`], and [`RunError::Document`].
+pub fn read_document<T: Document>(path: &Path) -> Result<T, RunError> {
+    T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| not_a_document::<T>(path, error))
 }
 
 /// Reads a scenario and makes it ready: models built, physics compiled.
-pub fn read_stage(path: &Path) -> Result<Stage, Failed> {
+///
+/// # Errors
+/// As [`read_document`], and when objects or robot are not those the scenario was made with.
+pub fn read_stage(path: &Path) -> Result<Stage, RunError> {
     let scenario: Scenario = read_document(path)?;
     Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default()).map_err(|error| {
-        Failed::because(format!("{} cannot be set up", path.display()), &error)
-            .hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
+        RunError::input(format!("{} cannot be set up", path.display()))
+            .because(error)
+            .with_hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
     })
 }
 
-fn not_a_document<T: Document>(path: &Path, error: &DocumentError) -> Failed {
-    let hint = match error {
-        DocumentError::NotJson { hint, .. } => (*hint).into(),
-        DocumentError::WrongSchema { .. } => {
-            format!("expected a JSON object that starts with \"schema\": \"{}\"", T::SCHEMA)
-        }
-        DocumentError::Invalid { .. } => "the JSON Schemas in schemas/ describe every file".into(),
-    };
-    Failed::because(format!("{} is no valid {} file", path.display(), T::SCHEMA), error).hint(hint)
+fn not_a_document<T: Document>(path: &Path, source: DocumentError) -> RunError {
+    RunError::Document { path: path.to_owned(), schema: T::SCHEMA, source }
 }
 
 /// Files named by the user; a folder stands for its `*.json`, sorted by name.
-pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failed> {
+///
+/// # Errors
+/// When a folder cannot be listed or holds no such file.
+pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunError> {
     let mut files = Vec::new();
     for path in paths {
         if !path.is_dir() {
             files.push(path.clone());
             continue;
         }
-        let entries =
-            fs::read_dir(path).map_err(|error| Failed::because(format!("cannot list {}", path.display()), &error))?;
+        let entries = fs::read_dir(path).map_err(|error| RunError::file("list", path, error))?;
         let mut inside: Vec<PathBuf> = entries
             .filter_map(|entry| Some(entry.ok()?.path()))
             .filter(|path| path.extension().is_some_and(|extension| extension == "json"))
             .collect();
         inside.sort();
         if inside.is_empty() {
-            return Err(Failed::new(format!("no *.json in {}", path.display())).hint("name task files or their folder"));
+            return Err(RunError::input(format!("no *.json in {}", path.display()))
+                .with_hint("name task files or their folder"));
         }
         files.append(&mut inside);
     }
@@ -85,13 +99,20 @@ pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failed> {
 }
 
 /// Reads tasks from task documents and recorded answers; an answer that is rejected is an error.
-pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, Failed> {
+///
+/// # Errors
+/// As [`read_task`], and when two tasks have one id.
+pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     let mut tasks: Vec<Task> = Vec::new();
     for path in expand(paths)? {
         let task = read_task(&path)?;
         if let Some(twin) = tasks.iter().find(|other| other.id == task.id) {
-            return Err(Failed::new(format!("two tasks are called `{}` (the second: {})", twin.id, path.display()))
-                .hint("task ids name folders and files, so they must differ"));
+            return Err(RunError::input(format!(
+                "two tasks are called `{}` (the second: {})",
+                twin.id,
+                path.display()
+            ))
+            .with_hint("task ids name folders and files, so they must differ"));
         }
         tasks.push(task);
     }
@@ -99,25 +120,34 @@ pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, Failed> {
 }
 
 /// Tasks of the rule-based designer, the six kinds in turn.
-pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, Failed> {
+///
+/// # Errors
+/// When the designer finds no task.
+pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, RunError> {
     let cards = Catalogue::builtin().cards();
     let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
-        .map_err(|error| Failed::because("the designer gave up", &error))?;
+        .map_err(|error| RunError::broken("the designer gave up", error))?;
     Ok(batch.tasks)
 }
 
 /// Reads one task from a task document or a recorded answer.
-pub fn read_task(path: &Path) -> Result<Task, Failed> {
+///
+/// # Errors
+/// When the file is neither, or the task breaks a rule.
+pub fn read_task(path: &Path) -> Result<Task, RunError> {
     let text = read_text(path, MAX_DOCUMENT_BYTES)?;
     let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| {
-        Failed::because(format!("{} is not JSON", path.display()), &error)
-            .hint("expected a task document or a recorded answer; see `genmanip task check --help`")
+        RunError::input(format!("{} is not JSON", path.display()))
+            .because(error)
+            .with_hint("expected a task document or a recorded answer; see `genmanip task check --help`")
     })?;
     if value.get("schema").is_some() {
-        let task = Task::from_value(value).map_err(|error| not_a_document::<Task>(path, &error))?;
+        let task = Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))?;
         if !is_id(&task.id) {
-            return Err(Failed::new(format!("{}: at $.id: `{}` cannot name a folder", path.display(), task.id))
-                .hint(format!("use 1 to {MAX_ID_LENGTH} ASCII letters, digits and any of -_.+=@, no dot in front")));
+            return Err(RunError::input(format!("{}: at $.id: `{}` cannot name a folder", path.display(), task.id))
+                .with_hint(format!(
+                    "use 1 to {MAX_ID_LENGTH} ASCII letters, digits and any of -_.+=@, no dot in front"
+                )));
         }
         check_objects(path, &task)?;
         return Ok(task);
@@ -126,17 +156,17 @@ pub fn read_task(path: &Path) -> Result<Task, Failed> {
     report.task.ok_or_else(|| {
         let flaws: Vec<String> =
             report.flaws.iter().map(|flaw| format!("{}: {}", flaw.kind.name(), flaw.message)).collect();
-        Failed::new(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
-            .hint(format!("see `genmanip task check {}`", path.display()))
+        RunError::input(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
+            .with_hint(format!("see `genmanip task check {}`", path.display()))
     })
 }
 
 /// A task document may come from anywhere: every object that goal and scene name must be a node with its card.
-fn check_objects(path: &Path, task: &Task) -> Result<(), Failed> {
+fn check_objects(path: &Path, task: &Task) -> Result<(), RunError> {
     let graph = &task.scene_graph;
     let refused = |place: &str, uid: &str, reason: &str| {
-        Err(Failed::new(format!("{}: at $.{place}: object `{uid}` {reason}", path.display()))
-            .hint("every object needs a node in scene_graph.nodes and its card in objects"))
+        Err(RunError::input(format!("{}: at $.{place}: object `{uid}` {reason}", path.display()))
+            .with_hint("every object needs a node in scene_graph.nodes and its card in objects"))
     };
     for (index, node) in graph.nodes.iter().enumerate() {
         if graph.nodes[..index].iter().any(|other| other.uid == node.uid) {
@@ -158,17 +188,21 @@ fn check_objects(path: &Path, task: &Task) -> Result<(), Failed> {
         }
     }
     if task.goal.alternatives.iter().all(Vec::is_empty) {
-        return Err(Failed::new(format!("{}: at $.goal: no condition", path.display()))
-            .hint("a goal needs at least one alternative with one condition"));
+        return Err(RunError::input(format!("{}: at $.goal: no condition", path.display()))
+            .with_hint("a goal needs at least one alternative with one condition"));
     }
     Ok(())
 }
 
 /// Judges a recorded-answer file.
-pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
+///
+/// # Errors
+/// When the text is no recorded answer, or offers an object that is not in the catalogue.
+pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError> {
     let recorded = RecordedAnswer::from_json(text).map_err(|error| {
-        Failed::because(format!("{} is no recorded answer", path.display()), &error)
-            .hint("for a bare answer name what was offered: --objects UID,UID,…")
+        RunError::input(format!("{} is no recorded answer", path.display()))
+            .because(error)
+            .with_hint("for a bare answer name what was offered: --objects UID,UID,…")
     })?;
     let request = TaskRequest {
         id: id_from(path),
@@ -182,7 +216,10 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, Failed> {
 }
 
 /// Judges a bare answer.
-pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, Failed> {
+///
+/// # Errors
+/// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
+pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, RunError> {
     let kind = task_kind(kind)?;
     let request = TaskRequest {
         id: id_from(path),
@@ -193,33 +230,32 @@ pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usiz
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
     // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
-    let file =
-        fs::File::open(path).map_err(|error| Failed::because(format!("cannot read {}", path.display()), &error))?;
+    let unreadable = |error| RunError::file("read", path, error);
+    let file = fs::File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();
-    file.take(MAX_ANSWER_BYTES as u64 + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|error| Failed::because(format!("cannot read {}", path.display()), &error))?;
+    file.take(MAX_ANSWER_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     Ok(check_answer(&String::from_utf8_lossy(&bytes), &request))
 }
 
 /// A kind of task by its name in files.
-pub fn task_kind(name: &str) -> Result<TaskKind, Failed> {
-    let kinds = TaskKind::ALL.map(TaskKind::name).join(", ");
-    TaskKind::ALL
-        .into_iter()
-        .find(|known| known.name() == name)
-        .ok_or_else(|| Failed::new(format!("unknown kind `{name}`")).hint(format!("kinds are {kinds}")))
+///
+/// # Errors
+/// [`RunError::UnknownName`].
+pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
+    let known = TaskKind::ALL.map(TaskKind::name);
+    let found = TaskKind::ALL.into_iter().find(|kind| kind.name() == name);
+    found.ok_or_else(|| RunError::unknown("kind", "kinds", name, &known))
 }
 
-fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, Failed> {
+fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, RunError> {
     let catalogue = Catalogue::builtin();
     uids.iter()
         .map(|uid| match catalogue.card(uid) {
             Some(card) => Ok(card.clone()),
             // Asking for the model of an object without a card says which ones look alike.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
-                Failed::because("an offered object is not in the catalogue", &error)
-                    .hint("uids are three digits, 001 to 064")
+                RunError::broken("an offered object is not in the catalogue", error)
+                    .with_hint("uids are three digits, 001 to 064")
             }),
         })
         .collect()
@@ -247,13 +283,16 @@ pub fn stem(path: &Path) -> String {
 }
 
 /// Writes a file aside and renames it into place, so that it is whole or not there.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failed> {
-    let failed = |error: &dyn std::error::Error| {
-        Failed::because(format!("cannot write {}", path.display()), error)
-            .hint("check that the folder exists, is writable and the disk is not full")
+///
+/// # Errors
+/// [`RunError::File`].
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    let failed = |error: std::io::Error| {
+        RunError::file("write", path, error)
+            .with_hint("check that the folder exists, is writable and the disk is not full")
     };
     if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
-        fs::create_dir_all(parent).map_err(|error| failed(&error))?;
+        fs::create_dir_all(parent).map_err(failed)?;
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let aside = path.with_file_name(format!(".{name}.partial"));
@@ -265,14 +304,17 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failed> {
     })();
     written.map_err(|error: std::io::Error| {
         let _ = fs::remove_file(&aside);
-        failed(&error)
+        failed(error)
     })
 }
 
 /// The planner for the robot there is.
-pub fn planner(settings: &PlannerSettings) -> Result<Arc<Planner>, Failed> {
+///
+/// # Errors
+/// When the robot cannot be planned for.
+pub fn planner(settings: &PlannerSettings) -> Result<Arc<Planner>, RunError> {
     let planner = Planner::new(panda(), settings.clone());
-    Ok(Arc::new(planner.map_err(|error| Failed::because("the robot cannot be planned for", &error))?))
+    Ok(Arc::new(planner.map_err(|error| RunError::broken("the robot cannot be planned for", error))?))
 }
 
 /// Number of workers the user asked for, or all cores.

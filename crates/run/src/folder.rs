@@ -19,10 +19,10 @@ use genmanip_data::EpisodeStore;
 use genmanip_rollout::collect::CollectSettings;
 use serde::{Deserialize, Serialize};
 
-use crate::error::Failed;
+use crate::error::RunError;
 use crate::inputs;
 
-/// Everything a run depends on.
+/// Everything a run depends on: its input, settings and seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// Seed of all attempts.
@@ -41,6 +41,14 @@ pub struct Run {
 
 impl Document for Run {
     const SCHEMA: &'static str = "genmanip.run/1";
+}
+
+impl Run {
+    /// A run of this program with the engine it is linked to.
+    pub fn new(tasks: Vec<Task>, episodes_per_task: usize, settings: CollectSettings, seed: Seed) -> Self {
+        let (engine, genmanip_version) = (genmanip_sim::engine_version(), env!("CARGO_PKG_VERSION").into());
+        Self { seed, episodes_per_task, tasks, settings, engine, genmanip_version }
+    }
 }
 
 /// Wall-clock figures; never part of anything that is compared.
@@ -64,18 +72,20 @@ pub struct RunFolder {
 
 impl RunFolder {
     /// Begins a run, or continues the very same one.
-    pub fn begin(path: &Path, run: &Run) -> Result<Self, Failed> {
+    ///
+    /// # Errors
+    /// [`RunError::AnotherRun`]; when there are episodes without a run, or the folder cannot be written.
+    pub fn begin(path: &Path, run: &Run) -> Result<Self, RunError> {
         let file = path.join("run.json");
         if file.exists() {
             let known: Run = inputs::read_document(&file)?;
             if known != *run {
-                return Err(Failed::new(format!("{} holds another run ({})", path.display(), difference(&known, run)))
-                    .hint("choose another --out folder, or repeat the command of that run to continue it"));
+                return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run) });
             }
         } else {
             if path.join("episodes").exists() {
-                return Err(Failed::new(format!("{} has episodes but no run.json", path.display()))
-                    .hint("choose an empty --out folder"));
+                return Err(RunError::input(format!("{} has episodes but no run.json", path.display()))
+                    .with_hint("choose an empty --out folder"));
             }
             inputs::write_file(&file, run.to_json().as_bytes())?;
         }
@@ -83,11 +93,13 @@ impl RunFolder {
     }
 
     /// Opens a run made before.
-    pub fn open(path: &Path) -> Result<(Self, Run), Failed> {
+    ///
+    /// # Errors
+    /// [`RunError::NoRun`], or when `run.json` is no such document.
+    pub fn open(path: &Path) -> Result<(Self, Run), RunError> {
         let file = path.join("run.json");
         if !file.is_file() {
-            return Err(Failed::new(format!("no run at {}", path.display()))
-                .hint("make one with `genmanip collect TASKS --out FOLDER`"));
+            return Err(RunError::NoRun { path: path.to_owned() });
         }
         Ok((Self::at(path), inputs::read_document(&file)?))
     }
@@ -103,11 +115,15 @@ impl RunFolder {
     }
 
     /// Its episodes.
-    pub fn store(&self) -> Result<EpisodeStore, Failed> {
+    ///
+    /// # Errors
+    /// When the folder of episodes holds something else or cannot be written.
+    pub fn store(&self) -> Result<EpisodeStore, RunError> {
         let root = self.join("episodes");
         EpisodeStore::create(&root).map_err(|error| {
-            Failed::because(format!("cannot use {}", root.display()), &error)
-                .hint("check that the folder is writable and belongs to this run")
+            RunError::input(format!("cannot use {}", root.display()))
+                .because(error)
+                .with_hint("check that the folder is writable and belongs to this run")
         })
     }
 
@@ -127,7 +143,10 @@ impl RunFolder {
     }
 
     /// Writes the figures.
-    pub fn save_timings(&self) -> Result<(), Failed> {
+    ///
+    /// # Errors
+    /// [`RunError::File`].
+    pub fn save_timings(&self) -> Result<(), RunError> {
         inputs::write_file(&self.join("timings.json"), self.timings().to_json().as_bytes())
     }
 }

@@ -7,8 +7,8 @@ use genmanip_core::{Piece, Pose, Shape};
 use genmanip_motion::{GeometryError, World};
 use serde::{Deserialize, Serialize};
 
-use crate::error::Failed;
-use crate::inputs;
+use crate::LabError;
+use genmanip_run::{Cause, inputs};
 
 /// Largest file of problems, bytes.
 const MAX_BYTES: u64 = 256 << 20;
@@ -59,16 +59,16 @@ pub struct Problem {
     pub pieces: Vec<Piece>,
 }
 
-pub fn read(path: &Path) -> Result<Vec<Problem>, Failed> {
-    let no_problems = |error: &dyn std::error::Error| {
-        Failed::because(format!("{} is no file of motion problems", path.display()), error).hint(
+pub fn read(path: &Path) -> Result<Vec<Problem>, LabError> {
+    let no_problems = |error: Cause| {
+        LabError::input(format!("{} is no file of motion problems", path.display())).because(error).with_hint(
             "expected {\"problems\": [{\"start\": [rad], \"goal\": [rad], \"obstacles\": [{\"type\": \"box\", \
              \"size\": [m], \"pos\": [m], \"yaw\": rad}]}]}",
         )
     };
     let text = inputs::read_text(path, MAX_BYTES)?;
-    let file: File = serde_json::from_str(&text).map_err(|error| no_problems(&error))?;
-    file.compile().map_err(|error| no_problems(&error))
+    let file: File = serde_json::from_str(&text).map_err(|error| no_problems(error.into()))?;
+    file.compile().map_err(|error| no_problems(error.into()))
 }
 
 impl File {

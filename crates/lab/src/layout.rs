@@ -1,4 +1,4 @@
-//! `genmanip lab layout`: tasks laid out once each, timed, and audited outside the timing.
+//! Layouts: tasks laid out once each, timed, and audited outside the timing.
 
 use std::collections::BTreeMap;
 
@@ -9,11 +9,9 @@ use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::relations::{RelationSettings, Rest, ShapeCache, judge_goal};
 use serde::Serialize;
 
-use super::cpu_clock;
-use crate::args::LabLayoutArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::inputs;
-use crate::printer::Printer;
+use crate::LabError;
+use crate::clock::cpu_clock;
+use genmanip_run::{Progress, inputs};
 
 /// How long a layout is left alone in physics, simulated seconds.
 const ALONE_S: f64 = 2.0;
@@ -21,68 +19,90 @@ const PHASES: [&str; 6] = ["preparing", "placing", "settling", "judging", "reach
 
 /// What laying tasks out came to. Refused tasks count in the times too.
 #[derive(Default, Serialize)]
-struct Measured {
-    seed: u64,
-    tasks: usize,
-    laid_out: usize,
-    refused: usize,
-    cpu_ms: Spread,
+pub struct Measured {
+    /// Seed of the layouts.
+    pub seed: u64,
+    /// Tasks.
+    pub tasks: usize,
+    /// Tasks with a layout.
+    pub laid_out: usize,
+    /// Tasks without.
+    pub refused: usize,
+    /// Processor time per task.
+    pub cpu_ms: Spread,
     /// Mean per task.
-    phase_cpu_ms: BTreeMap<&'static str, f64>,
-    worst_penetration_mm: f64,
-    worst_drift_mm: f64,
+    pub phase_cpu_ms: BTreeMap<&'static str, f64>,
+    /// Deepest penetration at the start.
+    pub worst_penetration_mm: f64,
+    /// Longest way of an object that is left alone.
+    pub worst_drift_mm: f64,
     /// Edges and states of the initial graphs.
-    edges_checked: usize,
-    edges_failed: usize,
-    goals_true: usize,
-    unseen: usize,
+    pub edges_checked: usize,
+    /// Those that do not hold.
+    pub edges_failed: usize,
+    /// Goals that hold already.
+    pub goals_true: usize,
+    /// Layouts with an object that no camera sees enough of.
+    pub unseen: usize,
     /// Posing all objects anew and judging the whole goal, in the largest scenes.
-    goal_verdict_us: Spread,
-    goal_verdict_objects: usize,
-    refusals: Vec<Refusal>,
+    pub goal_verdict_us: Spread,
+    /// Objects in those scenes.
+    pub goal_verdict_objects: usize,
+    /// Why tasks have no layout.
+    pub refusals: Vec<Refusal>,
     /// What is wrong with returned layouts.
-    faults: Vec<Refusal>,
+    pub faults: Vec<Refusal>,
 }
 
+/// Of many values the middle one, the one that 95 of 100 do not exceed, and the largest.
 #[derive(Clone, Copy, Default, Serialize)]
-struct Spread {
-    median: f64,
-    p95: f64,
-    worst: f64,
+pub struct Spread {
+    /// The middle one.
+    pub median: f64,
+    /// 95 of 100 are not larger.
+    pub p95: f64,
+    /// The largest.
+    pub worst: f64,
 }
 
+/// A task and what is wrong.
 #[derive(Serialize)]
-struct Refusal {
-    task: String,
-    reason: String,
+pub struct Refusal {
+    /// Id of the task.
+    pub task: String,
+    /// What is wrong.
+    pub reason: String,
 }
 
-pub fn run(arguments: &LabLayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = tasks(arguments)?;
+/// Lays each task out once, with so many unmentioned objects more, and audits the layouts outside the timing; one thread.
+///
+/// # Errors
+/// When a layout cannot be audited; a task that cannot be laid out is a result.
+pub fn measure(tasks: &[Task], distractors: usize, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let planner = inputs::planner(&PlannerSettings::default())?;
     let catalogue = Catalogue::builtin();
-    let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
-    let mut measured = Measured { seed: arguments.seed, tasks: tasks.len(), ..Measured::default() };
+    let settings = LayoutSettings { distractors, ..LayoutSettings::default() };
+    let mut measured = Measured { seed: seed.value(), tasks: tasks.len(), ..Measured::default() };
     let (mut cpu_ms, mut phases_s) = (Vec::new(), [0.0; PHASES.len()]);
     let mut verdicts: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
-    let bar = printer.progress("laying out", tasks.len());
+    progress.begin("laying out", tasks.len());
     for (index, task) in tasks.iter().enumerate() {
-        let seed = Seed::new(arguments.seed).fork("lab layout").fork_index(index as u64);
+        let seed = seed.fork("lab layout").fork_index(index as u64);
         let (outcome, seconds) = timed(task, &planner, seed, &settings, &mut phases_s);
         cpu_ms.push(seconds * 1e3);
         match outcome {
             Ok(scenario) => {
                 let report = audit(&scenario, catalogue, planner.robot(), ALONE_S)
-                    .map_err(|error| Failed::because(format!("cannot audit the layout of {}", task.id), &error))?;
+                    .map_err(|error| LabError::broken(format!("cannot audit the layout of {}", task.id), error))?;
                 measured.add(task, &report);
                 let (objects, microseconds) = goal_verdict(&scenario)?;
                 verdicts.entry(objects).or_default().push(microseconds);
             }
             Err(error) => measured.refusals.push(Refusal { task: task.id.clone(), reason: error.to_string() }),
         }
-        bar.inc(1);
+        progress.advance();
     }
-    bar.finish_and_clear();
+    progress.end();
     measured.refused = measured.refusals.len();
     measured.laid_out = tasks.len() - measured.refused;
     measured.cpu_ms = spread(cpu_ms);
@@ -91,17 +111,7 @@ pub fn run(arguments: &LabLayoutArguments, printer: &Printer) -> Result<ExitStat
     if let Some((objects, microseconds)) = verdicts.pop_last() {
         (measured.goal_verdict_objects, measured.goal_verdict_us) = (objects, spread(microseconds));
     }
-    printer.data(&measured, &in_words(&measured));
-    Ok(ExitStatus::Done)
-}
-
-/// The tasks that were named, as often as asked, or designed ones of all kinds.
-fn tasks(arguments: &LabLayoutArguments) -> Result<Vec<Task>, Failed> {
-    if arguments.tasks.is_empty() {
-        return inputs::designed_tasks(arguments.count, arguments.seed);
-    }
-    let known = inputs::read_tasks(&arguments.tasks)?;
-    Ok((0..arguments.count).flat_map(|_| known.iter().cloned()).collect())
+    Ok(measured)
 }
 
 /// One layout with its processor time, that of its phases added up.
@@ -125,9 +135,9 @@ fn timed(
 }
 
 /// Number of objects, and the time to pose them all and to judge the goal, microseconds.
-fn goal_verdict(scenario: &Scenario) -> Result<(usize, f64), Failed> {
+fn goal_verdict(scenario: &Scenario) -> Result<(usize, f64), LabError> {
     let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
-    let mut scene = scene.map_err(|error| Failed::because(format!("cannot pose {}", scenario.id), &error))?;
+    let mut scene = scene.map_err(|error| LabError::broken(format!("cannot pose {}", scenario.id), error))?;
     let settings = RelationSettings::default();
     let mut clock = cpu_clock();
     for (index, placed) in scenario.objects.iter().enumerate() {
@@ -172,7 +182,8 @@ impl Measured {
     }
 }
 
-fn in_words(measured: &Measured) -> String {
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
     let Measured { cpu_ms, goal_verdict_us: verdict, .. } = measured;
     let phases = measured.phase_cpu_ms.iter().map(|(name, ms)| format!("{name} {ms:.1}"));
     let mut text = format!(

@@ -1,15 +1,4 @@
-//! `genmanip lab`: one module per measurement; figures are of one thread and in processor time.
-
-pub mod answers;
-mod calibration;
-pub mod design;
-pub mod expert;
-pub mod fit;
-pub mod grasp;
-pub mod layout;
-pub mod motion;
-pub mod relations;
-mod rendered;
+//! What a measurement costs: processor time and memory.
 
 use cpu_time::ThreadTime;
 
@@ -20,7 +9,7 @@ pub fn cpu_clock() -> impl FnMut() -> f64 {
 }
 
 /// Most memory that this process has held so far, MiB; known on Linux only.
-fn peak_memory_mb() -> Option<f64> {
+pub(crate) fn peak_memory_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let kib: f64 =
         status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?.trim().parse().ok()?;

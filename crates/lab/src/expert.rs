@@ -1,4 +1,4 @@
-//! `genmanip lab expert`: attempts on fresh layouts until one is verified, nothing stored.
+//! The expert: attempts on fresh layouts until one is verified, nothing stored.
 
 use std::collections::BTreeMap;
 
@@ -7,11 +7,10 @@ use genmanip_core::{EpisodeResult, Seed, StrayContact, Task};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
 use serde::Serialize;
 
-use super::{cpu_clock, peak_memory_mb};
-use crate::args::ExpertArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::inputs;
-use crate::printer::{Printer, table};
+use crate::LabError;
+use crate::clock::{cpu_clock, peak_memory_mb};
+use genmanip_bench::text_table;
+use genmanip_run::{Progress, inputs};
 
 /// Failed attempts whose evidence is kept per cause and kind; the counts have all.
 const SAMPLES: usize = 5;
@@ -20,87 +19,98 @@ const STRAY_BAR_N: f64 = 5.0;
 
 /// What the expert came to, per kind of task and altogether.
 #[derive(Serialize)]
-struct Measured {
-    seed: u64,
-    tries_per_task: u64,
-    total: Yield,
-    kinds: BTreeMap<&'static str, Yield>,
+pub struct Measured {
+    /// Seed of layouts and attempts.
+    pub seed: u64,
+    /// Attempts at a task before it counts as not solved.
+    pub tries_per_task: u64,
+    /// Of all tasks.
+    pub total: Yield,
+    /// Of the tasks of each kind.
+    pub kinds: BTreeMap<&'static str, Yield>,
     /// Most memory held, MiB; null where it is not known.
-    peak_memory_mb: Option<f64>,
+    pub peak_memory_mb: Option<f64>,
 }
 
 /// Attempts of some tasks: each task is tried until an attempt is verified or its tries are used up.
 #[derive(Default, Serialize)]
-struct Yield {
-    attempts: usize,
-    verified: usize,
-    tasks: usize,
-    tasks_solved: usize,
+pub struct Yield {
+    /// Attempts.
+    pub attempts: usize,
+    /// Attempts that were verified.
+    pub verified: usize,
+    /// Tasks.
+    pub tasks: usize,
+    /// Tasks with a verified attempt.
+    pub tasks_solved: usize,
     /// Verified demonstrations in an hour of one core, layout and planning included.
-    demos_per_core_hour: f64,
+    pub demos_per_core_hour: f64,
     /// Failed attempts by cause.
-    causes: BTreeMap<&'static str, usize>,
-    cpu_s: f64,
-    worst_stray_contact_n: f64,
-    episodes_above_5_n: usize,
+    pub causes: BTreeMap<&'static str, usize>,
+    /// Processor time of all attempts.
+    pub cpu_s: f64,
+    /// Hardest contact outside of a grasp, N.
+    pub worst_stray_contact_n: f64,
+    /// Attempts with one above 5 N.
+    pub episodes_above_5_n: usize,
     /// How many of these touched nothing harder than what they were letting go of.
-    above_5_n_letting_go: usize,
+    pub above_5_n_letting_go: usize,
     /// Who touched what in those episodes, hardest first.
-    stray_contacts: Vec<Stray>,
+    pub stray_contacts: Vec<Stray>,
     /// What was seen in the first failed attempts of each cause.
-    evidence: BTreeMap<&'static str, Vec<String>>,
+    pub evidence: BTreeMap<&'static str, Vec<String>>,
 }
 
 /// An episode with a stray contact above the bar.
 #[derive(Clone, Serialize)]
-struct Stray {
-    episode: String,
-    force_n: f64,
+pub struct Stray {
+    /// Id of the attempt.
+    pub episode: String,
+    /// The hardest contact outside of a grasp, N.
+    pub force_n: f64,
+    /// Who touched what.
     #[serde(flatten)]
-    contact: Option<StrayContact>,
+    pub contact: Option<StrayContact>,
 }
 
-pub fn run(arguments: &ExpertArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = if arguments.tasks.is_empty() {
-        inputs::designed_tasks(arguments.count, arguments.seed)?
-    } else {
-        inputs::read_tasks(&arguments.tasks)?
-    };
+/// Tries each task on fresh layouts until an attempt is verified, `tries` times at most; one thread.
+///
+/// # Errors
+/// When an attempt broke; one that fails is a result.
+pub fn measure(tasks: &[Task], tries: u64, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let settings = CollectSettings::default();
     let planner = inputs::planner(&settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
     let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
     let mut total = Yield::default();
-    let bar = printer.progress("trying", tasks.len());
-    for task in &tasks {
+    progress.begin("trying", tasks.len());
+    for task in tasks {
         let mut clock = cpu_clock();
-        let results = solve(task, arguments, resources, &settings)?;
+        let results = solve(task, tries, seed, resources, &settings)?;
         let cpu_s = clock();
         for counted in [kinds.entry(task.kind.name()).or_default(), &mut total] {
             counted.add(&results, cpu_s);
         }
-        bar.inc(1);
+        progress.advance();
     }
-    bar.finish_and_clear();
-    let (seed, tries_per_task, peak_memory_mb) = (arguments.seed, arguments.tries, peak_memory_mb());
-    let measured = Measured { seed, tries_per_task, total, kinds, peak_memory_mb };
-    printer.data(&measured, &in_words(&measured));
-    Ok(ExitStatus::Done)
+    progress.end();
+    Ok(Measured { seed: seed.value(), tries_per_task: tries, total, kinds, peak_memory_mb: peak_memory_mb() })
 }
 
 /// All attempts at a task up to the first verified one.
 fn solve(
     task: &Task,
-    arguments: &ExpertArguments,
+    tries: u64,
+    seed: Seed,
     resources: Resources,
     settings: &CollectSettings,
-) -> Result<Vec<EpisodeResult>, Failed> {
-    let stream = Seed::new(arguments.seed).fork("attempt").fork(&task.id);
+) -> Result<Vec<EpisodeResult>, LabError> {
+    let stream = seed.fork("attempt").fork(&task.id);
     let mut results = Vec::new();
-    for number in 0..arguments.tries {
+    for number in 0..tries {
         let attempt = Attempt { task, number, seed: stream.fork_index(number) };
         let result = trial(&attempt, resources, settings)
-            .map_err(|error| Failed::because(format!("attempt {} broke", attempt.id()), &error))?;
+            .map_err(|error| LabError::broken(format!("attempt {} broke", attempt.id()), error))?;
         let verified = result.success;
         results.push(result);
         if verified {
@@ -142,7 +152,8 @@ impl Yield {
     }
 }
 
-fn in_words(measured: &Measured) -> String {
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
     let head = ["kind", "verified", "tasks solved", "per core-hour", "worst stray", "causes of failed attempts"];
     let mut rows = vec![head.map(String::from).to_vec()];
     for (kind, counted) in measured.kinds.iter().chain([(&"all", &measured.total)]) {
@@ -161,5 +172,5 @@ fn in_words(measured: &Measured) -> String {
         let contact = stray.contact.as_ref().map_or_else(String::new, ToString::to_string);
         format!("\n{}: {:.1} N, {contact}", stray.episode, stray.force_n)
     });
-    table(&rows) + &strays.collect::<String>()
+    text_table(&rows) + &strays.collect::<String>()
 }

@@ -1,7 +1,6 @@
-//! `genmanip lab relations --rendered`: profile `seed` on clouds from rendered depth and ids, against posed geometry.
+//! Profile `seed` on clouds from rendered depth and ids, against posed geometry.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
@@ -17,9 +16,10 @@ use genmanip_scene::relations::{
 };
 use serde::Serialize;
 
-use crate::error::{ExitStatus, Failed};
-use crate::inputs;
-use crate::printer::{Printer, table};
+use crate::LabError;
+use crate::clock::cpu_clock;
+use genmanip_bench::text_table;
+use genmanip_run::{Progress, inputs};
 
 /// The cameras of prompt-based systems, whose views are fused.
 const CAMERAS: [&str; 3] = ["overview", "left", "right"];
@@ -32,28 +32,40 @@ const SHOWN: usize = 20;
 
 /// How many conditions of a kind were judged alike.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-struct Tally {
-    compared: usize,
-    agreed: usize,
+pub struct Tally {
+    /// Conditions that were compared.
+    pub compared: usize,
+    /// Those that were judged alike.
+    pub agreed: usize,
     /// Of those compared, the ones that hold by posed geometry.
-    hold: usize,
-    excluded: usize,
+    pub hold: usize,
+    /// Conditions too close to a threshold.
+    pub excluded: usize,
 }
 
 /// The measurement.
 #[derive(Debug, Default, Serialize)]
-struct Agreement {
-    scenes: usize,
-    refused: usize,
-    compared: usize,
-    agreed: usize,
-    excluded: usize,
-    agreed_share: f64,
-    by_relation: BTreeMap<String, Tally>,
+pub struct Agreement {
+    /// Scenes that were judged.
+    pub scenes: usize,
+    /// Tasks without a layout.
+    pub refused: usize,
+    /// Conditions that were compared.
+    pub compared: usize,
+    /// Those that were judged alike.
+    pub agreed: usize,
+    /// Conditions too close to a threshold.
+    pub excluded: usize,
+    /// Share of those compared that were judged alike.
+    pub agreed_share: f64,
+    /// Per kind of condition.
+    pub by_relation: BTreeMap<String, Tally>,
     /// Objects of which no camera sees enough.
-    unseen_objects: usize,
-    cpu_ms_per_scene: f64,
-    disagreements: Vec<String>,
+    pub unseen_objects: usize,
+    /// Processor time of drawing and judging a scene.
+    pub cpu_ms_per_scene: f64,
+    /// Conditions that were not judged alike.
+    pub disagreements: Vec<String>,
 }
 
 /// What is needed to draw and judge.
@@ -64,8 +76,11 @@ struct Bench {
     shapes: ShapeCache,
 }
 
-pub fn run(tasks: &Path, seed: u64, count: usize, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = inputs::read_tasks(&[tasks.to_path_buf()])?;
+/// Lays so many scenes of the tasks out in turn, draws them and judges the clouds that three cameras see.
+///
+/// # Errors
+/// When a scene cannot be drawn.
+pub fn measure(tasks: &[Task], count: usize, seed: Seed, progress: &dyn Progress) -> Result<Agreement, LabError> {
     let planner = inputs::planner(&PlannerSettings::default())?;
     let mut bench = Bench {
         robot: Arc::clone(planner.robot()),
@@ -73,13 +88,13 @@ pub fn run(tasks: &Path, seed: u64, count: usize, printer: &Printer) -> Result<E
         relations: RelationSettings::default(),
         shapes: ShapeCache::default(),
     };
-    let seed = Seed::new(seed).fork("rendered relations");
+    let seed = seed.fork("rendered relations");
     let mut agreement = Agreement::default();
-    let mut clock = super::cpu_clock();
+    let mut clock = cpu_clock();
     let mut judging_s = 0.0;
-    let bar = printer.progress("judging", count);
+    progress.begin("judging", count);
     for (index, task) in (0..count).zip(tasks.iter().cycle()) {
-        bar.inc(1);
+        progress.advance();
         let seed = seed.fork_index(index as u64);
         let Ok(scenario) = lay_out(task, Catalogue::builtin(), &planner, seed, &LayoutSettings::default()) else {
             agreement.refused += 1;
@@ -94,28 +109,27 @@ pub fn run(tasks: &Path, seed: u64, count: usize, printer: &Printer) -> Result<E
             judging_s += clock() - start;
         }
     }
-    bar.finish_and_clear();
+    progress.end();
     agreement.agreed_share = agreement.agreed as f64 / agreement.compared.max(1) as f64;
     agreement.cpu_ms_per_scene = judging_s * 1e3 / agreement.scenes.max(1) as f64;
-    printer.data(&agreement, &in_words(&agreement));
-    Ok(ExitStatus::Done)
+    Ok(agreement)
 }
 
 impl Bench {
-    fn posed(&mut self, scenario: &Scenario) -> Result<PosedScene, Failed> {
+    fn posed(&mut self, scenario: &Scenario) -> Result<PosedScene, LabError> {
         let objects = scenario.objects.iter().map(|placed| {
             let model = Catalogue::builtin()
                 .instance(placed)
-                .map_err(|error| Failed::because(format!("cannot build object {}", placed.uid), &error))?;
+                .map_err(|error| LabError::broken(format!("cannot build object {}", placed.uid), error))?;
             let joint_positions = placed.joint_positions.clone();
             Ok(PosedObject { uid: placed.uid.clone(), model, pose: placed.pose, joint_positions })
         });
-        Ok(PosedScene::new(objects.collect::<Result<_, Failed>>()?, &mut self.shapes))
+        Ok(PosedScene::new(objects.collect::<Result<_, LabError>>()?, &mut self.shapes))
     }
 
     /// Draws a scene with the robot at home and makes a cloud of each object.
-    fn clouds(&self, scene: &PosedScene) -> Result<CloudScene, Failed> {
-        let drawn = |error| Failed::because("cannot draw the scene", &error);
+    fn clouds(&self, scene: &PosedScene) -> Result<CloudScene, LabError> {
+        let drawn = |error| LabError::broken("cannot draw the scene", error);
         let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
         let assets = RenderAssets::new(Arc::clone(&self.robot), &models, &Environment::default()).map_err(drawn)?;
         let poses = scene.objects().map(|object| (object.pose, object.joint_positions.as_slice()));
@@ -148,7 +162,7 @@ impl Bench {
         place: &str,
         seed: Seed,
         agreement: &mut Agreement,
-    ) -> Result<(), Failed> {
+    ) -> Result<(), LabError> {
         let clouds = self.clouds(scene)?;
         let uids: Vec<&str> = scene.objects().map(|object| object.uid.as_str()).collect();
         agreement.scenes += 1;
@@ -251,7 +265,8 @@ fn atoms(uids: &[&str], seed: Seed) -> Vec<Atom> {
     atoms
 }
 
-fn in_words(agreement: &Agreement) -> String {
+/// The same in words.
+pub fn in_words(agreement: &Agreement) -> String {
     let mut lines = vec![["kind", "agree", "compared", "of them true", "excluded"].map(String::from).to_vec()];
     for (kind, tally) in &agreement.by_relation {
         let numbers = [tally.agreed, tally.compared, tally.hold, tally.excluded].map(|number| number.to_string());
@@ -259,7 +274,7 @@ fn in_words(agreement: &Agreement) -> String {
     }
     let mut text = format!(
         "{}\n{} of {} agree ({:.2} %) in {} scenes; {:.1} ms a scene; {} objects unseen\n",
-        table(&lines).trim_end(),
+        text_table(&lines).trim_end(),
         agreement.agreed,
         agreement.compared,
         100.0 * agreement.agreed_share,

@@ -13,10 +13,14 @@ pub struct Calibration {
     pub bins: Vec<Bin>,
 }
 
+/// Grasps whose scores are in an interval.
 #[derive(Serialize, Default)]
 pub struct Bin {
+    /// Lower end of the interval.
     pub from: f64,
+    /// Grasps.
     pub count: usize,
+    /// Mean of their scores.
     pub mean_score: f64,
     /// Share that held.
     pub held: f64,

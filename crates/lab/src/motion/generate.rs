@@ -10,7 +10,7 @@ use rand::{Rng, RngExt};
 
 use super::OPEN;
 use super::problems::{File, Form, Obstacle, Written, world};
-use crate::error::Failed;
+use crate::LabError;
 
 /// Where the tcp is at home, the hand pointing down, m.
 const READY: DVec3 = DVec3::new(0.307, 0.0, 0.487);
@@ -33,7 +33,7 @@ const SOLUTIONS: usize = 5;
 const PATIENCE: usize = 20;
 
 /// `count` problems for the planner's robot, starts and goals free of contacts.
-pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Result<File, Failed> {
+pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Result<File, LabError> {
     let mut problems = Vec::new();
     for index in 0..count * PATIENCE {
         let mut rng = seed.fork_index(index as u64).rng();
@@ -45,8 +45,8 @@ pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Resu
         }
     }
     let (made, robot) = (problems.len(), &planner.robot().name);
-    Err(Failed::new(format!("only {made} of {count} problems could be made for {robot}"))
-        .hint("expected an arm that reaches a table 0.3-0.75 m in front of its base; --tip names its tool frame"))
+    Err(LabError::input(format!("only {made} of {count} problems could be made for {robot}"))
+        .with_hint("expected an arm that reaches a table 0.3-0.75 m in front of its base; --tip names its tool frame"))
 }
 
 /// What stands around; the first obstacle is the table top.
@@ -65,8 +65,8 @@ struct Shelf {
 }
 
 /// Adds the problems of one scene; the chain ends where no goal is found.
-fn chain(planner: &Planner, scene: &Scene, rng: &mut impl Rng, problems: &mut Vec<Written>) -> Result<(), Failed> {
-    let world = world(&scene.obstacles).map_err(|error| Failed::because("a scene cannot be built", &error))?;
+fn chain(planner: &Planner, scene: &Scene, rng: &mut impl Rng, problems: &mut Vec<Written>) -> Result<(), LabError> {
+    let world = world(&scene.obstacles).map_err(|error| LabError::broken("a scene cannot be built", error))?;
     let allowed = Allowed::none();
     let checker =
         planner.checker(&Surroundings { world: &world, attached: None, allowed: &allowed, gripper_width: OPEN }, 0.0);

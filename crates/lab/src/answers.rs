@@ -1,7 +1,8 @@
-//! `genmanip lab answers`: how long the check of an answer takes at worst, and whether anything breaks it.
+//! Hostile answers: how long the check of an answer takes at worst, and whether anything breaks it.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::Seed;
@@ -9,11 +10,10 @@ use genmanip_scene::answer::hostile::{Fuzzer, inconsistency, worst_cases};
 use genmanip_scene::answer::{AnswerReport, RecordedAnswer, TaskRequest, Verdict, check_answer};
 use serde::Serialize;
 
-use super::cpu_clock;
-use crate::args::AnswersArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::inputs;
-use crate::printer::{Printer, table};
+use crate::LabError;
+use crate::clock::cpu_clock;
+use genmanip_bench::text_table;
+use genmanip_run::{Cause, Progress, inputs};
 
 /// Largest recorded answer that is read, bytes.
 const MAX_BYTES: u64 = 16 << 20;
@@ -24,45 +24,70 @@ const REPETITIONS: usize = 5;
 /// Texts that are shown when they break something.
 const SHOWN: usize = 10;
 
+/// How much is fuzzed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Amount {
+    /// So many texts.
+    Texts(usize),
+    /// For so many minutes of processor time.
+    Minutes(f64),
+}
+
 /// One text and what came of it.
 #[derive(Debug, Serialize)]
-struct Row {
-    name: String,
-    bytes: usize,
-    verdict: &'static str,
-    cpu_ms: f64,
+pub struct Timed {
+    /// What makes it a worst case.
+    pub name: String,
+    /// Its length.
+    pub bytes: usize,
+    /// The verdict.
+    pub verdict: &'static str,
+    /// Processor time of the check.
+    pub cpu_ms: f64,
 }
 
 /// The fuzzer's part.
 #[derive(Debug, Default, Serialize)]
-struct Fuzzed {
-    executions: u64,
-    kept: usize,
-    cpu_s: f64,
-    slowest_ms: f64,
+pub struct Fuzzed {
+    /// Texts that were checked.
+    pub executions: u64,
+    /// Texts that were new enough to start from.
+    pub kept: usize,
+    /// Processor time of all.
+    pub cpu_s: f64,
+    /// Processor time of the slowest check.
+    pub slowest_ms: f64,
     /// Bytes of the slowest text.
-    slowest_bytes: usize,
-    verdicts: BTreeMap<&'static str, u64>,
+    pub slowest_bytes: usize,
+    /// How many texts had which verdict.
+    pub verdicts: BTreeMap<&'static str, u64>,
     /// Texts that made the reader panic or contradict itself.
-    broken: Vec<String>,
+    pub broken: Vec<String>,
 }
 
 /// The measurement.
 #[derive(Debug, Serialize)]
-struct Measurement {
+pub struct Measurement {
     /// Verdicts of the recorded answers.
-    recorded: BTreeMap<&'static str, usize>,
-    /// Recorded answers that say what is to be made of them, and those of which it is made.
-    expected: usize,
-    as_expected: usize,
+    pub recorded: BTreeMap<&'static str, usize>,
+    /// Recorded answers that say what is to be made of them.
+    pub expected: usize,
+    /// Those of which it is made.
+    pub as_expected: usize,
     /// Largest processor time of a worst case, milliseconds.
-    worst_ms: f64,
-    worst_cases: Vec<Row>,
-    fuzzed: Fuzzed,
+    pub worst_ms: f64,
+    /// Each worst case.
+    pub worst_cases: Vec<Timed>,
+    /// What the fuzzer found.
+    pub fuzzed: Fuzzed,
 }
 
-pub fn run(arguments: &AnswersArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let recorded = read(arguments)?;
+/// Checks the recorded answers in a file or folder, worst cases, and what a fuzzer makes of them.
+///
+/// # Errors
+/// When a file cannot be read or is no recorded answer.
+pub fn measure(answers: &Path, amount: Amount, seed: Seed, progress: &dyn Progress) -> Result<Measurement, LabError> {
+    let recorded = read(answers)?;
     let mut verdicts = BTreeMap::new();
     let (mut expected, mut as_expected) = (0, 0);
     for (answer, request) in &recorded {
@@ -74,27 +99,26 @@ pub fn run(arguments: &AnswersArguments, printer: &Printer) -> Result<ExitStatus
         }
     }
     let (_, request) = &recorded[0];
-    let worst_cases: Vec<Row> = worst_cases().iter().map(|(name, text)| timed(name, text, request)).collect();
-    let measurement = Measurement {
+    let worst_cases: Vec<Timed> = worst_cases().iter().map(|(name, text)| timed(name, text, request)).collect();
+    Ok(Measurement {
         recorded: verdicts,
         expected,
         as_expected,
         worst_ms: worst_cases.iter().map(|row| row.cpu_ms).fold(0.0, f64::max),
         worst_cases,
-        fuzzed: fuzz(&recorded, arguments, printer),
-    };
-    printer.data(&measurement, &in_words(&measurement));
-    Ok(ExitStatus::Done)
+        fuzzed: fuzz(&recorded, amount, seed, progress),
+    })
 }
 
-fn read(arguments: &AnswersArguments) -> Result<Vec<(RecordedAnswer, TaskRequest)>, Failed> {
+fn read(answers: &Path) -> Result<Vec<(RecordedAnswer, TaskRequest)>, LabError> {
     let mut recorded = Vec::new();
-    for path in inputs::expand(std::slice::from_ref(&arguments.answers))? {
+    for path in inputs::expand(&[answers.to_owned()])? {
         let not_recorded =
-            |error: &dyn std::error::Error| Failed::because(format!("{} is no recorded answer", path.display()), error);
-        let answer =
-            RecordedAnswer::from_json(&inputs::read_text(&path, MAX_BYTES)?).map_err(|error| not_recorded(&error))?;
-        let request = answer.request("lab", Catalogue::builtin().cards()).map_err(|error| not_recorded(&error))?;
+            |error: Cause| LabError::input(format!("{} is no recorded answer", path.display())).because(error);
+        let text = inputs::read_text(&path, MAX_BYTES)?;
+        let answer = RecordedAnswer::from_json(&text).map_err(|error| not_recorded(error.into()))?;
+        let request = answer.request("lab", Catalogue::builtin().cards());
+        let request = request.map_err(|error| not_recorded(error.into()))?;
         recorded.push((answer, request));
     }
     Ok(recorded)
@@ -108,7 +132,7 @@ fn is_as_expected(wanted: &str, report: &AnswerReport) -> bool {
     !report.flaws.is_empty() && report.flaws.iter().all(|flaw| flaw.kind.name() == wanted)
 }
 
-fn timed(name: &str, text: &str, request: &TaskRequest) -> Row {
+fn timed(name: &str, text: &str, request: &TaskRequest) -> Timed {
     let mut clock = cpu_clock();
     let mut quickest = f64::INFINITY;
     let mut verdict = "";
@@ -119,19 +143,19 @@ fn timed(name: &str, text: &str, request: &TaskRequest) -> Row {
         drop(report);
         quickest = quickest.min(clock() - start);
     }
-    Row { name: name.into(), bytes: text.len(), verdict, cpu_ms: quickest * 1e3 }
+    Timed { name: name.into(), bytes: text.len(), verdict, cpu_ms: quickest * 1e3 }
 }
 
-fn fuzz(recorded: &[(RecordedAnswer, TaskRequest)], arguments: &AnswersArguments, printer: &Printer) -> Fuzzed {
+fn fuzz(recorded: &[(RecordedAnswer, TaskRequest)], amount: Amount, seed: Seed, progress: &dyn Progress) -> Fuzzed {
     let corpus = recorded.iter().map(|(answer, _)| answer.response.clone()).collect();
-    let mut fuzzer = Fuzzer::new(corpus, Seed::new(arguments.seed).fork("fuzz"));
+    let mut fuzzer = Fuzzer::new(corpus, seed.fork("fuzz"));
     let mut fuzzed = Fuzzed::default();
     let mut clock = cpu_clock();
     let begin = clock();
-    let bar = printer.progress("fuzzing", arguments.count);
-    let goes_on = |fuzzed: &Fuzzed, now: f64| match arguments.minutes {
-        Some(minutes) => now - begin < minutes * 60.0,
-        None => fuzzed.executions < arguments.count as u64,
+    progress.begin("fuzzing", if let Amount::Texts(count) = amount { count } else { 0 });
+    let goes_on = |fuzzed: &Fuzzed, now: f64| match amount {
+        Amount::Minutes(minutes) => now - begin < minutes * 60.0,
+        Amount::Texts(count) => fuzzed.executions < count as u64,
     };
     while goes_on(&fuzzed, clock()) {
         let (origin, text) = fuzzer.text();
@@ -157,15 +181,16 @@ fn fuzz(recorded: &[(RecordedAnswer, TaskRequest)], arguments: &AnswersArguments
             }
             Err(_) => fuzzed.broken.push(format!("a panic: {text:?}")),
         }
-        bar.inc(1);
+        progress.advance();
     }
-    bar.finish_and_clear();
+    progress.end();
     fuzzed.cpu_s = clock() - begin;
     fuzzed.kept = fuzzer.kept();
     fuzzed
 }
 
-fn in_words(measurement: &Measurement) -> String {
+/// The same in words.
+pub fn in_words(measurement: &Measurement) -> String {
     let mut lines = vec![["worst case", "bytes", "verdict", "ms"].map(String::from).to_vec()];
     for row in &measurement.worst_cases {
         lines.push(vec![row.name.clone(), row.bytes.to_string(), row.verdict.into(), format!("{:.2}", row.cpu_ms)]);
@@ -174,7 +199,7 @@ fn in_words(measurement: &Measurement) -> String {
     let mut text = format!(
         "{}\nrecorded  {:?}; {} of {} as expected\nworst     {:.2} ms\n\
          fuzzed    {} texts in {:.0} s, {:?}, {} kept, slowest {:.2} ms ({} bytes), {} broken\n",
-        table(&lines).trim_end(),
+        text_table(&lines).trim_end(),
         measurement.recorded,
         measurement.as_expected,
         measurement.expected,

@@ -1,6 +1,4 @@
-//! Pictures the command line makes: film strips, drawings and motions.
-
-pub mod motion;
+//! Pictures of episodes and layouts: stills, film strips and drawings.
 
 use genmanip_assets::Catalogue;
 use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};
@@ -12,44 +10,25 @@ use genmanip_render::{Channels, FrameBuffers, encode};
 use genmanip_rollout::{Stage, images::Painter};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
 
-use crate::error::Failed;
+use crate::error::RunError;
 
-/// `count` moments of an episode, seen by the `static` camera, as JPEG files.
-pub fn stills(stage: &Stage, episode: &Episode, count: usize, width: u32) -> Result<Vec<Vec<u8>>, Failed> {
-    paint(stage, episode, count, width)?
+/// `count` moments of an episode, seen by the `static` camera, as JPEG files; the painter is of the episode's stage.
+///
+/// # Errors
+/// When the scenario has no such camera, or a frame cannot be drawn.
+pub fn stills(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<Vec<u8>>, RunError> {
+    paint(painter, episode, count, width)?
         .iter()
         .map(|picture| jpeg(&episode.result.id, picture.width, picture.height, &picture.rgb))
         .collect()
 }
 
-fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, Failed> {
-    encode::jpeg_rgb(width, height, rgb, 85)
-        .map_err(|error| Failed::because(format!("cannot encode a picture of {episode}"), &error))
-}
-
-fn paint(stage: &Stage, episode: &Episode, count: usize, width: u32) -> Result<Vec<FrameBuffers>, Failed> {
-    let failed = |error: &dyn std::error::Error| Failed::because(format!("cannot draw {}", episode.result.id), error);
-    let camera = episode
-        .scenario
-        .cameras
-        .iter()
-        .find(|camera| camera.name == "static")
-        .ok_or_else(|| Failed::new(format!("scenario {} has no camera `static`", episode.scenario.id)))?;
-    let camera = genmanip_core::Camera {
-        intrinsics: camera.intrinsics.resized(width, width * camera.intrinsics.height / camera.intrinsics.width),
-        ..camera.clone()
-    };
-    let mut painter = Painter::new(stage).map_err(|error| failed(&error))?;
-    let last = episode.frames.len().saturating_sub(1);
-    (0..count)
-        .filter_map(|index| episode.frames.get(last * index / count.saturating_sub(1).max(1)))
-        .map(|frame| painter.paint(frame, &camera, Channels::RGB).map_err(|error| failed(&error)))
-        .collect()
-}
-
 /// `count` moments beside each other as one JPEG.
-pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<u8>, Failed> {
-    let pictures = paint(stage, episode, count, 384)?;
+///
+/// # Errors
+/// As [`stills`].
+pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<u8>, RunError> {
+    let pictures = paint(&mut painter(stage)?, episode, count, 384)?;
     let (width, height) = pictures.first().map_or((0, 0), |picture| (picture.width, picture.height));
     let mut rgb = Vec::with_capacity((width * height) as usize * 3 * pictures.len());
     for row in 0..height as usize {
@@ -61,8 +40,45 @@ pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<
     jpeg(&episode.result.id, width * pictures.len() as u32, height, &rgb)
 }
 
+/// What draws the frames of a stage.
+///
+/// # Errors
+/// When a mesh is broken.
+pub fn painter(stage: &Stage) -> Result<Painter, RunError> {
+    Painter::new(stage).map_err(|error| RunError::broken(format!("cannot draw {}", stage.scenario.id), error))
+}
+
+fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<FrameBuffers>, RunError> {
+    let scenario = &episode.scenario;
+    let camera = scenario
+        .cameras
+        .iter()
+        .find(|camera| camera.name == "static")
+        .ok_or_else(|| RunError::input(format!("scenario {} has no camera `static`", scenario.id)))?;
+    let camera = genmanip_core::Camera {
+        intrinsics: camera.intrinsics.resized(width, width * camera.intrinsics.height / camera.intrinsics.width),
+        ..camera.clone()
+    };
+    let last = episode.frames.len().saturating_sub(1);
+    (0..count)
+        .filter_map(|index| episode.frames.get(last * index / count.saturating_sub(1).max(1)))
+        .map(|frame| {
+            let drawn = painter.paint(frame, &camera, Channels::RGB);
+            drawn.map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))
+        })
+        .collect()
+}
+
+fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, RunError> {
+    encode::jpeg_rgb(width, height, rgb, 85)
+        .map_err(|error| RunError::broken(format!("cannot encode a picture of {episode}"), error))
+}
+
 /// What the drawing of a layout shows.
-pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<LayoutPicture, Failed> {
+///
+/// # Errors
+/// When an object is not in the catalogue.
+pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<LayoutPicture, RunError> {
     let edges = scenario.task.scene_graph.edges.iter();
     Ok(LayoutPicture {
         workspace: scenario.workspace,
@@ -74,12 +90,18 @@ pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<Layo
 }
 
 /// The task's graph beside its layout.
-pub fn explained(scenario: &Scenario, catalogue: &Catalogue) -> Result<Svg, Failed> {
+///
+/// # Errors
+/// When an object is not in the catalogue.
+pub fn explained(scenario: &Scenario, catalogue: &Catalogue) -> Result<Svg, RunError> {
     Ok(explain_svg(&scenario.task, &layout_picture(scenario, catalogue)?, None))
 }
 
 /// Why a task has no layout: what was placed, where the next object would have had to go, and which edges conflict.
-pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue) -> Result<Svg, Failed> {
+///
+/// # Errors
+/// When an object is not in the catalogue.
+pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue) -> Result<Svg, RunError> {
     let name = |uid: &str| task.card(uid).map_or_else(|| uid.to_owned(), |card| card.name.clone());
     let in_words = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
@@ -117,12 +139,12 @@ pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue
 }
 
 /// Objects seen from above.
-fn footprints(objects: &[PlacedObject], catalogue: &Catalogue) -> Result<Vec<Footprint>, Failed> {
+fn footprints(objects: &[PlacedObject], catalogue: &Catalogue) -> Result<Vec<Footprint>, RunError> {
     let mut shapes = ShapeCache::default();
     let footprint = |placed: &PlacedObject| {
         let model = catalogue
             .instance(placed)
-            .map_err(|error| Failed::because(format!("cannot draw object {}", placed.uid), &error))?;
+            .map_err(|error| RunError::broken(format!("cannot draw object {}", placed.uid), error))?;
         let color = model.card.colors.first().map_or([128; 3], |word| color_of_word(word));
         let name = model.card.name.clone();
         let object = PosedObject {

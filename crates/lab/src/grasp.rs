@@ -1,77 +1,106 @@
-//! `genmanip lab grasp`.
+//! Grasps from points, tried in physics: lift, shake, hold.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::Seed;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_rollout::grasp_trial::{Class, Ending, GraspTrials, Pick, Trial, View, ViewSettings};
+use genmanip_run::Progress;
 use genmanip_sim::SimSettings;
 use serde::Serialize;
 
-use super::calibration::Calibration;
-use super::cpu_clock;
-use crate::args::GraspArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use crate::LabError;
+use crate::calibration::Calibration;
+use crate::clock::cpu_clock;
 
 /// Bins of the reliability diagram.
 const BINS: usize = 10;
 
+/// What is tried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GraspArguments {
+    /// Cloud of the target.
+    pub view: View,
+    /// Candidate to carry out.
+    pub pick: Pick,
+    /// Classes of things.
+    pub classes: Vec<Class>,
+    /// Trials per class.
+    pub count: u64,
+    /// File for one line of JSON per trial.
+    pub out: Option<PathBuf>,
+}
+
+/// What the trials came to.
 #[derive(Serialize)]
-struct Report {
-    seed: u64,
-    view: View,
-    pick: Pick,
-    classes: BTreeMap<Class, Tally>,
-    cpu_ms: CpuTimes,
-    calibration: Calibration,
-    failures: BTreeMap<Ending, usize>,
+pub struct Report {
+    /// Seed of things, views and noise.
+    pub seed: u64,
+    /// Cloud of the target.
+    pub view: View,
+    /// Candidate that was carried out.
+    pub pick: Pick,
+    /// Per class of things.
+    pub classes: BTreeMap<Class, Tally>,
+    /// Of the sampler.
+    pub cpu_ms: CpuTimes,
+    /// How true the scores are.
+    pub calibration: Calibration,
+    /// How the trials ended that did not hold.
+    pub failures: BTreeMap<Ending, usize>,
     /// Processor seconds of everything, physics included.
-    cpu_s: f64,
+    pub cpu_s: f64,
 }
 
 /// One class: how many different objects and trials, in how many there was a candidate, how many held.
 #[derive(Serialize, Default)]
-struct Tally {
-    objects: usize,
-    attempts: usize,
-    proposed: usize,
-    held: usize,
-    share: f64,
-    failures: BTreeMap<Ending, usize>,
+pub struct Tally {
+    /// Different objects.
+    pub objects: usize,
+    /// Trials.
+    pub attempts: usize,
+    /// Trials with a candidate.
+    pub proposed: usize,
+    /// Trials that held.
+    pub held: usize,
+    /// Share of the trials that held.
+    pub share: f64,
+    /// How the others ended.
+    pub failures: BTreeMap<Ending, usize>,
     /// Names of the things that were not held, with how often.
-    missed: BTreeMap<String, usize>,
+    pub missed: BTreeMap<String, usize>,
 }
 
 /// Processor time of the sampler alone.
 #[derive(Serialize)]
-struct CpuTimes {
-    median: f64,
-    p95: f64,
+pub struct CpuTimes {
+    /// The middle one, ms.
+    pub median: f64,
+    /// 95 of 100 took no longer, ms.
+    pub p95: f64,
     /// Median number of points of a cloud.
-    points: usize,
+    pub points: usize,
 }
 
-pub fn run(arguments: &GraspArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let view = named::<View>(&arguments.view)?;
-    let pick = named::<Pick>(&arguments.pick)?;
-    let classes = match &arguments.class {
-        Some(class) => vec![named::<Class>(class)?],
-        None => vec![Class::Compact, Class::Utensils, Class::Clutter],
-    };
+/// Tries grasps on things of each class, drawn by seed; one thread.
+///
+/// # Errors
+/// When the file cannot be written or a trial broke; a grasp that does not hold is a result.
+pub fn measure(arguments: &GraspArguments, seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> {
+    let GraspArguments { view, pick, ref classes, .. } = *arguments;
     let mut out = match &arguments.out {
         None => None,
         Some(path) => {
-            let file = std::fs::File::create(path)
-                .map_err(|error| Failed::because(format!("cannot write {}", path.display()), &error))?;
+            let file = std::fs::File::create(path).map_err(|error| LabError::file("write", path, error))?;
             Some(std::io::BufWriter::new(file))
         }
     };
     let planner = Planner::new(panda(), PlannerSettings::default())
-        .map_err(|error| Failed::because("the robot cannot be planned for", &error))?;
+        .map_err(|error| LabError::broken("the robot cannot be planned for", error))?;
     let trials = GraspTrials {
         catalogue: Catalogue::builtin(),
         planner: Arc::new(planner),
@@ -79,34 +108,37 @@ pub fn run(arguments: &GraspArguments, printer: &Printer) -> Result<ExitStatus, 
         sim: SimSettings::default(),
         view: ViewSettings::default(),
     };
-    let bar = printer.progress("trials", classes.len() * arguments.count as usize);
+    progress.begin("trials", classes.len() * arguments.count as usize);
     let mut clock = cpu_clock();
     let mut done = Vec::new();
-    for class in classes {
+    for &class in classes {
         for index in 0..arguments.count {
-            let seed = Seed::new(arguments.seed).fork(&format!("{class:?}")).fork_index(index);
+            let seed = seed.fork(&format!("{class:?}")).fork_index(index);
             let trial = trials
                 .run(class, view, pick, seed, &mut clock)
-                .map_err(|error| Failed::because(format!("trial {index} of {class:?}"), &error))?;
+                .map_err(|error| LabError::broken(format!("trial {index} of {class:?}"), error))?;
             if let Some(out) = &mut out {
                 let line = serde_json::to_string(&trial).unwrap_or_default();
-                writeln!(out, "{line}").map_err(|error| Failed::because("cannot write the trials", &error))?;
+                writeln!(out, "{line}").map_err(|error| LabError::broken("cannot write the trials", error))?;
             }
             done.push(trial);
-            bar.inc(1);
+            progress.advance();
         }
     }
-    bar.finish_and_clear();
+    progress.end();
     if let Some(mut out) = out {
-        out.flush().map_err(|error| Failed::because("cannot write the trials", &error))?;
+        out.flush().map_err(|error| LabError::broken("cannot write the trials", error))?;
     }
-    let report = report(arguments.seed, view, pick, &done, clock());
-    printer.data(&report, &in_words(&report));
-    Ok(ExitStatus::Done)
+    Ok(report(seed.value(), view, pick, &done, clock()))
 }
 
-fn named<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, Failed> {
-    serde_json::from_value(name.into()).map_err(|error| Failed::because(format!("`{name}` is no choice"), &error))
+/// A view, pick or class by its name.
+///
+/// # Errors
+/// When there is none of that name.
+pub fn named<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, LabError> {
+    serde_json::from_value(name.into())
+        .map_err(|error| LabError::input(format!("`{name}` is no choice")).because(error))
 }
 
 fn report(seed: u64, view: View, pick: Pick, trials: &[Trial], cpu_s: f64) -> Report {
@@ -144,7 +176,8 @@ fn calibration(trials: &[Trial]) -> Calibration {
     Calibration::of(&trials.iter().filter_map(outcome).collect::<Vec<_>>(), BINS)
 }
 
-fn in_words(report: &Report) -> String {
+/// The same in words.
+pub fn in_words(report: &Report) -> String {
     let mut text = String::from("class     objects  attempts  proposed  held  share\n");
     for (class, tally) in &report.classes {
         text += &format!(

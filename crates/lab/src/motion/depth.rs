@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::problems::Problem;
 use super::{OPEN, SHOWN, states, timed};
-use crate::error::Failed;
+use crate::LabError;
 
 /// All that was seen, as it was seen: cells and radius, m.
 const PIXELS: (f64, f64) = (0.002, 1e-4);
@@ -20,25 +20,30 @@ const SEEN: &str = "what is seen";
 /// What became of the problems, with the true obstacles known to nobody but the judge.
 #[derive(Default, Serialize)]
 pub struct Depth {
-    problems: usize,
+    /// Problems that were drawn.
+    pub problems: usize,
     /// Of those, the ones whose start or goal touches the thickened cloud; they are not planned.
-    start_or_goal_in_cloud: usize,
+    pub start_or_goal_in_cloud: usize,
+    /// Problems that were planned.
     pub planned: usize,
+    /// Problems with a path.
     pub solved: usize,
     /// Paths with a state, every 0.02 rad, that touches the cloud they were planned in.
-    touching_cloud: usize,
+    pub touching_cloud: usize,
     /// ... that touches a point of the surfaces that were seen, as they were before thinning.
     pub touching_seen_surfaces: usize,
     /// ... that touches the true geometry: also what the camera could not see.
     pub touching_anything: usize,
     /// Part of the paths that are clear of the surfaces that were seen.
-    clear_of_seen_surfaces: f64,
+    pub clear_of_seen_surfaces: f64,
     /// Median number of points in the cloud.
-    points: f64,
-    /// Median processor time of the parts: from the image to the world, and the search in it.
-    perceive_ms: f64,
-    plan_ms: f64,
-    failures: Vec<String>,
+    pub points: f64,
+    /// Median processor time from the image to the world.
+    pub perceive_ms: f64,
+    /// Median processor time of the search in it.
+    pub plan_ms: f64,
+    /// The first problems without a path, and why.
+    pub failures: Vec<String>,
 }
 
 pub struct DepthTally {
@@ -70,7 +75,7 @@ impl DepthTally {
         }
     }
 
-    pub fn solve(&mut self, planner: &Planner, index: usize, problem: &Problem, seed: Seed) -> Result<(), Failed> {
+    pub fn solve(&mut self, planner: &Planner, index: usize, problem: &Problem, seed: Seed) -> Result<(), LabError> {
         let buffers = draw(planner.robot(), problem, &self.camera)?;
         let image = [DepthImage {
             depth_m: &buffers.depth_m,
@@ -80,7 +85,7 @@ impl DepthTally {
         let allowed = Allowed::none();
         let (start, goals) = (&problem.start, std::slice::from_ref(&problem.goal));
         let perceive = |planner: &Planner| planner.world_seen(&around(&problem.tables, &allowed), start, SEEN, &image);
-        let no_cloud = |error| Failed::because(format!("problem {index} cannot be seen"), &error);
+        let no_cloud = |error| LabError::broken(format!("problem {index} cannot be seen"), error);
         self.depth.problems += 1;
         let (seen, perceive_s) = timed(|| perceive(planner));
         let seen = seen.map_err(no_cloud)?;
@@ -135,7 +140,7 @@ fn is_touched_by(planner: &Planner, around: &Surroundings, path: &Path) -> bool 
 }
 
 /// What the camera sees of the obstacles and of the robot at the start, all drawn from their collision pieces.
-fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<FrameBuffers, Failed> {
+fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<FrameBuffers, LabError> {
     let mut drawn = robot.clone();
     for link in &mut drawn.links {
         link.visual = link.pieces.iter().map(visual).collect::<Result<_, _>>()?;
@@ -143,7 +148,7 @@ fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<FrameB
     let obstacles = problem.pieces.iter().map(visual).collect::<Result<Vec<_>, _>>()?;
     // The base stands in the world's origin.
     drawn.links[0].visual.extend(obstacles);
-    let no_picture = |error| Failed::because("the problem cannot be drawn", &error);
+    let no_picture = |error| LabError::broken("the problem cannot be drawn", error);
     let nothing_else = Environment { table: false, floor: false, ..Environment::default() };
     let assets = RenderAssets::new(Arc::new(drawn), &[], &nothing_else).map_err(no_picture)?;
     let frame = assets.frame_state(&problem.start, OPEN, []).map_err(no_picture)?;
@@ -154,9 +159,9 @@ fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<FrameB
     Ok(buffers)
 }
 
-fn visual(piece: &Piece) -> Result<VisualPart, Failed> {
+fn visual(piece: &Piece) -> Result<VisualPart, LabError> {
     let (corners, triangles) =
-        triangulate(piece).map_err(|error| Failed::because("a collision piece cannot be drawn", &error))?;
+        triangulate(piece).map_err(|error| LabError::broken("a collision piece cannot be drawn", error))?;
     let positions = corners.iter().map(|corner| corner.as_vec3()).collect();
     Ok(VisualPart {
         name: "piece".into(),
