@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{Document, EpisodeResult, Scenario, TaskKind};
+use genmanip_core::{Document, EpisodeResult, NotRun, Scenario, TaskKind, Upgrade, upgrade};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -30,10 +30,14 @@ pub struct EvaluationReport {
     pub kinds: BTreeMap<String, TaskKind>,
     /// One per episode, ordered by scenario, seed and id.
     pub results: Vec<EpisodeResult>,
+    /// Episodes that are still to be run, since the policy could not be reached; ordered by id, counted nowhere.
+    pub not_run: Vec<NotRun>,
 }
 
 impl Document for EvaluationReport {
-    const SCHEMA: &'static str = "genmanip.evaluation/1";
+    const SCHEMA: &'static str = "genmanip.evaluation/2";
+    const PREVIOUS: Option<Upgrade> =
+        Some(Upgrade { schema: "genmanip.evaluation/1", upgrade: upgrade::result::evaluation_from_1 });
 }
 
 /// Why results make no report.
@@ -131,10 +135,19 @@ impl EvaluationReport {
                 }
             }
             whole.results.extend(part.results);
+            whole.not_run.extend(part.not_run);
             whole.kinds.extend(part.kinds);
         }
-        let Self { suite, suite_hash, kinds, results, statistics, .. } = whole;
-        Self::from_parts(&suite, suite_hash, kinds, results, reference_paths_m, &statistics)
+        let Self { suite, suite_hash, kinds, results, not_run, statistics, .. } = whole;
+        let whole = Self::from_parts(&suite, suite_hash, kinds, results, reference_paths_m, &statistics)?;
+        Ok(whole.leaving(not_run))
+    }
+
+    /// The same report, telling also which episodes are still to be run.
+    #[must_use]
+    pub fn leaving(self, mut not_run: Vec<NotRun>) -> Self {
+        not_run.sort_by(|a, b| a.id.cmp(&b.id));
+        Self { not_run, ..self }
     }
 
     fn from_parts(
@@ -170,6 +183,7 @@ impl EvaluationReport {
             summary,
             kinds,
             results,
+            not_run: Vec::new(),
         })
     }
 }

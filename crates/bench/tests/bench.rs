@@ -107,7 +107,7 @@ fn hostile_text_stays_text() {
     let failure = Failure { cause: FailureCause::Slipped, evidence: hostile.into() };
     section.attempts[0].outcome = AttemptOutcome::Failed(failure.clone());
     section.results[0].policy = hostile.into();
-    section.results[0].failure = Some(failure);
+    section.results[0].failures = vec![failure];
     let shown = section.shown.as_mut().unwrap();
     shown.id = hostile.into();
     let atom = &mut shown.verdict.alternatives[0][0];

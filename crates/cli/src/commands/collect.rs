@@ -114,7 +114,7 @@ pub fn collect_run(
                 folder.time_attempt(&result.id, seconds);
             }
             bar.inc(1);
-            if let Some(failure) = &result.failure {
+            if let Some(failure) = result.failure() {
                 bar.suspend(|| printer.say(format!("{}: {failure}", result.id)));
             }
         },
@@ -181,7 +181,7 @@ fn rows(tasks: &[Task], results: &[EpisodeResult], folder: &RunFolder) -> Vec<Ta
                 kind: task.kind,
                 attempts: mine().count(),
                 verified: mine().filter(|result| result.success).count(),
-                failures: mine().filter_map(|result| result.failure.as_ref()).map(ToString::to_string).collect(),
+                failures: mine().filter_map(|result| Some(result.failure()?.to_string())).collect(),
                 seconds: mine().filter_map(|result| timings.attempts.get(&result.id)).sum(),
             }
         })

@@ -45,16 +45,22 @@ pub fn evaluate_run(
         let started = Instant::now();
         let bar = printer.progress(policy.name(), scenarios.len());
         let workers = inputs::workers(arguments.workers);
-        let results = evaluate(&store, policy, resources, &run.settings, workers, stop, &|_| bar.inc(1))
+        let evaluated = evaluate(&store, policy, resources, &run.settings, workers, stop, &|_| bar.inc(1))
             .map_err(|error| Failed::because(format!("evaluating {} stopped", policy.name()), &error))?;
         bar.finish_and_clear();
         if stop.load(Ordering::Relaxed) {
             break;
         }
         let name = arguments.run.file_name().unwrap_or_default().to_string_lossy();
-        let report =
-            EvaluationReport::new(&name, &scenarios, results, &BTreeMap::new(), &StatisticsSettings::default())
-                .map_err(|error| Failed::because(format!("cannot summarise {}", policy.name()), &error))?;
+        let report = EvaluationReport::new(
+            &name,
+            &scenarios,
+            evaluated.results,
+            &BTreeMap::new(),
+            &StatisticsSettings::default(),
+        )
+        .map_err(|error| Failed::because(format!("cannot summarise {}", policy.name()), &error))?
+        .leaving(evaluated.not_run);
         let path = folder.join("evaluation").join(format!("{}.json", policy.name()));
         inputs::write_file(&path, report.to_json().as_bytes())?;
         folder.time_phase(&format!("evaluate {}", policy.name()), started.elapsed().as_secs_f64());

@@ -125,7 +125,7 @@ fn section(
         }
         attempts.push(AttemptRow {
             id: id.clone(),
-            outcome: result.failure.clone().map_or(AttemptOutcome::Verified, AttemptOutcome::Failed),
+            outcome: result.failure().map_or(AttemptOutcome::Verified, AttemptOutcome::Failed),
             seconds: timings.attempts.get(&id).copied().unwrap_or(0.0),
         });
         collected.push(result);
