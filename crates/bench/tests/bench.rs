@@ -186,7 +186,7 @@ fn an_evaluation_survives_its_file_and_equals_the_merge_of_its_shards() {
 
     let whole = make(results.clone()).unwrap();
     assert_eq!(EvaluationReport::from_json(&whole.to_json()).unwrap(), whole);
-    assert!(whole.to_json().starts_with("{\n  \"schema\": \"genmanip.evaluation/1\""));
+    assert!(whole.to_json().starts_with("{\n  \"schema\": \"genmanip.evaluation/2\""));
     assert_eq!((whole.oracle, whole.summary.success.trials), (true, 30));
 
     let shard = |index: usize| make(results.iter().skip(index).step_by(3).cloned().collect()).unwrap();
