@@ -26,8 +26,10 @@ mod handle;
 mod paint;
 mod parts;
 mod recipe;
+mod record;
 mod robot;
 mod solid;
+mod source;
 mod surface;
 mod variant;
 
@@ -39,4 +41,5 @@ pub use error::AssetError;
 pub use grasps::{GraspFile, GraspProvenance, ObjectGrasps};
 pub use handle::{HANDLE, handle_bounds};
 pub use robot::{panda, robot_from_json};
+pub use source::AssetSource;
 pub use variant::variant;

@@ -64,6 +64,12 @@ impl Context<'_> {
         }
     }
 
+    /// What the scene calls an object: a node by its id, a distractor by its uid.
+    fn id(&self, object: usize) -> String {
+        let node = self.task.scene_graph.nodes.get(object);
+        node.map_or_else(|| self.models[object].card.uid.clone(), |node| node.id.clone())
+    }
+
     fn support_of(&self, object: usize) -> Option<usize> {
         self.steps.iter().find(|step| step.object == object)?.support.map(|(support, _)| support)
     }
@@ -152,7 +158,7 @@ pub(crate) fn place_all(
 /// All objects in their initial states, far from the table and from each other.
 fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
     let objects = context.models.iter().enumerate().map(|(index, model)| PosedObject {
-        uid: model.card.uid.clone(),
+        id: context.id(index),
         model: Arc::clone(model),
         pose: Pose::from_position(DVec3::new(-10.0 - index as f64, 0.0, 0.0)),
         joint_positions: context.joints[index].clone(),
