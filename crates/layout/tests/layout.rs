@@ -4,7 +4,7 @@
 
 use std::sync::OnceLock;
 
-use genmanip_assets::{AssetError, Catalogue, panda};
+use genmanip_assets::{AssetError, AssetSource, Catalogue, panda};
 use genmanip_core::{AssetRef, Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
 use genmanip_layout::{LayoutError, LayoutSettings, audit, lay_out, moves};
 use genmanip_motion::{Planner, PlannerSettings};
