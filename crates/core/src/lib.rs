@@ -19,6 +19,7 @@
 
 pub mod camera;
 pub mod document;
+mod document_error;
 pub mod episode;
 pub mod geometry;
 pub mod grasp;
@@ -36,7 +37,8 @@ pub mod verdict;
 pub use glam;
 
 pub use camera::{Camera, CameraMount, Intrinsics};
-pub use document::{Document, DocumentError, Upgrade};
+pub use document::{Document, Upgrade};
+pub use document_error::DocumentError;
 pub use episode::{
     AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, ObjectState, StrayContact,
 };
