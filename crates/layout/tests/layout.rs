@@ -58,7 +58,8 @@ fn check(scenario: &Scenario) {
     assert_eq!(uids(scenario), task.scene_graph.nodes.iter().map(|node| node.uid.clone()).collect::<Vec<_>>());
 
     let verdicts = judge_edges(&scene, &task.scene_graph, &relations);
-    assert!(verdicts.len() >= task.scene_graph.edges.len());
+    let edges: Vec<Atom> = task.scene_graph.edges.iter().map(GraphEdge::atom).collect();
+    assert_eq!(verdicts.iter().map(|verdict| verdict.atom.clone()).collect::<Vec<_>>(), edges, "{id}");
     for verdict in verdicts {
         assert!(verdict.holds, "{id}: {} does not hold: {}", verdict.atom, verdict.explanation);
     }
@@ -70,6 +71,8 @@ fn check(scenario: &Scenario) {
 
     let report = audit(scenario, Catalogue::builtin(), &panda(), 2.0).unwrap();
     assert!(report.penetration_m < 1e-3 && report.drift_m < 1e-3, "{id}: {report:?}");
+    let states = task.scene_graph.nodes.iter().filter(|node| node.state.is_some()).count();
+    assert_eq!((report.checked, report.failed.len()), (edges.len() + states, 0), "{id}: {report:?}");
 
     let workspace = scenario.workspace;
     for index in 0..scenario.objects.len() {
