@@ -22,6 +22,7 @@ pub mod document;
 pub mod episode;
 pub mod geometry;
 pub mod grasp;
+pub mod json;
 pub mod mesh;
 pub mod object;
 pub mod policy;
