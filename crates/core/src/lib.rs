@@ -31,6 +31,7 @@ pub mod robot;
 pub mod scenario;
 pub mod seed;
 pub mod task;
+pub mod upgrade;
 pub mod verdict;
 
 pub use glam;
@@ -38,7 +39,8 @@ pub use glam;
 pub use camera::{Camera, CameraMount, Intrinsics};
 pub use document::{Document, DocumentError, Upgrade};
 pub use episode::{
-    AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, ObjectState, StrayContact,
+    AttemptOutcome, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun, ObjectState,
+    StrayContact,
 };
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
