@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use genmanip_core::{Document, Grasp, ObjectModel, Pose, Seed, TriedGrasp};
+use genmanip_core::{Document, Grasp, ObjectModel, Pose, RobotModel, Seed, TriedGrasp};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -51,6 +51,61 @@ pub struct ObjectGrasps {
     pub grasps: Vec<TriedGrasp>,
 }
 
+/// Tried grasps of whatever robots and objects there are, by the name of the robot and the physics of the object.
+///
+/// What a layout or the expert is given: it has no grasps of a robot or an object that were not tried with them.
+#[derive(Clone, Debug, Default)]
+pub struct GraspLibrary {
+    /// By robot and hash of the object's physics.
+    grasps: BTreeMap<(String, String), Vec<TriedGrasp>>,
+    /// Hash of the physics that the grasps of an object were tried with, by robot and uid.
+    tried_with: BTreeMap<(String, String), String>,
+}
+
+impl GraspLibrary {
+    /// The grasps of files; of several for the same robot and object the last one counts.
+    pub fn new(files: impl IntoIterator<Item = GraspFile>) -> Self {
+        let mut library = Self::default();
+        for GraspFile { made_by, objects } in files {
+            for (uid, ObjectGrasps { physics_hash, grasps }) in objects {
+                library.grasps.insert((made_by.robot.clone(), physics_hash.clone()), grasps);
+                library.tried_with.insert((made_by.robot.clone(), uid), physics_hash);
+            }
+        }
+        library
+    }
+
+    /// The grasps that come with the program.
+    pub fn builtin() -> &'static Self {
+        static LIBRARY: OnceLock<GraspLibrary> = OnceLock::new();
+        LIBRARY.get_or_init(|| Self::new([GraspFile::builtin().clone()]))
+    }
+
+    /// The grasps that a robot's hand tried on an object, those that held most often first; none of what it never tried.
+    ///
+    /// # Errors
+    /// [`AssetError::StaleGrasps`] when the robot tried an object of this uid with other physics.
+    pub fn of(&self, robot: &RobotModel, model: &ObjectModel) -> Result<&[TriedGrasp], AssetError> {
+        let got = physics_of(model);
+        if let Some(grasps) = self.grasps.get(&(robot.name.clone(), got.clone())) {
+            return Ok(grasps);
+        }
+        match self.tried_with.get(&(robot.name.clone(), model.card.uid.clone())) {
+            Some(expected) => Err(stale(model, expected, got)),
+            None => Ok(&[]),
+        }
+    }
+}
+
+/// The hash that grasps are kept by.
+fn physics_of(model: &ObjectModel) -> String {
+    model.physics_hash()
+}
+
+fn stale(model: &ObjectModel, expected: &str, got: String) -> AssetError {
+    AssetError::StaleGrasps { uid: model.card.uid.clone(), expected: expected.into(), got }
+}
+
 impl Document for GraspFile {
     const SCHEMA: &'static str = "genmanip.grasps/1";
 }
@@ -71,10 +126,9 @@ impl GraspFile {
     /// [`AssetError::StaleGrasps`] when the object has changed since they were tried.
     pub fn of(&self, model: &ObjectModel) -> Result<Option<&[TriedGrasp]>, AssetError> {
         let Some(object) = self.objects.get(&model.card.uid) else { return Ok(None) };
-        let got = model.physics_hash();
+        let got = physics_of(model);
         if object.physics_hash != got {
-            let (uid, expected) = (model.card.uid.clone(), object.physics_hash.clone());
-            return Err(AssetError::StaleGrasps { uid, expected, got });
+            return Err(stale(model, &object.physics_hash, got));
         }
         Ok(Some(&object.grasps))
     }

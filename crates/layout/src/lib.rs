@@ -37,9 +37,10 @@ pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::LayoutSettings;
 
 use context::{Context, GoalRoom};
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{
-    Atom, Camera, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task, Workspace,
+    Atom, Camera, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task, TriedGrasp,
+    Workspace,
 };
 use genmanip_motion::Planner;
 use genmanip_scene::relations::{
@@ -68,31 +69,35 @@ pub enum Phase {
     Seeing,
 }
 
-/// Lays a task out for the planner's robot.
+/// Lays a task out for the planner's robot; `grasps` are those that are tried before new ones are sampled.
 ///
 /// Same task, seed and settings: the same scenario, byte for byte.
 ///
 /// # Errors
-/// [`LayoutError::UnknownObject`] for a uid that is not in the catalogue; [`LayoutError::Infeasible`] when every
+/// [`LayoutError::UnknownObject`] for a uid that is not in the catalogue; [`LayoutError::StaleGrasps`] and
+/// [`LayoutError::Render`] for defects, see [`LayoutError::is_defect`]; [`LayoutError::Infeasible`] when every
 /// bounded attempt was rejected, with the counted reasons and the edges that were hardest to satisfy.
 pub fn lay_out(
     task: &Task,
     catalogue: &Catalogue,
     planner: &Planner,
+    grasps: &GraspLibrary,
     seed: Seed,
     settings: &LayoutSettings,
 ) -> Result<Scenario, LayoutError> {
-    lay_out_observed(task, catalogue, planner, seed, settings, &mut |_| ())
+    lay_out_observed(task, catalogue, planner, grasps, seed, settings, &mut |_| ())
 }
 
 /// [`lay_out`], telling whoever measures when each phase begins.
 ///
 /// # Errors
 /// As [`lay_out`].
+#[expect(clippy::too_many_arguments, reason = "input, what every layout has, seed, settings, and who measures")]
 pub fn lay_out_observed(
     task: &Task,
     catalogue: &Catalogue,
     planner: &Planner,
+    grasps: &GraspLibrary,
     seed: Seed,
     settings: &LayoutSettings,
     begin: &mut dyn FnMut(Phase),
@@ -104,6 +109,8 @@ pub fn lay_out_observed(
         .iter()
         .map(|node| catalogue.build(&node.uid).map_err(LayoutError::from))
         .collect::<Result<Vec<_>, _>>()?;
+    let tried = models.iter().map(|model| grasps.of(planner.robot(), model)).collect::<Result<Vec<_>, _>>();
+    let tried = tried.map_err(LayoutError::StaleGrasps)?;
     let relations = RelationSettings::default();
     let edges = indexed_edges(&task.scene_graph)?;
     let uid = |index: usize| task.scene_graph.nodes[index].uid.clone();
@@ -130,7 +137,7 @@ pub fn lay_out_observed(
         let models = uids.iter().map(|uid| catalogue.build(uid)).collect::<Result<Vec<_>, _>>()?;
         context.set_distractors(models);
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
-            Ok(mut scene) => match accept(&context, &mut scene, planner, attempt, &mut rejections, begin) {
+            Ok(mut scene) => match accept(&context, &mut scene, planner, &tried, attempt, &mut rejections, begin) {
                 Ok(()) => return Ok(scenario(task, seed, &scene, planner.robot())),
                 Err(Refusal::Defect(error)) => return Err(error),
                 Err(Refusal::Rejected(reason)) => {
@@ -171,6 +178,7 @@ fn accept(
     context: &Context,
     scene: &mut PosedScene,
     planner: &Planner,
+    tried: &[&[TriedGrasp]],
     seed: Seed,
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),
@@ -195,7 +203,7 @@ fn accept(
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    if let Some(reason) = reach::unreachable(task, scene, planner, relations, seed) {
+    if let Some(reason) = reach::unreachable(task, scene, planner, relations, tried, seed) {
         return Err(reason.into());
     }
     begin(Phase::Seeing);
