@@ -103,7 +103,7 @@ pub(crate) fn place_all(
 /// All objects in their initial states, far from the table and from each other.
 fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
     let objects = context.models.iter().enumerate().map(|(index, model)| PosedObject {
-        uid: model.card.uid.clone(),
+        id: context.id(index),
         model: Arc::clone(model),
         pose: Pose::from_position(DVec3::new(PARKED_M - index as f64, 0.0, 0.0)),
         joint_positions: context.joints[index].clone(),
@@ -362,7 +362,7 @@ impl Search<'_> {
         let context = self.context;
         let node = context.task.scene_graph.nodes.get(object);
         let ObjectCard { uid, name, .. } = &context.models[object].card;
-        NamedObject { id: node.map_or(uid, |node| &node.uid).clone(), name: name.clone() }
+        NamedObject { id: node.map_or(uid, |node| &node.id).clone(), name: name.clone() }
     }
 
     /// Whatever the object is tied to by relations stands in its way.

@@ -109,7 +109,7 @@ impl Rejections {
 impl NamedObject {
     /// The name of an object of a scene.
     pub fn of(object: &PosedObject) -> Self {
-        Self { id: object.uid.clone(), name: object.model.card.name.clone() }
+        Self { id: object.id.clone(), name: object.model.card.name.clone() }
     }
 }
 

@@ -65,6 +65,11 @@ fn a_library_gives_out_what_this_robot_tried_on_this_object() {
     let shelf = Catalogue::builtin().build("057").unwrap();
     assert_eq!(library.of(&robot, &shelf), Ok(&[][..]), "never tried");
 
+    // What nobody tried has the grasps of what has the same physics.
+    let mut twin = (*mug).clone();
+    twin.card.uid = "twin".into();
+    assert!(library.of(&robot, &twin).unwrap() == known);
+
     // Of files for several robots each gets its own.
     let mut theirs = GraspFile::builtin().clone();
     theirs.made_by.robot.clone_from(&other.name);

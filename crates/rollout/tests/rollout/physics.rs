@@ -158,7 +158,7 @@ fn the_model_has_no_welds_and_no_lighter_objects() {
 /// Whether one thing lies on another, by bounds and by the contacts of the engine alone, without the judge.
 fn seems_to_hold(stage: &Stage, objects: &[ObjectState], contacts: &[ContactReport], atom: &Atom) -> bool {
     let Atom::Relation { subject, relation: Relation::Top, reference, .. } = atom else { panic!("no rule for {atom}") };
-    let index = |uid: &str| stage.scenario.objects.iter().position(|object| object.uid == uid).unwrap();
+    let index = |uid: &str| stage.scenario.objects.iter().position(|object| object.id == uid).unwrap();
     let bounds = |object: usize| stage.models[object].world_bounds(&objects[object].pose, &[]);
     let (a, b) = (index(subject), index(reference));
     let (middle, lower) = (bounds(a).center(), bounds(b));
