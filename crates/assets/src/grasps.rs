@@ -6,7 +6,9 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use genmanip_core::{Document, DocumentError, Grasp, ObjectModel, Pose, RobotModel, Seed, TriedGrasp, Upgrade};
+use genmanip_core::{
+    AssetRef, Document, DocumentError, Grasp, ObjectModel, Pose, RobotModel, Seed, TriedGrasp, Upgrade,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -89,7 +91,12 @@ impl GraspLibrary {
     /// [`AssetError::StaleGrasps`] when the robot tried an object of this uid with other physics.
     pub fn of(&self, robot: &RobotModel, model: &ObjectModel) -> Result<&[TriedGrasp], AssetError> {
         let of_uid = |uid: &str| self.tried.get(&(robot.name.clone(), uid.to_owned()));
-        let known = match of_uid(&model.card.uid) {
+        // A variant of an object is not that object, although it may have its card.
+        let own = match &model.asset {
+            AssetRef::Builtin { uid, .. } => of_uid(uid),
+            AssetRef::Generated { .. } | AssetRef::Imported { .. } => None,
+        };
+        let known = match own {
             Some(own) if !model.has_physics(&own.physics_hash) => return Err(stale(model, &own.physics_hash)),
             Some(own) => Some(own),
             None => self.alike.get(&(robot.name.clone(), model.physics_hash())).and_then(|uid| of_uid(uid)),

@@ -1,4 +1,4 @@
-use genmanip_core::{Document, Seed};
+use genmanip_core::{AssetRef, Document, Seed};
 
 use crate::{AssetError, Catalogue, GraspFile, GraspLibrary, panda, variant};
 
@@ -54,20 +54,23 @@ fn a_library_gives_out_what_this_robot_tried_on_this_object() {
     let known = &GraspFile::builtin().objects["001"].grasps;
     assert!(!known.is_empty() && library.of(&robot, &mug).unwrap() == known);
 
-    let error = library.of(&robot, &variant(&mug, Seed::new(1))).unwrap_err();
+    let mut changed = (*mug).clone();
+    changed.friction += 0.1;
+    let error = library.of(&robot, &changed).unwrap_err();
     assert!(matches!(&error, AssetError::StaleGrasps { uid, .. } if uid == "001"), "{error}");
     assert!(error.to_string().contains("genmanip grasps bake"), "{error}");
 
     let mut other = (*robot).clone();
     other.name = "another arm".into();
     assert_eq!(library.of(&other, &mug), Ok(&[][..]), "grasps of another hand");
-    assert_eq!(library.of(&other, &variant(&mug, Seed::new(1))), Ok(&[][..]));
+    assert_eq!(library.of(&other, &changed), Ok(&[][..]));
+    assert_eq!(library.of(&robot, &variant(&mug, Seed::new(1))), Ok(&[][..]), "a variant is another thing");
     let shelf = Catalogue::builtin().build("057").unwrap();
     assert_eq!(library.of(&robot, &shelf), Ok(&[][..]), "never tried");
 
     // What nobody tried has the grasps of what has the same physics.
     let mut twin = (*mug).clone();
-    twin.card.uid = "twin".into();
+    twin.asset = AssetRef::Builtin { uid: "twin".into(), version: 1 };
     assert!(library.of(&robot, &twin).unwrap() == known);
 
     // Of files for several robots each gets its own.
