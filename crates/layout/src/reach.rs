@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, Pose, Seed, Task, Workspace};
+use genmanip_core::{Grasp, Pose, Seed, Task, TriedGrasp, Workspace};
 use genmanip_motion::{Allowed, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
@@ -13,17 +13,18 @@ use crate::moves::{Move, moves};
 use crate::rejection::{NamedObject, Rejection};
 use crate::surroundings;
 
-/// The reason when no alternative of the goal can be served.
+/// The reason when no alternative of the goal can be served; `tried` are the known grasps of each object.
 pub(crate) fn unreachable(
     task: &Task,
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
+    tried: &[&[TriedGrasp]],
     seed: Seed,
 ) -> Option<Rejection> {
     let mut reason = None;
     for alternative in moves(&task.goal, scene) {
-        match obstacle(&alternative, scene, planner, relations, seed) {
+        match obstacle(&alternative, scene, planner, relations, tried, seed) {
             None => return None,
             Some(obstacle) => reason = Some(obstacle),
         }
@@ -37,6 +38,7 @@ fn obstacle(
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
+    tried: &[&[TriedGrasp]],
     seed: Seed,
 ) -> Option<Rejection> {
     let world = surroundings::world(scene, None);
@@ -60,8 +62,13 @@ fn obstacle(
             return None;
         }
         let generated = || surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach"));
-        let can_be_grasped = surroundings::tried_grasps(planner, scene, step.object)
-            .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
+        let can_be_grasped = surroundings::tried_grasps(
+            planner,
+            scene,
+            step.object,
+            tried.get(step.object).copied().unwrap_or_default(),
+        )
+        .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
         match can_be_grasped {
             Ok(true) => {}
             Ok(false) => return Some(Rejection::NoGrasp(named())),
