@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, Pose, Seed, Task, Workspace};
+use genmanip_core::{Goal, Grasp, Pose, Seed, Workspace};
 use genmanip_motion::{Allowed, Planner, Surroundings};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
@@ -14,14 +14,14 @@ use crate::surroundings;
 
 /// The reason when no alternative of the goal can be served.
 pub(crate) fn unreachable(
-    task: &Task,
+    goal: &Goal,
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
     seed: Seed,
 ) -> Option<String> {
     let mut reason = None;
-    for alternative in moves(&task.goal, scene) {
+    for alternative in moves(goal, scene) {
         match obstacle(&alternative, scene, planner, relations, seed) {
             None => return None,
             Some(obstacle) => reason = Some(obstacle),

@@ -223,7 +223,7 @@ impl<'a> Recording<'a> {
         let mut scene = self.stage.posed(&states);
         scene.set_previous_states(self.states.iter().cloned());
         self.states = joint_states(&scene, &self.stage.relations);
-        judge_goal(&scene, &self.stage.scenario.task.goal, &rest, &self.stage.relations)
+        judge_goal(&scene, &self.stage.goal, &rest, &self.stage.relations)
     }
 
     fn finish(mut self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {

@@ -19,6 +19,9 @@ pub struct DesignSettings {
     pub chance: f64,
     /// Share of tasks whose goal has alternatives, where the kind allows them.
     pub disjunctions: f64,
+    /// Share of scenes with a second copy of something.
+    #[serde(default)]
+    pub copies: f64,
     /// Size along x and y of the area that a scene is sketched in, metres.
     pub area_m: [f64; 2],
     /// Smallest gap between the outlines of neighbours in the sketch, metres.
@@ -34,6 +37,7 @@ impl Default for DesignSettings {
             relation_quotas: [0.14, 0.14, 0.16, 0.16, 0.10, 0.09, 0.06, 0.09, 0.06],
             chance: 3.0,
             disjunctions: 0.2,
+            copies: 0.0,
             area_m: [0.47, 0.78],
             gap_m: 0.035,
         }
