@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Goal, Grasp, Pose, Seed, Workspace};
-use genmanip_motion::{Allowed, Planner, Surroundings};
+use genmanip_motion::{Allowed, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
@@ -40,7 +40,7 @@ fn obstacle(
 ) -> Option<String> {
     let world = surroundings::world(scene, None);
     let nothing = Allowed::none();
-    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
+    let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
     let home = &planner.robot().home;
     let within_reach = |object: &PosedObject, candidates: &[Grasp]| {
         !planner.reachable_grasps(&around, &object.id, &object.pose, candidates, home, 1).is_empty()
