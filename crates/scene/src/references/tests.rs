@@ -200,11 +200,11 @@ fn spoilt_tasks_are_found() {
 fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
     let mugs = ["001 left 008", "001#2 right 008", "027 front 008"];
     for (instruction, goal, groups) in [
-        ("Put the red mug in front of the apple.", "001 front 027", "001/001#2"),
-        ("Put the mug to the left of the plate near the apple.", "001 near 027", ""),
+        ("Put the red mug on the far side of the apple.", "001 front 027", "001/001#2"),
+        ("Put the mug that is to the robot's left of the plate near the apple.", "001 near 027", ""),
         ("Put the mug farthest to the robot's right near the apple.", "001#2 near 027", ""),
         ("Put the apple near the red mug.", "027 near 001", "001/001#2"),
-        ("Put the apple near the mug to the right of the plate.", "027 near 001#2", ""),
+        ("Put the apple near the mug that is to the robot's right of the plate.", "027 near 001#2", ""),
     ] {
         let (objects, scene_graph) = scene(&mugs);
         let reading = read(instruction, &objects, &scene_graph);
