@@ -171,6 +171,7 @@ fn play(
 ) -> Result<Result<Episode, Box<EpisodeResult>>, RolloutError> {
     let scenario = match attempt.scenario(resources, &settings.layout) {
         Ok(scenario) => scenario,
+        Err(error) if error.is_defect() => return Err(error.into()),
         Err(error) => return Ok(Err(Box::new(not_laid_out(attempt, &error, settings)))),
     };
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot(), &settings.sim)?;

@@ -37,6 +37,9 @@ pub enum RolloutError {
     /// The simulation refused or blew up.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// A layout failed for a reason that is not the task's.
+    #[error(transparent)]
+    Layout(#[from] genmanip_layout::LayoutError),
     /// The scenario names a robot that does not exist.
     #[error("scenario {scenario} wants robot `{got}`, expected `{expected}`")]
     UnknownRobot {
