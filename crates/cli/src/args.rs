@@ -162,6 +162,9 @@ pub struct NewArguments {
     /// Who invents them: rules, or llm (a language model)
     #[arg(long, default_value = "rules")]
     pub designer: String,
+    /// Share of scenes with a second copy of something, 0 to 1; only with --designer rules
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    pub copies: f64,
     /// Settings of the language model, TOML; only with --designer llm
     #[arg(long, value_name = "FILE")]
     pub settings: Option<PathBuf>,

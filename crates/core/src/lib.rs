@@ -25,6 +25,7 @@ pub mod episode;
 pub mod geometry;
 pub mod grasp;
 mod hash;
+mod interchange;
 pub mod json;
 pub mod mesh;
 pub mod object;
@@ -50,6 +51,7 @@ pub use episode::{
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
 pub use hash::AssetHashes;
+pub use interchange::{InterchangeError, MOST_ALTERNATIVES, MOST_INTERCHANGEABLE};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
 pub use policy::{

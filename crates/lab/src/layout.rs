@@ -147,7 +147,7 @@ fn goal_verdict(scenario: &Scenario) -> Result<(usize, f64), LabError> {
     for (index, placed) in scenario.objects.iter().enumerate() {
         scene.set_pose(index, placed.pose, &placed.joint_positions);
     }
-    let verdict = judge_goal(&scene, &scenario.task.goal, &Rest::default(), &settings);
+    let verdict = judge_goal(&scene, &scenario.task.judged_goal(), &Rest::default(), &settings);
     let seconds = clock();
     debug_assert!(!verdict.success);
     Ok((scenario.objects.len(), seconds * 1e6))

@@ -148,7 +148,7 @@ pub fn audit(
         drift_m,
         checked: verdicts.len(),
         failed: verdicts.into_iter().filter(|verdict| !verdict.holds).map(|verdict| verdict.atom).collect(),
-        goal_holds: judge_goal(&scene, &task.goal, &Rest::default(), &relations).success,
+        goal_holds: judge_goal(&scene, &task.judged_goal(), &Rest::default(), &relations).success,
         hidden: hidden(&scene, task.scene_graph.nodes.len(), robot, &LayoutSettings::default())?,
     })
 }

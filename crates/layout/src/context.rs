@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Atom, ObjectModel, Relation, Task};
+use genmanip_core::{Atom, Goal, ObjectModel, Relation, Task};
 use genmanip_scene::relations::RelationSettings;
 
 use crate::LayoutSettings;
@@ -11,6 +11,8 @@ use crate::order::Step;
 /// What every draw of one task shares.
 pub(crate) struct Context<'a> {
     pub task: &'a Task,
+    /// The task's goal as it is judged.
+    pub goal: &'a Goal,
     /// The graph's nodes in their order, distractors behind them.
     pub models: Vec<Arc<ObjectModel>>,
     /// Joint positions of each object's initial state.

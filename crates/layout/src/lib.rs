@@ -39,7 +39,7 @@ pub use settings::LayoutSettings;
 use context::{Context, GoalRoom};
 use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{
-    AssetHashes, Atom, Camera, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
+    AssetHashes, Atom, Camera, Goal, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
     TriedGrasp, Workspace,
 };
 use genmanip_motion::Planner;
@@ -115,12 +115,14 @@ pub fn lay_out_observed(
     let relations = RelationSettings::default();
     let edges = indexed_edges(&task.scene_graph)?;
     let id = |index: usize| task.scene_graph.nodes[index].id.clone();
+    let goal = task.judged_goal();
     let mut context = Context {
         task,
+        goal: &goal,
         joints: models.iter().enumerate().map(|(index, model)| initial_joints(task, index, model)).collect(),
-        moved: task.scene_graph.nodes.iter().map(|node| is_moved(task, &node.id)).collect(),
-        goal_rooms: goal_rooms(task),
-        goal_betweens: goal_betweens(task),
+        moved: task.scene_graph.nodes.iter().map(|node| is_moved(&goal, &node.id)).collect(),
+        goal_rooms: goal_rooms(task, &goal),
+        goal_betweens: goal_betweens(task, &goal),
         steps: order::steps(&edges, models.len(), id)?,
         models,
         edges,
@@ -184,8 +186,8 @@ fn accept(
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),
 ) -> Result<(), Refusal> {
-    let Context { task, settings, relations, .. } = *context;
-    let holds_goal = |scene: &PosedScene| judge_goal(scene, &task.goal, &Rest::default(), relations).success;
+    let Context { task, goal, settings, relations, .. } = *context;
+    let holds_goal = |scene: &PosedScene| judge_goal(scene, goal, &Rest::default(), relations).success;
     if holds_goal(scene) {
         return Err(Rejection::GoalHolds.into());
     }
@@ -204,7 +206,7 @@ fn accept(
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    if let Some(reason) = reach::unreachable(task, scene, planner, relations, tried, seed) {
+    if let Some(reason) = reach::unreachable(goal, scene, planner, relations, tried, seed) {
         return Err(reason.into());
     }
     begin(Phase::Seeing);
@@ -235,13 +237,13 @@ fn indexed_edges(graph: &SceneGraph) -> Result<Vec<(Atom, Vec<usize>)>, LayoutEr
         .collect()
 }
 
-fn is_moved(task: &Task, id: &str) -> bool {
-    let atoms = || task.goal.alternatives.iter().flatten();
+fn is_moved(goal: &Goal, id: &str) -> bool {
+    let atoms = || goal.alternatives.iter().flatten();
     atoms().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id)
 }
 
 /// Where each alternative of the goal wants what it moves, as far as that is related to objects that stay.
-fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
+fn goal_rooms(task: &Task, goal: &Goal) -> Vec<Vec<GoalRoom>> {
     let index_of = |id: &str| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
         let mut rooms: Vec<GoalRoom> = Vec::new();
@@ -260,11 +262,11 @@ fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
         }
         rooms
     };
-    task.goal.alternatives.iter().map(of_alternative).collect()
+    goal.alternatives.iter().map(of_alternative).collect()
 }
 
 /// What each alternative of the goal wants between two objects that it does not move.
-fn goal_betweens(task: &Task) -> Vec<Vec<[usize; 3]>> {
+fn goal_betweens(task: &Task, goal: &Goal) -> Vec<Vec<[usize; 3]>> {
     let index_of = |id: &str| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
         let moves = |id: &str| atoms.iter().any(|atom| atom.subject() == id);
@@ -278,7 +280,7 @@ fn goal_betweens(task: &Task) -> Vec<Vec<[usize; 3]>> {
         });
         wanted.collect()
     };
-    task.goal.alternatives.iter().map(of_alternative).collect()
+    goal.alternatives.iter().map(of_alternative).collect()
 }
 
 /// Joint positions of the object's initial state.

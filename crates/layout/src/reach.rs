@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, Pose, Seed, Task, TriedGrasp, Workspace};
+use genmanip_core::{Goal, Grasp, Pose, Seed, TriedGrasp, Workspace};
 use genmanip_motion::{Allowed, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
@@ -15,7 +15,7 @@ use crate::surroundings;
 
 /// The reason when no alternative of the goal can be served; `tried` are the known grasps of each object.
 pub(crate) fn unreachable(
-    task: &Task,
+    goal: &Goal,
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
@@ -23,7 +23,7 @@ pub(crate) fn unreachable(
     seed: Seed,
 ) -> Option<Rejection> {
     let mut reason = None;
-    for alternative in moves(&task.goal, scene) {
+    for alternative in moves(goal, scene) {
         match obstacle(&alternative, scene, planner, relations, tried, seed) {
             None => return None,
             Some(obstacle) => reason = Some(obstacle),

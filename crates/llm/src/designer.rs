@@ -199,7 +199,7 @@ impl Designer {
             kind: request.kind,
             model: self.model_name.clone(),
             prompts: self.prompts.stamps(request.kind),
-            offered: request.offered.iter().map(|card| card.uid.clone()).collect(),
+            offered: request.ids(),
             min_objects: request.min_objects,
             rounds,
             result,

@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use genmanip_chat::ReplySchema;
+use genmanip_core::asset::instance_ids;
 use genmanip_core::{ObjectCard, TaskKind};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -178,7 +179,7 @@ impl PromptSet {
 
     /// The schema of an answer that may use these objects.
     pub fn reply_schema(&self, offered: &[ObjectCard]) -> ReplySchema {
-        let uids: Vec<&str> = offered.iter().map(|card| card.uid.as_str()).collect();
+        let uids = instance_ids(offered.iter().map(|card| card.uid.as_str()));
         let mut states: Vec<&str> = Vec::new();
         for state in offered.iter().flat_map(|card| &card.states) {
             if !states.contains(&state.as_str()) {
@@ -187,7 +188,10 @@ impl PromptSet {
         }
         ReplySchema {
             name: "tosg_answer".into(),
-            schema: filled(&self.schema, &[("{{uids}}", uids), ("{{states}}", states)]),
+            schema: filled(
+                &self.schema,
+                &[("{{uids}}", uids.iter().map(String::as_str).collect()), ("{{states}}", states)],
+            ),
         }
     }
 }
@@ -276,19 +280,21 @@ impl Prompt {
 
 /// The list of objects as the model sees it, one line each.
 fn object_list(offered: &[ObjectCard]) -> String {
-    let line = |card: &ObjectCard| {
+    let ids = instance_ids(offered.iter().map(|card| card.uid.as_str()));
+    let line = |(card, id): (&ObjectCard, &String)| {
         let yes = |value: bool| if value { "yes" } else { "no" };
         let states = if card.states.is_empty() { "none".to_owned() } else { card.states.join(", ") };
+        let copy = if *id == card.uid { String::new() } else { format!(" Another one just like {:?}.", card.uid) };
         format!(
-            "- uid {:?}: {}. {} Can be picked up: {}. Holds things: {}. States: {states}.",
-            card.uid,
+            "- uid {:?}: {}. {} Can be picked up: {}. Holds things: {}. States: {states}.{copy}",
+            id,
             card.name,
             card.description,
             yes(card.can_grasp && !card.is_articulated),
             yes(card.is_container),
         )
     };
-    offered.iter().map(line).collect::<Vec<_>>().join("\n")
+    offered.iter().zip(&ids).map(line).collect::<Vec<_>>().join("\n")
 }
 
 /// A schema in which the items of lists that are placeholders are replaced by the values they stand for.

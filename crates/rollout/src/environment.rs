@@ -373,7 +373,7 @@ impl Session {
         let mut scene = self.stage.posed(&objects);
         scene.set_previous_states(self.record.joint_states.iter().cloned());
         let states = joint_states(&scene, &self.stage.relations);
-        (judge_goal(&scene, &self.stage.scenario.task.goal, &rest, &self.stage.relations), states)
+        (judge_goal(&scene, &self.stage.goal, &rest, &self.stage.relations), states)
     }
 
     fn finish(mut self, conclusion: Conclusion, settings: &RolloutSettings) -> Result<Episode, RolloutError> {

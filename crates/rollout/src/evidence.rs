@@ -102,7 +102,7 @@ pub fn slips(frames: &[Frame]) -> Vec<Slip> {
 
 /// What became of objects that no condition of the goal asks to be moved, if one was displaced or fell over.
 fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<String> {
-    let goal = &stage.scenario.task.goal;
+    let goal = &stage.goal;
     stage.scenario.objects.iter().zip(&last.objects).enumerate().find_map(|(index, (before, now))| {
         let moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.id);
         let shift = before.pose.position.distance(now.pose.position);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::{AssetError, AssetSource};
-use genmanip_core::{ObjectModel, ObjectState, RobotModel, Scenario};
+use genmanip_core::{Goal, ObjectModel, ObjectState, RobotModel, Scenario};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError, SimSettings};
 
@@ -14,6 +14,8 @@ use crate::RolloutSettings;
 pub struct Stage {
     /// The scenario.
     pub scenario: Arc<Scenario>,
+    /// Its goal as it is judged, see [`genmanip_core::Task::judged_goal`].
+    pub goal: Arc<Goal>,
     /// Models of its objects, in its order.
     pub models: Vec<Arc<ObjectModel>>,
     /// The robot.
@@ -142,7 +144,8 @@ impl Stage {
         });
         let posed = PosedScene::new(posed.collect(), &mut ShapeCache::default());
         let relations = RelationSettings::default();
-        Ok(Self { scenario, models, robot: Arc::clone(robot), scene, relations, posed })
+        let goal = Arc::new(scenario.task.judged_goal().into_owned());
+        Ok(Self { goal, scenario, models, robot: Arc::clone(robot), scene, relations, posed })
     }
 
     /// The scene at the start, as relations see it.

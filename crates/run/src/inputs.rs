@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::{AssetSource, Catalogue, panda};
+use genmanip_core::asset::uid_of;
 use genmanip_core::{Document, DocumentError, ObjectCard, Scenario, Seed, Task, TaskKind};
 use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
@@ -187,6 +188,10 @@ fn check_objects(path: &Path, task: &Task) -> Result<(), RunError> {
             }
         }
     }
+    if let Err(error) = task.check_interchangeable() {
+        return Err(RunError::input(format!("{}: at $.interchangeable: {error}", path.display()))
+            .with_hint("a group lists ids of nodes that are made from one asset"));
+    }
     if task.goal.alternatives.iter().all(Vec::is_empty) {
         return Err(RunError::input(format!("{}: at $.goal: no condition", path.display()))
             .with_hint("a goal needs at least one alternative with one condition"));
@@ -250,7 +255,7 @@ pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
 fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, RunError> {
     let catalogue = Catalogue::builtin();
     uids.iter()
-        .map(|uid| match catalogue.card(uid) {
+        .map(|uid| match catalogue.card(uid_of(uid)) {
             Some(card) => Ok(card.clone()),
             // Asking for the model of an object without a card says which ones look alike.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {

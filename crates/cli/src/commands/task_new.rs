@@ -41,6 +41,10 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
         return Err(Failed::new("--settings and --cassettes are for language models")
             .hint("add --designer llm, or leave them out"));
     }
+    if !(0.0..=1.0).contains(&arguments.copies) || (!is_rules && arguments.copies > 0.0) {
+        return Err(Failed::new(format!("--copies {} is not possible", arguments.copies))
+            .hint("expected a share of scenes, 0 to 1, with --designer rules"));
+    }
     let rows = match arguments.designer.as_str() {
         "rules" => by_rules(arguments, &kinds, printer)?,
         "llm" => by_language_model(arguments, &kinds, printer)?,
@@ -58,7 +62,7 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
 fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
     let cards = Catalogue::builtin().cards();
     printer.begin("designing", arguments.count);
-    let settings = DesignSettings::default();
+    let settings = DesignSettings { copies: arguments.copies, ..DesignSettings::default() };
     let seed = Seed::new(arguments.seed);
     let batch = design_each(kinds, arguments.count, cards, seed, &settings, &mut |_| printer.advance());
     printer.end();

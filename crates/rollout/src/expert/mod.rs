@@ -289,7 +289,7 @@ impl Policy for Expert {
         let scenario = start.scenario.as_ref().ok_or_else(|| PolicyError::Unsuited("needs the scenario".into()))?;
         self.seed = start.seed;
         // Drawn from the seed, so that demonstrations of a disjunction show all its ways.
-        self.plans = moves(&scenario.task.goal, self.stage.start());
+        self.plans = moves(&self.stage.goal, self.stage.start());
         self.plans.shuffle(&mut start.seed.fork("alternative").rng());
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
         (self.picks, self.tries, self.waits, self.phase, self.last_failure) = (0, 0, 0, Phase::Free, None);

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod collecting;
+mod copies;
 mod evidence;
 mod expert;
 mod grasping;

@@ -37,10 +37,12 @@ mod rules;
 mod tests;
 mod words;
 
+use genmanip_core::asset::instance_ids;
 use genmanip_core::{ObjectCard, Task, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::references;
 use flaw::Findings;
 pub use flaw::{Flaw, FlawKind, Repair};
 pub use recorded::{RecordedAnswer, RecordedAnswerError};
@@ -55,7 +57,8 @@ pub struct TaskRequest {
     pub id: String,
     /// Kind of task asked for.
     pub kind: TaskKind,
-    /// Cards of the objects the model could choose from.
+    /// Cards of the objects the model could choose from, one per instance: the second card of an asset offers its
+    /// second copy, under the uid `001#2`.
     pub offered: Vec<ObjectCard>,
     /// Smallest number of objects in the scene.
     pub min_objects: usize,
@@ -126,13 +129,23 @@ pub fn check_answer(raw: &str, request: &TaskRequest) -> AnswerReport {
     }
 }
 
+impl TaskRequest {
+    /// What the answer calls the offered objects: uids, numbered from the second copy of an asset on.
+    pub fn ids(&self) -> Vec<String> {
+        instance_ids(self.offered.iter().map(|card| card.uid.as_str()))
+    }
+}
+
 /// A flaw of the text hides what comes after it; from the resolved answer on, every rule is checked.
 fn read_task(raw: &str, request: &TaskRequest, findings: &mut Findings) -> Option<Task> {
     let value = extract::find_answer(raw, findings)?;
     let answer = decode::decode(&value, request.between, findings)?;
-    let draft = resolve::resolve(answer, &request.offered, request.between, findings);
+    let draft = resolve::resolve(answer, request, findings);
     let draft = rules::check(draft, request, findings);
-    draft.into_task(request)
+    let mut task = draft.to_task(request)?;
+    task.interchangeable = references::interchangeable(&task);
+    rules::check_copies(&task, findings);
+    Some(task)
 }
 
 fn is_zero(value: &usize) -> bool {

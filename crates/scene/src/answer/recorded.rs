@@ -1,5 +1,6 @@
 //! Recorded answers: what was offered, what came back, and what is to be made of it.
 
+use genmanip_core::asset::uid_of;
 use genmanip_core::{ObjectCard, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,7 +13,7 @@ use super::TaskRequest;
 pub struct RecordedAnswer {
     /// Kind of task that was asked for.
     pub task_type: TaskKind,
-    /// Uids of the offered objects.
+    /// Uids of the offered objects, one per instance: `001#2` or a second `001` is the second copy of `001`.
     pub objects: Vec<String>,
     /// Smallest number of nodes.
     pub num_objects: usize,
@@ -59,7 +60,7 @@ impl RecordedAnswer {
         let card = |uid: &String| {
             catalogue
                 .iter()
-                .find(|card| card.uid == *uid)
+                .find(|card| card.uid == uid_of(uid))
                 .cloned()
                 .ok_or_else(|| RecordedAnswerError::UnknownOffer { uid: uid.clone(), known: catalogue.len() })
         };

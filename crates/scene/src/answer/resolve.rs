@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use genmanip_core::asset::uid_of;
 use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Task};
 
 use super::TaskRequest;
@@ -62,17 +63,26 @@ pub(super) struct Node {
 }
 
 impl Draft {
+    /// Ids of the offered objects in the task: where only one copy of an asset is in the scene, its uid.
+    fn ids(&self, request: &TaskRequest) -> Vec<String> {
+        let uid = |index: usize| request.offered.get(index).map(|card| &card.uid);
+        let alone = |index: usize| self.nodes.iter().filter(|node| uid(node.object) == uid(index)).count() == 1;
+        let ids = request.ids().into_iter().enumerate();
+        ids.map(|(index, id)| if alone(index) { uid_of(&id).to_owned() } else { id }).collect()
+    }
+
     /// The task; `None` when something essential could not be resolved.
-    pub fn into_task(self, request: &TaskRequest) -> Option<Task> {
-        let uid = |index: usize| request.offered.get(index).map(|card| card.uid.clone());
+    pub fn to_task(&self, request: &TaskRequest) -> Option<Task> {
+        let ids = self.ids(request);
+        let id = |index: usize| ids.get(index).cloned();
         let atom = |condition: &Condition| match &condition.test {
             Test::Relation(relation, reference, second) => Some(Atom::Relation {
-                subject: uid(condition.subject)?,
+                subject: id(condition.subject)?,
                 relation: *relation,
-                reference: uid(*reference)?,
-                second_reference: second.and_then(uid),
+                reference: id(*reference)?,
+                second_reference: second.and_then(id),
             }),
-            Test::State(state) => Some(Atom::State { object: uid(condition.subject)?, state: state.clone() }),
+            Test::State(state) => Some(Atom::State { object: id(condition.subject)?, state: state.clone() }),
         };
         let alternatives = self
             .alternatives
@@ -81,25 +91,33 @@ impl Draft {
             .collect::<Option<Vec<_>>>()?;
         let edges = self.edges.iter().map(|edge| {
             Some(GraphEdge {
-                subject: uid(edge.subject)?,
+                subject: id(edge.subject)?,
                 relation: edge.relation,
-                reference: uid(edge.reference)?,
-                second_reference: edge.second.and_then(uid),
+                reference: id(edge.reference)?,
+                second_reference: edge.second.and_then(id),
             })
         });
         let nodes = self
             .nodes
             .iter()
             .map(|node| {
-                Some(GraphNode { state: node.state.clone(), ..GraphNode::of(request.offered.get(node.object)?) })
+                Some(GraphNode {
+                    id: id(node.object)?,
+                    state: node.state.clone(),
+                    ..GraphNode::of(request.offered.get(node.object)?)
+                })
             })
             .collect::<Option<Vec<_>>>()?;
         Some(Task {
             id: request.id.clone(),
             kind: request.kind,
-            instruction: self.instruction,
+            instruction: self.instruction.clone(),
             goal: Goal { alternatives },
-            scene_graph: SceneGraph { description: self.description, nodes, edges: edges.collect::<Option<Vec<_>>>()? },
+            scene_graph: SceneGraph {
+                description: self.description.clone(),
+                nodes,
+                edges: edges.collect::<Option<Vec<_>>>()?,
+            },
             objects: self.nodes.iter().filter_map(|node| request.offered.get(node.object).cloned()).collect(),
             interchangeable: Vec::new(),
             source: request.source.clone(),
@@ -108,8 +126,9 @@ impl Draft {
 }
 
 /// Resolves every part of an answer.
-pub(super) fn resolve(answer: RawAnswer, offered: &[ObjectCard], between: bool, findings: &mut Findings) -> Draft {
-    let mut resolver = Resolver { offered, between, seen: BTreeSet::new(), findings };
+pub(super) fn resolve(answer: RawAnswer, request: &TaskRequest, findings: &mut Findings) -> Draft {
+    let (offered, between) = (request.offered.as_slice(), request.between);
+    let mut resolver = Resolver { offered, ids: request.ids(), between, seen: BTreeSet::new(), findings };
     let written_conditions = answer.alternatives.iter().map(Vec::len).collect();
     let alternatives = answer
         .alternatives
@@ -160,6 +179,8 @@ enum EdgeReading {
 
 struct Resolver<'a> {
     offered: &'a [ObjectCard],
+    /// What the answer calls each of them.
+    ids: Vec<String>,
     /// Whether `between` is a word of the format.
     between: bool,
     /// Flaws of objects already noted, so that one wrong uid is one flaw however often it is used.
@@ -300,13 +321,13 @@ impl Resolver<'_> {
         let Some(uid) = raw.uid.as_deref() else {
             return self.object_by_name(raw);
         };
-        let exact = self.offered.iter().position(|card| card.uid == uid);
+        let exact = self.ids.iter().position(|id| id == uid);
         let index = match exact.or_else(|| self.respelt_uid(uid)) {
             Some(index) => index,
             None if is_table(uid) || raw.name.as_deref().is_some_and(is_table) => return Named::Table,
             None => {
                 if self.first_time(FlawKind::UnknownUid, uid) {
-                    let offered: Vec<&str> = self.offered.iter().map(|card| card.uid.as_str()).collect();
+                    let offered = &self.ids;
                     let named = raw.name.as_deref().map_or(String::new(), |name| format!(" (`{}`)", shortened(name)));
                     let message =
                         format!("expected one of the offered uids {offered:?}, got `{}`{named}", shortened(uid));
@@ -316,7 +337,7 @@ impl Resolver<'_> {
             }
         };
         if exact.is_none() && self.first_time(FlawKind::UidSpelling, uid) {
-            let meant = &self.offered[index].uid;
+            let meant = &self.ids[index];
             let message = format!("expected an offered uid, got `{}`", shortened(uid));
             self.findings.repair(FlawKind::UidSpelling, raw.path.as_str(), message, format!("read as `{meant}`"));
         }
@@ -333,7 +354,7 @@ impl Resolver<'_> {
         match named.as_slice() {
             [index] => {
                 let message = format!("expected the uid of `{}`, got none", shortened(name));
-                let what = format!("read as `{}`", self.offered[*index].uid);
+                let what = format!("read as `{}`", self.ids[*index]);
                 self.findings.repair(FlawKind::MissingUid, raw.path.as_str(), message, what);
                 Named::Object(*index)
             }
@@ -357,12 +378,12 @@ impl Resolver<'_> {
         let Some(name) = raw.name.as_deref().filter(|name| !same_name(&card.name, name)) else {
             return Named::Object(index);
         };
-        let Some(other) = self.offered.iter().find(|other| same_name(&other.name, name)) else {
+        let Some(other) = self.offered.iter().position(|other| same_name(&other.name, name)) else {
             return Named::Object(index);
         };
-        let message =
-            format!("expected `{}` for uid `{}`, got `{name}`, which is `{}`", card.name, card.uid, other.uid);
-        if self.first_time(FlawKind::UidNameMismatch, &format!("{}\u{0}{}", card.uid, other.uid)) {
+        let (own, other) = (&self.ids[index], &self.ids[other]);
+        let message = format!("expected `{}` for uid `{own}`, got `{name}`, which is `{other}`", card.name);
+        if self.seen.insert((FlawKind::UidNameMismatch, format!("{own}\u{0}{other}"))) {
             self.findings.reject(FlawKind::UidNameMismatch, raw.path.as_str(), message, "name and uid must agree");
         }
         Named::Unreadable
@@ -372,15 +393,16 @@ impl Resolver<'_> {
     fn respelt_uid(&self, uid: &str) -> Option<usize> {
         let canonical = |text: &str| {
             let text: String = text.trim().to_ascii_lowercase();
+            let (text, copy) = text.split_once('#').map_or((text.as_str(), ""), |(uid, copy)| (uid, copy));
             let digits = text.replace('o', "0");
             if !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()) {
                 let bare = digits.trim_start_matches('0');
-                return if bare.is_empty() { "0".to_owned() } else { bare.to_owned() };
+                return (if bare.is_empty() { "0".to_owned() } else { bare.to_owned() }, copy.to_owned());
             }
-            text
+            (text.to_owned(), copy.to_owned())
         };
         let wanted = canonical(uid);
-        let mut matches = (0..self.offered.len()).filter(|&index| canonical(&self.offered[index].uid) == wanted);
+        let mut matches = (0..self.ids.len()).filter(|&index| canonical(&self.ids[index]) == wanted);
         matches.next().filter(|_| matches.next().is_none())
     }
 
@@ -424,8 +446,12 @@ impl Resolver<'_> {
         }
         if self.first_time(FlawKind::UnknownState, &format!("{object}\u{0}{state}")) {
             let expected = if card.states.is_empty() { "none".into() } else { format!("one of {:?}", card.states) };
-            let message =
-                format!("expected {expected} as state of `{}` ({}), got `{}`", card.uid, card.name, shortened(state));
+            let message = format!(
+                "expected {expected} as state of `{}` ({}), got `{}`",
+                self.ids[object],
+                card.name,
+                shortened(state)
+            );
             self.findings.reject(FlawKind::UnknownState, path, message, "states come from the object's own list");
         }
         None

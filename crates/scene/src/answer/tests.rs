@@ -396,3 +396,40 @@ fn between_is_an_option_of_the_request() {
     assert_eq!(flaws(&check(goal("001".into()), true)), ["self_relation"]);
     assert_eq!(flaws(&check(goal("099".into()), true)), ["unknown_uid"]);
 }
+
+/// A second apple is offered as `027#2`; the sentence leaves open which of the two is meant.
+#[test]
+fn copies_are_offered_and_named_by_their_number() {
+    let offered = || {
+        let mut request = request(TaskKind::PickAndPlace);
+        request.offered.push(request.offered[3].clone());
+        request
+    };
+    assert_eq!(offered().ids(), ["001", "002", "008", "027", "004", "057", "006", "027#2"]);
+    let answer = |subject: &str, edges: [Value; 3], nodes: &[&str]| {
+        let mut answer = sound();
+        answer["goal_conditions"] = json!([[condition(subject, "none", "top", "008")]]);
+        answer["scene_graph"]["edges"] = json!(edges);
+        answer["scene_graph"]["nodes"] = nodes.iter().map(|uid| node(uid, "none")).collect();
+        answer
+    };
+    let both = ["027", "027#2", "001", "008"];
+    let apart = || [edge("027", "left", "001"), edge("027#2", "front", "001"), edge("008", "right", "001")];
+    let on_plate = || [edge("027", "on", "008"), edge("027#2", "front", "001"), edge("008", "right", "001")];
+    let alone = || [edge("027#2", "left", "001"), edge("008", "right", "001"), edge("004", "front", "001")];
+    for (answer, expected, goal, ids) in [
+        (answer("027#2", apart(), &both), &[][..], "027#2 top 008", "027 027#2 001 008"),
+        (answer("27#2", apart(), &both), &["~uid_spelling"], "027#2 top 008", "027 027#2 001 008"),
+        (answer("027#3", apart(), &both), &["unknown_uid"], "", ""),
+        (answer("027#2", on_plate(), &both), &["goal_already_satisfied"], "", ""),
+        (answer("027#2", alone(), &["027#2", "001", "008", "004"]), &[], "027 top 008", "027 001 008 004"),
+    ] {
+        let report = check_answer(&answer.to_string(), &offered());
+        assert_eq!(flaws(&report), expected, "{:#?}", report.flaws);
+        let Some(task) = report.task else { continue };
+        let nodes: Vec<&str> = task.scene_graph.nodes.iter().map(|node| node.id.as_str()).collect();
+        assert_eq!((task.goal.alternatives[0][0].to_string(), nodes.join(" ")), (goal.to_owned(), ids.to_owned()));
+        let open = if ids.contains('#') { vec![vec!["027".to_owned(), "027#2".to_owned()]] } else { Vec::new() };
+        assert_eq!(task.interchangeable, open);
+    }
+}

@@ -84,9 +84,10 @@ impl<'s, 'a> Namer<'s, 'a> {
         options
     }
 
-    /// Other objects that the object's noun could mean.
+    /// Other objects that the object's noun could mean, without copies: which of them is meant is left open.
     fn alike(&self, object: usize) -> Vec<usize> {
-        self.meant_by_noun(object).into_iter().filter(|&other| other != object).collect()
+        let is_other = |other: &usize| self.scene.cards[*other].uid != self.scene.cards[object].uid;
+        self.meant_by_noun(object).into_iter().filter(is_other).collect()
     }
 
     fn meant_by_noun(&self, object: usize) -> Vec<usize> {

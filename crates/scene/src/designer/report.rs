@@ -88,10 +88,12 @@ pub fn measure(
     };
     let mut balance = Balance::default();
     for task in &batch.tasks {
+        let nodes = task.scene_graph.nodes.iter().zip(&task.objects);
+        let copies = nodes.filter(|(node, card)| node.id != card.uid).map(|(_, card)| card);
         let request = TaskRequest {
             id: task.id.clone(),
             kind: task.kind,
-            offered: cards.to_vec(),
+            offered: cards.iter().chain(copies).cloned().collect(),
             min_objects: settings.objects[0],
             between: true,
             source: task.source.clone(),

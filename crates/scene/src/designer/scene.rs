@@ -3,6 +3,7 @@
 //! Every object gets a place in the sketch with its neighbours at arm's length, so a graph that is read off it can be
 //! laid out: what is sketched is one such layout, with squares around everything that may be turned.
 
+use genmanip_core::asset::instance_ids;
 use genmanip_core::{Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph};
 use glam::DVec2;
 use rand::{Rng, RngExt};
@@ -217,39 +218,47 @@ impl<'a> Scene<'a> {
             && !taken.any(|other| (place.low - gap).cmplt(other.high).all() && other.low.cmplt(place.high + gap).all())
     }
 
+    /// What the graph calls the objects.
+    fn ids(&self) -> Vec<String> {
+        instance_ids(self.cards.iter().map(|card| card.uid.as_str()))
+    }
+
     pub fn graph(&self, description: String) -> SceneGraph {
-        let uid = |object: usize| self.cards[object].uid.clone();
+        let ids = self.ids();
+        let id = |object: usize| ids[object].clone();
         SceneGraph {
             description,
             nodes: self
                 .cards
                 .iter()
                 .zip(&self.states)
-                .map(|(card, state)| GraphNode { state: state.clone(), ..GraphNode::of(card) })
+                .zip(&ids)
+                .map(|((card, state), id)| GraphNode { id: id.clone(), state: state.clone(), ..GraphNode::of(card) })
                 .collect(),
             edges: self
                 .edges
                 .iter()
                 .map(|link| GraphEdge {
-                    subject: uid(link.subject),
+                    subject: id(link.subject),
                     relation: link.relation,
-                    reference: uid(link.reference),
-                    second_reference: link.second.map(uid),
+                    reference: id(link.reference),
+                    second_reference: link.second.map(id),
                 })
                 .collect(),
         }
     }
 
     pub fn atom(&self, condition: &Condition) -> Atom {
-        let uid = |object: usize| self.cards[object].uid.clone();
+        let ids = self.ids();
+        let id = |object: usize| ids[object].clone();
         match condition {
             Condition::Relation(link) => Atom::Relation {
-                subject: uid(link.subject),
+                subject: id(link.subject),
                 relation: link.relation,
-                reference: uid(link.reference),
-                second_reference: link.second.map(uid),
+                reference: id(link.reference),
+                second_reference: link.second.map(id),
             },
-            Condition::State(object, state) => Atom::State { object: uid(*object), state: state.clone() },
+            Condition::State(object, state) => Atom::State { object: id(*object), state: state.clone() },
         }
     }
 }

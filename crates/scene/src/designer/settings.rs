@@ -18,6 +18,9 @@ pub struct DesignSettings {
     pub chance: f64,
     /// Share of tasks whose goal has alternatives, where the kind allows them.
     pub disjunctions: f64,
+    /// Share of scenes with a second copy of something.
+    #[serde(default)]
+    pub copies: f64,
     /// Size along x and y of the area that a scene is sketched in, metres.
     pub area_m: [f64; 2],
     /// Smallest gap between the outlines of neighbours in the sketch, metres.
@@ -32,6 +35,7 @@ impl Default for DesignSettings {
             relation_quotas: RelationQuotas::default(),
             chance: 3.0,
             disjunctions: 0.2,
+            copies: 0.0,
             area_m: [0.47, 0.78],
             gap_m: 0.035,
         }

@@ -310,6 +310,9 @@ impl<'a> Studio<'a> {
     /// Adds objects until there are this many, with the relations that are rarest so far.
     pub fn fill(&mut self, count: usize) {
         use Relation::{Back, Between, Front, In, Left, Near, On, Right, Top};
+        if self.settings.copies > 0.0 && chance(self.settings.copies, &mut self.rng) {
+            self.add_copy();
+        }
         for _ in 0..4 * count {
             let missing = count.saturating_sub(self.scene.len());
             if missing == 0 {
@@ -324,6 +327,26 @@ impl<'a> Studio<'a> {
                 _ => self.pick_filler().and_then(|card| self.add_with(card, Some(relation))),
             };
         }
+    }
+
+    /// Adds a second copy of something rigid that stands on the table.
+    fn add_copy(&mut self) -> Option<usize> {
+        let suits = |&object: &usize| !self.scene.cards[object].is_articulated && self.scene.carrier(object).is_none();
+        let options: Vec<usize> = (0..self.scene.len()).filter(suits).collect();
+        let &object = options.choose(&mut self.rng)?;
+        let card = self.scene.cards[object];
+        for _ in 0..PLACE_DRAWS {
+            let anchor = self.rng.random_range(0..self.scene.len());
+            let relation = self.balance.choose(&DIRECTIONS, self.settings, &mut self.rng)?;
+            if let Some(copy) = self.scene.beside(card, relation, anchor, self.settings, &mut self.rng) {
+                self.scene.relate(copy, relation, anchor, &mut self.balance, self.settings);
+                if self.scene.closed.contains(&object) {
+                    self.scene.closed.push(copy);
+                }
+                return Some(copy);
+            }
+        }
+        None
     }
 
     fn fill_between(&mut self) -> Option<usize> {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{ObjectCard, Relation, Seed, TaskKind};
+use genmanip_core::{ObjectCard, Relation, Seed, Task, TaskKind};
 use proptest::prelude::*;
 
 use super::knowledge::{handling, needs};
@@ -143,4 +143,29 @@ fn too_few_objects_are_an_error_with_its_reasons() {
     let text = "no common_sense task in 20 designs: the composition does not work out (20×)";
     assert_eq!(error.to_string(), text);
     assert_eq!(design_many(&[], 3, &few, Seed::new(1), &settings), Err(DesignError::NoKinds));
+}
+
+/// With copies in every scene, sentences leave some of them open and single others out, and all of it passes the gate.
+#[test]
+fn scenes_with_copies_are_designed() {
+    let settings = DesignSettings { copies: 1.0, ..DesignSettings::default() };
+    let batch = design_many(&TaskKind::ALL, 60, cards(), Seed::new(4), &settings).unwrap();
+    let is_copy = |id: &str| id.contains('#');
+    let with_copy = |task: &&Task| task.scene_graph.nodes.iter().any(|node| is_copy(&node.id));
+    let copied: Vec<&Task> = batch.tasks.iter().filter(with_copy).collect();
+    let open = copied.iter().filter(|task| !task.interchangeable.is_empty()).count();
+    let about_copies = |task: &&&Task| {
+        let assets = |id: &str| genmanip_core::asset::uid_of(id).to_owned();
+        let twins: Vec<String> =
+            task.scene_graph.nodes.iter().filter(|n| is_copy(&n.id)).map(|n| assets(&n.id)).collect();
+        task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids()).any(|id| twins.contains(&assets(id)))
+    };
+    let singled_out = copied.iter().filter(|task| task.interchangeable.is_empty()).filter(about_copies).count();
+    assert!(copied.len() > 30 && open > 5 && singled_out > 0, "{} {open} {singled_out}", copied.len());
+    let report = measure(cards(), 60, Seed::new(4), &settings, &mut || 0.0).unwrap();
+    assert_eq!((report.flaws, report.valid), (Vec::new(), 60));
+    for task in copied {
+        assert_eq!(task.check_interchangeable(), Ok(()), "{}", task.id);
+        assert!(task.scene_graph.nodes.iter().zip(&task.objects).all(|(node, card)| node.asset == card.asset));
+    }
 }

@@ -49,14 +49,23 @@ struct Purpose {
     names: Vec<String>,
 }
 
+/// An instance as a listener knows it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Thing<'c> {
+    /// What the graph calls it.
+    pub id: &'c str,
+    /// What is known of it.
+    pub card: &'c ObjectCard,
+}
+
 pub(super) fn lexicon() -> &'static Lexicon {
     &LEXICON
 }
 
 impl Lexicon {
     /// Objects that a noun group without relative clause may mean; `None` when its words are not understood.
-    pub fn denote<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> Option<Vec<&'c ObjectCard>> {
-        if let Some(meant) = self.by_purpose(words, cards) {
+    pub fn denote<'c>(&self, words: &[&str], things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
+        if let Some(meant) = self.by_purpose(words, things) {
             return Some(meant);
         }
         let with = words.iter().position(|word| ["with", "without"].contains(word)).unwrap_or(words.len());
@@ -65,10 +74,10 @@ impl Lexicon {
         let (front, tail) = core.split_at(of);
         let (head, adjectives) = front.split_last()?;
         let head = self.singular(head);
-        let mut meant = self.by_head(&head, cards)?;
+        let mut meant = self.by_head(&head, things)?;
         let extra = tail.iter().chain(trait_words).filter(|word| !EMPTY.contains(word) && **word != "without");
         // Colours of parts are told in the description, colours of things in the card.
-        meant.retain(|card| extra.clone().all(|word| self.is_borne_out(word, card)));
+        meant.retain(|thing| extra.clone().all(|word| self.is_borne_out(word, thing.card)));
         let split: Vec<&str> = adjectives.iter().flat_map(|word| self.parts(word)).collect();
         let (colors, others): (Vec<&str>, Vec<&str>) = split.into_iter().partition(|word| self.colors.contains(*word));
         for word in others.iter().filter(|word| !EMPTY.contains(word)) {
@@ -80,34 +89,34 @@ impl Lexicon {
         Some(meant)
     }
 
-    fn by_head<'c>(&self, head: &str, cards: &[&'c ObjectCard]) -> Option<Vec<&'c ObjectCard>> {
+    fn by_head<'c>(&self, head: &str, things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
         if self.everything.iter().any(|word| word == head) {
-            return Some(cards.to_vec());
+            return Some(things.to_vec());
         }
-        let named = |card: &&&ObjectCard| card.name.to_lowercase().split(' ').next_back() == Some(head);
+        let named = |thing: &&Thing| thing.card.name.to_lowercase().split(' ').next_back() == Some(head);
         match self.heads.get(head) {
             Some(categories) => {
-                let meant: Vec<&ObjectCard> =
-                    cards.iter().copied().filter(|card| categories.contains(&card.category)).collect();
-                let exact: Vec<&ObjectCard> = meant.iter().copied().filter(|card| named(&card)).collect();
+                let meant: Vec<Thing> =
+                    things.iter().copied().filter(|thing| categories.contains(&thing.card.category)).collect();
+                let exact: Vec<Thing> = meant.iter().filter(named).copied().collect();
                 // A word that is the last word of somebody's name and names a book by its sort means that one.
                 let is_sort = ["novel", "cookbook", "dictionary", "paperback"].contains(&head);
                 if is_sort && head != "paperback" {
                     return Some(exact);
                 }
                 if head == "paperback" {
-                    return Some(meant.into_iter().filter(|card| text(card).contains("paperback")).collect());
+                    return Some(meant.into_iter().filter(|thing| text(thing.card).contains("paperback")).collect());
                 }
                 Some(meant)
             }
             None => {
-                let exact: Vec<&ObjectCard> = cards.iter().filter(named).copied().collect();
+                let exact: Vec<Thing> = things.iter().filter(named).copied().collect();
                 (!exact.is_empty()).then_some(exact)
             }
         }
     }
 
-    fn by_purpose<'c>(&self, words: &[&str], cards: &[&'c ObjectCard]) -> Option<Vec<&'c ObjectCard>> {
+    fn by_purpose<'c>(&self, words: &[&str], things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
         let first = *words.first()?;
         let marks = ["to", "that", "for", "i", "where", "people", "meant", "what"];
         let is_purpose = first == "something"
@@ -120,15 +129,16 @@ impl Lexicon {
             return None;
         }
         let has = |list: &[String]| list.iter().any(|word| words.contains(&word.as_str()));
-        let mut meant: Option<Vec<&ObjectCard>> = None;
+        let mut meant: Option<Vec<Thing>> = None;
         for purpose in &self.purposes {
             let all = purpose.all.iter().all(|word| words.contains(&word.as_str()));
             if has(&purpose.any) && all && !has(&purpose.not) {
-                let fits =
-                    |card: &&&ObjectCard| purpose.means.contains(&card.category) || purpose.names.contains(&card.name);
-                let found: Vec<&ObjectCard> = cards.iter().filter(fits).copied().collect();
+                let fits = |thing: &&Thing| {
+                    purpose.means.contains(&thing.card.category) || purpose.names.contains(&thing.card.name)
+                };
+                let found: Vec<Thing> = things.iter().filter(fits).copied().collect();
                 meant = Some(match meant {
-                    Some(known) => known.into_iter().filter(|card| found.iter().any(|f| f.uid == card.uid)).collect(),
+                    Some(known) => known.into_iter().filter(|thing| found.iter().any(|f| f.id == thing.id)).collect(),
                     None => found,
                 });
             }
@@ -136,12 +146,13 @@ impl Lexicon {
         meant
     }
 
-    fn restrict<'c>(&self, word: &str, meant: Vec<&'c ObjectCard>) -> Vec<&'c ObjectCard> {
+    fn restrict<'c>(&self, word: &str, meant: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
         let volume = |card: &ObjectCard| card.size_m.element_product();
-        let largest = meant.iter().map(|card| volume(card)).fold(0.0, f64::max);
-        let smallest = meant.iter().map(|card| volume(card)).fold(f64::INFINITY, f64::min);
-        let by =
-            |keep: &dyn Fn(&ObjectCard) -> bool| meant.iter().copied().filter(|card| keep(card)).collect::<Vec<_>>();
+        let largest = meant.iter().map(|thing| volume(thing.card)).fold(0.0, f64::max);
+        let smallest = meant.iter().map(|thing| volume(thing.card)).fold(f64::INFINITY, f64::min);
+        let by = |keep: &dyn Fn(&ObjectCard) -> bool| {
+            meant.iter().copied().filter(|thing| keep(thing.card)).collect::<Vec<_>>()
+        };
         let says = |card: &ObjectCard| self.is_borne_out(word, card);
         if self.small.iter().any(|small| small == word) && meant.len() > 1 {
             let small = by(&|card| volume(card) < SMALL * largest || (says(card) && volume(card) < largest));
@@ -191,11 +202,11 @@ impl Lexicon {
 }
 
 /// The things whose main colour it is; where there are none, those that have some of it.
-fn with_color<'c>(color: &str, meant: Vec<&'c ObjectCard>) -> Vec<&'c ObjectCard> {
-    let main: Vec<&ObjectCard> =
-        meant.iter().copied().filter(|card| card.colors.first().is_some_and(|first| first == color)).collect();
+fn with_color<'c>(color: &str, meant: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
+    let main: Vec<Thing> =
+        meant.iter().copied().filter(|thing| thing.card.colors.first().is_some_and(|first| first == color)).collect();
     if main.is_empty() {
-        meant.into_iter().filter(|card| card.colors.iter().any(|c| c == color)).collect()
+        meant.into_iter().filter(|thing| thing.card.colors.iter().any(|c| c == color)).collect()
     } else {
         main
     }

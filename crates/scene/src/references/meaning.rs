@@ -3,26 +3,35 @@
 use genmanip_core::{ObjectCard, Relation, SceneGraph};
 
 use super::grammar::{Action, Command, Group, Part, Place};
-use super::lexicon::lexicon;
+use super::lexicon::{Thing, lexicon};
 use super::space::{Axis, Certainty, Space};
 use super::{Mismatch, ReadAtom};
 
 /// Somebody who knows a scene and hears a sentence about it.
 pub(super) struct Listener<'c> {
-    cards: Vec<&'c ObjectCard>,
+    things: Vec<Thing<'c>>,
     graph: &'c SceneGraph,
     space: Space<'c>,
     phrases: Vec<(String, Vec<String>)>,
+    /// Copies of which a phrase means any.
+    choices: Vec<Vec<String>>,
+}
+
+/// What a phrase may mean: first what it certainly means, then what it means in some layouts.
+struct Candidates<'c> {
+    things: Vec<Thing<'c>>,
+    certain: usize,
 }
 
 impl<'c> Listener<'c> {
     pub fn new(cards: &'c [ObjectCard], graph: &'c SceneGraph) -> Self {
-        Self { cards: cards.iter().collect(), graph, space: Space::new(graph), phrases: Vec::new() }
+        let things = graph.nodes.iter().zip(cards).map(|(node, card)| Thing { id: &node.id, card }).collect();
+        Self { things, graph, space: Space::new(graph), phrases: Vec::new(), choices: Vec::new() }
     }
 
-    /// Noun phrases heard so far and what they mean.
-    pub fn into_phrases(self) -> Vec<(String, Vec<String>)> {
-        self.phrases
+    /// Noun phrases heard so far with what they mean, and the copies of which they mean any.
+    pub fn into_phrases(self) -> (Vec<(String, Vec<String>)>, Vec<Vec<String>>) {
+        (self.phrases, self.choices)
     }
 
     /// All commands together, as alternatives of conditions.
@@ -51,31 +60,36 @@ impl<'c> Listener<'c> {
                 Ok(options)
             }
             Command::Put { subjects, places } => {
-                let subjects = subjects.iter().map(|group| self.one(group)).collect::<Result<Vec<_>, _>>()?;
+                let subjects = subjects.iter().map(|group| self.any(group)).collect::<Result<Vec<_>, _>>()?;
                 let mut options = Vec::new();
                 for place in places {
-                    let references = self.references(place)?;
-                    let atom = |subject: &&ObjectCard| ReadAtom::Place {
-                        subject: subject.uid.clone(),
+                    let references = self.references(place, Self::any)?;
+                    let atom = |subject: &Thing| ReadAtom::Place {
+                        subject: subject.id.to_owned(),
                         relations: place.relations.to_vec(),
-                        references: references.iter().map(|card| card.uid.clone()).collect(),
+                        references: references.iter().map(|thing| thing.id.to_owned()).collect(),
                     };
                     options.push(subjects.iter().map(atom).collect());
                 }
                 Ok(options)
             }
             Command::Change { object, part, action } => {
-                let card = self.one(object)?;
-                let node = self.graph.nodes.iter().find(|node| node.id == card.uid);
+                let thing = self.any(object)?;
+                let node = self.graph.nodes.iter().find(|node| node.id == thing.id);
                 let now = node.and_then(|node| node.state.as_deref());
-                let state = changed(card, *part, *action, now)
+                let state = changed(thing.card, *part, *action, now)
                     .ok_or_else(|| Mismatch::Unreadable { phrase: format!("{action:?} {}", text(object)) })?;
-                Ok(vec![vec![ReadAtom::State { object: card.uid.clone(), state }]])
+                Ok(vec![vec![ReadAtom::State { object: thing.id.to_owned(), state }]])
             }
         }
     }
 
-    fn references(&mut self, place: &Place) -> Result<Vec<&'c ObjectCard>, Mismatch> {
+    /// What a place is described by; `each` finds what a phrase for one object means.
+    fn references(
+        &mut self,
+        place: &Place,
+        each: fn(&mut Self, &Group) -> Result<Thing<'c>, Mismatch>,
+    ) -> Result<Vec<Thing<'c>>, Mismatch> {
         match place.objects.as_slice() {
             [two] if place.relations == [Relation::Between] => {
                 let words: Vec<&str> = two.words.iter().map(String::as_str).collect();
@@ -86,26 +100,43 @@ impl<'c> Listener<'c> {
                 self.note(two, &meant);
                 if meant.len() == 2 { Ok(meant) } else { Err(unclear(two, &meant)) }
             }
-            objects => objects.iter().map(|group| self.one(group)).collect(),
+            objects => objects.iter().map(|group| each(self, group)).collect(),
         }
     }
 
     /// The one object that a phrase means.
-    fn one(&mut self, group: &Group) -> Result<&'c ObjectCard, Mismatch> {
-        let meant = self.candidates(group)?;
-        self.note(group, &meant);
-        match meant.as_slice() {
-            [card] => Ok(card),
-            _ => Err(unclear(group, &meant)),
+    fn one(&mut self, group: &Group) -> Result<Thing<'c>, Mismatch> {
+        let Candidates { things, .. } = self.candidates(group)?;
+        self.note(group, &things);
+        match things.as_slice() {
+            [thing] => Ok(*thing),
+            _ => Err(unclear(group, &things)),
         }
     }
 
-    fn note(&mut self, group: &Group, meant: &[&'c ObjectCard]) {
-        self.phrases.push((text(group), meant.iter().map(|card| card.uid.clone()).collect()));
+    /// The object that a phrase means, or the first of the copies of which it means any.
+    fn any(&mut self, group: &Group) -> Result<Thing<'c>, Mismatch> {
+        let Candidates { things, certain } = self.candidates(group)?;
+        self.note(group, &things);
+        match things.as_slice() {
+            [thing] => Ok(*thing),
+            [first, others @ ..]
+                if certain == things.len() && others.iter().all(|other| other.card.asset == first.card.asset) =>
+            {
+                self.choices.push(things.iter().map(|thing| thing.id.to_owned()).collect());
+                Ok(*first)
+            }
+            _ => Err(unclear(group, &things)),
+        }
+    }
+
+    fn note(&mut self, group: &Group, meant: &[Thing<'c>]) {
+        self.phrases.push((text(group), meant.iter().map(|thing| thing.id.to_owned()).collect()));
     }
 
     /// Everything that a phrase may mean.
-    fn candidates(&mut self, group: &Group) -> Result<Vec<&'c ObjectCard>, Mismatch> {
+    fn candidates(&mut self, group: &Group) -> Result<Candidates<'c>, Mismatch> {
+        let all = |things: Vec<Thing<'c>>| Candidates { certain: things.len(), things };
         let words: Vec<&str> = group.words.iter().map(String::as_str).collect();
         let of_several = |key: &str| words.iter().position(|word| *word == key);
         if let Some(index) = of_several("two").or_else(|| of_several("three"))
@@ -113,62 +144,68 @@ impl<'c> Listener<'c> {
         {
             let rest = self.denote(&words[index + 1..], group)?;
             let expected = if words[index] == "two" { 2 } else { 3 };
-            return if rest.len() == expected { Ok(self.chosen(words[0], rest)) } else { Err(unclear(group, &rest)) };
+            return if rest.len() == expected {
+                Ok(all(self.chosen(words[0], rest)))
+            } else {
+                Err(unclear(group, &rest))
+            };
         }
         let extreme = ["farthest", "nearest", "closest"].into_iter().find_map(of_several);
         if let Some(index) = extreme {
             let noun = words[..index].strip_suffix(&["that", "is"][..]).unwrap_or(&words[..index]);
             let meant = self.denote(noun, group)?;
-            return self.extreme(&words[index..], &meant).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) });
+            let extreme = self.extreme(&words[index..], &meant);
+            return extreme.map(all).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) });
         }
         let meant = self.denote(&words, group)?;
-        let Some(place) = &group.at else { return Ok(meant) };
-        let references = self.references(place)?;
+        let Some(place) = &group.at else { return Ok(all(meant)) };
+        let references = self.references(place, Self::one)?;
         let mut certain = Vec::new();
         let mut possible = Vec::new();
-        for card in meant {
-            if references.iter().any(|reference| reference.uid == card.uid) {
+        for thing in meant {
+            if references.iter().any(|reference| reference.id == thing.id) {
                 continue;
             }
             let certainty = match references.as_slice() {
-                [one, other] => self.space.is_between(&card.uid, &one.uid, &other.uid),
-                [one] => self.space.stands(&card.uid, place.relations, &one.uid),
+                [one, other] => self.space.is_between(thing.id, one.id, other.id),
+                [one] => self.space.stands(thing.id, place.relations, one.id),
                 _ => Certainty::Impossible,
             };
             match certainty {
-                Certainty::Certain => certain.push(card),
-                Certainty::Possible => possible.push(card),
+                Certainty::Certain => certain.push(thing),
+                Certainty::Possible => possible.push(thing),
                 Certainty::Impossible => {}
             }
         }
         if certain.is_empty() {
-            return Ok(certain);
+            return Ok(all(certain));
         }
-        Ok(certain.into_iter().chain(possible).collect())
+        let count = certain.len();
+        Ok(Candidates { things: certain.into_iter().chain(possible).collect(), certain: count })
     }
 
-    fn denote(&self, words: &[&str], group: &Group) -> Result<Vec<&'c ObjectCard>, Mismatch> {
-        lexicon().denote(words, &self.cards).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) })
+    fn denote(&self, words: &[&str], group: &Group) -> Result<Vec<Thing<'c>>, Mismatch> {
+        lexicon().denote(words, &self.things).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) })
     }
 
     /// `larger of the two`, `middle one of the three`.
-    fn chosen(&self, word: &str, among: Vec<&'c ObjectCard>) -> Vec<&'c ObjectCard> {
-        let volume = |card: &ObjectCard| card.size_m.element_product();
+    fn chosen(&self, word: &str, among: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
+        let volume = |thing: &Thing| thing.card.size_m.element_product();
         let extreme = |sign: f64| {
-            let best = among.iter().map(|card| sign * volume(card)).fold(f64::NEG_INFINITY, f64::max);
+            let best = among.iter().map(|thing| sign * volume(thing)).fold(f64::NEG_INFINITY, f64::max);
             // Sizes that a person would not tell apart decide nothing.
-            among.iter().copied().filter(|card| sign * volume(card) > best - 0.2 * best.abs()).collect()
+            among.iter().copied().filter(|thing| sign * volume(thing) > best - 0.2 * best.abs()).collect()
         };
         match word {
             "larger" | "bigger" => extreme(1.0),
             "smaller" => extreme(-1.0),
             "middle" => {
-                let between = |card: &&&ObjectCard| {
+                let between = |thing: &&Thing| {
                     [Axis::Depth, Axis::Width].into_iter().any(|axis| {
                         let beyond = |one: &str, other: &str| self.space.is_beyond(one, axis, other);
-                        let others = || among.iter().filter(|other| other.uid != card.uid);
-                        others().any(|other| beyond(&card.uid, &other.uid))
-                            && others().any(|other| beyond(&other.uid, &card.uid))
+                        let others = || among.iter().filter(|other| other.id != thing.id);
+                        others().any(|other| beyond(thing.id, other.id))
+                            && others().any(|other| beyond(other.id, thing.id))
                     })
                 };
                 among.iter().filter(between).copied().collect()
@@ -178,7 +215,7 @@ impl<'c> Listener<'c> {
     }
 
     /// The ones that are certainly farther than all others in the direction that the words give, if they give one.
-    fn extreme(&self, words: &[&str], among: &[&'c ObjectCard]) -> Option<Vec<&'c ObjectCard>> {
+    fn extreme(&self, words: &[&str], among: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
         let (axis, outward) = match words {
             ["farthest", "to", "the", "robot's", "left"] => (Axis::Width, true),
             ["farthest", "to", "the", "robot's", "right"] => (Axis::Width, false),
@@ -186,10 +223,10 @@ impl<'c> Listener<'c> {
             ["nearest" | "closest", "to", "the", "robot"] => (Axis::Depth, false),
             _ => return None,
         };
-        let wins = |card: &&&ObjectCard| {
-            among.iter().filter(|other| other.uid != card.uid).all(|other| match outward {
-                true => self.space.is_beyond(&card.uid, axis, &other.uid),
-                false => self.space.is_beyond(&other.uid, axis, &card.uid),
+        let wins = |thing: &&Thing| {
+            among.iter().filter(|other| other.id != thing.id).all(|other| match outward {
+                true => self.space.is_beyond(thing.id, axis, other.id),
+                false => self.space.is_beyond(other.id, axis, thing.id),
             })
         };
         Some(among.iter().filter(wins).copied().collect())
@@ -224,12 +261,12 @@ fn changed(card: &ObjectCard, part: Option<Part>, action: Action, now: Option<&s
     changes.then(|| state.to_owned())
 }
 
-fn unclear(group: &Group, meant: &[&ObjectCard]) -> Mismatch {
+fn unclear(group: &Group, meant: &[Thing]) -> Mismatch {
     let phrase = text(group);
     if meant.is_empty() {
         return Mismatch::Nothing { phrase };
     }
-    Mismatch::Ambiguous { phrase, uids: meant.iter().map(|card| card.uid.clone()).collect() }
+    Mismatch::Ambiguous { phrase, ids: meant.iter().map(|thing| thing.id.to_owned()).collect() }
 }
 
 fn text(group: &Group) -> String {

@@ -22,15 +22,17 @@ mod tests;
 
 use std::collections::BTreeSet;
 
-use genmanip_core::{Atom, ObjectCard, Relation, SceneGraph, Task};
+use genmanip_core::{Atom, MOST_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
 
 use meaning::Listener;
 
 /// What an instruction asks for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// Noun phrases and the uids they mean, in the order of the sentence.
+    /// Noun phrases and the ids they mean, in the order of the sentence.
     pub phrases: Vec<(String, Vec<String>)>,
+    /// Ids of identical copies of which a phrase means any; in the goal the first stands for them.
+    pub choices: Vec<Vec<String>>,
     /// Alternatives of conditions.
     pub goal: Vec<Vec<ReadAtom>>,
 }
@@ -40,16 +42,16 @@ pub struct Reading {
 pub enum ReadAtom {
     /// An object is somewhere.
     Place {
-        /// Uid of the object.
+        /// Id of the object.
         subject: String,
         /// Relations that the words allow; any of them is what was said.
         relations: Vec<Relation>,
-        /// Uids of one reference, or of two for `between`.
+        /// Ids of one reference, or of two for `between`.
         references: Vec<String>,
     },
     /// An object is in a state.
     State {
-        /// Uid of the object.
+        /// Id of the object.
         object: String,
         /// Name of the state.
         state: String,
@@ -72,12 +74,12 @@ pub enum Mismatch {
         phrase: String,
     },
     /// Several things fit a phrase.
-    #[error("`{phrase}` may be any of {uids:?}")]
+    #[error("`{phrase}` may be any of {ids:?}")]
     Ambiguous {
         /// The phrase.
         phrase: String,
-        /// Uids that fit.
-        uids: Vec<String>,
+        /// Ids that fit.
+        ids: Vec<String>,
     },
     /// Everything is understood, but it is not the task's goal.
     #[error("asks for {read}, meant is {meant}")]
@@ -101,7 +103,9 @@ impl Mismatch {
     }
 }
 
-/// Reads an instruction in a scene.
+/// Reads an instruction in a scene; the cards are those of the graph's nodes, in their order.
+///
+/// Identical copies that a phrase does not tell apart are no ambiguity: it means any of them.
 ///
 /// # Errors
 /// [`Mismatch`] when it is not understood, or a phrase has no referent or several.
@@ -110,23 +114,46 @@ pub fn read(instruction: &str, cards: &[ObjectCard], graph: &SceneGraph) -> Resu
     let commands = grammar::read(instruction).ok_or_else(unreadable)?;
     let mut listener = Listener::new(cards, graph);
     let goal = listener.goal(&commands)?;
-    Ok(Reading { phrases: listener.into_phrases(), goal })
+    let (phrases, choices) = listener.into_phrases();
+    Ok(Reading { phrases, choices, goal })
 }
 
-/// Uids of the objects that an instruction for this task has to refer to.
-pub fn intended(task: &Task) -> Vec<String> {
-    let mut uids = BTreeSet::new();
-    for atom in task.goal.alternatives.iter().flatten() {
-        match atom {
-            Atom::Relation { subject, reference, second_reference, .. } => {
-                uids.extend([subject, reference].into_iter().chain(second_reference).cloned());
-            }
-            Atom::State { object, .. } => {
-                uids.insert(object.clone());
-            }
+/// Groups of copies that stand for each other in a task's goal: those that the instruction leaves open.
+///
+/// What the sentence singles out by a relation, or any other way, is in no group, and so is everything when the
+/// sentence is not understood: then the ids of the goal count.
+pub fn interchangeable(task: &Task) -> Vec<Vec<String>> {
+    let nodes = &task.scene_graph.nodes;
+    let is_copied = |index: usize| nodes[..index].iter().any(|other| other.asset == nodes[index].asset);
+    if !(0..nodes.len()).any(is_copied) {
+        return Vec::new();
+    }
+    read(&task.instruction, &task.objects, &task.scene_graph).map_or_else(|_| Vec::new(), |reading| open(&reading))
+}
+
+/// The choices of a reading that nothing else in the sentence contradicts.
+fn open(reading: &Reading) -> Vec<Vec<String>> {
+    let mut groups: Vec<Vec<String>> = Vec::new();
+    for choice in &reading.choices {
+        if !groups.contains(choice) {
+            groups.push(choice.clone());
         }
     }
-    uids.into_iter().collect()
+    let singled_out = |id: &String| reading.phrases.iter().any(|(_, meant)| *meant == [id.clone()]);
+    let shared = |group: &Vec<String>, id: &String| groups.iter().any(|other| other != group && other.contains(id));
+    let stays = |group: &&Vec<String>| {
+        group.len() <= MOST_INTERCHANGEABLE && !group.iter().any(|id| singled_out(id) || shared(group, id))
+    };
+    groups.iter().filter(stays).cloned().collect()
+}
+
+/// Ids of the objects that an instruction for this task has to refer to.
+pub fn intended(task: &Task) -> Vec<String> {
+    let mut ids = BTreeSet::new();
+    for atom in task.goal.alternatives.iter().flatten() {
+        ids.extend(atom.ids().map(String::from));
+    }
+    ids.into_iter().collect()
 }
 
 /// How many of the intended objects the instruction refers to, each by a phrase that means this object alone.
@@ -136,9 +163,9 @@ pub fn resolved(task: &Task) -> usize {
         Err(_) => 0,
         Ok(_) if check(task).is_ok() => intended.len(),
         Ok(reading) => {
-            let meant: BTreeSet<&String> = reading.phrases.iter().flat_map(|(_, uids)| uids).collect();
+            let meant: BTreeSet<&String> = reading.phrases.iter().flat_map(|(_, ids)| ids).collect();
             // Found, but in another role: somebody is mistaken for somebody else.
-            let found = intended.iter().filter(|uid| meant.contains(uid)).count();
+            let found = intended.iter().filter(|id| meant.contains(id)).count();
             found.min(intended.len().saturating_sub(1))
         }
     }
@@ -150,9 +177,10 @@ pub fn resolved(task: &Task) -> usize {
 /// The first [`Mismatch`].
 pub fn check(task: &Task) -> Result<(), Mismatch> {
     let reading = read(&task.instruction, &task.objects, &task.scene_graph)?;
+    let groups = open(&reading);
     let meant = &task.goal.alternatives;
     let same = |read: &Vec<ReadAtom>, meant: &Vec<Atom>| {
-        read.len() == meant.len() && meant.iter().all(|atom| read.iter().any(|read| says(read, atom)))
+        read.len() == meant.len() && meant.iter().all(|atom| read.iter().any(|read| says(read, atom, &groups)))
     };
     let covered = |read: &[Vec<ReadAtom>]| meant.iter().all(|meant| read.iter().any(|read| same(read, meant)));
     if reading.goal.len() == meant.len() && covered(&reading.goal) {
@@ -161,17 +189,24 @@ pub fn check(task: &Task) -> Result<(), Mismatch> {
     Err(Mismatch::OtherGoal { read: format!("{:?}", reading.goal), meant: format!("{meant:?}") })
 }
 
-fn says(read: &ReadAtom, meant: &Atom) -> bool {
+/// Whether a condition that was read is the one that is meant, whichever copies of a group they name.
+fn says(read: &ReadAtom, meant: &Atom, groups: &[Vec<String>]) -> bool {
+    let any = |id: &'_ String| -> String {
+        let group = groups.iter().find(|group| group.contains(id));
+        group.and_then(|group| group.first()).unwrap_or(id).clone()
+    };
     match (read, meant) {
         (
             ReadAtom::Place { subject, relations, references },
             Atom::Relation { subject: meant, relation, reference, second_reference },
         ) => {
-            let ends: BTreeSet<&String> = std::iter::once(reference).chain(second_reference).collect();
-            subject == meant && relations.contains(relation) && references.iter().collect::<BTreeSet<_>>() == ends
+            let ends: BTreeSet<String> = std::iter::once(reference).chain(second_reference).map(any).collect();
+            any(subject) == any(meant)
+                && relations.contains(relation)
+                && references.iter().map(any).collect::<BTreeSet<_>>() == ends
         }
         (ReadAtom::State { object, state }, Atom::State { object: meant, state: wanted }) => {
-            object == meant && state == wanted
+            any(object) == any(meant) && state == wanted
         }
         _ => false,
     }

@@ -1,9 +1,10 @@
 //! The reader reads what is said, and nothing else: wrong and ambiguous sentences are found.
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
+use genmanip_core::asset::uid_of;
+use genmanip_core::{AssetRef, Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
 
-use super::{Mismatch, check, intended, read, resolved};
+use super::{Mismatch, check, intended, interchangeable, read, resolved};
 use crate::designer::{DesignSettings, design_many};
 
 fn card(uid: &str) -> ObjectCard {
@@ -16,10 +17,11 @@ fn scene(facts: &[&str]) -> (Vec<ObjectCard>, SceneGraph) {
     let mut cards: Vec<ObjectCard> = Vec::new();
     for fact in facts {
         let words: Vec<&str> = fact.split([' ', '=']).collect();
-        for uid in words.iter().filter(|word| word.chars().all(|c| c.is_ascii_digit())) {
-            if cards.iter().all(|card| card.uid != **uid) {
-                cards.push(card(uid));
-                graph.nodes.push(GraphNode::of(&card(uid)));
+        for id in words.iter().filter(|word| word.chars().all(|c| c.is_ascii_digit() || c == '#')) {
+            if graph.index_of(id).is_none() {
+                let card = card(uid_of(id));
+                graph.nodes.push(GraphNode { id: (*id).into(), ..GraphNode::of(&card) });
+                cards.push(card);
             }
         }
         if let [uid, state] = words.as_slice() {
@@ -154,6 +156,7 @@ fn spoilt_tasks_are_found() {
             let mut twin = task.clone();
             let mut card = task.card(atom.subject()).unwrap().clone();
             card.uid = "999".into();
+            card.asset = AssetRef::builtin("999", 1);
             let other = |uid: &String| if uid == atom.subject() { "999".to_owned() } else { uid.clone() };
             let edges = twin.scene_graph.edges.clone();
             twin.scene_graph.edges.extend(edges.iter().map(|edge| GraphEdge {
@@ -192,6 +195,47 @@ fn spoilt_tasks_are_found() {
     assert!(applied.iter().all(|count| *count > 0), "{applied:?}");
 }
 
+/// Copies that nothing tells apart are any of them; a relation, also to another thing, singles one out.
+#[test]
+fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
+    let mugs = ["001 left 008", "001#2 right 008", "027 front 008"];
+    for (instruction, goal, groups) in [
+        ("Put the red mug on the far side of the apple.", "001 front 027", "001/001#2"),
+        ("Put the mug that is to the robot's left of the plate near the apple.", "001 near 027", ""),
+        ("Put the mug farthest to the robot's right near the apple.", "001#2 near 027", ""),
+        ("Put the apple near the red mug.", "027 near 001", "001/001#2"),
+        ("Put the apple near the mug that is to the robot's right of the plate.", "027 near 001#2", ""),
+    ] {
+        let (objects, scene_graph) = scene(&mugs);
+        let reading = read(instruction, &objects, &scene_graph);
+        assert_eq!(heard(instruction, &mugs), goal, "{instruction}: {reading:?}");
+        let words: Vec<&str> = goal.split(' ').collect();
+        let atom = Atom::Relation {
+            subject: words[0].into(),
+            relation: serde_json::from_value(words[1].into()).unwrap(),
+            reference: words[2].into(),
+            second_reference: None,
+        };
+        let mut task = Task {
+            id: "t".into(),
+            kind: TaskKind::PickAndPlace,
+            instruction: instruction.into(),
+            goal: genmanip_core::Goal { alternatives: vec![vec![atom]] },
+            scene_graph,
+            objects,
+            interchangeable: Vec::new(),
+            source: String::new(),
+        };
+        let found: Vec<String> = interchangeable(&task).iter().map(|group| group.join("/")).collect();
+        assert_eq!(found.join(" "), groups, "{instruction}");
+        assert_eq!(check(&task), Ok(()), "{instruction}");
+        // The other copy is as good where nothing tells them apart, and wrong where something does.
+        let swap = std::collections::BTreeMap::from([("001", "001#2"), ("001#2", "001")]);
+        task.goal.alternatives[0][0] = task.goal.alternatives[0][0].renamed(&swap);
+        assert_eq!(check(&task).is_ok(), !groups.is_empty(), "{instruction}");
+    }
+}
+
 /// Saying another colour refers to something else, or to nothing.
 #[test]
 fn another_colour_is_noticed() {
@@ -215,7 +259,7 @@ fn another_colour_is_noticed() {
 
 #[test]
 fn a_mismatch_is_one_sentence() {
-    let mismatch = Mismatch::Ambiguous { phrase: "mug".into(), uids: vec!["001".into(), "002".into()] };
+    let mismatch = Mismatch::Ambiguous { phrase: "mug".into(), ids: vec!["001".into(), "002".into()] };
     assert_eq!(mismatch.to_string(), r#"`mug` may be any of ["001", "002"]"#);
     assert_eq!(mismatch.reason(), "an ambiguous phrase");
 }

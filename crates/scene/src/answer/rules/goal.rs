@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use genmanip_core::Relation;
+use genmanip_core::{Atom, Relation, SceneGraph};
 
 use super::consistency::{Link, contradictions};
 use super::graph::object_name;
@@ -70,34 +70,53 @@ enum View {
     Inverted,
 }
 
+/// Subject, relation, reference and second reference, whatever objects are named by.
+type Fact<T> = (T, Relation, T, Option<T>);
+
 /// Whether the initial graph says that a condition holds.
 fn holds(condition: &Condition, draft: &Draft) -> Option<View> {
-    let (relation, reference) = match &condition.test {
+    match &condition.test {
         Test::State(state) => {
             let node = draft.nodes.iter().find(|node| node.object == condition.subject)?;
-            return (node.state.as_ref() == Some(state)).then_some(View::Direct);
+            (node.state.as_ref() == Some(state)).then_some(View::Direct)
         }
-        Test::Relation(Relation::Between, reference, second) => {
-            let ends = |one: usize, other: Option<usize>| BTreeSet::from([Some(one), other]);
-            let said = draft.edges.iter().any(|edge| {
-                edge.relation == Relation::Between
-                    && edge.subject == condition.subject
-                    && ends(edge.reference, edge.second) == ends(*reference, *second)
-            });
-            return said.then_some(View::Direct);
+        Test::Relation(relation, reference, second) => {
+            let edges = draft.edges.iter().map(|edge| (edge.subject, edge.relation, edge.reference, edge.second));
+            said(edges, (condition.subject, *relation, *reference, *second))
         }
-        Test::Relation(relation, reference, _) => (*relation, *reference),
-    };
-    let direct = draft.edges.iter().any(|edge| {
-        (edge.subject, edge.reference) == (condition.subject, reference) && implies(edge.relation, relation)
-    });
-    let inverted = || {
-        draft.edges.iter().any(|edge| {
-            (edge.reference, edge.subject) == (condition.subject, reference)
-                && edge.relation.inverse().is_some_and(|inverse| implies(inverse, relation))
-        })
-    };
-    if direct { Some(View::Direct) } else { inverted().then_some(View::Inverted) }
+    }
+}
+
+/// Whether the initial graph of a task says that a condition holds.
+pub(super) fn is_said(graph: &SceneGraph, atom: &Atom) -> bool {
+    match atom {
+        Atom::State { object, state } => {
+            graph.nodes.iter().any(|node| node.id == *object && node.state.as_ref() == Some(state))
+        }
+        Atom::Relation { subject, relation, reference, second_reference } => {
+            let edges = graph.edges.iter();
+            let edges =
+                edges.map(|edge| (&edge.subject, edge.relation, &edge.reference, edge.second_reference.as_ref()));
+            said(edges, (subject, *relation, reference, second_reference.as_ref())).is_some()
+        }
+    }
+}
+
+/// How initial edges tell that a relation holds.
+fn said<T: Ord + Copy>(mut edges: impl Iterator<Item = Fact<T>> + Clone, condition: Fact<T>) -> Option<View> {
+    let (subject, relation, reference, second) = condition;
+    if relation == Relation::Between {
+        let ends = |one: T, other: Option<T>| BTreeSet::from([Some(one), other]);
+        let same = |edge: Fact<T>| {
+            edge.1 == Relation::Between && edge.0 == subject && ends(edge.2, edge.3) == ends(reference, second)
+        };
+        return edges.any(same).then_some(View::Direct);
+    }
+    if edges.clone().any(|edge| (edge.0, edge.2) == (subject, reference) && implies(edge.1, relation)) {
+        return Some(View::Direct);
+    }
+    let seen_back = |edge: Fact<T>| edge.1.inverse().is_some_and(|inverse| implies(inverse, relation));
+    edges.any(|edge| (edge.2, edge.0) == (subject, reference) && seen_back(edge)).then_some(View::Inverted)
 }
 
 /// Whether an edge makes a condition true: neighbours in any direction are near, and `top` accepts on and in.

@@ -50,7 +50,8 @@ pub(super) fn check_consistency(draft: &Draft, request: &TaskRequest, findings: 
 
 /// `007 (Porcelain Plate)`.
 pub(super) fn object_name(request: &TaskRequest, index: usize) -> String {
-    request.offered.get(index).map_or_else(String::new, |card| format!("{} ({})", card.uid, card.name))
+    let card = request.offered.get(index);
+    card.map_or_else(String::new, |card| format!("{} ({})", request.ids()[index], card.name))
 }
 
 fn drop_repeated_nodes(draft: &mut Draft, request: &TaskRequest, findings: &mut Findings) {

@@ -4,7 +4,7 @@ mod consistency;
 mod goal;
 mod graph;
 
-use genmanip_core::TaskKind;
+use genmanip_core::{Task, TaskKind};
 
 use super::TaskRequest;
 use super::flaw::{Findings, FlawKind};
@@ -25,6 +25,26 @@ pub(super) fn check(draft: Draft, request: &TaskRequest, findings: &mut Findings
     }
     check_kind(&draft, request.kind, findings);
     draft
+}
+
+/// No copy may stand where the goal wants it, whichever copy the goal is said with.
+pub(super) fn check_copies(task: &Task, findings: &mut Findings) {
+    if let Err(error) = task.check_interchangeable() {
+        let hint = "say which copies are meant, or use fewer of them";
+        findings.reject(FlawKind::TooLarge, "$.goal_conditions", error.to_string(), hint);
+        return;
+    }
+    let goal = task.judged_goal();
+    let others = goal.alternatives.iter().skip(task.goal.alternatives.len());
+    for atoms in others {
+        if !atoms.is_empty() && atoms.iter().all(|atom| goal::is_said(&task.scene_graph, atom)) {
+            let words: Vec<String> = atoms.iter().map(ToString::to_string).collect();
+            let message = format!("another copy is where the goal wants one: {}", words.join(", "));
+            let hint = "the goal must be false for every copy before the robot moves";
+            findings.reject(FlawKind::GoalAlreadySatisfied, "$.goal_conditions", message, hint);
+            return;
+        }
+    }
 }
 
 fn check_instruction(draft: &Draft, findings: &mut Findings) {

@@ -1,0 +1,242 @@
+//! Identical copies that stand for each other in a goal.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::{Atom, Goal, Task};
+
+/// Most instances that may stand for each other in one group: their orders are tried, 24 for four.
+pub const MOST_INTERCHANGEABLE: usize = 4;
+
+/// Most alternatives that a goal may have once every way to exchange copies is an alternative of its own; what is
+/// judged in every control step has to stay small.
+pub const MOST_ALTERNATIVES: usize = 96;
+
+/// Why groups of interchangeable instances make no sense.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum InterchangeError {
+    /// A group of none, one, or too many.
+    #[error("a group of {got} interchangeable instances, expected 2 to {MOST_INTERCHANGEABLE}")]
+    Size {
+        /// Instances in the group.
+        got: usize,
+    },
+    /// An id that is no node, or stands in the groups twice.
+    #[error("interchangeable instance `{id}` is {what}")]
+    Instance {
+        /// The id.
+        id: String,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// Two assets in one group.
+    #[error("`{first}` and `{second}` are made from different assets and cannot be exchanged")]
+    Assets {
+        /// An id of the group.
+        first: String,
+        /// Another one.
+        second: String,
+    },
+    /// The goal grows too large.
+    #[error("exchanging copies gives the goal {got} alternatives, expected at most {MOST_ALTERNATIVES}")]
+    Alternatives {
+        /// How many there would be.
+        got: usize,
+    },
+}
+
+impl Task {
+    /// The goal as it is judged: every way to exchange interchangeable copies is an alternative of its own.
+    ///
+    /// The alternatives as they were written come first; without interchangeable copies there are no others.
+    /// A verdict then names the instances that satisfied it.
+    pub fn judged_goal(&self) -> Cow<'_, Goal> {
+        if self.interchangeable.is_empty() {
+            return Cow::Borrowed(&self.goal);
+        }
+        let mut alternatives = self.goal.alternatives.clone();
+        for written in &self.goal.alternatives {
+            for exchange in exchanges(&self.interchangeable, written) {
+                let exchanged: Vec<Atom> = written.iter().map(|atom| atom.renamed(&exchange)).collect();
+                if !alternatives.contains(&exchanged) {
+                    alternatives.push(exchanged);
+                }
+            }
+        }
+        Cow::Owned(Goal { alternatives })
+    }
+
+    /// Checks the groups of interchangeable instances.
+    ///
+    /// # Errors
+    /// [`InterchangeError`] with the first thing that is wrong.
+    pub fn check_interchangeable(&self) -> Result<(), InterchangeError> {
+        let mut seen = BTreeSet::new();
+        for group in &self.interchangeable {
+            if !(2..=MOST_INTERCHANGEABLE).contains(&group.len()) {
+                return Err(InterchangeError::Size { got: group.len() });
+            }
+            for id in group {
+                let refused = |what| Err(InterchangeError::Instance { id: id.clone(), what });
+                if self.scene_graph.index_of(id).is_none() {
+                    return refused("no node of the scene");
+                }
+                if !seen.insert(id) {
+                    return refused("listed twice");
+                }
+            }
+            let asset = |id: &String| self.scene_graph.index_of(id).map(|index| &self.scene_graph.nodes[index].asset);
+            if let Some(other) = group.iter().find(|id| asset(id) != asset(&group[0])) {
+                return Err(InterchangeError::Assets { first: group[0].clone(), second: other.clone() });
+            }
+        }
+        let exchanges: usize = self.goal.alternatives.iter().map(|atoms| count(&self.interchangeable, atoms)).sum();
+        if exchanges > MOST_ALTERNATIVES {
+            return Err(InterchangeError::Alternatives { got: exchanges });
+        }
+        Ok(())
+    }
+}
+
+impl Atom {
+    /// Ids of the instances that the condition is about, the one that is tested first.
+    pub fn ids(&self) -> impl Iterator<Item = &str> {
+        let (subject, reference, second) = match self {
+            Self::Relation { subject, reference, second_reference, .. } => {
+                (subject, Some(reference), second_reference.as_ref())
+            }
+            Self::State { object, .. } => (object, None, None),
+        };
+        std::iter::once(subject).chain(reference).chain(second).map(String::as_str)
+    }
+
+    /// The condition on other instances; those that are not in the table stay.
+    #[must_use]
+    pub fn renamed(&self, other: &BTreeMap<&str, &str>) -> Self {
+        let new = |id: &String| other.get(id.as_str()).map_or_else(|| id.clone(), |id| (*id).to_owned());
+        match self {
+            Self::Relation { subject, relation, reference, second_reference } => Self::Relation {
+                subject: new(subject),
+                relation: *relation,
+                reference: new(reference),
+                second_reference: second_reference.as_ref().map(new),
+            },
+            Self::State { object, state } => Self::State { object: new(object), state: state.clone() },
+        }
+    }
+}
+
+/// Members of each group that the conditions are about, with the whole group.
+fn concerned<'g>(groups: &'g [Vec<String>], atoms: &[Atom]) -> Vec<(Vec<&'g str>, &'g [String])> {
+    let is_meant = |id: &&str| atoms.iter().flat_map(Atom::ids).any(|other| other == *id);
+    groups.iter().map(|group| (group.iter().map(String::as_str).filter(is_meant).collect(), group.as_slice())).collect()
+}
+
+/// In how many ways copies can stand for those that the conditions are about.
+fn count(groups: &[Vec<String>], atoms: &[Atom]) -> usize {
+    let ways =
+        |(meant, group): &(Vec<&str>, &[String])| (0..meant.len()).map(|taken| group.len() - taken).product::<usize>();
+    concerned(groups, atoms).iter().map(ways).product()
+}
+
+/// All ways to let copies stand for those that the conditions are about, the identity first.
+fn exchanges<'g>(groups: &'g [Vec<String>], atoms: &[Atom]) -> Vec<BTreeMap<&'g str, &'g str>> {
+    let mut all = vec![BTreeMap::new()];
+    for (meant, group) in concerned(groups, atoms) {
+        for id in meant {
+            // What stood for itself comes first.
+            let own = group.iter().filter(|other| *other == id);
+            let others: Vec<&str> = own.chain(group.iter().filter(|other| *other != id)).map(String::as_str).collect();
+            let with = |so_far: BTreeMap<&'g str, &'g str>| {
+                let free: Vec<&str> =
+                    others.iter().copied().filter(|other| !so_far.values().any(|v| v == other)).collect();
+                free.into_iter().map(move |other| {
+                    let mut more = so_far.clone();
+                    more.insert(id, other);
+                    more
+                })
+            };
+            all = all.into_iter().flat_map(with).collect();
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Document, Relation};
+
+    fn on(subject: &str, reference: &str) -> Atom {
+        Atom::Relation {
+            subject: subject.into(),
+            relation: Relation::On,
+            reference: reference.into(),
+            second_reference: None,
+        }
+    }
+
+    fn task(ids: &[&str], goal: Vec<Vec<Atom>>, groups: &[&[&str]]) -> Task {
+        let mut task = Task::from_json(include_str!("../testdata/task.json")).unwrap();
+        let of = |id: &&str| crate::GraphNode {
+            id: (*id).into(),
+            asset: crate::AssetRef::builtin(crate::asset::uid_of(id), 2),
+            state: None,
+        };
+        task.scene_graph.nodes = ids.iter().map(of).collect();
+        task.goal.alternatives = goal;
+        task.interchangeable = groups.iter().map(|group| group.iter().map(|id| (*id).to_owned()).collect()).collect();
+        task
+    }
+
+    /// Alternatives in words.
+    fn judged(task: &Task) -> Vec<String> {
+        let words = |atoms: &Vec<Atom>| atoms.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        task.judged_goal().alternatives.iter().map(words).collect()
+    }
+
+    #[test]
+    fn every_exchange_is_an_alternative() {
+        let ids = ["1", "1#2", "1#3", "8", "8#2"];
+        for (goal, groups, expected) in [
+            (vec![vec![on("1", "8")]], &[][..], &["1 on 8"][..]),
+            (vec![vec![on("1", "8")]], &[&["1", "1#2"][..]], &["1 on 8", "1#2 on 8"]),
+            (vec![vec![on("1#2", "8")]], &[&["1", "1#2", "1#3"]], &["1#2 on 8", "1 on 8", "1#3 on 8"]),
+            (vec![vec![on("1#3", "8")]], &[&["1", "1#2"]], &["1#3 on 8"]),
+            (
+                vec![vec![on("1", "8")]],
+                &[&["1", "1#2"], &["8", "8#2"]],
+                &["1 on 8", "1 on 8#2", "1#2 on 8", "1#2 on 8#2"],
+            ),
+            (
+                vec![vec![on("1", "8"), on("1#2", "8#2")]],
+                &[&["1", "1#2"]],
+                &["1 on 8, 1#2 on 8#2", "1#2 on 8, 1 on 8#2"],
+            ),
+            // What two alternatives have in common is judged once.
+            (vec![vec![on("1", "8")], vec![on("1#2", "8")]], &[&["1", "1#2"]], &["1 on 8", "1#2 on 8"]),
+        ] {
+            let task = task(&ids, goal, groups);
+            assert_eq!(task.check_interchangeable(), Ok(()));
+            assert_eq!(judged(&task), expected);
+        }
+    }
+
+    #[test]
+    fn groups_that_make_no_sense_are_refused() {
+        let ids = ["1", "1#2", "1#3", "1#4", "1#5", "8", "8#2", "8#3", "8#4"];
+        for (groups, expected) in [
+            (&[&["1"][..]][..], "a group of 1"),
+            (&[&["1", "1#2", "1#3", "1#4", "1#5"]], "a group of 5"),
+            (&[&["1", "7"]], "`7` is no node"),
+            (&[&["1", "1"]], "`1` is listed twice"),
+            (&[&["1", "1#2"], &["1#2", "1#3"]], "`1#2` is listed twice"),
+            (&[&["1", "8"]], "different assets"),
+            (&[&["1", "1#2", "1#3", "1#4"], &["8", "8#2", "8#3", "8#4"]], "144 alternatives"),
+        ] {
+            let goal = vec![vec![on("1", "8"), on("1#2", "8#2")]];
+            let message = task(&ids, goal, groups).check_interchangeable().unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+}
