@@ -30,7 +30,6 @@ pub use audit::{AuditError, LayoutAudit, audit, posed};
 pub use error::{LayoutError, Rejections, Unfinished};
 pub use goal_pose::{GoalPose, GoalPoseSettings, GoalSearch};
 pub use moves::{Move, moves, references};
-pub use reach::is_in_reach;
 pub use settings::LayoutSettings;
 
 use genmanip_assets::Catalogue;
@@ -176,7 +175,7 @@ fn accept(
         return Err("the goal holds already".into());
     }
     begin(Phase::Reaching);
-    if let Some(reason) = reach::unreachable(task, scene, planner, relations, seed) {
+    if let Some(reason) = reach::unreachable(task, scene, planner, relations, &settings.grasp, seed) {
         return Err(reason);
     }
     begin(Phase::Seeing);

@@ -1,10 +1,8 @@
 //! Whether the arm can do what the goal asks: take each object as it lies, and let go of it where it belongs.
 
-use std::f64::consts::{FRAC_PI_4, PI};
-
-use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::glam::DVec3;
 use genmanip_core::{Grasp, Pose, Seed, Task, Workspace};
-use genmanip_motion::{Allowed, Planner, Surroundings};
+use genmanip_motion::{FeasibilitySettings, PickQuery, PickedObject, Planner, World};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
@@ -18,11 +16,12 @@ pub(crate) fn unreachable(
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
+    feasibility: &FeasibilitySettings,
     seed: Seed,
 ) -> Option<String> {
     let mut reason = None;
     for alternative in moves(&task.goal, scene) {
-        match obstacle(&alternative, scene, planner, relations, seed) {
+        match obstacle(&alternative, scene, planner, relations, feasibility, seed) {
             None => return None,
             Some(obstacle) => reason = Some(obstacle),
         }
@@ -36,15 +35,12 @@ fn obstacle(
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
+    feasibility: &FeasibilitySettings,
     seed: Seed,
 ) -> Option<String> {
     let world = surroundings::world(scene, None);
-    let nothing = Allowed::none();
-    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
-    let home = &planner.robot().home;
-    let within_reach = |object: &PosedObject, candidates: &[Grasp]| {
-        !planner.reachable_grasps(&around, &object.uid, &object.pose, candidates, home, 1).is_empty()
-    };
+    let within_reach =
+        |object: &PosedObject, candidates: Vec<Grasp>| is_graspable(object, candidates, planner, &world, feasibility);
     let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
     let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
     let mut after = scene.clone();
@@ -60,14 +56,14 @@ fn obstacle(
         }
         let generated = || surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach"));
         let can_be_grasped = surroundings::tried_grasps(planner, scene, step.object)
-            .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
+            .and_then(|tried| Ok(within_reach(object, tried) || within_reach(object, generated()?)));
         match can_be_grasped {
             Ok(true) => {}
             Ok(false) => return Some(format!("{name} cannot be grasped where it lies")),
             Err(error) => return Some(format!("{name} cannot be grasped: {error}")),
         }
         let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
-        let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);
+        let usable = |goal: &Pose| planner.reaches_from_above(goal.position + DVec3::Z * height);
         let search = GoalSearch {
             scene: &after,
             upright: &upright,
@@ -80,6 +76,26 @@ fn obstacle(
         after.set_pose(step.object, place.world_from_object, &object.joint_positions);
         None
     })
+}
+
+/// Whether the arm can carry any of the candidates out, from its home.
+fn is_graspable(
+    object: &PosedObject,
+    candidates: Vec<Grasp>,
+    planner: &Planner,
+    world: &World,
+    settings: &FeasibilitySettings,
+) -> bool {
+    let pieces = object.model.pieces(&object.joint_positions);
+    let query = PickQuery {
+        planner,
+        world,
+        object: PickedObject { name: &object.uid, world_from_object: object.pose, pieces: &pieces },
+        goals: &[],
+        arm: &planner.robot().home,
+        settings,
+    };
+    query.grasps(candidates.into_iter()).next().is_some()
 }
 
 /// Joint positions of an object in a state; `None` when the arm cannot move every joint there, one after the other.
@@ -95,13 +111,4 @@ fn turned(object: usize, state: &str, scene: &PosedScene, planner: &Planner) -> 
         scene.set_pose(object, pose, &joints);
     }
     scene.objects().nth(object).map(|posed| posed.joint_positions.clone())
-}
-
-/// Whether the hand, pointing straight down, gets to a point.
-pub fn is_in_reach(planner: &Planner, point: DVec3) -> bool {
-    let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(PI) };
-    (0..4).any(|turn| {
-        let world_from_tcp = Pose::from_position_yaw(point, f64::from(turn) * FRAC_PI_4) * down;
-        planner.ik_each(&world_from_tcp, &planner.robot().home).next().is_some()
-    })
 }

@@ -1,5 +1,6 @@
 //! Every default of the layout on one screen.
 
+use genmanip_motion::FeasibilitySettings;
 use serde::{Deserialize, Serialize};
 
 /// How layouts are searched and what they must satisfy.
@@ -35,6 +36,8 @@ pub struct LayoutSettings {
     pub wide_x_m: [f64; 2],
     /// Rightmost and leftmost y where a layout needs more room, metres.
     pub wide_y_m: [f64; 2],
+    /// When an object that is to be moved counts as graspable where it lies.
+    pub grasp: FeasibilitySettings,
     /// Height from which supported objects are let down, metres.
     pub drop_m: f64,
     /// Longest settling, simulated seconds.
@@ -72,6 +75,8 @@ impl Default for LayoutSettings {
             y_m: [-0.42, 0.42],
             wide_x_m: [0.22, 0.88],
             wide_y_m: [-0.48, 0.48],
+            // Layout only asks whether there is a grasp; the expert plans its motions.
+            grasp: FeasibilitySettings::reach_only(),
             drop_m: 0.002,
             settle_s: 2.0,
             max_settle_shift_m: 0.03,

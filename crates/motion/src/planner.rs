@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, RobotError, RobotShape, World};
 use crate::depth::{self, DepthError, DepthImage, DepthSettings};
 use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
-use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings, ReachableGrasp};
+use crate::grasp::{self, GraspSettings, GraspTarget, Gripper};
 use crate::ik::{IkSettings, InverseKinematics};
 use crate::path::Path;
 use crate::plan::{self, PlanError, PlanSettings, StraightSettings};
@@ -32,8 +32,6 @@ pub struct PlannerSettings {
     pub grasp: GraspSettings,
     /// Grasp candidates from points.
     pub cloud: CloudSettings,
-    /// Grasps that the arm can carry out.
-    pub reach: ReachSettings,
 }
 
 /// What surrounds one motion: the world, what is carried, what may touch, and how far the gripper is open.
@@ -122,6 +120,23 @@ impl Planner {
     /// `None` when a joint would have to move by more than `max_step`.
     pub fn ik_near(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
         self.ik.continue_from(world_from_tcp, previous, max_step)
+    }
+
+    /// Configurations that bring the tcp to one pose after the other, each the nearest to the one before and the first
+    /// the nearest to `from`; `None` when a joint would have to move by more than `max_step` rad between two of them.
+    pub fn follow(
+        &self,
+        from: &[f64],
+        world_from_tcp: impl Iterator<Item = Pose>,
+        max_step: f64,
+    ) -> Option<Vec<Vec<f64>>> {
+        let mut previous = from.to_vec();
+        world_from_tcp
+            .map(|pose| {
+                previous = self.ik_near(&pose, &previous, max_step)?;
+                Some(previous.clone())
+            })
+            .collect()
     }
 
     /// Collision tests at a distance of `padding` metres (0: contact only).
@@ -225,22 +240,5 @@ impl Planner {
     /// Opening with which a grasp is approached, m.
     pub fn opening(&self, grasp: &Grasp) -> f64 {
         self.gripper.opening_for(grasp, self.settings.grasp.opening_clearance)
-    }
-
-    /// The first `wanted` of `candidates` (object frame, in their order) that the arm can carry out where the object
-    /// is: grasp and pre-grasp are in reach, and the robot touches nothing there but `target` with its open gripper.
-    ///
-    /// `around` should hold the target as an obstacle of that name; its gripper width is replaced by the grasp's own.
-    /// The straight way between pre-grasp and grasp is not tested here: see [`Planner::straight`].
-    pub fn reachable_grasps(
-        &self,
-        around: &Surroundings,
-        target: &str,
-        world_from_object: &Pose,
-        candidates: &[Grasp],
-        reference: &[f64],
-        wanted: usize,
-    ) -> Vec<ReachableGrasp> {
-        grasp::reachable(self, around, target, world_from_object, candidates, reference, wanted)
     }
 }

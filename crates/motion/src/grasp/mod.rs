@@ -10,7 +10,6 @@ mod assess;
 pub mod cloud;
 mod gripper;
 mod propose;
-mod reach;
 mod solid;
 #[cfg(test)]
 mod tests;
@@ -20,8 +19,6 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use gripper::Gripper;
-pub(crate) use reach::reachable;
-pub use reach::{ReachSettings, ReachableGrasp};
 
 use crate::collision::GeometryError;
 
