@@ -5,7 +5,10 @@ use std::path::Path as FilePath;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Pose, Seed};
 use genmanip_layout::surroundings;
-use genmanip_motion::{Allowed, Path, PlanError, Planner, PlannerSettings, ReachableGrasp, Surroundings, World};
+use genmanip_motion::{
+    Allowed, FeasibilitySettings, FeasibleGrasp, HalfTurn, Path, PickQuery, PickedObject, PlanError, Planner,
+    PlannerSettings, Surroundings,
+};
 use genmanip_rollout::Stage;
 use serde::Serialize;
 
@@ -16,8 +19,10 @@ use crate::inputs;
 use crate::pictures::motion::{self, Drawn};
 use crate::printer::Printer;
 
-/// Grasps among which the planner may choose.
-const GRASPS: usize = 12;
+/// Which grasps the planner may choose among: a dozen that are in reach, the hand turned the way that is nearer.
+fn feasibility() -> FeasibilitySettings {
+    FeasibilitySettings { wanted: 12, half_turn: HalfTurn::Nearer, ..FeasibilitySettings::reach_only() }
+}
 
 /// What `--json` prints.
 #[derive(Serialize)]
@@ -45,8 +50,8 @@ struct Report {
 enum Goal {
     /// One of these configurations.
     Configurations(Vec<Vec<f64>>),
-    /// The first free grasp.
-    Grasp { object: String, grasps: Vec<ReachableGrasp> },
+    /// The first free grasp of an object, by its index.
+    Grasp { object: usize, grasps: Vec<FeasibleGrasp> },
 }
 
 pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -114,30 +119,25 @@ fn plan(
         }
         Goal::Grasp { object, grasps } => (object, grasps),
     };
-    let mut problem = PlanError::Unreachable { what: format!("no grasp of {object} is free and in reach") };
+    let object = picked_object(stage, *object);
+    let settings = feasibility();
+    let query = PickQuery { planner, world: &world, object, goals: &[], arm: start, settings: &settings };
+    let mut problem = PlanError::Unreachable { what: format!("no grasp of {} is free and in reach", object.name) };
     for grasp in grasps {
-        match to_grasp(grasp, object, &world, planner, start, &free(grasp.opening), seed) {
-            Ok(paths) => return Ok((paths, grasp.opening)),
+        let planned =
+            query.approach(grasp).and_then(|approach| Ok(vec![query.reach(grasp, &approach, seed)?, approach]));
+        match planned {
+            Ok(paths) => return Ok((paths, grasp.opening_m)),
             Err(error) => problem = error,
         }
     }
     Err(problem)
 }
 
-fn to_grasp(
-    grasp: &ReachableGrasp,
-    object: &str,
-    world: &World,
-    planner: &Planner,
-    start: &[f64],
-    free: &Surroundings,
-    seed: Seed,
-) -> Result<Vec<Path>, PlanError> {
-    let touching = Allowed::none().and_gripper(planner.robot(), object);
-    let beside = Surroundings { world, attached: None, allowed: &touching, gripper_width: grasp.opening };
-    let approach = planner.straight(&beside, &grasp.config, &planner.tcp_pose(&grasp.pregrasp))?.reversed();
-    let reach = planner.plan_joint(free, start, &[approach.start().to_vec()], seed)?;
-    Ok(vec![reach, approach])
+/// An object where it is at the start; it is not lifted here, so its pieces are left out.
+fn picked_object(stage: &Stage, index: usize) -> PickedObject<'_> {
+    let placed = &stage.scenario.objects[index];
+    PickedObject { name: &placed.uid, world_from_object: placed.pose, pieces: &[] }
 }
 
 /// Joint positions at the control rate, from rest to rest on each path.
@@ -177,17 +177,12 @@ fn goal(arguments: &PlanArguments, stage: &Stage, planner: &Planner, start: &[f6
     };
     let scene = stage.start();
     let world = surroundings::world(scene, None);
-    let nothing = Allowed::none();
-    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
+    let settings = feasibility();
+    let object = picked_object(stage, index);
+    let query = PickQuery { planner, world: &world, object, goals: &[], arm: start, settings: &settings };
     let candidates = surroundings::generated_grasps(planner, scene, index, Seed::new(arguments.seed))
         .map_err(|error| Failed::because(format!("grasps of `{wanted}` cannot be sought"), &error))?;
-    let (uid, pose) = (&scenario_object(stage, index).uid, scenario_object(stage, index).pose);
-    let grasps = planner.reachable_grasps(&around, uid, &pose, &candidates, start, GRASPS);
-    Ok(Goal::Grasp { object: uid.clone(), grasps })
-}
-
-fn scenario_object(stage: &Stage, index: usize) -> &genmanip_core::PlacedObject {
-    &stage.scenario.objects[index]
+    Ok(Goal::Grasp { object: index, grasps: query.grasps(candidates.into_iter()).collect() })
 }
 
 /// Joint positions as the user gave them.

@@ -1,4 +1,6 @@
 //! Every default of the feasibility query on one screen.
+//!
+//! "By hand" means: tried on demonstrations of the example tasks and kept when failures became fewer, not fitted.
 
 use serde::{Deserialize, Serialize};
 
@@ -50,7 +52,7 @@ pub enum HalfTurn {
 impl Default for FeasibilitySettings {
     fn default() -> Self {
         Self {
-            // Free motions fail for one grasp in several at most; a dozen covers both sides of six grasps.
+            // By hand: both ways of the hand for six grasps; free motions seldom fail for all of them.
             wanted: 12,
             // All that `IkSettings::max_solutions` keeps.
             configurations: 48,
@@ -58,19 +60,19 @@ impl Default for FeasibilitySettings {
             half_turn: HalfTurn::Both,
             // The padding of free motions (`PlanSettings::padding`), so that they may start and end here.
             clearance_m: 0.003,
-            // Fingers that come down on a rim otherwise stand on it; more would refuse rings and handles.
+            // By hand, on rings and handles: with none, open fingers landed on them; much more would refuse them.
             object_clearance_m: Some(0.0005),
-            // 12 mm a side: 2 mm more than grasps are proposed with, for the arm's lag while it comes in.
+            // By hand: 12 mm a side, 2 mm more than `GraspSettings::opening_clearance`.
             finger_room_m: Some(0.024),
-            // Fingers reach about 5 cm beyond the palm; from 9 cm they clear what they will hold.
+            // Twice the 4.5 cm by which the Panda's fingers reach beyond its palm: they start outside what they hold.
             approach_m: 0.09,
             tests_pregrasp: false,
-            // Clears most neighbours of the catalogue, which are up to 10 cm high where things stand close.
+            // By hand: most neighbours are cleared, and most lifts still within reach.
             lift_m: 0.10,
-            // From the gap that settling closes without a bounce to the depth of the deepest hollow the hand must stay
-            // above; tuned on demonstrations: the higher, the more things tip over.
+            // By hand: from the padding of free motions to what gets the hand out of the catalogue's deep hollows;
+            // the lowest that works is taken, since what falls far tips over.
             release_heights_m: vec![0.003, 0.015, 0.03, 0.05, 0.08, 0.12],
-            // The nearest ones: others turn the wrist far round while the object is carried.
+            // By hand: the nearest ones, for time's sake.
             goal_configurations: 4,
         }
     }
@@ -84,13 +86,13 @@ impl FeasibilitySettings {
     pub fn reach_only() -> Self {
         Self {
             wanted: 1,
-            // The nearest ones; a grasp that needs others is rarely the only one, and each costs a collision test.
+            // By hand: the nearest ones, for time's sake; a grasp that needs others is rarely the only one.
             configurations: 6,
-            // What physics leaves between things that stand beside each other and do not touch.
+            // By hand, and less than motions keep: the expert makes do with as much for flat things.
             clearance_m: 0.001,
             object_clearance_m: None,
             finger_room_m: None,
-            // A little less than motions need, so that this test does not refuse what they can do.
+            // By hand: a little less than motions need, so that this test does not refuse what they can do.
             approach_m: 0.08,
             tests_pregrasp: true,
             ..Self::default()

@@ -7,8 +7,8 @@ use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, Hand, commands};
 
-/// Height at which the hand must at least get to a goal pose before its motions are planned, metres: within the range
-/// of release heights.
+/// Height above a goal pose which the hand must get to for its motions to be planned at all, metres: by hand, in the
+/// lower part of the release heights.
 const GOAL_HEIGHT_M: f64 = 0.01;
 
 /// What is in the hand, and what it must not touch.

@@ -65,28 +65,27 @@ impl Default for ExpertSettings {
             joint: JointSettings::default(),
             // By hand: doors and drawers are not thrown open.
             joint_speed: 0.15,
-            // A tenth of a second at 60 Hz, the lag of the arm behind its command.
+            // A tenth of a second at 60 Hz: two to three time constants of the arm's drives (kv/kp, 0.03-0.044 s).
             joint_steps: 6,
-            // By hand, on joints that stuck: twice the lag of a free motion at `joint_speed`.
+            // By hand, on joints that something held back.
             joint_lag_m: 0.004,
-            // More than `GraspSettings::max_candidates` (64), so that those tried beforehand (24 at most) leave room.
+            // All that were tried beforehand (24 at most per object) and most of `GraspSettings::max_candidates` (64).
             grasps: 80,
             // By hand: what failed four times failed again.
             tries_per_move: 4,
-            // By hand, for flat things: the fingers go as near to the table as physics tells apart from touching.
+            // By hand, for flat things, which the fingers take close above the table.
             tight_clearance_m: 0.001,
-            // By hand: enough that the drive reaches its force limit on a rigid object, and half of what opens again.
+            // By hand: about twice `grip_force_n / grip_kp` (8 mm), at which the drive presses with all its force.
             squeeze_m: 0.015,
             // By hand: from higher up things on an open surface tip over or roll.
             max_open_release_m: 0.015,
-            // By hand: ten times the padding of free motions, for what hangs askew in the hand.
+            // By hand: room for what hangs askew in the hand.
             rim_clearance_m: 0.03,
-            // By hand: the share of limits at which the arm's controller still follows without overshoot,
-            // with less of it where something could slip or touch.
+            // By hand: brisk where nothing can happen, slower where something could slip, slowest beside things.
             empty_speed: 0.9,
             loaded_speed: 0.65,
             careful_speed: 0.5,
-            // 0.6 s: as long as closing takes in the published grasp experiments that the gripper was tuned on.
+            // 0.6 s, of which the first half closes and the second builds up the grip; by hand.
             close_steps: 36,
             // As long as closing, so that fingers that pressed have let go before the hand leaves.
             open_steps: 36,
@@ -94,9 +93,9 @@ impl Default for ExpertSettings {
             fingers_m_s: 0.08,
             // Half of `RolloutSettings::rest_speed`, so that the judge will call it at rest, too.
             rest_speed: 0.01,
-            // Two seconds with `rest_steps`: as long as a layout is left to settle.
+            // Two seconds with `rest_steps`: as long as a layout settles at most (`LayoutSettings::settle_s`).
             longest_wait: 20,
-            // A tenth of a second at 60 Hz, the lag of the arm behind its command.
+            // A tenth of a second at 60 Hz: two to three time constants of the arm's drives (kv/kp, 0.03-0.044 s).
             rest_steps: 6,
         }
     }
