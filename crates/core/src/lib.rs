@@ -22,6 +22,7 @@ pub mod document;
 pub mod episode;
 pub mod geometry;
 pub mod grasp;
+pub mod json;
 pub mod mesh;
 pub mod object;
 pub mod policy;
@@ -30,6 +31,7 @@ pub mod robot;
 pub mod scenario;
 pub mod seed;
 pub mod task;
+pub mod upgrade;
 pub mod verdict;
 
 pub use glam;
@@ -37,7 +39,8 @@ pub use glam;
 pub use camera::{Camera, CameraMount, Intrinsics};
 pub use document::{Document, DocumentError, Upgrade};
 pub use episode::{
-    AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, ObjectState, StrayContact,
+    AttemptOutcome, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun, ObjectState,
+    StrayContact,
 };
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
@@ -52,4 +55,4 @@ pub use robot::{Gripper, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario, Workspace};
 pub use seed::Seed;
 pub use task::{Atom, Goal, GraphEdge, GraphNode, Relation, SceneGraph, Task, TaskKind};
-pub use verdict::{AtomVerdict, GoalVerdict, Measurement};
+pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};

@@ -15,8 +15,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use genmanip_core::{Document, Episode, EpisodeResult, Scenario};
+use genmanip_core::{Document, Episode, EpisodeResult, Scenario, Upgrade, upgrade};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::aside::{self, Aside};
 use crate::manifest::{FileHash, Manifest, check_bytes};
@@ -54,7 +55,13 @@ struct EpisodeRecord {
 }
 
 impl Document for EpisodeRecord {
-    const SCHEMA: &'static str = "genmanip.episode/1";
+    const SCHEMA: &'static str = "genmanip.episode/2";
+    const PREVIOUS: Option<Upgrade> = Some(Upgrade {
+        schema: "genmanip.episode/1",
+        upgrade: |record| {
+            record.get_mut("result").and_then(Value::as_object_mut).map_or(Ok(()), upgrade::result::from_1)
+        },
+    });
 }
 
 /// `store.json`.
@@ -164,6 +171,15 @@ impl EpisodeStore {
     /// When it is not there, damaged or unreadable.
     pub fn read_result(&self, id: &str) -> Result<EpisodeResult, DataError> {
         Ok(self.record(id)?.result)
+    }
+
+    /// How an attempt went, and whether its frames were kept, from one reading of its record.
+    ///
+    /// # Errors
+    /// As [`EpisodeStore::read_result`].
+    pub fn read_attempt(&self, id: &str) -> Result<(EpisodeResult, bool), DataError> {
+        let record = self.record(id)?;
+        Ok((record.result, record.recorded))
     }
 
     /// Whether the frames of an attempt were kept.

@@ -3,40 +3,25 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::{EpisodeResult, Policy};
+use genmanip_core::{Episode, EpisodeResult, NotRun, Policy};
 use genmanip_data::EpisodeStore;
 
 use crate::collect::{CollectSettings, Resources, in_parallel};
-use crate::expert::Expert;
-use crate::policies::{DoNothing, OpenLoopReplay};
 use crate::{RolloutError, Stage, run_episode};
 
-/// The policies that come with the program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BuiltinPolicy {
-    /// Reads simulator truth; its results say `oracle`.
-    Expert,
-    /// Applies the recorded commands without looking.
-    Replay,
-    /// Stands still: the control.
-    DoNothing,
+/// Makes the policy for one episode, from the scenario made ready and from what was recorded on it.
+pub type MakePolicy<'a> = dyn Fn(&Stage, &Episode) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
+
+/// What an evaluation came to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Evaluated {
+    /// Judged episodes, in the order of their ids.
+    pub results: Vec<EpisodeResult>,
+    /// Episodes whose policy could not be reached, in the order of their ids.
+    pub not_run: Vec<NotRun>,
 }
 
-impl BuiltinPolicy {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Expert, Self::Replay, Self::DoNothing];
-
-    /// The name on the command line and in results.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Expert => "expert",
-            Self::Replay => "replay",
-            Self::DoNothing => "do_nothing",
-        }
-    }
-}
-
-/// Runs a policy on every scenario of a store, recorded success or not; results in the order of the ids.
+/// Runs a policy on every scenario of a store, recorded success or not.
 ///
 /// Attempts without a scenario (their layout failed) cannot be evaluated and are left out.
 ///
@@ -44,13 +29,13 @@ impl BuiltinPolicy {
 /// The first defect of any episode.
 pub fn evaluate(
     store: &EpisodeStore,
-    policy: BuiltinPolicy,
+    make_policy: &MakePolicy,
     resources: Resources,
     settings: &CollectSettings,
     workers: usize,
     stop: &AtomicBool,
     finished: &(dyn Fn(&EpisodeResult) + Sync),
-) -> Result<Vec<EpisodeResult>, RolloutError> {
+) -> Result<Evaluated, RolloutError> {
     let ids: Vec<String> = store
         .ids()?
         .into_iter()
@@ -60,7 +45,7 @@ pub fn evaluate(
             Err(error) => Some(Err(error)),
         })
         .collect::<Result<_, _>>()?;
-    in_parallel(&ids, workers, stop, &|id| {
+    let outcomes = in_parallel(&ids, workers, stop, &|id| {
         let recorded = store.read(id)?;
         let stage = Stage::open(
             Arc::new(recorded.scenario.clone()),
@@ -68,13 +53,24 @@ pub fn evaluate(
             resources.planner.robot(),
             &settings.sim,
         )?;
-        let mut policy: Box<dyn Policy> = match policy {
-            BuiltinPolicy::Expert => Box::new(Expert::new(&stage, resources.planner, settings.expert.clone())),
-            BuiltinPolicy::Replay => Box::new(OpenLoopReplay::of(&recorded)),
-            BuiltinPolicy::DoNothing => Box::new(DoNothing { duration_s: 5.0 }),
-        };
-        let episode = run_episode(&stage, policy.as_mut(), id, recorded.result.seed, &settings.rollout)?;
-        finished(&episode.result);
-        Ok(episode.result)
-    })
+        let mut policy = make_policy(&stage, &recorded)?;
+        match run_episode(&stage, policy.as_mut(), id, recorded.result.seed, &settings.rollout) {
+            Ok(episode) => {
+                finished(&episode.result);
+                Ok(Ok(episode.result))
+            }
+            Err(RolloutError::NotRun { reason, .. }) => {
+                Ok(Err(NotRun { id: id.clone(), scenario_id: recorded.scenario.id, reason }))
+            }
+            Err(error) => Err(error),
+        }
+    })?;
+    let mut evaluated = Evaluated::default();
+    for outcome in outcomes {
+        match outcome {
+            Ok(result) => evaluated.results.push(result),
+            Err(not_run) => evaluated.not_run.push(not_run),
+        }
+    }
+    Ok(evaluated)
 }

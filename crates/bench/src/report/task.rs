@@ -5,7 +5,7 @@ use std::fmt::Write;
 use genmanip_core::{Atom, AtomVerdict, AttemptOutcome, EpisodeResult, GoalVerdict, Measurement, Task};
 
 use super::overview::yield_chip;
-use super::tables::{causes_text, quantity_text, seconds_text, table, threshold_text};
+use super::tables::{causes_text, margin_text, quantity_text, seconds_text, table, threshold_text};
 use super::{ImagePlan, TaskSection, chip, image, words};
 use crate::drawing::letter;
 use crate::markup::escape;
@@ -125,15 +125,13 @@ fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
     };
     let margin = |measurement: &Measurement| {
         let class = if measurement.met { "met" } else { "missed" };
-        let sign = if measurement.margin >= 0.0 { "+" } else { "" };
-        let margin = escape(&quantity_text(measurement.margin, &measurement.unit));
-        format!("<span class=\"{class}\">{sign}{margin}</span>")
+        format!("<span class=\"{class}\">{}</span>", escape(&margin_text(measurement)))
     };
     vec![
         condition,
         holds,
         lines(&|measurement| escape(&measurement.quantity)),
-        lines(&|measurement| escape(&quantity_text(measurement.value, &measurement.unit))),
+        lines(&|measurement| escape(&quantity_text(measurement.value, measurement.unit))),
         lines(&|measurement| escape(&threshold_text(measurement))),
         lines(&margin),
     ]
@@ -194,7 +192,7 @@ fn results(results: &[EpisodeResult], control: Option<&str>) -> String {
                 (false, all) if all == own.len() => "good",
                 _ => "fair",
             };
-            let failed: Vec<_> = own.iter().filter_map(|result| Some((result, result.failure.as_ref()?))).collect();
+            let failed: Vec<_> = own.iter().filter_map(|result| Some((result, result.failure()?))).collect();
             let mut reasons = String::new();
             if !failed.is_empty() {
                 let counts = causes_text(&failure_counts(failed.iter().map(|(_, failure)| failure.cause)));

@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use genmanip_core::{EpisodeResult, Failure, FailureCause, GoalVerdict, Seed, TaskKind};
+use genmanip_core::{Ending, EpisodeResult, Failure, FailureCause, GoalVerdict, Seed, TaskKind};
 
 use super::*;
 
@@ -17,7 +17,11 @@ pub(crate) fn result(policy: &str, scenario: u64, success: bool) -> EpisodeResul
         success,
         success_once: success || scenario == 0,
         verdict: GoalVerdict { score: if success { 1.0 } else { 0.5 }, success, alternatives: vec![] },
-        failure: (!success).then(|| Failure { cause: FailureCause::Slipped, evidence: "at 1 s".into() }),
+        ending: Some(Ending::Finished),
+        failures: (!success)
+            .then(|| Failure { cause: FailureCause::Slipped, evidence: "at 1 s".into() })
+            .into_iter()
+            .collect(),
         duration_s: 5.0 + scenario as f64,
         horizon_s: 30.0,
         control_rate_hz: 60.0,
@@ -112,6 +116,10 @@ fn a_summary_counts_per_policy_and_kind_in_any_order() {
     shuffled.extend(results[6..].iter().rev().cloned());
     assert_eq!(summarise(&shuffled, &kinds(), &paths, &settings).unwrap(), summaries);
     assert_eq!(summarise(&results, &kinds(), &BTreeMap::new(), &settings).unwrap()[0].spl, None);
+    // Only scenarios with a reference count: 0 failed, 2 succeeded on a way of 2 m.
+    let some = [("s0".to_owned(), 1.5), ("s2".to_owned(), 1.0)].into();
+    let spl = summarise(&results, &kinds(), &some, &settings).unwrap()[0].spl.unwrap();
+    assert_eq!((spl.count, spl.value), (2, 0.25));
 
     let error = summarise(&results, &BTreeMap::new(), &paths, &settings).unwrap_err();
     assert!(matches!(error, StatisticsError::UnknownTask { .. }), "{error}");

@@ -119,14 +119,10 @@ fn grasps_are_found_or_refused_with_the_reason() {
         assert_eq!((found.len(), rejections.obstacles()), (0, vec![("shelf", 2)]));
     });
     // Fingers of 1.5 cm depth have no room in a gap of 4 mm.
-    let wall = |side: f64| cuboid(DVec3::new(0.1, 0.01, 0.05)).into_iter().map(move |p| (p, side)).collect::<Vec<_>>();
-    let walls: Vec<_> = [("left", 1.0), ("right", -1.0)]
-        .into_iter()
-        .map(|(name, side)| {
-            let pieces = wall(side).into_iter().map(|(piece, _)| piece).collect();
-            (name, pieces, MIDDLE + DVec3::Y * side * (CUBE_M / 2.0 + 0.004 + 0.01))
-        })
-        .collect();
+    let walls = [("left", 1.0), ("right", -1.0)].map(|(name, side)| {
+        let at = MIDDLE + DVec3::Y * side * (CUBE_M / 2.0 + 0.004 + 0.01);
+        (name, cuboid(DVec3::new(0.1, 0.01, 0.05)), at)
+    });
     check("between walls", &Scene::with(&walls, MIDDLE), &[], |found, rejections| {
         assert_eq!((found.len(), rejections.blocked_count()), (0, 2), "{rejections:?}");
         assert!(rejections.blocked.keys().all(|name| name == "left" || name == "right"), "{rejections:?}");
@@ -148,7 +144,8 @@ fn a_grasp_must_also_work_at_a_goal() {
     });
     // The cube may be let go of where it is: it will not be in its own way.
     check("where it is", &scene, &[goal_at(MIDDLE)], |found, _| assert_eq!(found.len(), 2));
-    let frame = ("frame", cuboid(DVec3::new(0.1, 0.005, 0.02)), DVec3::new(0.5, 0.25, 0.02));
+    // 1 cm beside the cube and 4 cm high: too near for a finger, too low for one that lets go from 3 cm up.
+    let frame = ("frame", cuboid(DVec3::new(0.1, 0.005, 0.02)), DVec3::new(0.5, 0.24, 0.02));
     let beside = Scene::with(&[frame], MIDDLE);
     let goal = goal_at(DVec3::new(0.5, 0.20, 0.025));
     check("low goal beside a frame", &beside, &[goal], |found, rejections| {
@@ -260,16 +257,29 @@ fn motions_lead_from_the_arm_to_the_grasp_and_on_to_the_goal() {
 
 #[test]
 fn motions_that_cannot_be_made_say_which_and_why() {
-    let planner = planner();
-    let lid = ("lamp", cuboid(DVec3::new(0.3, 0.3, 0.005)), DVec3::new(0.5, 0.0, 0.30));
-    let settings = FeasibilitySettings { lift_m: 0.2, ..FeasibilitySettings::default() };
-    let scene = Scene::with(&[lid], MIDDLE);
-    let pieces = cube();
-    let query = scene.query(&planner, &pieces, &[], &settings);
-    let mut rejections = Rejections::default();
-    for grasp in query.grasps(std::iter::once(from_above(0.0))) {
-        rejections.count(&query.motions(&grasp, Seed::new(1)).unwrap_err());
-    }
-    assert!(rejections.no_approach + rejections.no_reach + rejections.no_lift > 0, "{rejections:?}");
-    assert_eq!(rejections.blocked_count() + rejections.out_of_reach, 0);
+    let (planner, scene, pieces) = (planner(), Scene::with(&[], MIDDLE), cube());
+    let refused = |settings: FeasibilitySettings, start: &dyn Fn(&FeasibleGrasp) -> Vec<f64>| {
+        let query = scene.query(&planner, &pieces, &[], &settings);
+        let grasp = query.grasps(std::iter::once(from_above(0.0))).next().unwrap();
+        let arm = start(&grasp);
+        let rejection = PickQuery { arm: &arm, ..query }.motions(&grasp, Seed::new(1)).unwrap_err();
+        let mut counted = Rejections::default();
+        counted.count(&rejection);
+        (rejection, counted)
+    };
+    let home = |_: &FeasibleGrasp| planner.robot().home.clone();
+    let defaults = FeasibilitySettings::default;
+    let (rejection, counted) = refused(FeasibilitySettings { approach_m: 1.2, ..defaults() }, &home);
+    assert!(matches!(rejection, Rejection::NoApproach(PlanError::Unreachable { .. })), "{rejection}");
+    assert_eq!(counted, Rejections { no_approach: 1, ..Rejections::default() });
+    let (rejection, counted) = refused(FeasibilitySettings { lift_m: 1.2, ..defaults() }, &home);
+    assert!(matches!(rejection, Rejection::NoLift(PlanError::Unreachable { .. })), "{rejection}");
+    assert_eq!(counted, Rejections { no_lift: 1, ..Rejections::default() });
+    let in_the_table = |grasp: &FeasibleGrasp| {
+        let tcp = planner.tcp_pose(&grasp.config);
+        planner.ik(&Pose { position: tcp.position - DVec3::Z * 0.06, ..tcp }, &grasp.config)[0].clone()
+    };
+    let (rejection, counted) = refused(defaults(), &in_the_table);
+    assert!(matches!(rejection, Rejection::NoReach(PlanError::StartInCollision(_))), "{rejection}");
+    assert_eq!(counted, Rejections { no_reach: 1, ..Rejections::default() });
 }

@@ -226,6 +226,9 @@ fn shaken(pose: Pose) -> impl Iterator<Item = Pose> {
 }
 
 /// Physics: how it ended, and the opening between the pads at the end.
+///
+/// It steps the simulation itself: there is no task to judge and nothing to record, the robot starts before the grasp
+/// instead of at home, and a trial is a few hundred steps of which only the last look counts.
 fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) -> Result<(Ending, f64), TrialError> {
     let robot = RobotModel { home: motion.approach[0].clone(), ..(*trials.robot).clone() };
     let scene = Arc::new(Scene::compile(&robot, &table.objects(), &trials.sim)?);

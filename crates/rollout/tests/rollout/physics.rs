@@ -28,7 +28,7 @@ fn each(check: impl Fn(&Stage, &Episode)) {
 fn the_expert_solves_these_tasks() {
     each(|_, episode| {
         let result = &episode.result;
-        assert!(result.success, "{}: {:?}", result.id, result.failure);
+        assert!(result.success, "{}: {:?}", result.id, result.failures);
         assert!(result.oracle && result.policy == "expert" && result.frames == episode.frames.len());
         assert!(result.success_once && result.verdict.score == 1.0);
     });

@@ -1,0 +1,257 @@
+//! A server on a free loopback port that speaks all dialects, with a script of good and bad behaviour.
+
+use std::collections::BTreeMap;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+/// Largest request that is read, bytes.
+const MAX_REQUEST_BYTES: usize = 64 << 20; // twice what the default settings let a client send
+/// A client that does not read or write for so long is left alone.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// What to do with one request.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Behaviour {
+    /// An ordinary answer with this text, in the dialect whose path was asked for.
+    Answer(String),
+    /// A status with headers and a body.
+    Status(u16, Vec<(String, String)>, String),
+    /// A body under status 200 with a content type.
+    Body(String, String),
+    /// Wait so long, then do the other thing.
+    Slow(Duration, Box<Behaviour>),
+    /// Announce more bytes than are sent, then hang up.
+    CutOff(String),
+    /// Send so many bytes under status 200, announced or not.
+    Flood {
+        /// Bytes to send.
+        bytes: u64,
+        /// Whether `Content-Length` says so.
+        announced: bool,
+    },
+    /// Send one byte of an endless JSON text at a time.
+    Drip {
+        /// Bytes to send.
+        bytes: usize,
+        /// Pause before each.
+        every: Duration,
+    },
+    /// Hang up without a word.
+    HangUp,
+}
+
+/// A request as it arrived.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SeenRequest {
+    /// Number from 0.
+    pub index: usize,
+    /// Method and path, e.g. `POST /v1/chat/completions`.
+    pub target: String,
+    /// Headers, names in lower case.
+    pub headers: BTreeMap<String, String>,
+    /// The body; null if it was no JSON.
+    pub body: Value,
+}
+
+/// The server; it stops when dropped.
+pub struct FakeServer {
+    address: SocketAddr,
+    shared: Arc<Shared>,
+    listener: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    behaviour: Box<dyn Fn(&SeenRequest) -> Behaviour + Send + Sync>,
+    seen: Mutex<Vec<SeenRequest>>,
+    bytes_sent: AtomicU64,
+    stopped: AtomicBool,
+}
+
+/// The body of an ordinary chat completion, as OpenAI's dialect has it.
+pub fn completion(text: &str) -> String {
+    json!({
+        "id": "fake", "object": "chat.completion", "created": 0, "model": "fake-server",
+        "choices": [{"index": 0, "finish_reason": "stop", "message": {"role": "assistant", "content": text}}],
+        "usage": {"prompt_tokens": 100, "completion_tokens": 10, "total_tokens": 110},
+    })
+    .to_string()
+}
+
+/// The body of an ordinary message, as Anthropic's dialect has it.
+fn message(text: &str) -> String {
+    json!({
+        "id": "fake", "type": "message", "role": "assistant", "model": "fake-server",
+        "content": [{"type": "text", "text": text}], "stop_reason": "end_turn", "stop_sequence": null,
+        "usage": {"input_tokens": 100, "output_tokens": 10},
+    })
+    .to_string()
+}
+
+impl FakeServer {
+    /// Does one thing per request, in order; afterwards answers 410.
+    ///
+    /// # Errors
+    /// When no loopback port can be had.
+    pub fn scripted(script: impl IntoIterator<Item = Behaviour>) -> io::Result<Self> {
+        let script: Vec<Behaviour> = script.into_iter().collect();
+        let ended = Behaviour::Status(410, Vec::new(), "the script has ended".into());
+        Self::start(move |request| script.get(request.index).unwrap_or(&ended).clone())
+    }
+
+    /// Decides by the request.
+    ///
+    /// # Errors
+    /// When no loopback port can be had.
+    pub fn start(behaviour: impl Fn(&SeenRequest) -> Behaviour + Send + Sync + 'static) -> io::Result<Self> {
+        let listener = TcpListener::bind(("127.0.0.1", 0))?;
+        let address = listener.local_addr()?;
+        let shared = Arc::new(Shared {
+            behaviour: Box::new(behaviour),
+            seen: Mutex::default(),
+            bytes_sent: AtomicU64::new(0),
+            stopped: AtomicBool::new(false),
+        });
+        let accepting = Arc::clone(&shared);
+        let listener = std::thread::spawn(move || {
+            for stream in listener.incoming() {
+                if accepting.stopped.load(Ordering::SeqCst) {
+                    break;
+                }
+                let serving = Arc::clone(&accepting);
+                if let Ok(stream) = stream {
+                    // A client that goes away in the middle is the purpose of some tests.
+                    std::thread::spawn(move || drop(serve(stream, &serving)));
+                }
+            }
+        });
+        Ok(Self { address, shared, listener: Some(listener) })
+    }
+
+    /// What to put into the settings.
+    pub fn base_url(&self) -> String {
+        format!("http://{}/v1", self.address)
+    }
+
+    /// The requests so far, in the order of their arrival.
+    pub fn seen(&self) -> Vec<SeenRequest> {
+        self.shared.seen.lock().map(|seen| seen.clone()).unwrap_or_default()
+    }
+
+    /// Bytes of bodies that were handed to the system for sending.
+    pub fn bytes_sent(&self) -> u64 {
+        self.shared.bytes_sent.load(Ordering::SeqCst)
+    }
+}
+
+impl Drop for FakeServer {
+    fn drop(&mut self) {
+        self.shared.stopped.store(true, Ordering::SeqCst);
+        let _ = TcpStream::connect(self.address); // wakes the listener
+        if let Some(listener) = self.listener.take() {
+            let _ = listener.join();
+        }
+    }
+}
+
+fn serve(stream: TcpStream, shared: &Shared) -> io::Result<()> {
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    let mut request = read_request(&mut BufReader::new(&stream))?;
+    if let Ok(mut seen) = shared.seen.lock() {
+        request.index = seen.len();
+        seen.push(request.clone());
+    }
+    behave((shared.behaviour)(&request), &request, stream, shared)
+}
+
+fn read_request(reader: &mut impl BufRead) -> io::Result<SeenRequest> {
+    let mut line = String::new();
+    reader.read_line(&mut line)?;
+    let target = line.rsplit_once(' ').map(|(target, _)| target.to_owned()).unwrap_or_default();
+    let mut headers = BTreeMap::new();
+    loop {
+        line.clear();
+        if reader.read_line(&mut line)? == 0 || line.trim().is_empty() {
+            break;
+        }
+        if let Some((name, value)) = line.split_once(':') {
+            headers.insert(name.trim().to_lowercase(), value.trim().to_owned());
+        }
+    }
+    let length = headers.get("content-length").and_then(|length| length.parse().ok()).unwrap_or(0);
+    let mut body = vec![0; std::cmp::min(length, MAX_REQUEST_BYTES)];
+    reader.read_exact(&mut body)?;
+    Ok(SeenRequest { index: 0, target, headers, body: serde_json::from_slice(&body).unwrap_or_default() })
+}
+
+fn behave(behaviour: Behaviour, request: &SeenRequest, mut stream: TcpStream, shared: &Shared) -> io::Result<()> {
+    let json = "application/json";
+    match behaviour {
+        Behaviour::Answer(text) => {
+            let body = if request.target.ends_with("/messages") { message(&text) } else { completion(&text) };
+            respond(&mut stream, shared, 200, &[("content-type", json)], &body)
+        }
+        Behaviour::Body(content_type, body) => {
+            respond(&mut stream, shared, 200, &[("content-type", content_type.as_str())], &body)
+        }
+        Behaviour::Status(status, headers, body) => {
+            let headers: Vec<(&str, &str)> =
+                headers.iter().map(|(name, value)| (name.as_str(), value.as_str())).collect();
+            respond(&mut stream, shared, status, &headers, &body)
+        }
+        Behaviour::Slow(wait, then) => {
+            std::thread::sleep(wait);
+            behave(*then, request, stream, shared)
+        }
+        Behaviour::CutOff(body) => {
+            let more = body.len() + 1000;
+            write!(stream, "HTTP/1.1 200 OK\r\ncontent-type: {json}\r\ncontent-length: {more}\r\n\r\n{body}")
+        }
+        Behaviour::Flood { bytes, announced } => {
+            let length = if announced { format!("content-length: {bytes}\r\n") } else { String::new() };
+            write!(stream, "HTTP/1.1 200 OK\r\ncontent-type: {json}\r\n{length}connection: close\r\n\r\n")?;
+            let mut flood = io::repeat(b' ').take(bytes);
+            let mut piece = [0; 1 << 16];
+            loop {
+                let count = flood.read(&mut piece)?;
+                if count == 0 {
+                    return Ok(());
+                }
+                stream.write_all(&piece[..count])?;
+                shared.bytes_sent.fetch_add(count as u64, Ordering::SeqCst);
+            }
+        }
+        Behaviour::Drip { bytes, every } => {
+            write!(stream, "HTTP/1.1 200 OK\r\ncontent-type: {json}\r\nconnection: close\r\n\r\n")?;
+            for _ in 0..bytes {
+                std::thread::sleep(every);
+                stream.write_all(b" ")?;
+                shared.bytes_sent.fetch_add(1, Ordering::SeqCst);
+            }
+            Ok(())
+        }
+        Behaviour::HangUp => Ok(()),
+    }
+}
+
+fn respond(
+    stream: &mut TcpStream,
+    shared: &Shared,
+    status: u16,
+    headers: &[(&str, &str)],
+    body: &str,
+) -> io::Result<()> {
+    write!(stream, "HTTP/1.1 {status} Scripted\r\ncontent-length: {}\r\nconnection: close\r\n", body.len())?;
+    for (name, value) in headers {
+        write!(stream, "{name}: {value}\r\n")?;
+    }
+    write!(stream, "\r\n{body}")?;
+    shared.bytes_sent.fetch_add(body.len() as u64, Ordering::SeqCst);
+    stream.flush()
+}
