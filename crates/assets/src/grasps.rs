@@ -6,9 +6,9 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use genmanip_core::{Document, Grasp, ObjectModel, Pose, Seed, TriedGrasp};
+use genmanip_core::{Document, DocumentError, Grasp, ObjectModel, Pose, Seed, TriedGrasp, Upgrade};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::AssetError;
 
@@ -44,7 +44,7 @@ pub struct GraspProvenance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectGrasps {
-    /// [`ObjectModel::physics_hash`] of the object when it was tried.
+    /// [`ObjectModel::physics_hash`] of the object when it was tried; `v1:` marks one of version 1.
     pub physics_hash: String,
     /// Object frame, those that held most often first.
     #[serde(with = "rows")]
@@ -52,7 +52,20 @@ pub struct ObjectGrasps {
 }
 
 impl Document for GraspFile {
-    const SCHEMA: &'static str = "genmanip.grasps/1";
+    const SCHEMA: &'static str = "genmanip.grasps/2";
+    const PREVIOUS: Option<Upgrade> = Some(Upgrade { schema: "genmanip.grasps/1", upgrade: mark_hashes });
+}
+
+/// Files of version 1 held physics hashes of version 1 without saying so.
+fn mark_hashes(file: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    let objects = file.get_mut("objects").and_then(Value::as_object_mut);
+    for object in objects.into_iter().flat_map(|objects| objects.values_mut()) {
+        let marked = object["physics_hash"].as_str().map(|digits| format!("v1:{digits}"));
+        if let Some(marked) = marked {
+            object["physics_hash"] = marked.into();
+        }
+    }
+    Ok(())
 }
 
 impl GraspFile {
@@ -71,8 +84,8 @@ impl GraspFile {
     /// [`AssetError::StaleGrasps`] when the object has changed since they were tried.
     pub fn of(&self, model: &ObjectModel) -> Result<Option<&[TriedGrasp]>, AssetError> {
         let Some(object) = self.objects.get(&model.card.uid) else { return Ok(None) };
-        let got = model.physics_hash();
-        if object.physics_hash != got {
+        if !model.has_physics(&object.physics_hash) {
+            let got = model.physics_hash();
             let (uid, expected) = (model.card.uid.clone(), object.physics_hash.clone());
             return Err(AssetError::StaleGrasps { uid, expected, got });
         }

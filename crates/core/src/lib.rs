@@ -17,11 +17,14 @@
 //! assert_ne!(Seed::new(7).fork("layout"), Seed::new(7).fork("grasp"));
 //! ```
 
+pub mod asset;
 pub mod camera;
 pub mod document;
+mod document_error;
 pub mod episode;
 pub mod geometry;
 pub mod grasp;
+mod hash;
 pub mod json;
 pub mod mesh;
 pub mod object;
@@ -36,14 +39,17 @@ pub mod verdict;
 
 pub use glam;
 
+pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount, Intrinsics};
-pub use document::{Document, DocumentError, Upgrade};
+pub use document::{Document, Upgrade};
+pub use document_error::DocumentError;
 pub use episode::{
     AttemptOutcome, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun, ObjectState,
     StrayContact,
 };
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
+pub use hash::AssetHashes;
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
 pub use policy::{

@@ -2,12 +2,13 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Grasp, Pose, Seed, Task, Workspace};
-use genmanip_motion::{FeasibilitySettings, PickQuery, PickedObject, Planner, World};
+use genmanip_motion::{CollisionWorld, FeasibilitySettings, PickQuery, PickedObject, Planner};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalPoseSettings, GoalSearch};
 use crate::moves::{Move, moves};
+use crate::rejection::{NamedObject, Rejection};
 use crate::surroundings;
 
 /// The reason when no alternative of the goal can be served.
@@ -18,7 +19,7 @@ pub(crate) fn unreachable(
     relations: &RelationSettings,
     feasibility: &FeasibilitySettings,
     seed: Seed,
-) -> Option<String> {
+) -> Option<Rejection> {
     let mut reason = None;
     for alternative in moves(&task.goal, scene) {
         match obstacle(&alternative, scene, planner, relations, feasibility, seed) {
@@ -37,7 +38,7 @@ fn obstacle(
     relations: &RelationSettings,
     feasibility: &FeasibilitySettings,
     seed: Seed,
-) -> Option<String> {
+) -> Option<Rejection> {
     let world = surroundings::world(scene, None);
     let within_reach =
         |object: &PosedObject, candidates: Vec<Grasp>| is_graspable(object, candidates, planner, &world, feasibility);
@@ -46,10 +47,10 @@ fn obstacle(
     let mut after = scene.clone();
     steps.iter().enumerate().find_map(|(index, step)| {
         let object = scene.objects().nth(step.object)?;
-        let name = &object.model.card.name;
+        let named = || NamedObject::of(object);
         if let Some(state) = step.state() {
             let Some(joints) = turned(step.object, state, scene, planner) else {
-                return Some(format!("no way for the arm to bring {name} into the state {state}"));
+                return Some(Rejection::NoWayToState { object: named(), state: state.into() });
             };
             after.set_pose(step.object, object.pose, &joints);
             return None;
@@ -59,8 +60,10 @@ fn obstacle(
             .and_then(|tried| Ok(within_reach(object, tried) || within_reach(object, generated()?)));
         match can_be_grasped {
             Ok(true) => {}
-            Ok(false) => return Some(format!("{name} cannot be grasped where it lies")),
-            Err(error) => return Some(format!("{name} cannot be grasped: {error}")),
+            Ok(false) => return Some(Rejection::NoGrasp(named())),
+            Err(error) => {
+                return Some(Rejection::NoGraspGeometry { object: named(), reason: error.to_string() });
+            }
         }
         let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
         let usable = |goal: &Pose| planner.reaches_from_above(goal.position + DVec3::Z * height);
@@ -72,7 +75,7 @@ fn obstacle(
             settings: &settings,
         };
         let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
-        let Some(place) = places.first() else { return Some(format!("no room for {name} where the goal wants it")) };
+        let Some(place) = places.first() else { return Some(Rejection::NoRoomAtGoal(named())) };
         after.set_pose(step.object, place.world_from_object, &object.joint_positions);
         None
     })
@@ -83,14 +86,14 @@ fn is_graspable(
     object: &PosedObject,
     candidates: Vec<Grasp>,
     planner: &Planner,
-    world: &World,
+    world: &CollisionWorld,
     settings: &FeasibilitySettings,
 ) -> bool {
     let pieces = object.model.pieces(&object.joint_positions);
     let query = PickQuery {
         planner,
         world,
-        object: PickedObject { name: &object.uid, world_from_object: object.pose, pieces: &pieces },
+        object: PickedObject { name: &object.id, world_from_object: object.pose, pieces: &pieces },
         goals: &[],
         arm: &planner.robot().home,
         settings,

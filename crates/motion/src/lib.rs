@@ -23,19 +23,19 @@ mod test_robot;
 
 pub use chain::{Chain, ModelError};
 pub use collision::{
-    Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, SurfaceError, World,
-    triangulate,
+    Allowed, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, Part, RobotError, RobotShape,
+    SurfaceError, triangulate,
 };
 pub use depth::{DepthError, DepthImage, DepthSettings};
 pub use description::{DescriptionError, MeshFile, read_robot};
 pub use feasibility::{
-    FeasibilitySettings, FeasibleGrasp, HalfTurn, PickMotions, PickQuery, PickedObject, PlaceGoal, PlaceQuery,
-    Rejection, Rejections, Release,
+    FeasibilitySettings, FeasibleGrasp, GraspRejection, GraspRejections, HalfTurn, PickMotions, PickQuery,
+    PickedObject, PlaceGoal, PlaceQuery, Release,
 };
 pub use grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper};
 pub use ik::{IkSettings, InverseKinematics};
 pub use path::Path;
 pub use plan::{PlanError, PlanSettings, StraightSettings};
-pub use planner::{Planner, PlannerSettings, Surroundings};
+pub use planner::{Planner, PlannerSettings, PlanningScene};
 pub use timing::{MotionLimits, TimingSettings, Trajectory, parametrize};

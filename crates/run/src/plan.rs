@@ -5,7 +5,7 @@ use genmanip_core::{ObjectModel, Pose, Seed};
 use genmanip_layout::surroundings;
 use genmanip_motion::{
     Allowed, FeasibilitySettings, FeasibleGrasp, HalfTurn, Path, PickQuery, PickedObject, PlanError, Planner,
-    Surroundings,
+    PlanningScene,
 };
 use genmanip_rollout::Stage;
 use serde::Serialize;
@@ -176,7 +176,7 @@ fn paths(
 ) -> Result<(Vec<Path>, f64), PlanError> {
     let world = surroundings::world(stage.start(), None);
     let nothing = Allowed::none();
-    let free = |width: f64| Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: width };
+    let free = |width: f64| PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: width };
     let (object, grasps) = match goal {
         Goal::Configurations(goals) => {
             let path = planner.plan_joint(&free(gripper_width_m), start, goals, seed)?;
@@ -201,7 +201,7 @@ fn paths(
 /// An object where it is at the start; it is not lifted here, so its pieces are left out.
 fn picked_object(stage: &Stage, index: usize) -> PickedObject<'_> {
     let placed = &stage.scenario.objects[index];
-    PickedObject { name: &placed.uid, world_from_object: placed.pose, pieces: &[] }
+    PickedObject { name: &placed.id, world_from_object: placed.pose, pieces: &[] }
 }
 
 /// Joint positions at the control rate, from rest to rest on each path.

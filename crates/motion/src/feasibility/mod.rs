@@ -27,12 +27,12 @@ use glam::{DQuat, DVec3};
 
 pub use motions::PickMotions;
 pub use place::{PlaceQuery, Release};
-pub use rejections::{Rejection, Rejections};
+pub use rejections::{GraspRejection, GraspRejections};
 pub use settings::{FeasibilitySettings, HalfTurn};
 
-use crate::collision::{Allowed, Checker, World};
+use crate::collision::{Allowed, Checker, CollisionWorld};
 use crate::plan::PlanError;
-use crate::planner::{Planner, Surroundings};
+use crate::planner::{Planner, PlanningScene};
 
 /// Largest joint motion between grasp and pre-grasp, rad: other branches of the inverse kinematics lie farther away.
 const SAME_BRANCH_RAD: f64 = 1.0;
@@ -66,7 +66,7 @@ pub struct PickQuery<'a> {
     /// Robot and gripper.
     pub planner: &'a Planner,
     /// All obstacles, the object among them under its name.
-    pub world: &'a World,
+    pub world: &'a CollisionWorld,
     /// The object.
     pub object: PickedObject<'a>,
     /// Poses at one of which the object must be let go of; none: it need not.
@@ -99,7 +99,7 @@ impl<'a> PickQuery<'a> {
             turned: None,
             pending: VecDeque::new(),
             found: 0,
-            rejections: Rejections::default(),
+            rejections: GraspRejections::default(),
             blocked: Vec::new(),
         }
     }
@@ -113,8 +113,8 @@ impl<'a> PickQuery<'a> {
         Allowed::none().and_gripper(self.planner.robot(), self.object.name)
     }
 
-    fn empty_hand<'q>(&'q self, allowed: &'q Allowed, opening_m: f64) -> Surroundings<'q> {
-        Surroundings { world: self.world, attached: None, allowed, gripper_width: opening_m }
+    fn empty_hand<'q>(&'q self, allowed: &'q Allowed, opening_m: f64) -> PlanningScene<'q> {
+        PlanningScene { world: self.world, attached: None, allowed, gripper_width: opening_m }
     }
 
     /// Openings with which a grasp may be approached, m, the preferred one first.
@@ -130,7 +130,7 @@ impl<'a> PickQuery<'a> {
         let Some(opening_m) = self.openings(grasp).next() else { return Ok(Vec::new()) };
         let world_from_tcp = object.world_from_object * grasp.pose;
         let mut configs = planner.ik_each(&world_from_tcp, self.arm).take(settings.configurations).peekable();
-        let Some(first) = configs.peek().cloned() else { return Err(Rejection::OutOfReach.into()) };
+        let Some(first) = configs.peek().cloned() else { return Err(GraspRejection::OutOfReach.into()) };
         let allowed = match settings.object_clearance_m {
             Some(_) => self.without_object(),
             None => self.with_gripper_touching(),
@@ -161,15 +161,15 @@ impl<'a> PickQuery<'a> {
     }
 
     /// Room for the fingers beside the object, and for the hand at a goal pose; `checker` is that of the grasp.
-    fn in_the_hand(&self, grasp: &Grasp, config: Vec<f64>, checker: &Checker) -> Result<FeasibleGrasp, Rejection> {
+    fn in_the_hand(&self, grasp: &Grasp, config: Vec<f64>, checker: &Checker) -> Result<FeasibleGrasp, GraspRejection> {
         let opening_m = self
             .openings(grasp)
             .find(|&opening_m| self.is_beside_object(opening_m, &config))
-            .ok_or_else(|| Rejection::Blocked { by: self.object.name.to_owned() })?;
+            .ok_or_else(|| GraspRejection::Blocked { by: self.object.name.to_owned() })?;
         let release_height_m = if self.goals.is_empty() {
             None
         } else {
-            Some(self.release_height_m(grasp, &config, checker).ok_or(Rejection::NoUse)?)
+            Some(self.release_height_m(grasp, &config, checker).ok_or(GraspRejection::NoUse)?)
         };
         Ok(FeasibleGrasp { object_from_tcp: grasp.clone(), config, opening_m, release_height_m })
     }
@@ -215,18 +215,18 @@ impl PlaceGoal {
 /// Why one grasp was refused; what it is blocked by is only looked up when it is asked for, since that takes exact
 /// distances to everything.
 enum Refusal {
-    Known(Rejection),
+    Known(GraspRejection),
     Blocked { opening_m: f64, config: Vec<f64> },
 }
 
-impl From<Rejection> for Refusal {
-    fn from(rejection: Rejection) -> Self {
+impl From<GraspRejection> for Refusal {
+    fn from(rejection: GraspRejection) -> Self {
         Self::Known(rejection)
     }
 }
 
-fn no_approach() -> Rejection {
-    Rejection::NoApproach(PlanError::Unreachable { what: "the start of the straight approach".into() })
+fn no_approach() -> GraspRejection {
+    GraspRejection::NoApproach(PlanError::Unreachable { what: "the start of the straight approach".into() })
 }
 
 /// Feasible grasps, one after the other, see [`PickQuery::grasps`].
@@ -238,14 +238,14 @@ pub struct FeasibleGrasps<'a, I> {
     turned: Option<Grasp>,
     pending: VecDeque<FeasibleGrasp>,
     found: usize,
-    rejections: Rejections,
+    rejections: GraspRejections,
     /// Openings (m) and configurations of grasps where something is in the way.
     blocked: Vec<(f64, Vec<f64>)>,
 }
 
 impl<I> FeasibleGrasps<'_, I> {
     /// What was refused so far, with the names of obstacles.
-    pub fn rejections(&self) -> Rejections {
+    pub fn rejections(&self) -> GraspRejections {
         let PickQuery { planner, settings, .. } = self.query;
         let allowed = match settings.object_clearance_m {
             Some(_) => self.query.without_object(),
@@ -255,7 +255,7 @@ impl<I> FeasibleGrasps<'_, I> {
         for (opening_m, config) in &self.blocked {
             let checker = planner.checker(&self.query.empty_hand(&allowed, *opening_m), settings.clearance_m);
             if let Some(report) = checker.check(config) {
-                rejections.count(&Rejection::Blocked { by: report.other });
+                rejections.count(&GraspRejection::Blocked { by: report.other });
             }
         }
         rejections

@@ -3,11 +3,11 @@
 use genmanip_core::{Pose, Seed};
 use glam::DVec3;
 
-use super::{FeasibleGrasp, PickQuery, Rejection};
+use super::{FeasibleGrasp, GraspRejection, PickQuery};
 use crate::collision::{Allowed, Attached};
 use crate::path::Path;
 use crate::plan::PlanError;
-use crate::planner::Surroundings;
+use crate::planner::PlanningScene;
 
 /// Largest joint step between states of an approach that are tested against the object, rad: less than half a
 /// millimetre of the fingers' way at the length of the forearm.
@@ -29,10 +29,10 @@ impl PickQuery<'_> {
     ///
     /// # Errors
     /// The first of them that cannot be made, and why.
-    pub fn motions(&self, grasp: &FeasibleGrasp, seed: Seed) -> Result<PickMotions, Rejection> {
-        let approach = self.approach(grasp).map_err(Rejection::NoApproach)?;
-        let reach = self.reach(grasp, &approach, seed).map_err(Rejection::NoReach)?;
-        let lift = self.lift(grasp).map_err(Rejection::NoLift)?;
+    pub fn motions(&self, grasp: &FeasibleGrasp, seed: Seed) -> Result<PickMotions, GraspRejection> {
+        let approach = self.approach(grasp).map_err(GraspRejection::NoApproach)?;
+        let reach = self.reach(grasp, &approach, seed).map_err(GraspRejection::NoReach)?;
+        let lift = self.lift(grasp).map_err(GraspRejection::NoLift)?;
         Ok(PickMotions { reach, approach, lift })
     }
 
@@ -47,7 +47,7 @@ impl PickQuery<'_> {
         let before = Pose { position: world_from_tcp.position - back, ..world_from_tcp };
         let (nothing, touching) = (Allowed::none(), self.with_gripper_touching());
         let open = self.empty_hand(&nothing, grasp.opening_m);
-        let beside = Surroundings { allowed: &touching, ..open };
+        let beside = PlanningScene { allowed: &touching, ..open };
         let path = match settings.object_clearance_m {
             None => planner.straight(&beside, &grasp.config, &before)?,
             // The object itself is an obstacle too: the open fingers must come in around it.
@@ -86,8 +86,12 @@ impl PickQuery<'_> {
         let attached = Attached::new(self.object.name, self.object.pieces, &held.pose.inverse())
             .map_err(|error| PlanError::Unreachable { what: error.to_string() })?;
         let allowed = self.without_object();
-        let holding =
-            Surroundings { world: self.world, attached: Some(&attached), allowed: &allowed, gripper_width: held.width };
+        let holding = PlanningScene {
+            world: self.world,
+            attached: Some(&attached),
+            allowed: &allowed,
+            gripper_width: held.width,
+        };
         self.planner.straight(&holding, &grasp.config, &lifted)
     }
 }

@@ -4,10 +4,10 @@ use genmanip_core::{Piece, Pose, Seed};
 use glam::DVec3;
 
 use super::{FeasibilitySettings, PlaceGoal};
-use crate::collision::{Allowed, Attached, GeometryError, World};
+use crate::collision::{Allowed, Attached, CollisionWorld, GeometryError};
 use crate::path::Path;
 use crate::plan::PlanError;
-use crate::planner::{Planner, Surroundings};
+use crate::planner::{Planner, PlanningScene};
 
 /// What is asked about placing the object in the hand.
 #[derive(Clone, Copy, Debug)]
@@ -15,7 +15,7 @@ pub struct PlaceQuery<'a> {
     /// Robot and gripper.
     pub planner: &'a Planner,
     /// All obstacles but the object.
-    pub world: &'a World,
+    pub world: &'a CollisionWorld,
     /// Name of the object.
     pub name: &'a str,
     /// Its convex pieces, object frame.
@@ -78,7 +78,7 @@ impl PlaceQuery<'_> {
         let unusable = |error: GeometryError| PlanError::Unreachable { what: error.to_string() };
         let attached = Attached::new(self.name, self.pieces, &self.tcp_from_object).map_err(unusable)?;
         let nothing = Allowed::none();
-        let carrying = Surroundings {
+        let carrying = PlanningScene {
             world: self.world,
             attached: Some(&attached),
             allowed: &nothing,
@@ -92,8 +92,8 @@ impl PlaceQuery<'_> {
         let mut occupied = self.world.clone();
         occupied.add(self.name, self.pieces, &goal.raised(height_m)).map_err(unusable)?;
         let opened =
-            Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: self.open_width_m };
-        let hand_alone = Surroundings { world: self.world, ..opened };
+            PlanningScene { world: &occupied, attached: None, allowed: &nothing, gripper_width: self.open_width_m };
+        let hand_alone = PlanningScene { world: self.world, ..opened };
         let checker = planner.checker(&hand_alone, settings.clearance_m);
         let back = world_from_release.transform_vector(DVec3::NEG_Z) * settings.approach_m;
         let retreated = Pose { position: world_from_release.position + back, ..world_from_release };

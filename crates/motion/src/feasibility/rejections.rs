@@ -6,7 +6,7 @@ use crate::plan::PlanError;
 
 /// Why one grasp is not feasible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Rejection {
+pub enum GraspRejection {
     /// No arm configuration brings the hand there.
     #[error("out of reach")]
     OutOfReach,
@@ -32,7 +32,7 @@ pub enum Rejection {
 
 /// How many grasps were refused for which reason; the hand turned by half a circle counts on its own.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Rejections {
+pub struct GraspRejections {
     /// Grasps out of the arm's reach.
     pub out_of_reach: usize,
     /// Grasps where something is in the way, by the name of the first obstacle.
@@ -47,16 +47,16 @@ pub struct Rejections {
     pub no_lift: usize,
 }
 
-impl Rejections {
+impl GraspRejections {
     /// Counts one.
-    pub fn count(&mut self, rejection: &Rejection) {
+    pub fn count(&mut self, rejection: &GraspRejection) {
         match rejection {
-            Rejection::OutOfReach => self.out_of_reach += 1,
-            Rejection::Blocked { by } => *self.blocked.entry(by.clone()).or_default() += 1,
-            Rejection::NoUse => self.no_use += 1,
-            Rejection::NoApproach(_) => self.no_approach += 1,
-            Rejection::NoReach(_) => self.no_reach += 1,
-            Rejection::NoLift(_) => self.no_lift += 1,
+            GraspRejection::OutOfReach => self.out_of_reach += 1,
+            GraspRejection::Blocked { by } => *self.blocked.entry(by.clone()).or_default() += 1,
+            GraspRejection::NoUse => self.no_use += 1,
+            GraspRejection::NoApproach(_) => self.no_approach += 1,
+            GraspRejection::NoReach(_) => self.no_reach += 1,
+            GraspRejection::NoLift(_) => self.no_lift += 1,
         }
     }
 
@@ -73,7 +73,7 @@ impl Rejections {
     }
 }
 
-impl Rejection {
+impl GraspRejection {
     /// Why there is no path, if that is the reason.
     pub fn plan_error(&self) -> Option<&PlanError> {
         match self {

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 ///
 /// The default is what a grasp needs to be carried out; [`FeasibilitySettings::reach_only`] only asks whether the arm
 /// gets there.
+/// In files every field is said, since it would be unclear which of the two fills in what is missing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct FeasibilitySettings {
     /// Feasible grasps after which the search ends.
     pub wanted: usize,

@@ -5,10 +5,10 @@ use genmanip_core::{
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
-use crate::collision::{Attached, World};
+use crate::collision::{Attached, CollisionWorld};
 use crate::path::Path;
 use crate::test_robot::test_panda;
-use crate::{PlannerSettings, Surroundings};
+use crate::{PlannerSettings, PlanningScene};
 
 const CUBE_M: f64 = 0.05;
 const CUBE: &str = "cube";
@@ -34,13 +34,13 @@ fn from_above(yaw: f64) -> Grasp {
 
 /// A cube of 5 cm on a table, and what else stands there.
 struct Scene {
-    world: World,
+    world: CollisionWorld,
     world_from_cube: Pose,
 }
 
 impl Scene {
     fn with(others: &[(&str, Vec<Piece>, DVec3)], cube_at: DVec3) -> Self {
-        let mut world = World::new();
+        let mut world = CollisionWorld::new();
         world
             .add("table", &cuboid(DVec3::new(0.5, 0.8, 0.05)), &Pose::from_position(DVec3::new(0.55, 0.0, -0.05)))
             .unwrap();
@@ -58,7 +58,7 @@ impl Scene {
         goals: &[PlaceGoal],
         settings: &FeasibilitySettings,
         candidates: &[Grasp],
-    ) -> (Vec<FeasibleGrasp>, Rejections) {
+    ) -> (Vec<FeasibleGrasp>, GraspRejections) {
         let pieces = cube();
         let query = self.query(planner, &pieces, goals, settings);
         let mut search = query.grasps(candidates.iter().cloned());
@@ -85,7 +85,7 @@ fn goal_at(position: DVec3) -> PlaceGoal {
 }
 
 /// What is searched for where, and how many grasps are found and refused for which reason, for one candidate.
-fn check(name: &str, scene: &Scene, goals: &[PlaceGoal], expected: impl Fn(&[FeasibleGrasp], &Rejections)) {
+fn check(name: &str, scene: &Scene, goals: &[PlaceGoal], expected: impl Fn(&[FeasibleGrasp], &GraspRejections)) {
     let planner = planner();
     for settings in
         [FeasibilitySettings::default(), FeasibilitySettings { wanted: 100, ..FeasibilitySettings::reach_only() }]
@@ -109,7 +109,7 @@ fn check(name: &str, scene: &Scene, goals: &[PlaceGoal], expected: impl Fn(&[Fea
 fn grasps_are_found_or_refused_with_the_reason() {
     check("alone", &Scene::with(&[], MIDDLE), &[], |found, rejections| {
         assert_eq!(found.len(), 2);
-        assert_eq!(*rejections, Rejections::default());
+        assert_eq!(*rejections, GraspRejections::default());
     });
     check("far away", &Scene::with(&[], DVec3::new(1.4, 0.0, 0.025)), &[], |found, rejections| {
         assert_eq!((found.len(), rejections.out_of_reach), (0, 2));
@@ -197,7 +197,7 @@ fn more_configurations_of_one_grasp_are_returned_when_wanted() {
 }
 
 /// All states of a path keep clear of `around`.
-fn assert_free(name: &str, planner: &Planner, around: &Surroundings, path: &Path) {
+fn assert_free(name: &str, planner: &Planner, around: &PlanningScene, path: &Path) {
     let checker = planner.checker(around, 0.0);
     for state in path.states(0.02) {
         assert!(checker.is_free(&state), "{name}: {:?}", checker.check(&state));
@@ -218,7 +218,7 @@ fn motions_lead_from_the_arm_to_the_grasp_and_on_to_the_goal() {
     let rise = planner.tcp_pose(lift.goal()).position - planner.tcp_pose(lift.start()).position;
     assert!((rise - DVec3::Z * settings.lift_m).length() < 1e-6, "{rise}");
     let nothing = Allowed::none();
-    let open = Surroundings { world: &scene.world, attached: None, allowed: &nothing, gripper_width: grasp.opening_m };
+    let open = PlanningScene { world: &scene.world, attached: None, allowed: &nothing, gripper_width: grasp.opening_m };
     assert_free("reach", &planner, &open, &reach);
     assert_free("approach", &planner, &open, &approach);
 
@@ -245,7 +245,7 @@ fn motions_lead_from_the_arm_to_the_grasp_and_on_to_the_goal() {
     let wanted = goals[0].world_from_object.position + DVec3::Z * settings.release_heights_m[0];
     assert!(let_go.position.distance(wanted) < 1e-6, "{let_go:?}");
     let held = Attached::new(CUBE, &pieces, &tcp_from_object).unwrap();
-    let carrying = Surroundings { world: &others, attached: Some(&held), allowed: &nothing, gripper_width: CUBE_M };
+    let carrying = PlanningScene { world: &others, attached: Some(&held), allowed: &nothing, gripper_width: CUBE_M };
     assert_free("carry", &planner, &carrying, &carry);
     assert_free("lower", &planner, &carrying, &lower);
 
@@ -263,23 +263,23 @@ fn motions_that_cannot_be_made_say_which_and_why() {
         let grasp = query.grasps(std::iter::once(from_above(0.0))).next().unwrap();
         let arm = start(&grasp);
         let rejection = PickQuery { arm: &arm, ..query }.motions(&grasp, Seed::new(1)).unwrap_err();
-        let mut counted = Rejections::default();
+        let mut counted = GraspRejections::default();
         counted.count(&rejection);
         (rejection, counted)
     };
     let home = |_: &FeasibleGrasp| planner.robot().home.clone();
     let defaults = FeasibilitySettings::default;
     let (rejection, counted) = refused(FeasibilitySettings { approach_m: 1.2, ..defaults() }, &home);
-    assert!(matches!(rejection, Rejection::NoApproach(PlanError::Unreachable { .. })), "{rejection}");
-    assert_eq!(counted, Rejections { no_approach: 1, ..Rejections::default() });
+    assert!(matches!(rejection, GraspRejection::NoApproach(PlanError::Unreachable { .. })), "{rejection}");
+    assert_eq!(counted, GraspRejections { no_approach: 1, ..GraspRejections::default() });
     let (rejection, counted) = refused(FeasibilitySettings { lift_m: 1.2, ..defaults() }, &home);
-    assert!(matches!(rejection, Rejection::NoLift(PlanError::Unreachable { .. })), "{rejection}");
-    assert_eq!(counted, Rejections { no_lift: 1, ..Rejections::default() });
+    assert!(matches!(rejection, GraspRejection::NoLift(PlanError::Unreachable { .. })), "{rejection}");
+    assert_eq!(counted, GraspRejections { no_lift: 1, ..GraspRejections::default() });
     let in_the_table = |grasp: &FeasibleGrasp| {
         let tcp = planner.tcp_pose(&grasp.config);
         planner.ik(&Pose { position: tcp.position - DVec3::Z * 0.06, ..tcp }, &grasp.config)[0].clone()
     };
     let (rejection, counted) = refused(defaults(), &in_the_table);
-    assert!(matches!(rejection, Rejection::NoReach(PlanError::StartInCollision(_))), "{rejection}");
-    assert_eq!(counted, Rejections { no_reach: 1, ..Rejections::default() });
+    assert!(matches!(rejection, GraspRejection::NoReach(PlanError::StartInCollision(_))), "{rejection}");
+    assert_eq!(counted, GraspRejections { no_reach: 1, ..GraspRejections::default() });
 }

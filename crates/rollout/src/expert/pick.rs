@@ -4,7 +4,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Pose, Seed};
 use genmanip_layout::{Move, surroundings};
 use genmanip_motion::{
-    FeasibilitySettings, FeasibleGrasp, GeometryError, PickMotions, PickQuery, PickedObject, PlaceGoal, Rejections,
+    FeasibilitySettings, FeasibleGrasp, GeometryError, GraspRejections, PickMotions, PickQuery, PickedObject, PlaceGoal,
 };
 use genmanip_scene::relations::PosedScene;
 
@@ -47,7 +47,7 @@ pub(super) fn plan(
     let query = PickQuery {
         planner,
         world: &world,
-        object: PickedObject { name: &object.uid, world_from_object: object.pose, pieces: &pieces },
+        object: PickedObject { name: &object.id, world_from_object: object.pose, pieces: &pieces },
         goals: &goals,
         arm,
         settings: &settings.feasibility,
@@ -104,7 +104,7 @@ fn feasible(
 }
 
 /// Why no grasp of an object can be carried out.
-fn no_grasp(name: &str, rejections: &Rejections) -> Failure {
+fn no_grasp(name: &str, rejections: &GraspRejections) -> Failure {
     let (out_of_reach, blocked, no_use) = (rejections.out_of_reach, rejections.blocked_count(), rejections.no_use);
     let cause = if out_of_reach >= blocked + no_use { FailureCause::NoIk } else { FailureCause::NoGrasp };
     let obstacles: Vec<String> =

@@ -2,7 +2,7 @@
 
 use genmanip_core::{Failure, FailureCause, Piece, Pose, Seed};
 use genmanip_layout::{GoalPose, Move, surroundings};
-use genmanip_motion::{PlaceGoal, PlaceQuery, Release, World};
+use genmanip_motion::{CollisionWorld, PlaceGoal, PlaceQuery, Release};
 use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, Hand, commands};
@@ -21,7 +21,7 @@ struct Held<'a> {
     /// How it sits in the hand, whatever the grasp was planned to be.
     tcp_from_object: Pose,
     /// Everything but the object.
-    world: World,
+    world: CollisionWorld,
 }
 
 /// Carries the held object to a place where every atom of the move holds.
@@ -93,7 +93,7 @@ impl<'a> Held<'a> {
         let world_from_tcp = expert.planner.tcp_pose(&hand.arm);
         Self {
             object,
-            name: posed.map_or("", |held| &held.uid),
+            name: posed.map_or("", |held| &held.id),
             pieces: posed.map_or_else(Vec::new, |held| held.model.pieces(&held.joint_positions)),
             tcp_from_object: posed.map_or(Pose::IDENTITY, |held| world_from_tcp.inverse() * held.pose),
             world: surroundings::world(scene, Some(object)),

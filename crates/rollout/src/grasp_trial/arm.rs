@@ -6,7 +6,8 @@ use std::sync::Arc;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, Piece, Pose, RobotModel, Seed, Shape};
 use genmanip_motion::{
-    Allowed, CloudGrasp, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery, PickedObject, Surroundings, World,
+    Allowed, CloudGrasp, CollisionWorld, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery, PickedObject,
+    PlanningScene,
 };
 use genmanip_sim::{Scene, Sim};
 use rand::RngExt;
@@ -121,14 +122,14 @@ pub(super) fn carry_out_one(
 /// What the arm has to avoid.
 struct Around {
     /// The things as they are: the arm starts where it touches none.
-    things: World,
+    things: CollisionWorld,
     /// What the cameras saw of them.
-    seen: World,
+    seen: CollisionWorld,
 }
 
 impl Around {
     fn new(table: &Table, points: &[DVec3]) -> Self {
-        let mut seen = World::new();
+        let mut seen = CollisionWorld::new();
         if !points.is_empty() {
             // A camera's points, which are finite, are always accepted.
             let _ = seen.add_points(SEEN, points, SEEN_RADIUS_M);
@@ -142,8 +143,8 @@ const SEEN: &str = "seen";
 const SEEN_RADIUS_M: f64 = 0.003;
 
 /// Table and neighbours, for starting the arm where it touches nothing.
-fn neighbours(table: &Table) -> World {
-    let mut world = World::new();
+fn neighbours(table: &Table) -> CollisionWorld {
+    let mut world = CollisionWorld::new();
     let slab = Piece::at(DVec3::new(0.55, 0.0, -0.05), Shape::Box { half_extents: DVec3::new(0.45, 0.8, 0.05) });
     // Finite poses and the models' own pieces are always accepted.
     let _ = world.add("table", &[slab], &Pose::IDENTITY);
@@ -177,7 +178,7 @@ fn motion(trials: &GraspTrials, around: &Around, grasp: &Grasp) -> Option<Motion
     let planner = &*trials.planner;
     let wide = planner.gripper().max_width;
     let nothing = Allowed::none();
-    let things = Surroundings { world: &around.things, attached: None, allowed: &nothing, gripper_width: wide };
+    let things = PlanningScene { world: &around.things, attached: None, allowed: &nothing, gripper_width: wide };
     let start = planner.checker(&things, 0.0);
     let query = PickQuery {
         planner,
