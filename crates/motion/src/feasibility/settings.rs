@@ -1,6 +1,6 @@
 //! Every default of the feasibility query on one screen.
 //!
-//! "By hand" means: tried on demonstrations of the example tasks and kept when failures became fewer, not fitted.
+//! "Chosen" means: by hand, tried on demonstrations of the example tasks and kept when failures became fewer, not fitted.
 
 use serde::{Deserialize, Serialize};
 
@@ -53,7 +53,7 @@ pub enum HalfTurn {
 impl Default for FeasibilitySettings {
     fn default() -> Self {
         Self {
-            // By hand: both ways of the hand for six grasps; free motions seldom fail for all of them.
+            // Chosen: both ways of the hand for six grasps; free motions seldom fail for all of them.
             wanted: 12,
             // All that `IkSettings::max_solutions` keeps.
             configurations: 48,
@@ -61,19 +61,19 @@ impl Default for FeasibilitySettings {
             half_turn: HalfTurn::Both,
             // The padding of free motions (`PlanSettings::padding`), so that they may start and end here.
             clearance_m: 0.003,
-            // By hand, on rings and handles: with none, open fingers landed on them; much more would refuse them.
+            // Chosen, on rings and handles: with none, open fingers landed on them; much more would refuse them.
             object_clearance_m: Some(0.0005),
-            // By hand: 12 mm a side, 2 mm more than `GraspSettings::opening_clearance`.
+            // Chosen: 12 mm a side, 2 mm more than `GraspSettings::opening_clearance`.
             finger_room_m: Some(0.024),
             // Twice the 4.5 cm by which the Panda's fingers reach beyond its palm: they start outside what they hold.
             approach_m: 0.09,
             tests_pregrasp: false,
-            // By hand: most neighbours are cleared, and most lifts still within reach.
+            // Chosen: most neighbours are cleared, and most lifts still within reach.
             lift_m: 0.10,
-            // By hand: from the padding of free motions to what gets the hand out of the catalogue's deep hollows;
+            // Chosen: from the padding of free motions to what gets the hand out of the catalogue's deep hollows;
             // the lowest that works is taken, since what falls far tips over.
             release_heights_m: vec![0.003, 0.015, 0.03, 0.05, 0.08, 0.12],
-            // By hand: the nearest ones, for time's sake.
+            // Chosen: the nearest ones, for time's sake.
             goal_configurations: 4,
         }
     }
@@ -87,13 +87,13 @@ impl FeasibilitySettings {
     pub fn reach_only() -> Self {
         Self {
             wanted: 1,
-            // By hand: the nearest ones, for time's sake; a grasp that needs others is rarely the only one.
+            // Chosen: the nearest ones, for time's sake; a grasp that needs others is rarely the only one.
             configurations: 6,
-            // By hand, and less than motions keep: the expert makes do with as much for flat things.
+            // Chosen below what motions keep: the expert makes do with as much for flat things.
             clearance_m: 0.001,
             object_clearance_m: None,
             finger_room_m: None,
-            // By hand: a little less than motions need, so that this test does not refuse what they can do.
+            // Chosen: a little less than motions need, so that this test does not refuse what they can do.
             approach_m: 0.08,
             tests_pregrasp: true,
             ..Self::default()

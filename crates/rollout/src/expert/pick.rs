@@ -85,7 +85,7 @@ fn feasible(
     let name = expert.stage.name(object);
     let (planner, settings) = (query.planner, &expert.settings);
     let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
-    let tried = surroundings::tried_grasps(planner, scene, object).map_err(flawed)?;
+    let tried = surroundings::tried_grasps(planner, scene, object, expert.tried(object)).map_err(flawed)?;
     // What has no volume has no grasps.
     let generated = || surroundings::generated_grasps(planner, scene, object, seed).unwrap_or_default();
     let mut candidates = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();

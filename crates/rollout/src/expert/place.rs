@@ -7,7 +7,7 @@ use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, Hand, commands};
 
-/// Height above a goal pose which the hand must get to for its motions to be planned at all, metres: by hand, in the
+/// Height above a goal pose which the hand must get to for its motions to be planned at all, metres: chosen in the
 /// lower part of the release heights.
 const GOAL_HEIGHT_M: f64 = 0.01;
 

@@ -1,6 +1,6 @@
 //! Every default of the expert on one screen.
 //!
-//! "By hand" means: tried on demonstrations of the example tasks and kept when failures became fewer, not fitted.
+//! "Chosen" means: by hand, tried on demonstrations of the example tasks and kept when failures became fewer, not fitted.
 
 use genmanip_layout::GoalPoseSettings;
 use genmanip_layout::articulation::JointSettings;
@@ -63,29 +63,29 @@ impl Default for ExpertSettings {
             goal_pose: GoalPoseSettings::default(),
             feasibility: FeasibilitySettings::default(),
             joint: JointSettings::default(),
-            // By hand: doors and drawers are not thrown open.
+            // Chosen: doors and drawers are not thrown open.
             joint_speed: 0.15,
             // A tenth of a second at 60 Hz: two to three time constants of the arm's drives (kv/kp, 0.03-0.044 s).
             joint_steps: 6,
-            // By hand, on joints that something held back.
+            // Chosen, on joints that something held back.
             joint_lag_m: 0.004,
             // All that were tried beforehand (24 at most per object) and most of `GraspSettings::max_candidates` (64).
             grasps: 80,
-            // By hand: what failed four times failed again.
+            // Chosen: what failed four times failed again.
             tries_per_move: 4,
-            // By hand, for flat things, which the fingers take close above the table.
+            // Chosen, for flat things, which the fingers take close above the table.
             tight_clearance_m: 0.001,
-            // By hand: about twice `grip_force_n / grip_kp` (8 mm), at which the drive presses with all its force.
+            // Chosen: about twice `grip_force_n / grip_kp` (8 mm), at which the drive presses with all its force.
             squeeze_m: 0.015,
-            // By hand: from higher up things on an open surface tip over or roll.
+            // Chosen: from higher up things on an open surface tip over or roll.
             max_open_release_m: 0.015,
-            // By hand: room for what hangs askew in the hand.
+            // Chosen: room for what hangs askew in the hand.
             rim_clearance_m: 0.03,
-            // By hand: brisk where nothing can happen, slower where something could slip, slowest beside things.
+            // Chosen: brisk where nothing can happen, slower where something could slip, slowest beside things.
             empty_speed: 0.9,
             loaded_speed: 0.65,
             careful_speed: 0.5,
-            // 0.6 s, of which the first half closes and the second builds up the grip; by hand.
+            // 0.6 s, of which the first half closes and the second builds up the grip; chosen.
             close_steps: 36,
             // As long as closing, so that fingers that pressed have let go before the hand leaves.
             open_steps: 36,
