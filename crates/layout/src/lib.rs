@@ -32,7 +32,6 @@ pub use audit::{AuditError, LayoutAudit, audit, posed};
 pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalPose, GoalPoseSettings, GoalSearch};
 pub use moves::{Move, moves, references};
-pub use reach::is_in_reach;
 pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::LayoutSettings;
 
@@ -48,6 +47,7 @@ use genmanip_scene::relations::{
     placement_window,
 };
 use placement::Partial;
+use reach::ReachCheck;
 
 /// Whole layouts after which things stand parallel to the table's edges, which takes less room; chosen, since
 /// things turned anyhow look more natural.
@@ -206,7 +206,8 @@ fn accept(
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    if let Some(reason) = reach::unreachable(goal, scene, planner, relations, tried, seed) {
+    let reach = ReachCheck { scene, planner, relations, grasp: &settings.grasp, tried, seed };
+    if let Some(reason) = reach.unreachable(goal) {
         return Err(reason.into());
     }
     begin(Phase::Seeing);

@@ -1,5 +1,6 @@
 //! Every default of the layout on one screen.
 
+use genmanip_motion::FeasibilitySettings;
 use serde::{Deserialize, Serialize};
 
 /// How layouts are searched and what they must satisfy.
@@ -35,6 +36,8 @@ pub struct LayoutSettings {
     pub wide_x_m: [f64; 2],
     /// Rightmost and leftmost y where a layout needs more room, metres.
     pub wide_y_m: [f64; 2],
+    /// When an object that is to be moved counts as graspable where it lies.
+    pub grasp: FeasibilitySettings,
     /// Height from which supported objects are let down, metres.
     pub drop_m: f64,
     /// Longest settling, simulated seconds.
@@ -80,6 +83,8 @@ impl Default for LayoutSettings {
             // Chosen: the workspace less 2 cm.
             wide_x_m: [0.22, 0.88],
             wide_y_m: [-0.48, 0.48],
+            // Layout only asks whether there is a grasp; the expert plans its motions.
+            grasp: FeasibilitySettings::reach_only(),
             // Chosen: what falls farther may roll; what starts nearer may start inside.
             drop_m: 0.002,
             // Chosen: as in `SettleSettings`; what rolls longer is not at rest for a task either.

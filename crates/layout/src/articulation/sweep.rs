@@ -123,18 +123,9 @@ impl<'a> Sweeper<'a> {
     /// `None` when the arm cannot follow.
     pub fn follow(&self, sweep: &JointSweep, to: f64, count: usize) -> Option<Vec<Vec<f64>>> {
         let motion = Motion::of(self.object, self.change, sweep.target)?;
-        let mut previous = sweep.config.clone();
-        (1..=count)
-            .map(|step| {
-                let by = (to - self.change.from) * step as f64 / count as f64;
-                previous = self.planner.ik_near(
-                    &tcp_at(&motion, &sweep.contact, by),
-                    &previous,
-                    self.settings.max_arm_step_rad,
-                )?;
-                Some(previous.clone())
-            })
-            .collect()
+        let way = (1..=count)
+            .map(|step| tcp_at(&motion, &sweep.contact, (to - self.change.from) * step as f64 / count as f64));
+        self.planner.follow(&sweep.config, way, self.settings.max_arm_step_rad)
     }
 
     /// Position of the joint to which the hand is sent, a little farther than the joint is to go when it pushes.
