@@ -27,9 +27,11 @@ mod paint;
 mod parts;
 mod recipe;
 mod robot;
+pub mod robots;
 mod solid;
 mod surface;
 mod variant;
+pub mod worlds;
 
 #[cfg(test)]
 mod tests;

@@ -20,6 +20,7 @@
 pub mod camera;
 pub mod document;
 pub mod episode;
+mod fingerprint;
 pub mod geometry;
 pub mod grasp;
 pub mod mesh;
@@ -30,7 +31,9 @@ pub mod robot;
 pub mod scenario;
 pub mod seed;
 pub mod task;
+pub mod upgrade;
 pub mod verdict;
+pub mod world;
 
 pub use glam;
 
@@ -48,8 +51,12 @@ pub use policy::{
     PrivilegedState,
 };
 pub use pose::Pose;
-pub use robot::{Gripper, RobotJoint, RobotLink, RobotModel};
-pub use scenario::{PlacedObject, Scenario, Workspace};
+pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
+pub use scenario::{PlacedObject, Scenario};
 pub use seed::Seed;
 pub use task::{Atom, Goal, GraphEdge, GraphNode, Relation, SceneGraph, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement};
+pub use world::{
+    Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World, WorldDifference, WorldFault, WorldFile,
+    WorldHashes, WorldPart, WorldRobot,
+};

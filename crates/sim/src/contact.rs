@@ -13,6 +13,11 @@ use crate::Scene;
 pub enum BodyId {
     /// The table's slab.
     Table,
+    /// A further support surface.
+    Surface {
+        /// Index in the world's surfaces, from 1.
+        surface: usize,
+    },
     /// The ground beneath.
     Floor,
     /// A link of the robot.
@@ -127,7 +132,7 @@ impl TouchTally {
                         *pressed[finger].entry(object).or_default() += contact.normal_force
                     }
                     BodyId::Robot { link } => grasping |= fingers.iter().any(|finger| finger.link == link),
-                    BodyId::Table | BodyId::Floor => grasping = false,
+                    BodyId::Table | BodyId::Surface { .. } | BodyId::Floor => grasping = false,
                 }
             }
             // A drawer, door or button is there to be moved by the gripper, from whatever side.

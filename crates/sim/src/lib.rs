@@ -12,10 +12,10 @@
 
 mod contact;
 mod drive;
+mod engine;
 mod error;
 mod mjcf;
 mod scene;
-mod settings;
 mod settle;
 mod sim;
 #[cfg(test)]
@@ -23,9 +23,9 @@ mod tests;
 mod xml;
 
 pub use contact::{BodyId, ContactReport};
+pub use engine::EngineSettings;
 pub use error::SimError;
 pub use scene::{Scene, SceneObject};
-pub use settings::SimSettings;
 pub use settle::{SettleReport, SettleSettings};
 pub use sim::Sim;
 

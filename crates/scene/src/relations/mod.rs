@@ -26,7 +26,6 @@ mod pair;
 mod posed;
 mod requirement;
 mod scene;
-mod settings;
 mod shape;
 mod solid;
 mod state;
@@ -35,13 +34,13 @@ mod tests;
 mod window;
 
 pub use cloud::CloudScene;
+pub use genmanip_core::RelationSettings;
 pub use judge::{Rest, judge_atom, judge_edges, judge_goal, judge_states};
 pub use pair::{
     Contact, Label, PairGeometry, PairVerdict, contact_below, label_pair, measure_pair, outlines_apart, planar_gap,
 };
 pub use requirement::is_clear;
 pub use scene::{PosedObject, PosedScene};
-pub use settings::RelationSettings;
 pub use shape::{ObjectShape, ShapeCache};
 pub use state::joint_state;
 pub use window::{Window, placement_window};
