@@ -44,7 +44,7 @@ pub struct GraspProvenance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectGrasps {
-    /// [`ObjectModel::physics_hash`] of the object when it was tried.
+    /// [`ObjectModel::physics_hash`] of the object when it was tried; `v1:` marks one of version 1.
     pub physics_hash: String,
     /// Object frame, those that held most often first.
     #[serde(with = "rows")]
@@ -71,8 +71,8 @@ impl GraspFile {
     /// [`AssetError::StaleGrasps`] when the object has changed since they were tried.
     pub fn of(&self, model: &ObjectModel) -> Result<Option<&[TriedGrasp]>, AssetError> {
         let Some(object) = self.objects.get(&model.card.uid) else { return Ok(None) };
-        let got = model.physics_hash();
-        if object.physics_hash != got {
+        if !model.has_physics(&object.physics_hash) {
+            let got = model.physics_hash();
             let (uid, expected) = (model.card.uid.clone(), object.physics_hash.clone());
             return Err(AssetError::StaleGrasps { uid, expected, got });
         }

@@ -2,7 +2,7 @@
 
 pub mod motion;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::AssetSource;
 use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};
 use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
 use genmanip_core::glam::DVec2;
@@ -62,7 +62,7 @@ pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<
 }
 
 /// What the drawing of a layout shows.
-pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<LayoutPicture, Failed> {
+pub fn layout_picture(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<LayoutPicture, Failed> {
     let edges = scenario.task.scene_graph.edges.iter();
     Ok(LayoutPicture {
         workspace: scenario.workspace,
@@ -74,16 +74,16 @@ pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<Layo
 }
 
 /// The task's graph beside its layout.
-pub fn explained(scenario: &Scenario, catalogue: &Catalogue) -> Result<Svg, Failed> {
+pub fn explained(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<Svg, Failed> {
     Ok(explain_svg(&scenario.task, &layout_picture(scenario, catalogue)?, None))
 }
 
 /// Why a task has no layout: what was placed, where the next object would have had to go, and which edges conflict.
-pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue) -> Result<Svg, Failed> {
-    let name = |uid: &str| task.card(uid).map_or_else(|| uid.to_owned(), |card| card.name.clone());
+pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &dyn AssetSource) -> Result<Svg, Failed> {
+    let name = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.name.clone());
     let in_words = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
-            let second = second_reference.iter().map(|uid| format!(" and {}", name(uid)));
+            let second = second_reference.iter().map(|id| format!(" and {}", name(id)));
             format!("{} {} {}{}", name(subject), relation.name(), name(reference), second.collect::<String>())
         }
         Atom::State { object, state } => format!("{} is {state}", name(object)),
@@ -117,16 +117,16 @@ pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue
 }
 
 /// Objects seen from above.
-fn footprints(objects: &[PlacedObject], catalogue: &Catalogue) -> Result<Vec<Footprint>, Failed> {
+fn footprints(objects: &[PlacedObject], catalogue: &dyn AssetSource) -> Result<Vec<Footprint>, Failed> {
     let mut shapes = ShapeCache::default();
     let footprint = |placed: &PlacedObject| {
         let model = catalogue
             .instance(placed)
-            .map_err(|error| Failed::because(format!("cannot draw object {}", placed.uid), &error))?;
+            .map_err(|error| Failed::because(format!("cannot draw object {}", placed.id), &error))?;
         let color = model.card.colors.first().map_or([128; 3], |word| color_of_word(word));
         let name = model.card.name.clone();
         let object = PosedObject {
-            uid: placed.uid.clone(),
+            id: placed.id.clone(),
             model,
             pose: placed.pose,
             joint_positions: placed.joint_positions.clone(),
@@ -134,7 +134,7 @@ fn footprints(objects: &[PlacedObject], catalogue: &Catalogue) -> Result<Vec<Foo
         let scene = PosedScene::new(vec![object], &mut shapes);
         let corners = |polygon: &[DVec2]| polygon.iter().map(|point| point.to_array()).collect();
         let polygons = scene.footprints(0).into_iter().map(corners).collect();
-        Ok(Footprint { uid: placed.uid.clone(), name, color, polygons })
+        Ok(Footprint { id: placed.id.clone(), name, color, polygons })
     };
     objects.iter().map(footprint).collect()
 }

@@ -17,12 +17,13 @@
 //! assert_ne!(Seed::new(7).fork("layout"), Seed::new(7).fork("grasp"));
 //! ```
 
+pub mod asset;
 pub mod camera;
 pub mod document;
 pub mod episode;
-mod fingerprint;
 pub mod geometry;
 pub mod grasp;
+mod hash;
 pub mod mesh;
 pub mod object;
 pub mod policy;
@@ -37,6 +38,7 @@ pub mod world;
 
 pub use glam;
 
+pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount, Intrinsics};
 pub use document::{Document, DocumentError, Upgrade};
 pub use episode::{
@@ -44,6 +46,7 @@ pub use episode::{
 };
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
+pub use hash::AssetHashes;
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
 pub use policy::{

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::fingerprint::Fingerprint;
+use crate::hash::Canonical;
 use crate::{JointKind, MassProperties, Piece, Pose, VisualPart};
 
 /// An arm with a two-finger gripper, as the simulator, the planner and the renderer need it.
@@ -135,35 +135,38 @@ impl RobotModel {
     /// Hash of everything physics depends on: links, pieces, inertia, joints, gripper, drives.
     /// Neither looks nor the home posture count; the latter stands in the world.
     ///
-    /// Twelve hexadecimal digits; numbers enter rounded to a nanometre (nanokilogram, …),
-    /// so that the last bits of a platform's arithmetic do not matter.
+    /// Canonical bytes as of [`crate::AssetHashes`].
     pub fn physics_hash(&self) -> String {
-        let mut print = Fingerprint::new("robot");
-        print.text(&self.name).number(self.hand as f64).pose(&self.hand_from_tcp);
-        for link in &self.links {
-            print.text(&link.name).number(link.parent.map_or(-1.0, |parent| parent as f64));
-            print.pose(&link.parent_from_link).mass(&link.mass).pieces(&link.pieces);
-            if let Some(joint) = &link.joint {
-                print.text(&joint.name).text(match joint.kind {
-                    JointKind::Revolute => "revolute",
-                    JointKind::Prismatic => "prismatic",
+        let mut bytes = Canonical::default();
+        bytes.text(&self.name);
+        bytes.whole(self.hand as u64);
+        bytes.pose(&self.hand_from_tcp);
+        bytes.list(&self.links, |bytes, link| {
+            bytes.whole(link.parent.map_or(0, |parent| parent as u64 + 1));
+            bytes.pose(&link.parent_from_link);
+            bytes.numbers(&[link.mass.mass_kg]);
+            bytes.vector(&link.mass.center);
+            bytes.numbers(&link.mass.inertia.to_cols_array());
+            bytes.list(&link.pieces, Canonical::piece);
+            bytes.list(link.joint.as_slice(), |bytes, joint| {
+                bytes.whole(match joint.kind {
+                    JointKind::Revolute => 0,
+                    JointKind::Prismatic => 1,
                 });
-                print.numbers(&joint.axis.to_array()).numbers(&[
-                    joint.lower,
-                    joint.upper,
-                    joint.max_velocity,
-                    joint.max_effort,
-                ]);
-            }
-        }
-        let Gripper { fingers, max_width, max_force, pad_size } = &self.gripper;
-        print.numbers(&fingers.map(|finger| finger as f64)).numbers(&[*max_width, *max_force]);
-        print.numbers(&pad_size.to_array());
-        for &(a, b) in &self.never_colliding {
-            print.numbers(&[a as f64, b as f64]);
-        }
-        if let Some(drives) = &self.drives {
-            print.numbers(&drives.arm_kp).numbers(&drives.arm_kv).numbers(&drives.pad_friction).numbers(&[
+                bytes.vector(&joint.axis);
+                bytes.numbers(&[joint.lower, joint.upper, joint.max_velocity, joint.max_effort]);
+            });
+        });
+        bytes.list(&self.gripper.fingers, |bytes, finger| bytes.whole(*finger as u64));
+        bytes.numbers(&[self.gripper.max_width, self.gripper.max_force]);
+        bytes.list(&self.never_colliding, |bytes, &(a, b)| {
+            bytes.whole(a as u64);
+            bytes.whole(b as u64);
+        });
+        bytes.list(self.drives.as_slice(), |bytes, drives| {
+            bytes.list(&drives.arm_kp, |bytes, gain| bytes.numbers(&[*gain]));
+            bytes.list(&drives.arm_kv, |bytes, gain| bytes.numbers(&[*gain]));
+            bytes.numbers(&[
                 drives.arm_armature,
                 drives.arm_damping,
                 drives.grip_force_n,
@@ -173,8 +176,9 @@ impl RobotModel {
                 drives.finger_damping,
                 drives.hull_friction,
             ]);
-        }
-        print.finish()
+            bytes.numbers(&drives.pad_friction);
+        });
+        bytes.finish()
     }
 
     /// Number of arm joints (the fingers do not count).

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use genmanip_assets::AssetSource;
 use genmanip_core::{Atom, ObjectState, RobotModel, Scenario};
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
@@ -98,7 +99,7 @@ fn steps(seconds: f64, settings: &SimSettings) -> u32 {
 
 pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
     SceneObject {
-        name: object.uid.clone(),
+        name: object.id.clone(),
         model: Arc::clone(&object.model),
         pose: object.pose,
         joint_positions: object.joint_positions.clone(),
@@ -128,11 +129,11 @@ pub struct LayoutAudit {
 /// When an object is unknown or physics refuses the scene.
 pub fn audit(
     scenario: &Scenario,
-    catalogue: &genmanip_assets::Catalogue,
+    assets: &dyn AssetSource,
     robot: &Arc<RobotModel>,
     seconds: f64,
 ) -> Result<LayoutAudit, AuditError> {
-    let scene = posed(scenario, catalogue, &mut ShapeCache::default())?;
+    let scene = posed(scenario, assets, &mut ShapeCache::default())?;
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
     let (penetration_m, drift_m) = left_alone(&objects, seconds)?;
     let drift_m = drift_m.into_iter().fold(0.0, f64::max);
@@ -155,13 +156,13 @@ pub fn audit(
 /// When an object is unknown or its physics have changed.
 pub fn posed(
     scenario: &Scenario,
-    catalogue: &genmanip_assets::Catalogue,
+    assets: &dyn AssetSource,
     shapes: &mut ShapeCache,
 ) -> Result<PosedScene, genmanip_assets::AssetError> {
     let objects = scenario.objects.iter().map(|placed| {
         Ok(PosedObject {
-            uid: placed.uid.clone(),
-            model: catalogue.instance(placed)?,
+            id: placed.id.clone(),
+            model: assets.instance(placed)?,
             pose: placed.pose,
             joint_positions: placed.joint_positions.clone(),
         })

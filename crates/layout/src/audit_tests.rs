@@ -16,7 +16,7 @@ fn scene(model: &Arc<ObjectModel>, tilt_rad: f64) -> PosedScene {
     let turned = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_y(tilt_rad) };
     let lowest = model.world_bounds(&turned, &vec![0.0; model.joint_count()]).min.z;
     let object = PosedObject {
-        uid: model.card.uid.clone(),
+        id: model.card.uid.clone(),
         pose: Pose { position: DVec3::new(0.45, 0.0, -lowest), ..turned },
         joint_positions: vec![0.0; model.joint_count()],
         model: Arc::clone(model),

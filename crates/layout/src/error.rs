@@ -14,18 +14,18 @@ pub enum LayoutError {
     #[error(transparent)]
     UnknownObject(#[from] AssetError),
     /// The graph names an object that is not among its nodes.
-    #[error("edge `{edge}` names {uid}, which is no node of the scene graph")]
+    #[error("edge `{edge}` names {id}, which is no node of the scene graph")]
     NotANode {
         /// The edge in words.
         edge: String,
         /// The object.
-        uid: String,
+        id: String,
     },
     /// Objects that stand on or lie in each other.
-    #[error("{} stand on each other in a circle", uids.join(", "))]
+    #[error("{} stand on each other in a circle", ids.join(", "))]
     SupportCircle {
         /// The objects that could not be ordered.
-        uids: Vec<String>,
+        ids: Vec<String>,
     },
     /// Every attempt was rejected.
     #[error("no layout for task {task} in {restarts} attempts: {rejections}")]

@@ -161,7 +161,7 @@ impl GoalSearch<'_> {
         let mut high = DVec2::new(self.workspace.x[1], self.workspace.y[1]) - half;
         for atom in &step.atoms {
             let Atom::Relation { relation, .. } = atom else { continue };
-            let anchor = |uid: &str| self.scene.bounds(self.scene.index_of(uid)?);
+            let anchor = |id: &str| self.scene.bounds(self.scene.index_of(id)?);
             let anchors: Vec<Aabb> = references(atom).filter_map(anchor).collect();
             if let (Relation::Between, [one, other]) = (relation, anchors.as_slice()) {
                 let [least, most] = between::free_window(one, other, bounds.size());

@@ -81,7 +81,7 @@ pub(crate) fn place_all(
 /// All objects in their initial states, far from the table and from each other.
 fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
     let objects = context.models.iter().enumerate().map(|(index, model)| PosedObject {
-        uid: model.card.uid.clone(),
+        id: context.id(index),
         model: Arc::clone(model),
         pose: Pose::from_position(DVec3::new(-10.0 - index as f64, 0.0, 0.0)),
         joint_positions: context.joints[index].clone(),

@@ -43,7 +43,7 @@ fn obstacle(
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
     let home = &planner.robot().home;
     let within_reach = |object: &PosedObject, candidates: &[Grasp]| {
-        !planner.reachable_grasps(&around, &object.uid, &object.pose, candidates, home, 1).is_empty()
+        !planner.reachable_grasps(&around, &object.id, &object.pose, candidates, home, 1).is_empty()
     };
     let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
     let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };

@@ -12,7 +12,7 @@ const SOUND: f64 = 0.8;
 /// Name of the table among the obstacles.
 pub const TABLE: &str = "table";
 
-/// The table and every object but one, exact pieces at their present poses, named by uid.
+/// The table and every object but one, exact pieces at their present poses, named by id.
 pub fn world(scene: &PosedScene, without: Option<usize>) -> World {
     let mut world = World::new();
     // Broad enough that the arm never reaches around it.
@@ -21,7 +21,7 @@ pub fn world(scene: &PosedScene, without: Option<usize>) -> World {
     let _ = world.add(TABLE, &[slab], &genmanip_core::Pose::IDENTITY);
     for (index, object) in scene.objects().enumerate() {
         if Some(index) != without {
-            let _ = world.add(&object.uid, &object.model.pieces(&object.joint_positions), &object.pose);
+            let _ = world.add(&object.id, &object.model.pieces(&object.joint_positions), &object.pose);
         }
     }
     world

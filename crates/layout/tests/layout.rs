@@ -4,8 +4,8 @@
 
 use std::sync::OnceLock;
 
-use genmanip_assets::{AssetError, Catalogue, panda};
-use genmanip_core::{Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
+use genmanip_assets::{AssetError, AssetSource, Catalogue, panda};
+use genmanip_core::{AssetRef, Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
 use genmanip_layout::{LayoutError, LayoutSettings, audit, lay_out, moves};
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::answer::{RecordedAnswer, check_answer};
@@ -42,7 +42,7 @@ fn layout_of(task: &Task, seed: u64) -> Result<Scenario, LayoutError> {
 /// The scenario as relations see it, from nothing but what is in its file.
 fn posed(scenario: &Scenario) -> PosedScene {
     let objects = scenario.objects.iter().map(|placed| PosedObject {
-        uid: placed.uid.clone(),
+        id: placed.id.clone(),
         model: Catalogue::builtin().instance(placed).unwrap(),
         pose: placed.pose,
         joint_positions: placed.joint_positions.clone(),
@@ -54,8 +54,8 @@ fn posed(scenario: &Scenario) -> PosedScene {
 fn check(scenario: &Scenario) {
     let (id, task, relations) = (&scenario.id, &scenario.task, RelationSettings::default());
     let scene = posed(scenario);
-    let uids = |scenario: &Scenario| scenario.objects.iter().map(|object| object.uid.clone()).collect::<Vec<_>>();
-    assert_eq!(uids(scenario), task.scene_graph.nodes.iter().map(|node| node.uid.clone()).collect::<Vec<_>>());
+    let ids = |scenario: &Scenario| scenario.objects.iter().map(|object| object.id.clone()).collect::<Vec<_>>();
+    assert_eq!(ids(scenario), task.scene_graph.nodes.iter().map(|node| node.id.clone()).collect::<Vec<_>>());
 
     let verdicts = judge_edges(&scene, &task.scene_graph, &relations);
     assert!(verdicts.len() >= task.scene_graph.edges.len());
@@ -83,8 +83,8 @@ fn check(scenario: &Scenario) {
     }
     // Without a relation of support two objects stand apart, so that a finger fits between them.
     let support_of = |index: usize| {
-        let uid = &scenario.objects[index].uid;
-        let edge = task.scene_graph.edges.iter().find(|edge| edge.subject == *uid && edge.relation.is_support());
+        let id = &scenario.objects[index].id;
+        let edge = task.scene_graph.edges.iter().find(|edge| edge.subject == *id && edge.relation.is_support());
         edge.map(|edge| edge.reference.clone())
     };
     for a in 0..scenario.objects.len() {
@@ -126,7 +126,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_another_layout() {
 }
 
 fn node(uid: &str) -> GraphNode {
-    GraphNode { uid: uid.into(), state: None }
+    GraphNode { id: uid.into(), asset: AssetRef::builtin(uid, 2), state: None }
 }
 
 fn edge(subject: &str, relation: Relation, reference: &str) -> GraphEdge {
@@ -218,12 +218,12 @@ fn distractors_mean_nothing_to_the_task_and_spoil_nothing() {
         let (known, added) = scenario.objects.split_at(task.scene_graph.nodes.len());
         assert_eq!(added.len(), 3, "{id}");
         for placed in added {
-            let card = Catalogue::builtin().card(&placed.uid).unwrap();
+            let card = Catalogue::builtin().card(&placed.id).unwrap();
             assert!(
                 task.objects.iter().all(|other| other.name != card.name && other.category != card.category),
                 "{id}"
             );
-            assert!(known.iter().all(|other| other.uid != placed.uid), "{id}");
+            assert!(known.iter().all(|other| other.id != placed.id), "{id}");
         }
         let report = audit(&scenario, Catalogue::builtin(), &panda(), 2.0).unwrap();
         assert!(report.failed.is_empty() && !report.goal_holds && report.hidden.is_none(), "{id}: {report:?}");
@@ -301,7 +301,7 @@ fn a_shut_container_is_opened_before_it_is_filled() {
     ];
     for (name, relation, uid, joints, said, expected) in cases {
         let posed = [(uid, 0.0, joints), ("046", 0.3, Vec::new())].map(|(uid, y, joint_positions)| PosedObject {
-            uid: uid.into(),
+            id: uid.into(),
             model: Catalogue::builtin().build(uid).unwrap(),
             pose: Pose::from_position(glam::DVec3::new(0.5, y, 0.0)),
             joint_positions,

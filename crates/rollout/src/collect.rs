@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::AssetSource;
 use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::{LayoutSettings, lay_out};
@@ -44,7 +44,7 @@ pub struct CollectSettings {
 #[derive(Clone, Copy)]
 pub struct Resources<'a> {
     /// Objects.
-    pub catalogue: &'a Catalogue,
+    pub catalogue: &'a dyn AssetSource,
     /// The robot and how it is planned for; costly to make, so made once.
     pub planner: &'a Arc<Planner>,
 }

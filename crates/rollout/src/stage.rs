@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_assets::{AssetError, Catalogue};
+use genmanip_assets::{AssetError, AssetSource};
 use genmanip_core::{ObjectModel, ObjectState, RobotModel, Scenario};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError, SimSettings};
@@ -83,7 +83,7 @@ impl Stage {
     /// When an object is unknown or changed, or the physics engine refuses the scene.
     pub fn open(
         scenario: Arc<Scenario>,
-        catalogue: &Catalogue,
+        assets: &dyn AssetSource,
         robot: &Arc<RobotModel>,
         sim: &SimSettings,
     ) -> Result<Self, RolloutError> {
@@ -101,13 +101,13 @@ impl Stage {
                 got: scenario.robot_home.clone(),
             });
         }
-        let models = scenario.objects.iter().map(|placed| catalogue.instance(placed)).collect::<Result<Vec<_>, _>>()?;
+        let models = scenario.objects.iter().map(|placed| assets.instance(placed)).collect::<Result<Vec<_>, _>>()?;
         let objects: Vec<SceneObject> = scenario
             .objects
             .iter()
             .zip(&models)
             .map(|(placed, model)| SceneObject {
-                name: placed.uid.clone(),
+                name: placed.id.clone(),
                 model: Arc::clone(model),
                 pose: placed.pose,
                 joint_positions: placed.joint_positions.clone(),
@@ -115,7 +115,7 @@ impl Stage {
             .collect();
         let scene = Arc::new(Scene::compile(robot, &objects, sim)?);
         let posed = objects.into_iter().map(|object| PosedObject {
-            uid: object.name,
+            id: object.name,
             model: object.model,
             pose: object.pose,
             joint_positions: object.joint_positions,

@@ -59,6 +59,7 @@ fn wedge(pieces: Vec<Piece>) -> ObjectModel {
     ObjectModel {
         card: ObjectCard {
             uid: "wedge".into(),
+            asset: AssetRef::builtin("wedge", 1),
             name: "Wedge".into(),
             description: String::new(),
             category: String::new(),
@@ -74,8 +75,7 @@ fn wedge(pieces: Vec<Piece>) -> ObjectModel {
             can_grasp: true,
         },
         family: "test".into(),
-        seed: Seed::new(0),
-        generator_version: 1,
+        asset: AssetRef::builtin("wedge", 1),
         links: vec![ObjectLink { name: "body".into(), joint: None, visual: vec![], pieces, cavity: vec![], mass }],
         friction: 0.5,
         joint_states: vec![],

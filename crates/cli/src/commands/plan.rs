@@ -181,9 +181,9 @@ fn goal(arguments: &PlanArguments, stage: &Stage, planner: &Planner, start: &[f6
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
     let candidates = surroundings::generated_grasps(planner, scene, index, Seed::new(arguments.seed))
         .map_err(|error| Failed::because(format!("grasps of `{wanted}` cannot be sought"), &error))?;
-    let (uid, pose) = (&scenario_object(stage, index).uid, scenario_object(stage, index).pose);
-    let grasps = planner.reachable_grasps(&around, uid, &pose, &candidates, start, GRASPS);
-    Ok(Goal::Grasp { object: uid.clone(), grasps })
+    let (id, pose) = (&scenario_object(stage, index).id, scenario_object(stage, index).pose);
+    let grasps = planner.reachable_grasps(&around, id, &pose, &candidates, start, GRASPS);
+    Ok(Goal::Grasp { object: id.clone(), grasps })
 }
 
 fn scenario_object(stage: &Stage, index: usize) -> &genmanip_core::PlacedObject {

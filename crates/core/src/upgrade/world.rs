@@ -2,17 +2,15 @@
 
 use serde_json::{Map, Value, json};
 
+use super::lacks;
 use crate::DocumentError;
 
 /// [`crate::RobotModel::physics_hash`] of the Panda that every scenario of version 1 was made with.
 const PANDA_HASH: &str = "f50d708a4728";
 
 /// Moves `robot`, `robot_home`, `cameras` and `workspace` of a scenario into its `world`.
-pub(super) fn insert_world_of_version_1(body: &mut Map<String, Value>) -> Result<(), DocumentError> {
-    let mut take = |key: &str| {
-        body.shift_remove(key)
-            .ok_or_else(|| DocumentError::Invalid { path: "$".into(), message: format!("missing field `{key}`") })
-    };
+pub(super) fn insert(body: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    let mut take = |key: &str| body.shift_remove(key).ok_or_else(|| lacks("$", &format!("the field `{key}`")));
     let (robot, home) = (take("robot")?, take("robot_home")?);
     let (cameras, workspace) = (take("cameras")?, take("workspace")?);
     if robot != "panda" {
@@ -104,7 +102,7 @@ fn fixed_sim() -> Value {
 }
 
 /// Replaces `sim` and `layout.reach_m` of a run's settings by the `world` its layouts were made for.
-pub(super) fn replace_settings_of_version_1(settings: &mut Map<String, Value>) -> Result<(), DocumentError> {
+pub(super) fn replace_settings(settings: &mut Map<String, Value>) -> Result<(), DocumentError> {
     let refuse = |path: &str, expected: &Value, got: &Value| {
         let message = format!("version 1 fixed this to {expected}, got {got}");
         Err(DocumentError::Invalid { path: path.into(), message })

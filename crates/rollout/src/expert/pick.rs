@@ -125,7 +125,7 @@ fn candidates(
             continue;
         };
         let Some(open_width) = [wide, planner.opening(&grasp)].into_iter().find(|&width| beside(width, &config)) else {
-            obstacles.push(object.uid.clone());
+            obstacles.push(object.id.clone());
             continue;
         };
         let is_free_at = |goal: &GoalPose, height_m: f64| {
@@ -196,7 +196,7 @@ fn motions(
         ..world_from_tcp
     };
     // Wide things leave the fingers less room than motions keep elsewhere, but they are not to be touched either.
-    let around_it = nothing.clone().and_gripper(planner.robot(), &object.uid);
+    let around_it = nothing.clone().and_gripper(planner.robot(), &object.id);
     let beside = Surroundings { allowed: &around_it, ..open };
     let straight = planner.straight(&open, config, &before).or_else(|problem| {
         let path = planner.straight(&beside, config, &before)?;
@@ -208,7 +208,7 @@ fn motions(
 
     let lifted = Pose { position: world_from_tcp.position + DVec3::Z * settings.lift_m, ..world_from_tcp };
     let pieces = object.model.pieces(&object.joint_positions);
-    let attached = Attached::new(&object.uid, &pieces, &grasp.pose.inverse())
+    let attached = Attached::new(&object.id, &pieces, &grasp.pose.inverse())
         .map_err(|error| PlanError::Unreachable { what: error.to_string() })?;
     let holding =
         Surroundings { world: &worlds.free, attached: Some(&attached), allowed: &nothing, gripper_width: grasp.width };

@@ -84,7 +84,7 @@ fn motions(
     let Some(held) = scene.objects().nth(object) else { return Ok(Vec::new()) };
     let pieces = held.model.pieces(&held.joint_positions);
     let tcp_from_object = tcp_from_object(expert, scene, object, hand);
-    let attached = Attached::new(&held.uid, &pieces, &tcp_from_object).map_err(unusable)?;
+    let attached = Attached::new(&held.id, &pieces, &tcp_from_object).map_err(unusable)?;
     let nothing = Allowed::none();
     let carrying =
         Surroundings { world: free, attached: Some(&attached), allowed: &nothing, gripper_width: hand.width };
@@ -98,7 +98,7 @@ fn motions(
 
     // Once let go, the object is an obstacle.
     let mut occupied = free.clone();
-    occupied.add(&held.uid, &pieces, &raised(height)).map_err(unusable)?;
+    occupied.add(&held.id, &pieces, &raised(height)).map_err(unusable)?;
     let opened = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: hand.open_width };
     let hand_alone = Surroundings { world: free, ..opened };
     let checker = planner.checker(&hand_alone, settings.hand_clearances_m[0]);

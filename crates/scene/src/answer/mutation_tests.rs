@@ -191,7 +191,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         if state.as_ref().is_some_and(|state| !card.states.contains(state)) {
             return None;
         }
-        nodes.push(GraphNode { uid, state });
+        nodes.push(GraphNode { state, ..GraphNode::of(card) });
     }
     let mut edges = Vec::new();
     for edge in graph["edges"].as_array()? {

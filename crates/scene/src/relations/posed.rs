@@ -15,8 +15,8 @@ use super::{PosedScene, RelationSettings};
 impl Scene for PosedScene {
     type Extent = Body;
 
-    fn find(&self, uid: &str) -> Option<usize> {
-        self.index_of(uid)
+    fn find(&self, id: &str) -> Option<usize> {
+        self.index_of(id)
     }
 
     fn extent(&self, index: usize) -> Option<&Body> {

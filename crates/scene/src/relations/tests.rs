@@ -2,8 +2,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 use genmanip_core::{
-    Atom, Goal, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose,
-    Relation, Seed, Shape,
+    AssetRef, Atom, Goal, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece,
+    Pose, Relation, Seed, Shape,
 };
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -12,7 +12,7 @@ use super::*;
 
 fn model(uid: &str, pieces: Vec<Piece>, cavity: Vec<Piece>) -> Arc<ObjectModel> {
     let card: ObjectCard = serde_json::from_value(serde_json::json!({
-        "uid": uid, "name": uid, "description": "", "category": "", "general_category": "", "colors": [],
+        "uid": uid, "asset": {"source": "builtin", "uid": uid, "version": 1}, "name": uid, "description": "", "category": "", "general_category": "", "colors": [],
         "materials": [], "shape": "", "size_m": [0, 0, 0], "mass_kg": 0.1, "is_container": false,
         "is_articulated": false, "states": [], "can_grasp": true,
     }))
@@ -20,8 +20,7 @@ fn model(uid: &str, pieces: Vec<Piece>, cavity: Vec<Piece>) -> Arc<ObjectModel> 
     Arc::new(ObjectModel {
         card,
         family: uid.into(),
-        seed: Seed::new(0),
-        generator_version: 1,
+        asset: AssetRef::builtin(uid, 1),
         links: vec![ObjectLink { cavity, ..link("base", None, pieces) }],
         friction: 0.5,
         joint_states: Vec::new(),
@@ -84,7 +83,7 @@ fn drawer() -> Arc<ObjectModel> {
 
 fn scene(objects: &[(&Arc<ObjectModel>, Pose)]) -> PosedScene {
     let posed = objects.iter().map(|(model, pose)| PosedObject {
-        uid: model.card.uid.clone(),
+        id: model.card.uid.clone(),
         model: Arc::clone(model),
         pose: *pose,
         joint_positions: vec![0.0; model.joint_count()],
@@ -300,7 +299,7 @@ fn a_goal_of_ten_objects_is_judged_within_a_millisecond() {
     let mut fastest = f64::INFINITY;
     for _ in 0..20 {
         let posed = objects.iter().map(|(model, pose)| PosedObject {
-            uid: model.card.uid.clone(),
+            id: model.card.uid.clone(),
             model: Arc::clone(model),
             pose: *pose,
             joint_positions: Vec::new(),
