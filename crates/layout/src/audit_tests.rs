@@ -4,6 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
+use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{ObjectModel, Pose};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
@@ -21,7 +22,7 @@ fn scene(model: &Arc<ObjectModel>, tilt_rad: f64) -> PosedScene {
         joint_positions: vec![0.0; model.joint_count()],
         model: Arc::clone(model),
     };
-    PosedScene::new(vec![object], &mut ShapeCache::default())
+    PosedScene::new(vec![object], &default_world().surfaces, &mut ShapeCache::default())
 }
 
 #[test]
@@ -35,9 +36,9 @@ fn what_ends_early_would_have_stayed() {
     for tilt_rad in [0.0, FRAC_PI_2, balance - 1e-2, balance + 1e-3, balance - 1e-4, balance + 1e-5, balance - 1e-5] {
         let scene = scene(&model, tilt_rad);
         let objects: Vec<_> = scene.objects().map(scene_object).collect();
-        let (_, drift_m) = left_alone(&objects, settings.stay_s).unwrap();
+        let (_, drift_m) = left_alone(&default_world(), &objects, settings.stay_s).unwrap();
         let stays = drift_m[0] <= settings.max_drift_m;
-        assert_eq!(leave_alone(&scene, &settings).is_ok(), stays, "at {tilt_rad} rad: {drift_m:?} m");
+        assert_eq!(leave_alone(&scene, &default_world(), &settings).is_ok(), stays, "at {tilt_rad} rad: {drift_m:?} m");
         if stays { stayed += 1 } else { tipped += 1 }
     }
     assert!(stayed >= 2 && tipped >= 3, "{stayed} stayed, {tipped} tipped");

@@ -24,7 +24,7 @@ mod order;
 mod placement;
 mod reach;
 mod settings;
-pub mod surroundings;
+pub mod obstacles;
 mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
@@ -37,12 +37,12 @@ pub use settings::LayoutSettings;
 use context::{Context, GoalRoom};
 use genmanip_assets::AssetSource;
 use genmanip_core::{
-    AssetHashes, Atom, Camera, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
-    Workspace,
+    AssetHashes, Atom, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
+    Workspace, World,
 };
 use genmanip_motion::Planner;
 use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
+    PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
     placement_window,
 };
 use placement::Partial;
@@ -77,11 +77,12 @@ pub enum Phase {
 pub fn lay_out(
     task: &Task,
     assets: &dyn AssetSource,
+    world: &World,
     planner: &Planner,
     seed: Seed,
     settings: &LayoutSettings,
 ) -> Result<Scenario, LayoutError> {
-    lay_out_observed(task, assets, planner, seed, settings, &mut |_| ())
+    lay_out_observed(task, assets, world, planner, seed, settings, &mut |_| ())
 }
 
 /// [`lay_out`], telling whoever measures when each phase begins.
@@ -91,6 +92,7 @@ pub fn lay_out(
 pub fn lay_out_observed(
     task: &Task,
     assets: &dyn AssetSource,
+    world: &World,
     planner: &Planner,
     seed: Seed,
     settings: &LayoutSettings,
@@ -103,7 +105,7 @@ pub fn lay_out_observed(
         .iter()
         .map(|node| assets.model(&node.asset).map_err(LayoutError::from))
         .collect::<Result<Vec<_>, _>>()?;
-    let relations = RelationSettings::default();
+    check_robot(world, planner.robot())?;
     let edges = indexed_edges(&task.scene_graph)?;
     let id = |index: usize| task.scene_graph.nodes[index].id.clone();
     let mut context = Context {
@@ -116,7 +118,9 @@ pub fn lay_out_observed(
         models,
         edges,
         settings,
-        relations: &relations,
+        world,
+        reach_m: reach_m(world, planner.robot()),
+        relations: &world.relations,
     };
     let (mut rejections, mut furthest, mut shapes) = (Rejections::default(), None, ShapeCache::default());
     let (mut restarts, mut unaccepted) = (0, 0);
@@ -130,7 +134,7 @@ pub fn lay_out_observed(
         context.set_distractors(models);
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
             Ok(mut scene) => match accept(&context, &mut scene, planner, attempt, &mut rejections, begin) {
-                Ok(()) => return scenario(task, seed, &scene, assets, planner.robot()),
+                Ok(()) => return scenario(task, seed, &scene, assets, world),
                 Err(reason) => {
                     rejections.count(reason);
                     unaccepted += 1;
@@ -159,13 +163,13 @@ fn accept(
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),
 ) -> Result<(), String> {
-    let Context { task, settings, relations, .. } = *context;
+    let Context { task, settings, world, relations, .. } = *context;
     let holds_goal = |scene: &PosedScene| judge_goal(scene, &task.goal, &Rest::default(), relations).success;
     if holds_goal(scene) {
         return Err("the goal holds already".into());
     }
     begin(Phase::Settling);
-    audit::settle(scene, settings)?;
+    audit::settle(scene, world, settings)?;
     begin(Phase::Judging);
     let edges = judge_edges(scene, &task.scene_graph, relations);
     if let Some(verdict) = edges.iter().find(|verdict| !verdict.holds) {
@@ -179,14 +183,37 @@ fn accept(
         return Err("the goal holds already".into());
     }
     begin(Phase::Reaching);
-    if let Some(reason) = reach::unreachable(task, scene, planner, relations, seed) {
+    if let Some(reason) = reach::unreachable(task, scene, world, planner, seed) {
         return Err(reason);
     }
     begin(Phase::Seeing);
-    visibility::hidden(scene, task.scene_graph.nodes.len(), planner.robot(), settings).map_or(Ok(()), Err)?;
+    visibility::hidden(scene, world, task.scene_graph.nodes.len(), planner.robot(), settings).map_or(Ok(()), Err)?;
     // Last, because it takes long and hardly ever refuses.
     begin(Phase::Settling);
-    audit::leave_alone(scene, settings)
+    audit::leave_alone(scene, world, settings)
+}
+
+/// Whether the planner is for the robot of the world, starting where the world says.
+fn check_robot(world: &World, robot: &RobotModel) -> Result<(), LayoutError> {
+    let wanted = &world.robot;
+    let differs = |field: &'static str, expected: String, got: String| {
+        Err(LayoutError::OtherRobot { field, expected, got })
+    };
+    if wanted.name != robot.name {
+        return differs("robot.name", wanted.name.clone(), robot.name.clone());
+    }
+    if wanted.home != robot.home {
+        return differs("robot.home", format!("{:?}", wanted.home), format!("{:?}", robot.home));
+    }
+    Ok(())
+}
+
+/// Nearest and farthest distance of a moved object from the robot's axis, metres; all of the workspace for a robot of
+/// which nobody knows it.
+fn reach_m(world: &World, robot: &RobotModel) -> [f64; 2] {
+    let Workspace { x, y } = world.workspace;
+    let corner = x[0].abs().max(x[1].abs()).hypot(y[0].abs().max(y[1].abs()));
+    robot.reach.map_or([0.0, corner], |reach| reach.from_above_m)
 }
 
 /// The graph's edges with the indices of their objects among the nodes, subject first.
@@ -320,17 +347,14 @@ fn scenario(
     seed: Seed,
     scene: &PosedScene,
     assets: &dyn AssetSource,
-    robot: &RobotModel,
+    world: &World,
 ) -> Result<Scenario, LayoutError> {
     Ok(Scenario {
         id: format!("{}-{seed}", task.id),
         task: task.clone(),
         seed,
         objects: scene.objects().map(|object| placed_object(object, assets)).collect::<Result<_, _>>()?,
-        robot: robot.name.clone(),
-        robot_home: robot.home.clone(),
-        cameras: Camera::default_rig(),
-        workspace: Workspace::default(),
+        world: world.clone(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     })
 }

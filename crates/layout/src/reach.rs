@@ -3,26 +3,26 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, Pose, Seed, Task, Workspace};
+use genmanip_core::{Grasp, Pose, Seed, Task, World};
 use genmanip_motion::{Allowed, Planner, Surroundings};
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
+use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalPoseSettings, GoalSearch};
 use crate::moves::{Move, moves};
-use crate::surroundings;
+use crate::obstacles;
 
 /// The reason when no alternative of the goal can be served.
 pub(crate) fn unreachable(
     task: &Task,
     scene: &PosedScene,
+    world: &World,
     planner: &Planner,
-    relations: &RelationSettings,
     seed: Seed,
 ) -> Option<String> {
     let mut reason = None;
     for alternative in moves(&task.goal, scene) {
-        match obstacle(&alternative, scene, planner, relations, seed) {
+        match obstacle(&alternative, scene, world, planner, seed) {
             None => return None,
             Some(obstacle) => reason = Some(obstacle),
         }
@@ -34,13 +34,13 @@ pub(crate) fn unreachable(
 fn obstacle(
     steps: &[Move],
     scene: &PosedScene,
+    world: &World,
     planner: &Planner,
-    relations: &RelationSettings,
     seed: Seed,
 ) -> Option<String> {
-    let world = surroundings::world(scene, None);
+    let occupied = obstacles::around(scene, None);
     let nothing = Allowed::none();
-    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
+    let around = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: 0.0 };
     let home = &planner.robot().home;
     let within_reach = |object: &PosedObject, candidates: &[Grasp]| {
         !planner.reachable_grasps(&around, &object.id, &object.pose, candidates, home, 1).is_empty()
@@ -58,8 +58,8 @@ fn obstacle(
             after.set_pose(step.object, object.pose, &joints);
             return None;
         }
-        let generated = || surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach"));
-        let can_be_grasped = surroundings::tried_grasps(planner, scene, step.object)
+        let generated = || obstacles::generated_grasps(planner, scene, step.object, seed.fork("reach"));
+        let can_be_grasped = obstacles::tried_grasps(planner, scene, step.object)
             .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
         match can_be_grasped {
             Ok(true) => {}
@@ -71,8 +71,8 @@ fn obstacle(
         let search = GoalSearch {
             scene: &after,
             upright: &upright,
-            workspace: &Workspace::default(),
-            relations,
+            workspace: &world.workspace,
+            relations: &world.relations,
             settings: &settings,
         };
         let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));

@@ -25,9 +25,7 @@ pub struct LayoutSettings {
     /// How far inside its threshold a relation must hold when an object is placed, metres;
     /// settling may eat some of it.
     pub relation_margin_m: f64,
-    /// Nearest and farthest distance of a moved object from the robot's axis, metres.
-    pub reach_m: [f64; 2],
-    /// Area for objects, metres from the robot's base: nearest and farthest x.
+    /// Area for objects within the world's workspace, metres from the robot's base: nearest and farthest x.
     pub x_m: [f64; 2],
     /// Area for objects: rightmost and leftmost y, metres.
     pub y_m: [f64; 2],
@@ -67,7 +65,6 @@ impl Default for LayoutSettings {
             distractors: 0,
             distractor_gap_m: 0.06,
             relation_margin_m: 0.01,
-            reach_m: [0.32, 0.70],
             x_m: [0.26, 0.78],
             y_m: [-0.42, 0.42],
             wide_x_m: [0.22, 0.88],

@@ -3,29 +3,26 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Camera, Pose, RobotModel};
+use genmanip_core::{Camera, Pose, RobotModel, World};
 use genmanip_render::{
-    Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
+    Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
 };
 use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::LayoutSettings;
 
-/// Cameras of prompt-based systems, which must see the objects.
-const PROMPT_CAMERAS: [&str; 3] = ["overview", "left", "right"];
-
 /// The reason when some object is too small or too hidden in every prompt camera.
 pub(crate) fn hidden(
     scene: &PosedScene,
+    world: &World,
     task_objects: usize,
     robot: &Arc<RobotModel>,
     settings: &LayoutSettings,
 ) -> Option<String> {
     let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
-    let assets = RenderAssets::new(Arc::clone(robot), &models, &Environment::default()).ok()?;
+    let assets = RenderAssets::new(Arc::clone(robot), &models, Some(world)).ok()?;
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
-    let cameras: Vec<Camera> =
-        Camera::default_rig().into_iter().filter(|camera| PROMPT_CAMERAS.contains(&camera.name.as_str())).collect();
+    let cameras = world.prompt_cameras();
     let away = Pose::from_position(DVec3::new(0.0, 0.0, -50.0));
     // Everything, or one object alone on the table with the robot out of the way.
     let mut ids = |alone: Option<usize>| -> Option<Vec<FrameBuffers>> {

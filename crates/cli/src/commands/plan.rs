@@ -4,7 +4,7 @@ use std::path::Path as FilePath;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Pose, Seed};
-use genmanip_layout::surroundings;
+use genmanip_layout::obstacles;
 use genmanip_motion::{Allowed, Path, PlanError, Planner, PlannerSettings, ReachableGrasp, Surroundings, World};
 use genmanip_rollout::Stage;
 use serde::Serialize;
@@ -103,7 +103,7 @@ fn plan(
     planner: &Planner,
     start: &[f64],
 ) -> Result<(Vec<Path>, f64), PlanError> {
-    let world = surroundings::world(stage.start(), None);
+    let world = obstacles::around(stage.start(), None);
     let nothing = Allowed::none();
     let seed = Seed::new(arguments.seed);
     let free = |width: f64| Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: width };
@@ -176,10 +176,10 @@ fn goal(arguments: &PlanArguments, stage: &Stage, planner: &Planner, start: &[f6
             .hint(format!("objects are {}", known.join(", "))));
     };
     let scene = stage.start();
-    let world = surroundings::world(scene, None);
+    let world = obstacles::around(scene, None);
     let nothing = Allowed::none();
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
-    let candidates = surroundings::generated_grasps(planner, scene, index, Seed::new(arguments.seed))
+    let candidates = obstacles::generated_grasps(planner, scene, index, Seed::new(arguments.seed))
         .map_err(|error| Failed::because(format!("grasps of `{wanted}` cannot be sought"), &error))?;
     let (id, pose) = (&scenario_object(stage, index).id, scenario_object(stage, index).pose);
     let grasps = planner.reachable_grasps(&around, id, &pose, &candidates, start, GRASPS);

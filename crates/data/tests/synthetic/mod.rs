@@ -39,6 +39,9 @@ pub fn robot() -> RobotModel {
         hand_from_tcp: Pose::from_position(DVec3::new(0.0, 0.0, 0.1034)),
         gripper: Gripper { fingers: [98, 99], max_width: 0.08, max_force: 70.0, pad_size: DVec3::splat(0.02) },
         home: vec![0.0; 7],
+        drives: None,
+        reach: None,
+        hand_from_wrist_camera: None,
         never_colliding: Vec::new(),
     }
 }

@@ -20,7 +20,7 @@ use genmanip_core::{
     Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
     Pose, PrivilegedState, Seed,
 };
-use genmanip_layout::{GoalPose, GoalSearch, Move, moves, surroundings};
+use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
 use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
@@ -219,7 +219,7 @@ impl Expert {
     }
 
     fn go_home(&self, scene: &PosedScene, arm: &[f64], width: f64) -> Vec<Vec<f32>> {
-        let world = surroundings::world(scene, None);
+        let world = obstacles::around(scene, None);
         let open = self.stage.robot.gripper.max_width;
         // The fingers open at home, where nothing is in their way.
         let around = Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
-use genmanip_layout::{GoalPose, Move, is_in_reach, surroundings};
+use genmanip_layout::{GoalPose, Move, is_in_reach, obstacles};
 use genmanip_motion::{Allowed, Attached, GeometryError, PlanError, Surroundings, World};
 use genmanip_scene::relations::PosedScene;
 
@@ -55,7 +55,7 @@ pub(super) fn plan(
         return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
     }
     let worlds =
-        Worlds { occupied: surroundings::world(scene, None), free: surroundings::world(scene, Some(step.object)) };
+        Worlds { occupied: obstacles::around(scene, None), free: obstacles::around(scene, Some(step.object)) };
     let [roomy, tight] = expert.settings.hand_clearances_m;
     let at = |clearance_m: f64| candidates(expert, scene, step, arm, &goals, &worlds, clearance_m, seed);
     // Flat things can only be taken with the fingers close above the table.
@@ -92,9 +92,9 @@ fn candidates(
     let name = expert.stage.name(step.object);
     let (planner, settings) = (&expert.planner, &expert.settings);
     let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
-    let tried = surroundings::tried_grasps(planner, scene, step.object).map_err(flawed)?;
+    let tried = obstacles::tried_grasps(planner, scene, step.object).map_err(flawed)?;
     // What has no volume has no grasps.
-    let generated = || surroundings::generated_grasps(planner, scene, step.object, seed).unwrap_or_default();
+    let generated = || obstacles::generated_grasps(planner, scene, step.object, seed).unwrap_or_default();
     let mut grasps = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
     if grasps.peek().is_none() {
         let evidence = format!("{name} has no grasp that fits the hand as it lies");

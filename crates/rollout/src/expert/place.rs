@@ -2,7 +2,7 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Pose, Seed};
-use genmanip_layout::{GoalPose, Move, surroundings};
+use genmanip_layout::{GoalPose, Move, obstacles};
 use genmanip_motion::{Allowed, Attached, PlanError, Surroundings, World};
 use genmanip_scene::relations::PosedScene;
 
@@ -50,7 +50,7 @@ fn toward(
     goals: &[GoalPose],
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, Failure> {
-    let free = surroundings::world(scene, Some(object));
+    let free = obstacles::around(scene, Some(object));
     let mut problem = None;
     // What falls far tips over and meets the hand again: every place is tried low before any is tried from higher up.
     for &height in &expert.settings.release_heights_m {

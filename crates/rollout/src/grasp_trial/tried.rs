@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, MassProperties, ObjectModel, Pose, Seed, TriedGrasp};
-use genmanip_layout::surroundings;
+use genmanip_layout::obstacles;
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
 use genmanip_sim::SimSettings;
 use rand::{Rng, RngExt};
@@ -93,7 +93,7 @@ pub fn tried_grasps(
         joint_positions: Vec::new(),
     };
     let scene = PosedScene::new(vec![object], &mut ShapeCache::default());
-    let candidates = surroundings::generated_grasps(&trials.planner, &scene, 0, seed)?;
+    let candidates = obstacles::generated_grasps(&trials.planner, &scene, 0, seed)?;
     let mut tried = Vec::new();
     for (index, grasp) in candidates.into_iter().enumerate() {
         tried.extend(try_out(trials, &table, grasp, settings, seed.fork("trials").fork_index(index as u64))?);

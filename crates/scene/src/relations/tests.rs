@@ -88,7 +88,7 @@ fn scene(objects: &[(&Arc<ObjectModel>, Pose)]) -> PosedScene {
         pose: *pose,
         joint_positions: vec![0.0; model.joint_count()],
     });
-    PosedScene::new(posed.collect(), &mut ShapeCache::default())
+    PosedScene::new(posed.collect(), &[], &mut ShapeCache::default())
 }
 
 fn at(x: f64, y: f64, z: f64) -> Pose {
@@ -306,7 +306,7 @@ fn a_goal_of_ten_objects_is_judged_within_a_millisecond() {
         });
         let posed: Vec<_> = posed.collect();
         let start = std::time::Instant::now();
-        let scene = PosedScene::new(posed, &mut shapes);
+        let scene = PosedScene::new(posed, &[], &mut shapes);
         judge_goal(&scene, &goal, &Rest::default(), &RelationSettings::default());
         fastest = fastest.min(start.elapsed().as_secs_f64());
     }
