@@ -6,9 +6,9 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use genmanip_core::{Document, Grasp, ObjectModel, Pose, Seed, TriedGrasp};
+use genmanip_core::{Document, DocumentError, Grasp, ObjectModel, Pose, Seed, TriedGrasp, Upgrade};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::AssetError;
 
@@ -52,7 +52,20 @@ pub struct ObjectGrasps {
 }
 
 impl Document for GraspFile {
-    const SCHEMA: &'static str = "genmanip.grasps/1";
+    const SCHEMA: &'static str = "genmanip.grasps/2";
+    const PREVIOUS: Option<Upgrade> = Some(Upgrade { schema: "genmanip.grasps/1", upgrade: mark_hashes });
+}
+
+/// Files of version 1 held physics hashes of version 1 without saying so.
+fn mark_hashes(file: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    let objects = file.get_mut("objects").and_then(Value::as_object_mut);
+    for object in objects.into_iter().flat_map(|objects| objects.values_mut()) {
+        let marked = object["physics_hash"].as_str().map(|digits| format!("v1:{digits}"));
+        if let Some(marked) = marked {
+            object["physics_hash"] = marked.into();
+        }
+    }
+    Ok(())
 }
 
 impl GraspFile {

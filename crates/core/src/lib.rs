@@ -24,6 +24,7 @@ pub mod episode;
 pub mod geometry;
 pub mod grasp;
 mod hash;
+pub mod json;
 pub mod mesh;
 pub mod object;
 pub mod policy;
@@ -58,7 +59,7 @@ pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario};
 pub use seed::Seed;
 pub use task::{Atom, Goal, GraphEdge, GraphNode, Relation, SceneGraph, Task, TaskKind};
-pub use verdict::{AtomVerdict, GoalVerdict, Measurement};
+pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{
     Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World, WorldDifference, WorldFault, WorldFile,
     WorldHashes, WorldPart, WorldRobot,

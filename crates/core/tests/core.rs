@@ -1,7 +1,10 @@
 //! The vocabulary as files: round trips, refusals, seeds, projections.
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
-use genmanip_core::{Aabb, Camera, Document, Intrinsics, Piece, Pose, Scenario, Seed, Shape, Task};
+use genmanip_core::{
+    Aabb, AssetRef, Atom, AtomVerdict, Camera, Document, Intrinsics, Measurement, Piece, Pose, Scenario, Seed, Shape,
+    Task, Unit,
+};
 use proptest::prelude::*;
 
 fn task_text() -> String {
@@ -19,7 +22,36 @@ fn a_task_survives_the_file() {
     let task = Task::from_json(&task_text()).unwrap();
     assert_eq!(Task::from_json(&task.to_json()).unwrap(), task);
     assert_eq!(task.to_json(), Task::from_json(&task.to_json()).unwrap().to_json());
-    assert!(task.to_json().starts_with("{\n  \"schema\": \"genmanip.task/1\""));
+    assert!(task.to_json().starts_with("{\n  \"schema\": \"genmanip.task/2\""));
+}
+
+/// Version 1 knew uids only; what it did not say is filled in with what was fixed then.
+#[test]
+fn documents_of_version_1_open_and_name_instances_by_their_uid() {
+    let old = include_str!("../testdata/v1/task.json");
+    assert_eq!(Task::from_json(old).unwrap(), Task::from_json(&task_text()).unwrap());
+    let moved = {
+        let mut value: serde_json::Value = serde_json::from_str(old).unwrap();
+        value["objects"].as_array_mut().unwrap().rotate_left(1);
+        Task::from_value(value).unwrap()
+    };
+    assert_eq!(moved, Task::from_json(old).unwrap(), "cards were in any order");
+    check_refused(&old.replacen("\"uid\": \"027\"", "\"uid\": \"7\"", 1), "a card of object 7");
+
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/testdata/version_1");
+    let text = std::fs::read_to_string(folder.join("scenarios/001_long_horizon-000.json")).unwrap();
+    let scenario = Scenario::from_json(&text).unwrap();
+    for (node, placed) in scenario.task.scene_graph.nodes.iter().zip(&scenario.objects) {
+        assert_eq!((&node.id, &node.asset), (&placed.id, &AssetRef::builtin(&placed.id, 2)));
+        assert_eq!(placed.asset, node.asset);
+        assert_eq!(scenario.task.card(&node.id).unwrap().uid, node.id);
+        assert!(placed.physics_hash.starts_with("v1:") && placed.judging_hash.is_none());
+    }
+    assert_eq!(Scenario::from_json(&scenario.to_json()).unwrap(), scenario);
+    let variant = Scenario::from_json(&text.replacen("\"seed\": 30", "\"seed\": 31", 1)).unwrap();
+    assert!(matches!(&variant.objects[0].asset, AssetRef::Generated { family, .. } if family == "orange"));
+    let broken = Scenario::from_json(&text.replacen("\"seed\": 30", "\"seed\": \"\"", 1)).unwrap_err().to_string();
+    assert!(broken.contains("$.objects[0].seed"), "{broken}");
 }
 
 #[test]
@@ -27,7 +59,7 @@ fn broken_files_are_refused_with_the_place() {
     let good = task_text();
     check_refused("{", "line 1");
     check_refused("[]", "expected an object");
-    check_refused(&good.replace("genmanip.task/1", "genmanip.task/7"), "genmanip.task/7");
+    check_refused(&good.replace("genmanip.task/2", "genmanip.task/7"), "genmanip.task/7");
     check_refused(&good.replace("\"pick_and_place\"", "\"juggling\""), "$.kind");
     check_refused(&good.replace("\"relation\": \"top\"", "\"relation\": \"above\""), "$.goal");
     check_refused(&good.replace("0.072", "NaN"), "not JSON");
@@ -53,6 +85,51 @@ fn seeds_are_labelled_and_stay_exact_in_json() {
     assert_eq!(seed.value(), 6_577_676_365_128_076);
     assert!(seed.value() < 1 << 53);
     assert_ne!(seed, Seed::new(7).fork("episode").fork_index(4));
+}
+
+/// A verdict that one measured quantity decides.
+fn verdict(margin: f64, unit: Unit) -> AtomVerdict {
+    let measurement =
+        Measurement { quantity: "q".into(), value: 0.0, threshold: -margin, unit, met: margin >= 0.0, margin };
+    AtomVerdict {
+        atom: Atom::State { object: "057".into(), state: "open".into() },
+        holds: margin >= 0.0,
+        margin,
+        measurements: vec![measurement],
+        explanation: String::new(),
+    }
+}
+
+#[test]
+fn margins_of_different_units_are_compared_by_their_scale() {
+    // From the farthest beyond its threshold to the farthest inside it.
+    let ordered = [
+        (-1.0, Unit::Fact),
+        (-0.5, Unit::Metre),
+        (-0.05, Unit::Metre),
+        (-0.4, Unit::Share),
+        (-0.03, Unit::Metre),
+        (-0.25, Unit::Radian),
+        (0.02, Unit::Metre),
+        (0.3, Unit::Share),
+        (0.04, Unit::Metre),
+        (0.5, Unit::Radian),
+    ];
+    for pair in ordered.windows(2) {
+        let [lower, higher] = [pair[0], pair[1]].map(|(margin, unit)| verdict(margin, unit).normalised_margin());
+        assert!(lower < higher, "{pair:?}: {lower} and {higher}");
+    }
+    assert_eq!(verdict(0.03, Unit::Metre).normalised_margin(), Unit::Metre.normalise(0.03));
+}
+
+#[test]
+fn verdicts_of_before_are_read_and_units_are_written_as_before() {
+    for (unit, symbol) in [(Unit::Metre, "m"), (Unit::Radian, "rad"), (Unit::Share, "1"), (Unit::Fact, "fact")] {
+        let text = serde_json::to_string(&verdict(-0.1, unit)).unwrap();
+        assert!(text.contains(&format!(r#""unit":"{symbol}""#)), "{text}");
+        assert_eq!(serde_json::from_str::<AtomVerdict>(&text).unwrap(), verdict(-0.1, unit));
+        assert_eq!(unit.symbol(), symbol);
+    }
 }
 
 #[test]

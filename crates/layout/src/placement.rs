@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, Pose, Relation, Seed};
+use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Unit};
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, ShapeCache, contact_below, judge_atom, outlines_apart, placement_window,
 };
@@ -259,7 +259,8 @@ impl Search<'_> {
                 (relation, _) if relation.is_support() => true,
                 (_, None) => {
                     let verdict = judge_atom(&self.scene, atom, context.relations);
-                    verdict.holds && verdict.margin >= context.settings.relation_margin_m
+                    verdict.holds
+                        && verdict.normalised_margin() >= Unit::Metre.normalise(context.settings.relation_margin_m)
                 }
                 (Relation::Between, Some(&subject)) if subject == indices[0] && indices.len() == 3 => {
                     let stance = &self.draft.stances[subject];

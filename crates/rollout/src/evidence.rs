@@ -3,7 +3,7 @@
 //! It is read from the recorded frames and the final verdict, so it is the same for every policy.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{AtomVerdict, Failure, FailureCause, Frame, GoalVerdict, Pose};
+use genmanip_core::{AtomVerdict, Failure, FailureCause, Frame, GoalVerdict, Pose, Unit};
 
 use crate::{RolloutSettings, Stage};
 
@@ -49,7 +49,8 @@ pub fn explain(
         format!("{name} slipped at {time_s:.1} s, held for {held_s:.1} s and {height:.0} mm up")
     };
     let disturbed = frames.last().and_then(|last| disturbed(stage, last, settings));
-    let worst = missing.iter().filter(|_| word.is_none()).min_by(|a, b| a.margin.total_cmp(&b.margin));
+    let unsaid = missing.iter().filter(|_| word.is_none());
+    let worst = unsaid.min_by(|a, b| a.normalised_margin().total_cmp(&b.normalised_margin()));
     let missed = worst.map(|atom| missed(atom));
     let (cause, first) = match (word, slip, &disturbed) {
         (Some(failure), ..) => (failure.cause, Some(failure.evidence)),
@@ -112,10 +113,10 @@ fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<
 
 /// A condition that does not hold, and by how much.
 fn missed(atom: &AtomVerdict) -> String {
-    let by = atom.measurements.first().and_then(|measured| match measured.unit.as_str() {
-        "m" => Some(format!("missed by {:.0} mm, ", -measured.margin * 1e3)),
-        "rad" => Some(format!("missed by {:.0}°, ", -measured.margin.to_degrees())),
-        _ => None,
+    let by = atom.measurements.first().and_then(|measured| match measured.unit {
+        Unit::Metre => Some(format!("missed by {:.0} mm, ", -measured.margin * 1e3)),
+        Unit::Radian => Some(format!("missed by {:.0}°, ", -measured.margin.to_degrees())),
+        Unit::Share | Unit::Fact => None,
     });
     format!("{}: {}{}", atom.atom, by.unwrap_or_default(), atom.explanation)
 }

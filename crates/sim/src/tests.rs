@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DMat3, DVec3};
-use genmanip_core::{MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape};
+use genmanip_core::{AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape};
 
 use crate::drive::{lerp, setpoint_from_width};
 use crate::xml::Element;

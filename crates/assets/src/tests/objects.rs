@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 
 use super::{largest_over_directions, separation, uncovered};
 use crate::solid::{Moments, Solid};
-use crate::{AssetError, Catalogue};
+use crate::{AssetError, AssetSource, Catalogue};
 
 /// Runs a check on every object that has a generator and reports all that fail.
 fn check_all(check: impl Fn(&ObjectModel) -> Vec<String>) {

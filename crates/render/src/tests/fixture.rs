@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DVec3, Vec2, Vec3};
 use genmanip_core::{
-    Camera, Gripper, Intrinsics, JointKind, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel, Pose,
-    RobotJoint, RobotLink, RobotModel, Seed, Texture, TriMesh, VisualPart,
+    AssetRef, Camera, Gripper, Intrinsics, JointKind, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel,
+    Pose, RobotJoint, RobotLink, RobotModel, Texture, TriMesh, VisualPart,
 };
 
 use crate::assets::{Part, RenderAssets};

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use genmanip_core::{
     AssetRef, Atom, Goal, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece,
-    Pose, Relation, Seed, Shape,
+    Pose, Relation, Shape,
 };
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
-    Aabb, Joint, JointKind, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape,
+    Aabb, AssetRef, Joint, JointKind, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape,
 };
 
 /// `w`ide (y) × `d`eep (x) × `h`igh.
