@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
 use genmanip_core::{Atom, ObjectState, RobotModel, Scenario, World};
-use genmanip_scene::relations::{
-    PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
-};
+use genmanip_scene::relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
 
 use crate::LayoutSettings;
@@ -79,11 +77,7 @@ pub(crate) fn leave_alone(scene: &PosedScene, world: &World, settings: &LayoutSe
 }
 
 /// Penetration at the start, and how far each object's origin moves in this time, sleep off; metres.
-pub(crate) fn left_alone(
-    world: &World,
-    objects: &[SceneObject],
-    seconds: f64,
-) -> Result<(f64, Vec<f64>), SimError> {
+pub(crate) fn left_alone(world: &World, objects: &[SceneObject], seconds: f64) -> Result<(f64, Vec<f64>), SimError> {
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, objects)?));
     let penetration_m = sim.penetration();
     let before = sim.object_states();
@@ -171,7 +165,11 @@ pub fn posed(
             joint_positions: placed.joint_positions.clone(),
         })
     });
-    Ok(PosedScene::new(objects.collect::<Result<Vec<_>, genmanip_assets::AssetError>>()?, &scenario.world.surfaces, shapes))
+    Ok(PosedScene::new(
+        objects.collect::<Result<Vec<_>, genmanip_assets::AssetError>>()?,
+        &scenario.world.surfaces,
+        shapes,
+    ))
 }
 
 /// Why a scenario cannot be audited.

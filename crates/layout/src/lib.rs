@@ -20,11 +20,11 @@ mod goal_pose;
 mod goal_pose_tests;
 mod moves;
 mod network;
+pub mod obstacles;
 mod order;
 mod placement;
 mod reach;
 mod settings;
-pub mod obstacles;
 mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
@@ -37,13 +37,12 @@ pub use settings::LayoutSettings;
 use context::{Context, GoalRoom};
 use genmanip_assets::AssetSource;
 use genmanip_core::{
-    AssetHashes, Atom, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
-    Workspace, World,
+    AssetHashes, Atom, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task, Workspace,
+    World,
 };
 use genmanip_motion::Planner;
 use genmanip_scene::relations::{
-    PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
-    placement_window,
+    PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states, placement_window,
 };
 use placement::Partial;
 
@@ -196,9 +195,8 @@ fn accept(
 /// Whether the planner is for the robot of the world, starting where the world says.
 fn check_robot(world: &World, robot: &RobotModel) -> Result<(), LayoutError> {
     let wanted = &world.robot;
-    let differs = |field: &'static str, expected: String, got: String| {
-        Err(LayoutError::OtherRobot { field, expected, got })
-    };
+    let differs =
+        |field: &'static str, expected: String, got: String| Err(LayoutError::OtherRobot { field, expected, got });
     if wanted.name != robot.name {
         return differs("robot.name", wanted.name.clone(), robot.name.clone());
     }

@@ -31,13 +31,7 @@ pub(crate) fn unreachable(
 }
 
 /// What stands in the way of moves that are made one after the other.
-fn obstacle(
-    steps: &[Move],
-    scene: &PosedScene,
-    world: &World,
-    planner: &Planner,
-    seed: Seed,
-) -> Option<String> {
+fn obstacle(steps: &[Move], scene: &PosedScene, world: &World, planner: &Planner, seed: Seed) -> Option<String> {
     let occupied = obstacles::around(scene, None);
     let nothing = Allowed::none();
     let around = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: 0.0 };

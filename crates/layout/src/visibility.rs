@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, Pose, RobotModel, World};
-use genmanip_render::{
-    Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
-};
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance};
 use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::LayoutSettings;

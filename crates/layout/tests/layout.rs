@@ -198,7 +198,8 @@ fn infeasible_graphs_name_the_edges_in_conflict() {
     let settings = LayoutSettings { max_restarts: 6, ..LayoutSettings::default() };
     for (name, nodes, edges, expected) in cases {
         let task = with_graph(nodes, edges);
-        let error = lay_out(&task, Catalogue::builtin(), &default_world(), planner(), Seed::new(1), &settings).unwrap_err();
+        let error =
+            lay_out(&task, Catalogue::builtin(), &default_world(), planner(), Seed::new(1), &settings).unwrap_err();
         let LayoutError::Infeasible { rejections, furthest, .. } = error else { panic!("{name}: {error}") };
         let named: Vec<String> = rejections.conflicting_edges().iter().map(|(edge, _)| edge.to_string()).collect();
         for wanted in expected {
@@ -215,7 +216,8 @@ fn distractors_mean_nothing_to_the_task_and_spoil_nothing() {
     for id in ["017_pick_and_place", "024_appearance", "016_common_sense"] {
         let task = task(id);
         let settings = LayoutSettings { distractors: 3, ..LayoutSettings::default() };
-        let scenario = lay_out(&task, Catalogue::builtin(), &default_world(), planner(), Seed::new(5), &settings).unwrap();
+        let scenario =
+            lay_out(&task, Catalogue::builtin(), &default_world(), planner(), Seed::new(5), &settings).unwrap();
         let (known, added) = scenario.objects.split_at(task.scene_graph.nodes.len());
         assert_eq!(added.len(), 3, "{id}");
         for placed in added {

@@ -13,9 +13,7 @@ use std::time::Instant;
 use genmanip_assets::{Catalogue, panda, worlds::default_world};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectModel, Pose};
-use genmanip_render::{
-    Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, encode,
-};
+use genmanip_render::{Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
 /// Drawings of each view for the timing.
 const REPEATS: usize = 30;

@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3, Vec3A};
 
 use crate::error::RenderError;
 use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
-use crate::texture::{MipTexture, linear_from_srgb};
 use crate::surroundings;
+use crate::texture::{MipTexture, linear_from_srgb};
 
 /// Meshes, materials and textures of a robot, its objects and the table: immutable, shared by all frames of a scenario.
 #[derive(Debug)]

@@ -11,8 +11,8 @@ use genmanip_core::{Camera, CameraMount, Intrinsics, Material, ObjectModel, Pose
 use proptest::prelude::*;
 
 use crate::{
-    Channels, FIRST_OBJECT, FrameBuffers, FrameState, RenderAssets, RenderError, RenderVariation,
-    Renderer, TABLE, ViewJob, encode,
+    Channels, FIRST_OBJECT, FrameBuffers, FrameState, RenderAssets, RenderError, RenderVariation, Renderer, TABLE,
+    ViewJob, encode,
 };
 
 fn toy() -> (Arc<RenderAssets>, FrameState) {

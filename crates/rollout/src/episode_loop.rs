@@ -35,7 +35,7 @@ pub fn run_episode(
     let start = EpisodeStart {
         instruction: stage.scenario.task.instruction.clone(),
         seed: seed.fork("policy"),
-        cameras: stage.scenario.cameras.iter().filter(|c| spec.cameras.contains(&c.name)).cloned().collect(),
+        cameras: stage.scenario.world.cameras.iter().filter(|c| spec.cameras.contains(&c.name)).cloned().collect(),
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
 
@@ -93,7 +93,7 @@ fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
         return refuse(format!("unknown state key `{key}`, there is `observation.state`"));
     }
     if let Some(camera) = spec.cameras.first() {
-        let known = stage.scenario.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
+        let known = stage.scenario.world.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
         return refuse(format!(
             "camera `{camera}` would have to be rendered in the loop, which comes with learned policies; the \
              scenario's cameras are {known}"
@@ -213,7 +213,7 @@ impl<'a> Recording<'a> {
     }
 
     fn home_command(&self) -> Vec<f32> {
-        let arm = self.stage.scenario.robot_home.iter().map(|&q| q as f32);
+        let arm = self.stage.scenario.world.robot.home.iter().map(|&q| q as f32);
         arm.chain([self.stage.robot.gripper.max_width as f32]).collect()
     }
 
@@ -249,6 +249,7 @@ impl<'a> Recording<'a> {
             tcp_path_m: path,
             max_stray_contact_n: self.worst_stray_n,
             stray_contact: self.stray_contact,
+            world_hashes: Some(self.stage.scenario.world.hashes()),
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };

@@ -2,7 +2,7 @@
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{ObjectModel, PlacedObject, Pose, Seed};
-use genmanip_layout::surroundings;
+use genmanip_layout::obstacles;
 use genmanip_motion::{Allowed, Path, PlanError, Planner, ReachableGrasp, Surroundings, World};
 use genmanip_rollout::Stage;
 use serde::Serialize;
@@ -169,7 +169,7 @@ fn paths(
     start: &[f64],
     seed: Seed,
 ) -> Result<(Vec<Path>, f64), PlanError> {
-    let world = surroundings::world(stage.start(), None);
+    let world = obstacles::around(stage.start(), None);
     let nothing = Allowed::none();
     let free = |width: f64| Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: width };
     let (object, grasps) = match goal {
@@ -231,10 +231,10 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
             .with_hint(format!("objects are {}", known.join(", "))));
     };
     let scene = stage.start();
-    let world = surroundings::world(scene, None);
+    let world = obstacles::around(scene, None);
     let nothing = Allowed::none();
     let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
-    let candidates = surroundings::generated_grasps(planner, scene, index, seed)
+    let candidates = obstacles::generated_grasps(planner, scene, index, seed)
         .map_err(|error| RunError::broken(format!("grasps of `{wanted}` cannot be sought"), error))?;
     let (id, pose) = (&scenario_object(stage, index).id, scenario_object(stage, index).pose);
     let grasps = planner.reachable_grasps(&around, id, &pose, &candidates, start, GRASPS);

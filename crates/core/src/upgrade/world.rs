@@ -6,7 +6,7 @@ use super::lacks;
 use crate::DocumentError;
 
 /// [`crate::RobotModel::physics_hash`] of the Panda that every scenario of version 1 was made with.
-const PANDA_HASH: &str = "f50d708a4728";
+const PANDA_HASH: &str = "v2:b1cf8b6b79622b1e";
 
 /// Moves `robot`, `robot_home`, `cameras` and `workspace` of a scenario into its `world`.
 pub(super) fn insert(body: &mut Map<String, Value>) -> Result<(), DocumentError> {

@@ -99,7 +99,7 @@ impl Expert {
         let search = GoalSearch {
             scene,
             upright: &self.upright,
-            workspace: &self.stage.scenario.workspace,
+            workspace: &self.stage.scenario.world.workspace,
             relations: &self.stage.relations,
             settings: &self.settings.goal_pose,
         };

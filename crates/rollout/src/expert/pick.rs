@@ -54,8 +54,7 @@ pub(super) fn plan(
         let evidence = format!("no free place for {name} where every condition on it holds");
         return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
     }
-    let worlds =
-        Worlds { occupied: obstacles::around(scene, None), free: obstacles::around(scene, Some(step.object)) };
+    let worlds = Worlds { occupied: obstacles::around(scene, None), free: obstacles::around(scene, Some(step.object)) };
     let [roomy, tight] = expert.settings.hand_clearances_m;
     let at = |clearance_m: f64| candidates(expert, scene, step, arm, &goals, &worlds, clearance_m, seed);
     // Flat things can only be taken with the fingers close above the table.
