@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{Document, EpisodeResult, Scenario, TaskKind};
+use genmanip_core::{Document, EpisodeResult, NotRun, Scenario, TaskKind, Upgrade, upgrade};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -28,15 +28,18 @@ pub struct EvaluationReport {
     pub summary: SuiteSummary,
     /// Kind of each task, by its id.
     pub kinds: BTreeMap<String, TaskKind>,
-    /// Way of the tool that a good solution needs, by scenario id, m: see [`reference_paths_m`]. Not in older files.
-    #[serde(default)]
+    /// Way of the tool that a good solution needs, by scenario id, m: see [`reference_paths_m`].
     pub reference_paths_m: BTreeMap<String, f64>,
     /// One per episode, ordered by scenario, seed and id.
     pub results: Vec<EpisodeResult>,
+    /// Episodes that are still to be run, since the policy could not be reached; ordered by id, counted nowhere.
+    pub not_run: Vec<NotRun>,
 }
 
 impl Document for EvaluationReport {
-    const SCHEMA: &'static str = "genmanip.evaluation/1";
+    const SCHEMA: &'static str = "genmanip.evaluation/2";
+    const PREVIOUS: Option<Upgrade> =
+        Some(Upgrade { schema: "genmanip.evaluation/1", upgrade: upgrade::result::evaluation_from_1 });
 }
 
 /// Why results make no report.
@@ -146,6 +149,14 @@ impl EvaluationReport {
             kinds,
             reference_paths_m,
             results,
+            not_run: Vec::new(),
         })
+    }
+
+    /// The same report, telling also which episodes are still to be run.
+    #[must_use]
+    pub fn leaving(self, mut not_run: Vec<NotRun>) -> Self {
+        not_run.sort_by(|a, b| a.id.cmp(&b.id));
+        Self { not_run, ..self }
     }
 }

@@ -107,7 +107,7 @@ fn hostile_text_stays_text() {
     let failure = Failure { cause: FailureCause::Slipped, evidence: hostile.into() };
     section.attempts[0].outcome = AttemptOutcome::Failed(failure.clone());
     section.results[0].policy = hostile.into();
-    section.results[0].failure = Some(failure);
+    section.results[0].failures = vec![failure];
     let shown = section.shown.as_mut().unwrap();
     shown.id = hostile.into();
     let atom = &mut shown.verdict.alternatives[0][0];
@@ -182,7 +182,7 @@ fn an_evaluation_survives_its_file_and_refuses_what_does_not_belong_to_it() {
 
     let whole = make(results.clone()).unwrap();
     assert_eq!(EvaluationReport::from_json(&whole.to_json()).unwrap(), whole);
-    assert!(whole.to_json().starts_with("{\n  \"schema\": \"genmanip.evaluation/1\""));
+    assert!(whole.to_json().starts_with("{\n  \"schema\": \"genmanip.evaluation/2\""));
     assert_eq!((whole.oracle, whole.summary.success.trials), (true, 30));
 
     let mut mixed = results.clone();

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Document, GoalVerdict, Pose, Scenario, Seed, WorldHashes};
+use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, WorldHashes, upgrade};
 
 /// The world at one control step and the command in force during the following interval.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,8 +83,10 @@ pub struct EpisodeResult {
     pub success_once: bool,
     /// The verdict at the end.
     pub verdict: GoalVerdict,
-    /// Why it did not succeed.
-    pub failure: Option<Failure>,
+    /// How it ended; `None` when it never began, because no layout was found.
+    pub ending: Option<Ending>,
+    /// Why it did not succeed: every cause that was seen, the most decisive first; empty after a success.
+    pub failures: Vec<Failure>,
     /// Simulated length.
     pub duration_s: f64,
     /// Longest allowed length.
@@ -111,7 +113,55 @@ pub struct EpisodeResult {
 }
 
 impl Document for EpisodeResult {
-    const SCHEMA: &'static str = "genmanip.result/1";
+    const SCHEMA: &'static str = "genmanip.result/2";
+    const PREVIOUS: Option<Upgrade> = Some(upgrade::result::FROM_1);
+}
+
+impl EpisodeResult {
+    /// The most decisive cause, with the evidence of all causes; `None` after a success.
+    pub fn failure(&self) -> Option<Failure> {
+        let evidence: Vec<&str> = self.failures.iter().map(|failure| failure.evidence.as_str()).collect();
+        let first = self.failures.first()?;
+        Some(Failure { cause: first.cause, evidence: evidence.join("; ") })
+    }
+}
+
+/// How an episode ended, whatever came of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// The policy said that it is finished.
+    Finished,
+    /// The policy gave up, or what it returned could not be executed.
+    GaveUp,
+    /// The longest allowed time was over.
+    Horizon,
+    /// The goal had held long enough and the loop was told to stop then.
+    Success,
+}
+
+impl Ending {
+    /// The name in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Finished => "finished",
+            Self::GaveUp => "gave_up",
+            Self::Horizon => "horizon",
+            Self::Success => "success",
+        }
+    }
+}
+
+/// An episode that was asked for but not run, because its policy could not be reached: no result, to be tried again.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NotRun {
+    /// Name of the episode.
+    pub id: String,
+    /// Id of the scenario.
+    pub scenario_id: String,
+    /// What the policy's end said.
+    pub reason: String,
 }
 
 /// Who touched what in the hardest stray contact of an episode, and when.

@@ -20,6 +20,7 @@
 pub mod asset;
 pub mod camera;
 pub mod document;
+mod document_error;
 pub mod episode;
 pub mod geometry;
 pub mod grasp;
@@ -41,9 +42,11 @@ pub use glam;
 
 pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount, Intrinsics};
-pub use document::{Document, DocumentError, Upgrade};
+pub use document::{Document, Upgrade};
+pub use document_error::DocumentError;
 pub use episode::{
-    AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, ObjectState, StrayContact,
+    AttemptOutcome, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun, ObjectState,
+    StrayContact,
 };
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};

@@ -153,4 +153,7 @@ pub enum PolicyError {
     /// It cannot work on this episode at all.
     #[error("policy cannot serve this episode: {0}")]
     Unsuited(String),
+    /// Its end cannot be reached: the episode is not run and may be tried again, which is no failure.
+    #[error("policy cannot be reached: {0}")]
+    Unreachable(String),
 }

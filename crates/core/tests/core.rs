@@ -2,8 +2,8 @@
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{
-    Aabb, AssetRef, Atom, AtomVerdict, Document, Intrinsics, Measurement, Piece, Pose, Scenario, Seed, Shape, Task,
-    Unit, World,
+    Aabb, AssetRef, Atom, AtomVerdict, Document, Ending, EpisodeResult, Intrinsics, Measurement, Piece, Pose, Scenario,
+    Seed, Shape, Task, Unit, World,
 };
 use proptest::prelude::*;
 
@@ -64,6 +64,32 @@ fn broken_files_are_refused_with_the_place() {
     check_refused(&good.replace("\"relation\": \"top\"", "\"relation\": \"above\""), "$.goal");
     check_refused(&good.replace("0.072", "NaN"), "not JSON");
     check_refused(&good.replace("0.072", "null"), "$.objects[0].size_m");
+}
+
+/// A result of version 1 as it was written, and the same with other causes.
+#[test]
+fn results_of_version_1_say_how_they_ended() {
+    let old = include_str!("../testdata/result_1.json");
+    let cases = [
+        ("goal_missed", Some(Ending::Finished)),
+        ("slipped", Some(Ending::Finished)),
+        ("timeout", Some(Ending::Horizon)),
+        ("planning", Some(Ending::GaveUp)),
+        ("policy", Some(Ending::GaveUp)),
+        ("layout", None),
+    ];
+    for (cause, ending) in cases {
+        let result = EpisodeResult::from_json(&old.replace("goal_missed", cause)).unwrap();
+        assert_eq!((result.ending, result.failures.len()), (ending, 1), "{cause}");
+        assert_eq!(result.failure().map(|failure| failure.cause.name()), Some(cause));
+        assert_eq!(EpisodeResult::from_json(&result.to_json()).unwrap(), result, "{cause}");
+    }
+    let mut value: serde_json::Value = serde_json::from_str(old).unwrap();
+    value["failure"] = serde_json::Value::Null;
+    let verified = EpisodeResult::from_value(value).unwrap();
+    assert_eq!((verified.ending, verified.failure()), (Some(Ending::Finished), None));
+    let refused = EpisodeResult::from_json(&old.replace("goal_missed", "bored")).unwrap_err().to_string();
+    assert!(refused.contains("$.failure.cause") && refused.contains("bored"), "{refused}");
 }
 
 #[test]

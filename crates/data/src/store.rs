@@ -15,8 +15,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use genmanip_core::{Document, Episode, EpisodeResult, Scenario};
+use genmanip_core::{Document, Episode, EpisodeResult, Scenario, Upgrade, upgrade};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::aside::{self, Aside};
 use crate::manifest::{FileHash, Manifest, check_bytes};
@@ -54,7 +55,13 @@ struct EpisodeRecord {
 }
 
 impl Document for EpisodeRecord {
-    const SCHEMA: &'static str = "genmanip.episode/1";
+    const SCHEMA: &'static str = "genmanip.episode/2";
+    const PREVIOUS: Option<Upgrade> = Some(Upgrade {
+        schema: "genmanip.episode/1",
+        upgrade: |record| {
+            record.get_mut("result").and_then(Value::as_object_mut).map_or(Ok(()), upgrade::result::from_1)
+        },
+    });
 }
 
 /// `store.json`.

@@ -27,7 +27,7 @@ fn filled_store(root: &Path) -> EpisodeStore {
     }
     store.write(&episode(3, 20, false), &[]).unwrap();
     let mut failed = result(4, 0, false);
-    failed.failure = Some(Failure { cause: FailureCause::NoGrasp, evidence: "0 of 64 candidates".into() });
+    failed.failures = vec![Failure { cause: FailureCause::NoGrasp, evidence: "0 of 64 candidates".into() }];
     store.write_result_only(&failed, Some(&scenario(4))).unwrap();
     store
 }

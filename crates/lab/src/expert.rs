@@ -146,7 +146,7 @@ impl Yield {
                 });
                 self.stray_contacts.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
             }
-            if let Some(failure) = &result.failure {
+            if let Some(failure) = result.failure() {
                 *self.causes.entry(failure.cause.name()).or_default() += 1;
                 let samples = self.evidence.entry(failure.cause.name()).or_default();
                 if samples.len() < SAMPLES {

@@ -104,6 +104,9 @@ pub fn measure(
                 let (objects, microseconds) = goal_verdict(&scenario)?;
                 verdicts.entry(objects).or_default().push(microseconds);
             }
+            Err(error) if error.is_defect() => {
+                return Err(LabError::broken(format!("laying out {} stopped", task.id), error));
+            }
             Err(error) => measured.refusals.push(Refusal { task: task.id.clone(), reason: error.to_string() }),
         }
         progress.advance();
@@ -180,7 +183,7 @@ impl Measured {
             fault("the goal holds".into());
         }
         if let Some(reason) = &report.hidden {
-            fault(reason.clone());
+            fault(reason.to_string());
         }
         if report.drift_m.max(report.penetration_m) >= 1e-3 {
             let (drift, depth) = (millimetres(report.drift_m), millimetres(report.penetration_m));

@@ -97,10 +97,15 @@ pub fn measure(
     for (index, task) in (0..count).zip(tasks.iter().cycle()) {
         progress.advance();
         let seed = seed.fork_index(index as u64);
-        let Ok(scenario) = lay_out(task, Catalogue::builtin(), world, &planner, seed, &LayoutSettings::default())
-        else {
-            agreement.refused += 1;
-            continue;
+        let scenario = match lay_out(task, Catalogue::builtin(), world, &planner, seed, &LayoutSettings::default()) {
+            Ok(scenario) => scenario,
+            Err(error) if error.is_defect() => {
+                return Err(LabError::broken(format!("laying out {} stopped", task.id), error));
+            }
+            Err(_) => {
+                agreement.refused += 1;
+                continue;
+            }
         };
         let initial = bench.posed(&scenario)?;
         let reached = after_moves(&initial, task, &bench.world, seed);

@@ -8,6 +8,7 @@ use genmanip_scene::relations::{PosedObject, PosedScene, Rest, ShapeCache, judge
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
 
 use crate::LayoutSettings;
+use crate::rejection::{NamedObject, Rejection};
 use crate::visibility::hidden;
 
 /// How often a layout that is left alone is looked at, simulated seconds.
@@ -20,25 +21,25 @@ const STEADY: f64 = 1.5;
 const LEVER_M: f64 = 0.1;
 
 /// Lets the objects come to rest without a robot; the reason when they do not, or fall over.
-pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), String> {
+pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Rejection> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let broken = |error: SimError| format!("physics refuses the layout: {error}");
+    let broken = |error: SimError| Rejection::Physics(error.to_string());
     let compiled = Scene::compile_without_robot(world, &objects).map_err(broken)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
     let report = sim.settle(&rest).map_err(broken)?;
-    let name = |index: usize| objects[index].model.card.name.as_str();
+    let named: Vec<NamedObject> = scene.objects().map(NamedObject::of).collect();
     if !report.settled {
-        return Err("objects do not come to rest".into());
+        return Err(Rejection::NoRest);
     }
     if let Some(index) = report.displacement.iter().position(|&shift| shift > settings.max_settle_shift_m) {
-        return Err(format!("{} slides or rolls while settling", name(index)));
+        return Err(Rejection::Slides(named[index].clone()));
     }
     if let Some(index) = report.rotation.iter().position(|&turn| turn > settings.max_settle_tilt_rad) {
-        return Err(format!("{} falls over while settling", name(index)));
+        return Err(Rejection::FallsOver(named[index].clone()));
     }
     if report.final_penetration > settings.max_penetration_m {
-        return Err("objects penetrate each other".into());
+        return Err(Rejection::Penetration);
     }
     for (index, state) in sim.object_states().into_iter().enumerate() {
         scene.set_pose(index, state.pose, &state.joint_positions);
@@ -49,9 +50,9 @@ pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSet
 /// Leaves a settled layout alone for a while, without a robot; the reason when something starts to roll or tip.
 ///
 /// Ends early once nothing gets faster, and everything is so slow that the rest of the time would not bring it anywhere.
-pub(crate) fn leave_alone(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), String> {
+pub(crate) fn leave_alone(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Rejection> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let broken = |error: SimError| format!("physics refuses the layout: {error}");
+    let broken = |error: SimError| Rejection::Physics(error.to_string());
     let compiled = Scene::compile_without_robot(world, &objects).map_err(broken)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let start = sim.object_states();
@@ -61,8 +62,9 @@ pub(crate) fn leave_alone(scene: &PosedScene, world: &World, settings: &LayoutSe
         sim.advance(steps(SPELL_S, world)).map_err(broken)?;
         let now = sim.object_states();
         let drift_m = drift_m(&start, &now);
-        if let Some(index) = drift_m.iter().position(|&drift_m| drift_m > settings.max_drift_m) {
-            return Err(format!("{} does not stay where it lies", objects[index].model.card.name));
+        let drifts = scene.objects().zip(&drift_m).find(|&(_, &drift_m)| drift_m > settings.max_drift_m);
+        if let Some((object, _)) = drifts {
+            return Err(Rejection::Drifts(NamedObject::of(object)));
         }
         // What tips first turns about a point that may be where its origin is.
         let pace_m_s = now.iter().map(|object| object.speed.max(LEVER_M * object.angular_speed)).fold(0.0, f64::max);
@@ -117,13 +119,13 @@ pub struct LayoutAudit {
     /// Whether some alternative of the goal holds already.
     pub goal_holds: bool,
     /// Why some object of the task is not seen, when one is not.
-    pub hidden: Option<String>,
+    pub hidden: Option<Rejection>,
 }
 
 /// Judges a scenario, then leaves it alone for some simulated seconds, sleep off, and measures penetration and drift.
 ///
 /// # Errors
-/// When an object is unknown or physics refuses the scene.
+/// When an object is unknown, physics refuses the scene, or its pictures cannot be drawn.
 pub fn audit(
     scenario: &Scenario,
     assets: &dyn AssetSource,
@@ -144,7 +146,7 @@ pub fn audit(
         checked: verdicts.len(),
         failed: verdicts.into_iter().filter(|verdict| !verdict.holds).map(|verdict| verdict.atom).collect(),
         goal_holds: judge_goal(&scene, &task.goal, &Rest::default(), relations).success,
-        hidden: hidden(&scene, &scenario.world, task.scene_graph.nodes.len(), robot, settings),
+        hidden: hidden(&scene, &scenario.world, task.scene_graph.nodes.len(), robot, settings)?,
     })
 }
 
@@ -181,4 +183,7 @@ pub enum AuditError {
     /// Physics refuses the scene.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// What the cameras see cannot be drawn.
+    #[error(transparent)]
+    Render(#[from] genmanip_render::RenderError),
 }

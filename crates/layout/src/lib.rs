@@ -24,14 +24,16 @@ pub mod obstacles;
 mod order;
 mod placement;
 mod reach;
+mod rejection;
 mod settings;
 mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
-pub use error::{LayoutError, Rejections, Unfinished};
+pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalPose, GoalPoseSettings, GoalSearch};
 pub use moves::{Move, moves, references};
 pub use reach::is_in_reach;
+pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::LayoutSettings;
 
 use context::{Context, GoalRoom};
@@ -134,7 +136,8 @@ pub fn lay_out_observed(
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
             Ok(mut scene) => match accept(&context, &mut scene, planner, attempt, &mut rejections, begin) {
                 Ok(()) => return scenario(task, seed, &scene, assets, world),
-                Err(reason) => {
+                Err(Refusal::Defect(error)) => return Err(error),
+                Err(Refusal::Rejected(reason)) => {
                     rejections.count(reason);
                     unaccepted += 1;
                     if unaccepted >= settings.max_unaccepted {
@@ -153,6 +156,20 @@ pub fn lay_out_observed(
     Err(LayoutError::Infeasible { task: task.id.clone(), restarts, rejections, furthest })
 }
 
+/// Why a placed layout is not kept.
+enum Refusal {
+    /// It is not good enough; another attempt may be.
+    Rejected(Rejection),
+    /// Nobody can tell.
+    Defect(LayoutError),
+}
+
+impl From<Rejection> for Refusal {
+    fn from(reason: Rejection) -> Self {
+        Self::Rejected(reason)
+    }
+}
+
 /// Settles a placed layout and validates everything; the reason when it cannot be kept.
 fn accept(
     context: &Context,
@@ -161,11 +178,11 @@ fn accept(
     seed: Seed,
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),
-) -> Result<(), String> {
+) -> Result<(), Refusal> {
     let Context { task, settings, world, relations, .. } = *context;
     let holds_goal = |scene: &PosedScene| judge_goal(scene, &task.goal, &Rest::default(), relations).success;
     if holds_goal(scene) {
-        return Err("the goal holds already".into());
+        return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Settling);
     audit::settle(scene, world, settings)?;
@@ -173,23 +190,26 @@ fn accept(
     let edges = judge_edges(scene, &task.scene_graph, relations);
     if let Some(verdict) = edges.iter().find(|verdict| !verdict.holds) {
         rejections.blame(&verdict.atom);
-        return Err("an edge does not hold after settling".into());
+        return Err(Rejection::EdgeLost.into());
     }
     if let Some(verdict) = judge_states(scene, &task.scene_graph, relations).iter().find(|verdict| !verdict.holds) {
-        return Err(format!("not so after settling: {}", verdict.atom));
+        return Err(Rejection::StateLost(verdict.atom.clone()).into());
     }
     if holds_goal(scene) {
-        return Err("the goal holds already".into());
+        return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
     if let Some(reason) = reach::unreachable(task, scene, world, planner, seed) {
-        return Err(reason);
+        return Err(reason.into());
     }
     begin(Phase::Seeing);
-    visibility::hidden(scene, world, task.scene_graph.nodes.len(), planner.robot(), settings).map_or(Ok(()), Err)?;
+    let hidden = visibility::hidden(scene, world, task.scene_graph.nodes.len(), planner.robot(), settings);
+    if let Some(reason) = hidden.map_err(|error| Refusal::Defect(error.into()))? {
+        return Err(reason.into());
+    }
     // Last, because it takes long and hardly ever refuses.
     begin(Phase::Settling);
-    audit::leave_alone(scene, world, settings)
+    Ok(audit::leave_alone(scene, world, settings)?)
 }
 
 /// Whether the planner is for the robot of the world, starting where the world says.

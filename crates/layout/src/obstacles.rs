@@ -3,15 +3,15 @@
 use genmanip_assets::GraspFile;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Grasp, ObjectModel, Seed};
-use genmanip_motion::{GeometryError, GraspTarget, Planner, World};
+use genmanip_motion::{CollisionWorld, GeometryError, GraspTarget, Planner};
 use genmanip_scene::relations::PosedScene;
 
 /// Grasps that held in a smaller share of their trials are not used.
 const SOUND: f64 = 0.8;
 
 /// Every support surface by its id, and every object but one by its own, exact pieces at their present poses.
-pub fn around(scene: &PosedScene, without: Option<usize>) -> World {
-    let mut world = World::new();
+pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
+    let mut world = CollisionWorld::new();
     for surface in scene.surfaces() {
         // A checked world's boxes and finite poses are always accepted.
         let _ = world.add(&surface.id, &surface.pieces(), &surface.world_from_surface());

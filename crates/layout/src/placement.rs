@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Unit};
+use genmanip_core::{Aabb, Atom, ObjectCard, Pose, Relation, Seed, Unit};
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, ShapeCache, contact_below, judge_atom, outlines_apart, placement_window,
 };
@@ -12,8 +12,8 @@ use rand::{Rng, RngExt};
 use crate::between;
 use crate::context::{Context, GoalRoom};
 use crate::draft::{Contradiction, Draft, Seat};
-use crate::error::Rejections;
 use crate::order::Step;
+use crate::rejection::{NamedObject, Rejection, Rejections};
 
 /// Free space around an object at its goal, metres.
 const GOAL_CLEARANCE_M: f64 = 0.02;
@@ -43,7 +43,7 @@ pub(crate) fn place_all(
     let draft = match Draft::new(context, aligned, rng) {
         Ok(draft) => draft,
         Err(Contradiction(edges)) => {
-            rejections.count("the relations leave no room");
+            rejections.count(Rejection::RelationsLeaveNoRoom);
             edges.iter().for_each(|&edge| rejections.blame(&context.edges[edge].0));
             return Err(None);
         }
@@ -70,7 +70,7 @@ pub(crate) fn place_all(
         let retreat = search.retreat(rng);
         if failures > context.settings.max_retreats || retreat.is_none() {
             if let Some(stuck) = furthest.as_ref().and_then(|partial| partial.stuck) {
-                rejections.count(format!("no free place for {}", context.models[stuck].card.name));
+                rejections.count(Rejection::NoPlace(search.named(stuck)));
             }
             return Err(furthest);
         }
@@ -103,7 +103,7 @@ impl Search<'_> {
     fn find_place(&mut self, step: &Step, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
         self.blockers.clear();
         let Some([low, high]) = self.window(step.object) else {
-            rejections.count("the relations leave no room");
+            rejections.count(Rejection::RelationsLeaveNoRoom);
             self.blame_relatives(step.object);
             return false;
         };
@@ -145,7 +145,7 @@ impl Search<'_> {
         let (context, object) = (self.context, step.object);
         let [least, most] = context.reach_m;
         if context.moved[object] && !(least..=most).contains(&center.length()) {
-            rejections.count("out of reach");
+            rejections.count(Rejection::OutOfReach);
             self.blame_relatives(object);
             return false;
         }
@@ -176,7 +176,7 @@ impl Search<'_> {
                 if !seat.covered
                     && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
                 {
-                    rejections.count("not above its carrier");
+                    rejections.count(Rejection::BesideItsCarrier);
                     self.blockers.push(carrier);
                     return false;
                 }
@@ -198,7 +198,7 @@ impl Search<'_> {
     }
 
     fn refuse(&mut self, object: usize, blocker: usize, rejections: &mut Rejections) -> bool {
-        rejections.count("too close to a neighbour");
+        rejections.count(Rejection::TooClose);
         // On a carrier it is the relations to it that leave no room.
         for step in self.context.steps.iter().filter(|step| step.object == object || step.object == blocker) {
             if let Some(edge) = step.support_edge {
@@ -270,7 +270,8 @@ impl Search<'_> {
                 _ => true,
             };
             if !holds {
-                rejections.count_edge("an edge cannot be satisfied", atom);
+                rejections.count(Rejection::EdgeUnsatisfied);
+                rejections.blame(atom);
                 self.blockers.extend(indices.iter().filter(|&&index| index != object));
                 return false;
             }
@@ -281,8 +282,7 @@ impl Search<'_> {
             let concerns = (one == object || other == object) && is_here(one) && is_here(other);
             let stance = &self.draft.stances[subject];
             if concerns && !between::leaves_room(&self.scene, [one, other], stance, GOAL_CLEARANCE_M, context) {
-                let name = &context.models[subject].card.name;
-                rejections.count(format!("no room for {name} between what the goal wants it between"));
+                rejections.count(Rejection::NoRoomBetween(self.named(subject)));
                 self.blockers.push(if one == object { other } else { one });
                 return false;
             }
@@ -298,8 +298,7 @@ impl Search<'_> {
             if room.anchors.iter().any(|(relation, _)| relation.is_support()) || self.is_free_somewhere(room, rng) {
                 continue;
             }
-            let name = &self.context.models[room.object].card.name;
-            rejections.count(format!("no room for {name} where the goal wants it"));
+            rejections.count(Rejection::NoRoomAtGoal(self.named(room.object)));
             self.blockers.extend(room.anchors.iter().map(|(_, anchor)| anchor));
             return false;
         }
@@ -335,6 +334,13 @@ impl Search<'_> {
             self.blockers.extend(blocker);
             blocker.is_none() && center.length() < context.reach_m[1] + GOAL_REACH_M
         })
+    }
+
+    fn named(&self, object: usize) -> NamedObject {
+        let context = self.context;
+        let node = context.task.scene_graph.nodes.get(object);
+        let ObjectCard { uid, name, .. } = &context.models[object].card;
+        NamedObject { id: node.map_or(uid, |node| &node.id).clone(), name: name.clone() }
     }
 
     /// Whatever the object is tied to by relations stands in its way.

@@ -4,13 +4,14 @@ use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, Pose, Seed, Task, World};
-use genmanip_motion::{Allowed, Planner, Surroundings};
+use genmanip_motion::{Allowed, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalPoseSettings, GoalSearch};
 use crate::moves::{Move, moves};
 use crate::obstacles;
+use crate::rejection::{NamedObject, Rejection};
 
 /// The reason when no alternative of the goal can be served.
 pub(crate) fn unreachable(
@@ -19,7 +20,7 @@ pub(crate) fn unreachable(
     world: &World,
     planner: &Planner,
     seed: Seed,
-) -> Option<String> {
+) -> Option<Rejection> {
     let mut reason = None;
     for alternative in moves(&task.goal, scene) {
         match obstacle(&alternative, scene, world, planner, seed) {
@@ -31,10 +32,10 @@ pub(crate) fn unreachable(
 }
 
 /// What stands in the way of moves that are made one after the other.
-fn obstacle(steps: &[Move], scene: &PosedScene, world: &World, planner: &Planner, seed: Seed) -> Option<String> {
+fn obstacle(steps: &[Move], scene: &PosedScene, world: &World, planner: &Planner, seed: Seed) -> Option<Rejection> {
     let occupied = obstacles::around(scene, None);
     let nothing = Allowed::none();
-    let around = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: 0.0 };
+    let around = PlanningScene { world: &occupied, attached: None, allowed: &nothing, gripper_width: 0.0 };
     let home = &planner.robot().home;
     let within_reach = |object: &PosedObject, candidates: &[Grasp]| {
         !planner.reachable_grasps(&around, &object.id, &object.pose, candidates, home, 1).is_empty()
@@ -44,10 +45,10 @@ fn obstacle(steps: &[Move], scene: &PosedScene, world: &World, planner: &Planner
     let mut after = scene.clone();
     steps.iter().enumerate().find_map(|(index, step)| {
         let object = scene.objects().nth(step.object)?;
-        let name = &object.model.card.name;
+        let named = || NamedObject::of(object);
         if let Some(state) = step.state() {
             let Some(joints) = turned(step.object, state, scene, planner) else {
-                return Some(format!("no way for the arm to bring {name} into the state {state}"));
+                return Some(Rejection::NoWayToState { object: named(), state: state.into() });
             };
             after.set_pose(step.object, object.pose, &joints);
             return None;
@@ -57,8 +58,10 @@ fn obstacle(steps: &[Move], scene: &PosedScene, world: &World, planner: &Planner
             .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
         match can_be_grasped {
             Ok(true) => {}
-            Ok(false) => return Some(format!("{name} cannot be grasped where it lies")),
-            Err(error) => return Some(format!("{name} cannot be grasped: {error}")),
+            Ok(false) => return Some(Rejection::NoGrasp(named())),
+            Err(error) => {
+                return Some(Rejection::NoGraspGeometry { object: named(), reason: error.to_string() });
+            }
         }
         let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
         let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);
@@ -70,7 +73,7 @@ fn obstacle(steps: &[Move], scene: &PosedScene, world: &World, planner: &Planner
             settings: &settings,
         };
         let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
-        let Some(place) = places.first() else { return Some(format!("no room for {name} where the goal wants it")) };
+        let Some(place) = places.first() else { return Some(Rejection::NoRoomAtGoal(named())) };
         after.set_pose(step.object, place.world_from_object, &object.joint_positions);
         None
     })

@@ -188,6 +188,7 @@ fn play(
 ) -> Result<Result<Episode, Box<EpisodeResult>>, RolloutError> {
     let scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
         Ok(scenario) => scenario,
+        Err(error) if error.is_defect() => return Err(error.into()),
         Err(error) => return Ok(Err(Box::new(not_laid_out(attempt, &error, settings)))),
     };
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot())?;
@@ -206,7 +207,8 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         success: false,
         success_once: false,
         verdict: GoalVerdict { score: 0.0, success: false, alternatives: Vec::new() },
-        failure: Some(Failure { cause: FailureCause::Layout, evidence: error.to_string() }),
+        ending: None,
+        failures: vec![Failure { cause: FailureCause::Layout, evidence: error.to_string() }],
         duration_s: 0.0,
         horizon_s: settings.rollout.horizon_s,
         control_rate_hz: f64::from(settings.world.physics.control_rate_hz),

@@ -1,17 +1,14 @@
-//! The one loop: observe, act, step, record; settle; judge.
+//! The one loop: a policy drives the environment, episode after episode.
 
-use genmanip_core::{
-    ActionSpace, Episode, EpisodeResult, EpisodeStart, Failure, FailureCause, Frame, GoalVerdict, HandPhase,
-    Observation, Policy, PolicyError, PolicySpec, PrivilegedState, Seed, StrayContact,
-};
-use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
-use genmanip_sim::{BodyId, Sim, SimError};
 use std::sync::Arc;
 
-use crate::{RolloutError, RolloutSettings, Stage, evidence};
+use genmanip_core::{
+    ActionSpace, Ending, Episode, EpisodeStart, Failure, FailureCause, Policy, PolicyError, PolicySpec, Seed,
+};
+use genmanip_sim::SimError;
 
-/// So long after the hand last held something it is still letting go of it, s.
-const LETTING_GO_S: f64 = 1.0;
+use crate::environment::{Conclusion, Environment};
+use crate::{RolloutError, RolloutSettings, Stage};
 
 /// Runs one episode and judges it.
 ///
@@ -19,7 +16,8 @@ const LETTING_GO_S: f64 = 1.0;
 /// `settle_s` and the goal is judged on posed geometry, nothing held and nothing moving.
 ///
 /// # Errors
-/// Only for defects: a spec that cannot be served, or a simulation that becomes unstable.
+/// A defect: a spec that cannot be served, or a simulation that becomes unstable.
+/// [`RolloutError::NotRun`] when the policy cannot be reached: the episode may be tried again.
 /// A policy that fails is a result, not an error.
 pub fn run_episode(
     stage: &Stage,
@@ -30,52 +28,62 @@ pub fn run_episode(
 ) -> Result<Episode, RolloutError> {
     let spec = policy.spec();
     let repeat = check_spec(&spec, stage)?;
-    let mut recording = Recording::new(stage, settings);
-    let horizon = (settings.horizon_s * stage.control_rate_hz()).round() as usize;
+    let mut environment = Environment::new(settings.clone());
+    environment.reset(stage, seed);
     let start = EpisodeStart {
         instruction: stage.scenario.task.instruction.clone(),
         seed: seed.fork("policy"),
         cameras: stage.scenario.world.cameras.iter().filter(|c| spec.cameras.contains(&c.name)).cloned().collect(),
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
+    let (ending, word) = match policy.reset(&start) {
+        Ok(()) => drive(&mut environment, policy, &spec, repeat)?,
+        Err(error) => gave_up(error, &spec)?,
+    };
+    environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
+}
 
-    let mut failure = policy.reset(&start).err().map(as_failure);
-    while failure.is_none() {
-        let left = horizon - recording.frames.len();
+/// Observes, asks and steps until the episode ends; how it ended, and the policy's word if it gave up.
+fn drive(
+    environment: &mut Environment,
+    policy: &mut dyn Policy,
+    spec: &PolicySpec,
+    repeat: usize,
+) -> Result<(Ending, Option<Failure>), RolloutError> {
+    loop {
+        let left = environment.steps_left();
         if left == 0 {
-            failure = Some(Failure {
-                cause: FailureCause::Timeout,
-                evidence: format!("not finished after {} s", settings.horizon_s),
-            });
-            break;
+            return Ok((Ending::Horizon, None));
         }
-        let chunk = match policy.act(&recording.observe(&spec)) {
+        let mut observation = environment.observe()?;
+        if spec.privileged {
+            observation.privileged = Some(environment.truth()?);
+        }
+        let chunk = match policy.act(&observation) {
             Ok(chunk) => chunk,
-            Err(error) => {
-                failure = Some(as_failure(error));
-                break;
-            }
+            Err(error) => return gave_up(error, spec),
         };
         if chunk.actions.is_empty() && !chunk.finished {
-            failure = Some(broke("returned no action".into()));
-            break;
+            return Ok(broke("returned no action".into()));
         }
         let count = if spec.execute_steps == 0 { usize::MAX } else { spec.execute_steps };
         let commands = chunk.actions.iter().take(count).flat_map(|action| std::iter::repeat_n(action, repeat));
         for command in commands.take(left) {
-            failure = recording.step_of_policy(command)?;
-            if failure.is_some() {
-                break;
+            match environment.step(command) {
+                Ok(step) if step.terminated => return Ok((Ending::Success, None)),
+                Ok(_) => {}
+                Err(RolloutError::Sim(
+                    error @ (SimError::CommandLength { .. } | SimError::CommandNotFinite { .. }),
+                )) => return Ok(broke(format!("action for control step {}: {error}", environment.frames().len()))),
+                Err(error) => return Err(error),
             }
         }
         // What was cut off, by the horizon or by `execute_steps`, was not finished.
         let executed = chunk.actions.len() <= count && chunk.actions.len().saturating_mul(repeat) <= left;
         if chunk.finished && executed {
-            break;
+            return Ok((Ending::Finished, None));
         }
     }
-    recording.settle()?;
-    Ok(recording.finish(id, seed, &spec, failure))
 }
 
 /// How many control steps one action lasts; refuses what this loop cannot serve.
@@ -102,168 +110,14 @@ fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
     Ok(repeat as usize)
 }
 
-fn as_failure(error: PolicyError) -> Failure {
+fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Failure>), RolloutError> {
     match error {
-        PolicyError::GaveUp(failure) => failure,
-        PolicyError::Unsuited(reason) => broke(reason),
+        PolicyError::GaveUp(failure) => Ok((Ending::GaveUp, Some(failure))),
+        PolicyError::Unsuited(reason) => Ok(broke(reason)),
+        PolicyError::Unreachable(reason) => Err(RolloutError::NotRun { policy: spec.name.clone(), reason }),
     }
 }
 
-fn broke(evidence: String) -> Failure {
-    Failure { cause: FailureCause::Policy, evidence }
-}
-
-struct Recording<'a> {
-    stage: &'a Stage,
-    settings: &'a RolloutSettings,
-    sim: Sim,
-    initial_state: Vec<f64>,
-    frames: Vec<Frame>,
-    success_once: bool,
-    worst_stray_n: f64,
-    stray_contact: Option<StrayContact>,
-    /// The object that was in the hand last, and when.
-    last_held: Option<(usize, f64)>,
-    /// State each object was in when it was last judged: a state lasts until it is clearly left.
-    states: Vec<Option<String>>,
-}
-
-impl<'a> Recording<'a> {
-    fn new(stage: &'a Stage, settings: &'a RolloutSettings) -> Self {
-        let sim = Sim::new(Arc::clone(&stage.scene));
-        let initial_state = sim.state();
-        let states = joint_states(stage.start(), &stage.relations);
-        Self {
-            stage,
-            settings,
-            sim,
-            initial_state,
-            frames: Vec::new(),
-            success_once: false,
-            worst_stray_n: 0.0,
-            stray_contact: None,
-            last_held: None,
-            states,
-        }
-    }
-
-    fn observe(&mut self, spec: &PolicySpec) -> Observation {
-        let mut state = self.sim.joint_positions();
-        state.push(self.sim.gripper_width());
-        Observation {
-            time_s: self.frames.len() as f64 / self.stage.control_rate_hz(),
-            state: [("observation.state".to_owned(), state)].into(),
-            images: Default::default(),
-            privileged: spec
-                .privileged
-                .then(|| PrivilegedState { objects: self.sim.object_states(), grasped: self.sim.grasped() }),
-        }
-    }
-
-    /// A step with what a policy asks for; an action that is none is the policy's failure.
-    fn step_of_policy(&mut self, action: &[f32]) -> Result<Option<Failure>, RolloutError> {
-        match self.step(action) {
-            Err(RolloutError::Sim(error @ (SimError::CommandLength { .. } | SimError::CommandNotFinite { .. }))) => {
-                Ok(Some(broke(format!("action for control step {}: {error}", self.frames.len()))))
-            }
-            Err(error) => Err(error),
-            Ok(()) => Ok(None),
-        }
-    }
-
-    fn step(&mut self, action: &[f32]) -> Result<(), RolloutError> {
-        let frame = self.sim.control_step(action)?;
-        self.note_stray(&frame);
-        self.frames.push(frame);
-        if self.frames.len().is_multiple_of(self.settings.judge_every) {
-            self.success_once |= self.judge().success;
-        }
-        Ok(())
-    }
-
-    /// Keeps who touched what in the hardest stray contact so far.
-    fn note_stray(&mut self, frame: &Frame) {
-        self.last_held = frame.grasped.map(|object| (object, frame.time_s)).or(self.last_held);
-        let Some([link, other]) = self.sim.stray_bodies().filter(|_| frame.stray_contact_n > self.worst_stray_n) else {
-            return;
-        };
-        let before = self.frames.last().unwrap_or(frame).command.last().copied().unwrap_or_default();
-        self.worst_stray_n = frame.stray_contact_n;
-        self.stray_contact = Some(StrayContact {
-            time_s: frame.time_s,
-            link: self.stage.scene.body_name(link),
-            other: self.stage.scene.body_name(other),
-            hand: HandPhase::of(frame, before),
-            let_go: self.last_held.is_some_and(|(held, last_s)| {
-                matches!(other, BodyId::Object { object, .. } if object == held)
-                    && frame.time_s - last_s <= LETTING_GO_S
-            }),
-        });
-    }
-
-    fn settle(&mut self) -> Result<(), RolloutError> {
-        let command = match self.frames.last() {
-            Some(frame) => frame.command.clone(),
-            None => self.home_command(),
-        };
-        for _ in 0..(self.settings.settle_s * self.stage.control_rate_hz()).round() as usize {
-            self.step(&command)?;
-        }
-        Ok(())
-    }
-
-    fn home_command(&self) -> Vec<f32> {
-        let arm = self.stage.scenario.world.robot.home.iter().map(|&q| q as f32);
-        arm.chain([self.stage.robot.gripper.max_width as f32]).collect()
-    }
-
-    fn judge(&mut self) -> GoalVerdict {
-        let states = self.sim.object_states();
-        let rest = Stage::rest(&states, self.sim.grasped(), self.settings);
-        let mut scene = self.stage.posed(&states);
-        scene.set_previous_states(self.states.iter().cloned());
-        self.states = joint_states(&scene, &self.stage.relations);
-        judge_goal(&scene, &self.stage.scenario.task.goal, &rest, &self.stage.relations)
-    }
-
-    fn finish(mut self, id: &str, seed: Seed, spec: &PolicySpec, failure: Option<Failure>) -> Episode {
-        let verdict = self.judge();
-        let success = verdict.success;
-        let failure = (!success).then(|| evidence::explain(self.stage, &self.frames, &verdict, failure, self.settings));
-        let path = self.frames.windows(2).map(|w| (w[1].tcp.position - w[0].tcp.position).length()).sum();
-        let result = EpisodeResult {
-            id: id.into(),
-            scenario_id: self.stage.scenario.id.clone(),
-            task_id: self.stage.scenario.task.id.clone(),
-            policy: spec.name.clone(),
-            oracle: spec.privileged,
-            seed,
-            success,
-            success_once: self.success_once || success,
-            verdict,
-            failure,
-            duration_s: self.frames.len() as f64 / self.stage.control_rate_hz(),
-            horizon_s: self.settings.horizon_s,
-            control_rate_hz: self.stage.control_rate_hz(),
-            frames: self.frames.len(),
-            tcp_path_m: path,
-            max_stray_contact_n: self.worst_stray_n,
-            stray_contact: self.stray_contact,
-            world_hashes: Some(self.stage.scenario.world.hashes()),
-            engine: genmanip_sim::engine_version(),
-            genmanip_version: env!("CARGO_PKG_VERSION").into(),
-        };
-        Episode {
-            scenario: (*self.stage.scenario).clone(),
-            result,
-            initial_state: self.initial_state,
-            final_state: self.sim.state(),
-            frames: self.frames,
-        }
-    }
-}
-
-/// The state each object is in.
-fn joint_states(scene: &PosedScene, relations: &RelationSettings) -> Vec<Option<String>> {
-    (0..scene.objects().len()).map(|index| joint_state(scene, index, relations)).collect()
+fn broke(evidence: String) -> (Ending, Option<Failure>) {
+    (Ending::GaveUp, Some(Failure { cause: FailureCause::Policy, evidence }))
 }

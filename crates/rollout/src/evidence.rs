@@ -25,42 +25,48 @@ pub struct Slip {
 /// A grip that is interrupted for fewer frames than this has not ended, and a shorter one never began.
 const STEADY_FRAMES: usize = 6;
 
-/// Why an episode that did not succeed failed: the policy's own word, or what the frames and the verdict show.
+/// Why an episode that did not succeed failed: every cause that was seen, the most decisive first.
 ///
-/// A policy's word stays; a slip and a disturbance are told with it.
-/// A goal that was missed without a word is put down to the object that slipped, or to what was knocked over.
+/// A policy's word comes before what the frames show, and what slipped for good and is missing from the goal, or what
+/// was knocked over, before the conditions that do not hold because of it.
 pub fn explain(
     stage: &Stage,
     frames: &[Frame],
     verdict: &GoalVerdict,
     word: Option<Failure>,
     settings: &RolloutSettings,
-) -> Failure {
+) -> Vec<Failure> {
     let missing: Vec<&AtomVerdict> = verdict.best().into_iter().flatten().filter(|atom| !atom.holds).collect();
     let slips = slips(frames);
     let is_missing = |slip: &&Slip| {
         let id = stage.scenario.objects.get(slip.object).map(|object| object.id.as_str());
         missing.iter().any(|atom| Some(atom.atom.subject()) == id)
     };
-    let slip = slips.iter().filter(|slip| slip.for_good).rfind(is_missing);
     let slipped = |slip: &Slip| {
         let Slip { object, time_s, held_s, height_m, .. } = *slip;
         let (name, height) = (stage.name(object), (height_m * 1e3).max(0.0));
-        format!("{name} slipped at {time_s:.1} s, held for {held_s:.1} s and {height:.0} mm up")
+        let evidence = format!("{name} slipped at {time_s:.1} s, held for {held_s:.1} s and {height:.0} mm up");
+        Failure { cause: FailureCause::Slipped, evidence }
     };
+    let decisive = slips.iter().filter(|slip| slip.for_good).rfind(is_missing);
     let disturbed = frames.last().and_then(|last| disturbed(stage, last, settings));
-    let unsaid = missing.iter().filter(|_| word.is_none());
-    let worst = unsaid.min_by(|a, b| a.normalised_margin().total_cmp(&b.normalised_margin()));
-    let missed = worst.map(|atom| missed(atom));
-    let (cause, first) = match (word, slip, &disturbed) {
-        (Some(failure), ..) => (failure.cause, Some(failure.evidence)),
-        (None, Some(_), _) => (FailureCause::Slipped, None),
-        (None, None, Some(_)) => (FailureCause::Disturbed, None),
-        (None, None, None) => (FailureCause::GoalMissed, None),
-    };
-    let parts = [first, slip.or(slips.last()).map(slipped), disturbed, missed];
-    let evidence = parts.into_iter().flatten().collect::<Vec<_>>().join("; ");
-    Failure { cause, evidence: if evidence.is_empty() { "the goal does not hold".into() } else { evidence } }
+    let worst = missing.iter().min_by(|a, b| a.normalised_margin().total_cmp(&b.normalised_margin()));
+    let missed = worst.map_or_else(|| "the goal does not hold".into(), |atom| missed(atom));
+    let seen = [
+        word,
+        decisive.map(slipped),
+        disturbed.map(|evidence| Failure { cause: FailureCause::Disturbed, evidence }),
+        Some(Failure { cause: FailureCause::GoalMissed, evidence: missed }),
+        slips.last().filter(|_| decisive.is_none()).map(slipped),
+    ];
+    let mut causes: Vec<Failure> = Vec::new();
+    for failure in seen.into_iter().flatten() {
+        match causes.iter_mut().find(|known| known.cause == failure.cause) {
+            Some(known) => known.evidence = format!("{}; {}", known.evidence, failure.evidence),
+            None => causes.push(failure),
+        }
+    }
+    causes
 }
 
 /// Every grip in the frames that ended without the hand being opened, in order.

@@ -1,9 +1,10 @@
-//! Episodes: one loop for every policy, the expert that needs no human, and what is made of what was recorded.
+//! Episodes: one environment and one loop for every policy, the expert that needs no human, and what is made of what was recorded.
 //!
 //! Collecting demonstrations *is* evaluating the [`expert`] with the recorder on; there is no second loop.
 //! Physics runs once; pictures are jobs over recorded states, done afterwards.
 
 pub mod collect;
+pub mod environment;
 pub mod episode_loop;
 pub mod evaluate;
 pub mod evidence;
@@ -15,6 +16,7 @@ pub mod replay;
 mod settings;
 mod stage;
 
+pub use environment::Environment;
 pub use episode_loop::run_episode;
 pub use settings::RolloutSettings;
 pub use stage::{RolloutError, Stage};

@@ -20,6 +20,9 @@ pub struct ReplayCheck {
 
 /// Restores the recorded initial state, applies every recorded command and compares the final state by its bits.
 ///
+/// It steps the simulation itself, since it starts from the recorded state instead of the stage's start, neither judges
+/// nor records, and must show that commands and state alone decide the end.
+///
 /// # Errors
 /// When the episode was recorded in a world of other physics or other judging, naming the field that differs;
 /// when the simulation becomes unstable or the recorded state does not fit the scene.

@@ -12,6 +12,8 @@ pub struct RolloutSettings {
     pub settle_s: f64,
     /// Control steps between two looks at the goal for `success_once`.
     pub judge_every: usize,
+    /// Stop once the goal has held for `settle_s` at every look, instead of when the policy is finished.
+    pub stop_on_success: bool,
     /// Above this speed an object is moving, m/s.
     pub rest_speed: f64,
     /// Above this angular speed an object is moving, rad/s.
@@ -28,6 +30,7 @@ impl Default for RolloutSettings {
             horizon_s: 120.0,
             settle_s: 1.0,
             judge_every: 12,
+            stop_on_success: false,
             rest_speed: 0.02,
             rest_angular_speed: 0.4,
             disturbed_m: 0.05,

@@ -10,7 +10,7 @@ use genmanip_sim::{Scene, SceneObject, SimError};
 use crate::RolloutSettings;
 
 /// Everything immutable that episodes of one scenario share.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Stage {
     /// The scenario.
     pub scenario: Arc<Scenario>,
@@ -35,6 +35,9 @@ pub enum RolloutError {
     /// The simulation refused or blew up.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// A layout failed for a reason that is not the task's.
+    #[error(transparent)]
+    Layout(#[from] genmanip_layout::LayoutError),
     /// The scenario, or what was recorded in it, belongs to another world.
     #[error("scenario {scenario}: world field {field}: expected {expected}, got {got}")]
     OtherWorld {
@@ -54,6 +57,23 @@ pub enum RolloutError {
         policy: String,
         /// What does not fit.
         reason: String,
+    },
+    /// The policy cannot be reached, so the episode was not run; it may be tried again.
+    #[error("policy `{policy}` cannot be reached: {reason}")]
+    NotRun {
+        /// Name of the policy.
+        policy: String,
+        /// What its end said.
+        reason: String,
+    },
+    /// An environment without an episode.
+    #[error("the environment has no episode: reset it first")]
+    NotReset,
+    /// An environment whose episode is over.
+    #[error("the episode is over after {frames} control steps: reset the environment, or restore an earlier state")]
+    EpisodeOver {
+        /// Control steps of the episode.
+        frames: usize,
     },
     /// A picture could not be made or encoded.
     #[error("images of episode {episode}: {reason}")]

@@ -76,7 +76,7 @@ pub fn collect(
             folder.time_attempt(&result.id, seconds);
         }
         progress.advance();
-        if let Some(failure) = &result.failure {
+        if let Some(failure) = result.failure() {
             progress.note(&format!("{}: {failure}", result.id));
         }
     };
@@ -167,7 +167,7 @@ fn rows(tasks: &[Task], results: &[EpisodeResult], timings: &Timings) -> Vec<Tas
                 kind: task.kind,
                 attempts: mine().count(),
                 verified: mine().filter(|result| result.success).count(),
-                failures: mine().filter_map(|result| result.failure.as_ref()).map(ToString::to_string).collect(),
+                failures: mine().filter_map(|result| Some(result.failure()?.to_string())).collect(),
                 seconds: mine().filter_map(|result| timings.attempts.get(&result.id)).sum(),
             }
         })

@@ -51,7 +51,7 @@ pub fn evaluate(
                 |error: RunError| RolloutError::Spec { policy: policy.label().into(), reason: error.to_string() };
             policy.make(&episode).map_err(unsuited)
         };
-        let results =
+        let evaluated =
             genmanip_rollout::evaluate::evaluate(&store, &make, resources, &run.settings, workers, stop, &|_| {
                 progress.advance()
             })
@@ -60,8 +60,10 @@ pub fn evaluate(
         if stop.load(Ordering::Relaxed) {
             break;
         }
-        let report = EvaluationReport::new(&suite, &scenarios, results, &references, &StatisticsSettings::default())
-            .map_err(|error| RunError::broken(format!("cannot summarise {}", policy.label()), error))?;
+        let report =
+            EvaluationReport::new(&suite, &scenarios, evaluated.results, &references, &StatisticsSettings::default())
+                .map_err(|error| RunError::broken(format!("cannot summarise {}", policy.label()), error))?
+                .leaving(evaluated.not_run);
         let file = folder.join("evaluation").join(format!("{}.json", policy.label()));
         inputs::write_file(&file, report.to_json().as_bytes())?;
         folder.time_phase(&format!("evaluate {}", policy.label()), started.elapsed().as_secs_f64());

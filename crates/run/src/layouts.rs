@@ -91,6 +91,7 @@ fn one(
             let picture = draw(&|| pictures::explained(&scenario, resources.catalogue))?;
             Ok(LaidOut { task: id, scenario: Some(path.display().to_string()), refused: None, picture })
         }
+        Err(error) if error.is_defect() => Err(RunError::broken(format!("laying out {} stopped", attempt.id()), error)),
         Err(error) => {
             let picture = draw(&|| pictures::explained_refusal(task, &error, world, resources.catalogue))?;
             Ok(LaidOut { task: id, scenario: None, refused: Some(error.to_string()), picture })

@@ -117,7 +117,7 @@ pub fn explained_refusal(
     let (mut refusal, mut placed, mut windows) = (Refusal::default(), Vec::new(), Vec::new());
     if let LayoutError::Infeasible { restarts, rejections, furthest, .. } = error {
         refusal.headline = format!("No layout in {restarts} attempts");
-        refusal.reasons = rejections.reasons().into_iter().map(|(reason, count)| (reason.to_owned(), count)).collect();
+        refusal.reasons = rejections.reasons().into_iter().map(|(reason, count)| (reason.to_string(), count)).collect();
         let edges = rejections.conflicting_edges().into_iter();
         refusal.conflicts_in_words = edges.map(|(atom, count)| (in_words(atom), count)).collect();
         refusal.conflicts = rejections.conflicting_edges().into_iter().map(|(atom, _)| atom.clone()).collect();

@@ -74,7 +74,7 @@ fn attempts(store: &EpisodeStore, timings: &Timings) -> Result<BTreeMap<String, 
         let (result, is_recorded) = store.read_attempt(&id).map_err(unreadable)?;
         let mine = attempts.entry(result.task_id.clone()).or_default();
         mine.rows.push(AttemptRow {
-            outcome: result.failure.clone().map_or(AttemptOutcome::Verified, AttemptOutcome::Failed),
+            outcome: result.failure().map_or(AttemptOutcome::Verified, AttemptOutcome::Failed),
             seconds: timings.attempts.get(&id).copied().unwrap_or(0.0),
             id,
         });

@@ -192,7 +192,7 @@ fn results(results: &[EpisodeResult], control: Option<&str>) -> String {
                 (false, all) if all == own.len() => "good",
                 _ => "fair",
             };
-            let failed: Vec<_> = own.iter().filter_map(|result| Some((result, result.failure.as_ref()?))).collect();
+            let failed: Vec<_> = own.iter().filter_map(|result| Some((result, result.failure()?))).collect();
             let mut reasons = String::new();
             if !failed.is_empty() {
                 let counts = causes_text(&failure_counts(failed.iter().map(|(_, failure)| failure.cause)));

@@ -160,7 +160,7 @@ fn summarise_policy(
         duration_s: mean("duration", results, &|result| result.duration_s),
         collisions: rate(results, &|result| result.max_stray_contact_n >= settings.collision_n),
         kinds: TaskKind::ALL.into_iter().filter_map(of_kind).collect(),
-        failures: failure_counts(results.iter().filter_map(|result| Some(result.failure.as_ref()?.cause))),
+        failures: failure_counts(results.iter().filter_map(|result| Some(result.failures.first()?.cause))),
     }
 }
 

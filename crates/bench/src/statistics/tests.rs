@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use genmanip_core::{EpisodeResult, Failure, FailureCause, GoalVerdict, Seed, TaskKind};
+use genmanip_core::{Ending, EpisodeResult, Failure, FailureCause, GoalVerdict, Seed, TaskKind};
 
 use super::*;
 
@@ -17,7 +17,11 @@ pub(crate) fn result(policy: &str, scenario: u64, success: bool) -> EpisodeResul
         success,
         success_once: success || scenario == 0,
         verdict: GoalVerdict { score: if success { 1.0 } else { 0.5 }, success, alternatives: vec![] },
-        failure: (!success).then(|| Failure { cause: FailureCause::Slipped, evidence: "at 1 s".into() }),
+        ending: Some(Ending::Finished),
+        failures: (!success)
+            .then(|| Failure { cause: FailureCause::Slipped, evidence: "at 1 s".into() })
+            .into_iter()
+            .collect(),
         duration_s: 5.0 + scenario as f64,
         horizon_s: 30.0,
         control_rate_hz: 60.0,

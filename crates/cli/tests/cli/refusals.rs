@@ -24,11 +24,11 @@ fn workplace() -> tempfile::TempDir {
     write("words.json", b"Sure! Here is your task.");
     write("list.json", b"[1, 2]");
     write("old_task.json", br#"{"schema": "genmanip.task/0"}"#);
-    write("half_task.json", br#"{"schema": "genmanip.task/1", "id": "half"}"#);
+    write("half_task.json", br#"{"schema": "genmanip.task/2", "id": "half"}"#);
     let task = scenario["task"].clone();
     let changed_task = |name: &str, change: &dyn Fn(&mut Value)| {
         let mut changed = task.clone();
-        changed["schema"] = "genmanip.task/1".into();
+        changed["schema"] = "genmanip.task/2".into();
         change(&mut changed);
         write(name, changed.to_string().as_bytes());
     };

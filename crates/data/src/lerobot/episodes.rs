@@ -121,7 +121,7 @@ fn own_columns(columns: &mut Columns, entries: &[EpisodeEntry]) {
     columns.bool("success", results().map(|result| result.success));
     columns.bool("success_once", results().map(|result| result.success_once));
     columns.f64("score", results().map(|result| result.verdict.score));
-    let failure = |result: &EpisodeResult| result.failure.as_ref().map_or(String::new(), |failure| failure.to_string());
+    let failure = |result: &EpisodeResult| result.failure().map_or(String::new(), |failure| failure.to_string());
     columns.text("failure", results().map(failure));
     columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
     columns.text("scenario_id", results().map(|result| &result.scenario_id));

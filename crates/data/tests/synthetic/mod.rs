@@ -2,9 +2,9 @@
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
-    AssetRef, Camera, CameraMount, Document, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper, Intrinsics,
-    JointKind, MassProperties, ObjectState, PlacedObject, Pose, RobotJoint, RobotLink, RobotModel, Scenario,
-    SceneGraph, Seed, Task, TaskKind, World,
+    AssetRef, Camera, CameraMount, Document, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper,
+    Intrinsics, JointKind, MassProperties, ObjectState, PlacedObject, Pose, RobotJoint, RobotLink, RobotModel,
+    Scenario, SceneGraph, Seed, Task, TaskKind, World,
 };
 use genmanip_data::{EpisodeStore, TrackRecorder, VideoSettings};
 
@@ -130,7 +130,8 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         success,
         success_once: success,
         verdict: GoalVerdict { score: f64::from(u8::from(success)), success, alternatives: Vec::new() },
-        failure: None,
+        ending: Some(Ending::Finished),
+        failures: Vec::new(),
         duration_s: frames as f64 / 60.0,
         horizon_s: 60.0,
         control_rate_hz: 60.0,

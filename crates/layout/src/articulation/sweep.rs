@@ -1,7 +1,7 @@
 //! The way of the arm while it moves a joint.
 
 use genmanip_core::{Failure, FailureCause, JointKind, Pose};
-use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
+use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedObject, PosedScene};
 use glam::{DQuat, DVec3};
 
@@ -34,7 +34,7 @@ pub struct Sweeper<'a> {
     object: &'a PosedObject,
     change: &'a JointChange,
     /// Everything but the object.
-    others: World,
+    others: CollisionWorld,
 }
 
 impl<'a> Sweeper<'a> {
@@ -137,7 +137,7 @@ impl<'a> Sweeper<'a> {
     }
 
     /// The object's surroundings and itself, joint at a position.
-    pub fn world_at(&self, position: f64) -> World {
+    pub fn world_at(&self, position: f64) -> CollisionWorld {
         let mut world = self.others.clone();
         let mut object = self.object.clone();
         if let Some(value) = object.joint_positions.get_mut(self.change.joint) {
@@ -156,7 +156,7 @@ impl<'a> Sweeper<'a> {
     }
 
     /// Positions on the way with the world at each, the present one first.
-    fn worlds(&self, motion: &Motion, target: f64) -> Vec<(f64, World)> {
+    fn worlds(&self, motion: &Motion, target: f64) -> Vec<(f64, CollisionWorld)> {
         let size = self.object.model.world_bounds(&Pose::IDENTITY, &self.object.joint_positions).size().max_element();
         let total = (target - self.change.from).abs();
         let steps = match motion.kind {
@@ -173,7 +173,7 @@ impl<'a> Sweeper<'a> {
     }
 
     /// Straight to the contact along the fingers.
-    fn approach(&self, contact: &JointContact, config: &[f64], world: &World) -> Option<Path> {
+    fn approach(&self, contact: &JointContact, config: &[f64], world: &CollisionWorld) -> Option<Path> {
         let nothing = Allowed::none();
         let back = contact.world_from_tcp.transform_vector(DVec3::NEG_Z) * self.settings.approach_m;
         let before = Pose { position: contact.world_from_tcp.position + back, ..contact.world_from_tcp };
@@ -185,7 +185,7 @@ impl<'a> Sweeper<'a> {
         motion: &Motion,
         contact: &JointContact,
         config: &[f64],
-        worlds: &[(f64, World)],
+        worlds: &[(f64, CollisionWorld)],
         tally: &mut Tally,
     ) -> bool {
         let end = worlds.last().map_or(0.0, |(by, _)| *by) + beyond(motion, contact);
@@ -200,7 +200,7 @@ impl<'a> Sweeper<'a> {
         }
         let nothing = Allowed::none();
         let roomy = self.planner.checker(&around(&self.others, &nothing, contact), self.settings.room_m);
-        let is_free = |(config, (_, world)): (&Vec<f64>, &(f64, World))| {
+        let is_free = |(config, (_, world)): (&Vec<f64>, &(f64, CollisionWorld))| {
             self.planner.checker(&around(world, &nothing, contact), CONTACT_M).is_free(config)
         };
         way.iter().all(|config| roomy.is_free(config)) && way.iter().zip(worlds).skip(1).all(is_free)
@@ -215,8 +215,8 @@ struct Tally {
     possible: usize,
 }
 
-fn around<'a>(world: &'a World, allowed: &'a Allowed, contact: &JointContact) -> Surroundings<'a> {
-    Surroundings { world, attached: None, allowed, gripper_width: contact.open_width }
+fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed, contact: &JointContact) -> PlanningScene<'a> {
+    PlanningScene { world, attached: None, allowed, gripper_width: contact.open_width }
 }
 
 /// By how much farther than the joint the hand is sent: a push first closes the gap, and presses no more at the end.

@@ -21,7 +21,7 @@ use genmanip_core::{
     Pose, PrivilegedState, Seed,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
-use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
+use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
@@ -222,7 +222,7 @@ impl Expert {
         let world = obstacles::around(scene, None);
         let open = self.stage.robot.gripper.max_width;
         // The fingers open at home, where nothing is in their way.
-        let around = Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
+        let around = PlanningScene { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
         match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
             Ok(path) => {
@@ -236,10 +236,10 @@ impl Expert {
 
     /// A free motion of the empty hand during which the fingers go to another opening; when there is no room for
     /// that on the way, they do so first.
-    fn reach(&self, world: &World, path: &Path, from: f64, to: f64) -> Vec<Vec<f32>> {
+    fn reach(&self, world: &CollisionWorld, path: &Path, from: f64, to: f64) -> Vec<Vec<f32>> {
         let nothing = Allowed::none();
         let room = |width: f64| {
-            let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: width };
+            let around = PlanningScene { world, attached: None, allowed: &nothing, gripper_width: width };
             let checker = self.planner.checker(&around, 0.0);
             path.states(0.05).iter().all(|state| checker.is_free(state))
         };

@@ -98,8 +98,9 @@ fn attempts_without_layout_are_counted_and_not_evaluated() {
     let hopeless = CollectSettings { layout: cramped, ..settings.clone() };
     let silent = |_: &EpisodeResult, _: f64| {};
     let failed = collect(&attempts[..1], resources(), &store, &hopeless, 1, &never, &silent).unwrap();
-    assert_eq!(failed[0].failure.as_ref().unwrap().cause, FailureCause::Layout);
-    assert!(failed[0].failure.as_ref().unwrap().evidence.contains("3 attempts"), "{:?}", failed[0].failure);
+    let [failure] = &failed[0].failures[..] else { panic!("{:?}", failed[0]) };
+    assert_eq!((failure.cause, failed[0].ending), (FailureCause::Layout, None));
+    assert!(failure.evidence.contains("3 attempts"), "{failure}");
 
     let all = collect(&attempts, resources(), &store, &settings, 2, &never, &silent).unwrap();
     assert_eq!(all[0], failed[0], "a counted failure is not tried again");
@@ -113,7 +114,7 @@ fn attempts_without_layout_are_counted_and_not_evaluated() {
             })
         };
         let results = evaluate(&store, &make, resources(), &settings, 2, &never, &|_| {}).unwrap();
-        let [result] = &results[..] else { panic!("{results:?}") };
+        let [result] = &results.results[..] else { panic!("{results:?}") };
         assert_eq!((result.success, result.policy.as_str()), (solves, name));
         assert_eq!((&result.scenario_id, result.oracle), (&all[1].scenario_id, name == "expert"));
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{EpisodeResult, FailureCause, Frame, Seed, Unit};
+use genmanip_core::{Ending, EpisodeResult, FailureCause, Frame, Seed, Unit};
 use genmanip_rollout::evidence::{Slip, explain, slips};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 
@@ -59,7 +59,8 @@ fn the_cause_follows_from_what_was_seen() {
         }
         atom.measurements.sort_by_key(|measured| measured.met);
     }
-    let explained = |frames: &[Frame], word| explain(stage, frames, &verdict, word, &RolloutSettings::default());
+    let explained =
+        |frames: &[Frame], word| explain(stage, frames, &verdict, word, &RolloutSettings::default()).swap_remove(0);
 
     let missed = explained(&episode.frames, None);
     assert_eq!(missed.cause, FailureCause::GoalMissed);
@@ -91,8 +92,9 @@ fn what_slips_in_physics_is_said_to_have_slipped() {
     let stage = Stage::open(Arc::new(scenario), Catalogue::builtin(), &Arc::new(slippery)).unwrap();
     let settings = RolloutSettings::default();
     let episode = run_episode(&stage, &mut expert(&stage), "slippery", Seed::new(5), &settings).unwrap();
-    let EpisodeResult { success, failure, .. } = episode.result;
-    let failure = failure.unwrap();
+    let EpisodeResult { success, ending, failures, .. } = episode.result;
+    let failure = &failures[0];
+    assert_eq!(ending, Some(Ending::GaveUp));
     assert!(!success && failure.cause == FailureCause::Slipped, "{failure}");
     assert!(failure.evidence.contains("was not in the hand after lifting (pick 4)"), "{failure}");
 }
@@ -126,6 +128,7 @@ fn the_hardest_stray_contact_is_the_one_in_the_frames() {
 fn an_empty_goal_is_still_explained() {
     let stage = any_stage();
     let verdict = genmanip_core::GoalVerdict::from_alternatives(Vec::new());
-    let failure = explain(stage, &[], &verdict, None, &RolloutSettings::default());
+    let failures = explain(stage, &[], &verdict, None, &RolloutSettings::default());
+    let [failure] = &failures[..] else { panic!("{failures:?}") };
     assert_eq!((failure.cause, failure.evidence.as_str()), (FailureCause::GoalMissed, "the goal does not hold"));
 }

@@ -1,8 +1,8 @@
 //! The loop against policies that stand still, break, ask for too much or never end.
 
 use genmanip_core::{
-    ActionChunk, ActionSpace, ActionSpec, Episode, EpisodeStart, FailureCause, Observation, Policy, PolicyError,
-    PolicySpec, Seed,
+    ActionChunk, ActionSpace, ActionSpec, Ending, Episode, EpisodeStart, FailureCause, Observation, Policy,
+    PolicyError, PolicySpec, Seed,
 };
 use genmanip_rollout::policies::DoNothing;
 use genmanip_rollout::{RolloutError, RolloutSettings, run_episode};
@@ -76,8 +76,8 @@ fn doing_nothing_solves_nothing() {
         let episode = run_episode(stage, &mut policy, "still", Seed::new(1), &RolloutSettings::default()).unwrap();
         let result = &episode.result;
         assert!(!result.success && !result.success_once && !result.oracle);
-        assert_eq!(result.failure.as_ref().unwrap().cause, FailureCause::GoalMissed);
-        assert!(!result.failure.as_ref().unwrap().evidence.is_empty());
+        assert_eq!((result.failures[0].cause, result.ending), (FailureCause::GoalMissed, Some(Ending::Finished)));
+        assert!(!result.failures[0].evidence.is_empty());
         assert_eq!(episode.frames.len(), 120, "one second, and one to settle");
         assert!(result.tcp_path_m < 0.01, "it moved {} m", result.tcp_path_m);
     }
@@ -124,8 +124,9 @@ fn a_policy_that_breaks_is_a_result() {
     ];
     for (name, mut policy, steps, wanted) in cases {
         let episode = run(&mut policy, 1.0).unwrap_or_else(|error| panic!("{name}: {error}"));
-        let failure = episode.result.failure.unwrap();
-        assert_eq!(failure.cause, FailureCause::Policy, "{name}");
+        let [failure, rest @ ..] = &episode.result.failures[..] else { panic!("{name}: {:?}", episode.result) };
+        assert_eq!((failure.cause, episode.result.ending), (FailureCause::Policy, Some(Ending::GaveUp)), "{name}");
+        assert!(rest.iter().any(|seen| seen.cause == FailureCause::GoalMissed), "{name}: all that was seen is told");
         assert!(failure.evidence.contains(wanted), "{name}: {}", failure.evidence);
         assert_eq!(episode.frames.len(), steps + 6, "{name}: the last command is held while settling");
         assert!(episode.frames.iter().flat_map(|frame| &frame.command).all(|value| value.is_finite()), "{name}");
@@ -164,7 +165,8 @@ fn the_horizon_ends_a_policy_that_does_not() {
     ];
     for (name, mut policy) in cases {
         let episode = run(&mut policy, 0.5).unwrap();
-        let failure = episode.result.failure.unwrap();
+        let failure = &episode.result.failures[0];
+        assert_eq!(episode.result.ending, Some(Ending::Horizon), "{name}");
         assert_eq!(
             (failure.cause, failure.evidence.as_str()),
             (FailureCause::Timeout, "not finished after 0.5 s"),
@@ -181,10 +183,22 @@ fn rate_and_chunks_mean_what_the_spec_says() {
         Scripted::new(|observation| Ok(ActionChunk { actions: vec![home(); 5], finished: observation.time_s > 0.2 }));
     (policy.spec.rate_hz, policy.spec.execute_steps) = (20.0, 2);
     let episode = run(&mut policy, 1.0).unwrap();
-    assert_eq!(episode.result.failure.unwrap().cause, FailureCause::Timeout, "two of five actions never finish it");
+    assert_eq!(episode.result.failures[0].cause, FailureCause::Timeout, "two of five actions never finish it");
 
     policy.spec.execute_steps = 5;
     let episode = run(&mut policy, 1.0).unwrap();
-    assert_eq!(episode.result.failure.unwrap().cause, FailureCause::GoalMissed);
+    assert_eq!(episode.result.failures[0].cause, FailureCause::GoalMissed);
     assert_eq!(episode.frames.len(), 2 * 5 * 3 + 6, "asked at 0 s and 0.25 s; five actions of three steps; settling");
+}
+
+/// A policy that cannot be reached leaves no result behind, neither at the start nor in the middle.
+#[test]
+fn a_policy_that_cannot_be_reached_is_no_result() {
+    let mut policy = Scripted::new(|observation| match observation.time_s {
+        begin if begin < 0.2 => Ok(ActionChunk { actions: vec![home()], finished: false }),
+        _ => Err(PolicyError::Unreachable("connection refused".into())),
+    });
+    let error = run(&mut policy, 1.0).unwrap_err();
+    let RolloutError::NotRun { policy, reason } = error else { panic!("{error}") };
+    assert_eq!((policy.as_str(), reason.as_str()), ("scripted", "connection refused"));
 }

@@ -37,7 +37,7 @@ fn the_recording_is_a_policy_that_succeeds_blindly() {
     for (stage, episode) in episodes() {
         let mut policy = OpenLoopReplay::of(episode);
         let again = run_episode(stage, &mut policy, "again", Seed::new(0), &RolloutSettings::default()).unwrap();
-        assert!(again.result.success && !again.result.oracle, "{:?}", again.result.failure);
+        assert!(again.result.success && !again.result.oracle, "{:?}", again.result.failures);
         assert_eq!(again.frames[..episode.frames.len()], episode.frames);
     }
 }

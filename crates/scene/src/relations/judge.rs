@@ -2,8 +2,9 @@
 
 use genmanip_core::{Atom, AtomVerdict, Goal, GoalVerdict, Relation, SceneGraph, Unit};
 
+use super::contact::Contact;
 use super::extent::{Extent, Scene};
-use super::pair::{Contact, PairGeometry, measure};
+use super::pair::{PairGeometry, measure};
 use super::requirement::{Requirement, SINKING, better, verdict};
 use super::{PosedScene, RelationSettings};
 

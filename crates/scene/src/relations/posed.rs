@@ -3,9 +3,8 @@
 use genmanip_core::{Aabb, Pose};
 use glam::DVec3;
 
-use super::contact::vertical_gap;
+use super::contact::{Contact, vertical_gap};
 use super::extent::{Extent, Scene, supported};
-use super::pair::Contact;
 use super::requirement::Requirement;
 use super::scene::Body;
 use super::solid::Solid;

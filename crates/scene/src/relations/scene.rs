@@ -214,6 +214,12 @@ impl Body {
         })
     }
 
+    /// Whether the projections have been asked for.
+    #[cfg(test)]
+    pub fn is_outlined(&self) -> bool {
+        self.footprint.get().is_some()
+    }
+
     fn outline_of(&self, piece: &WorldPiece) -> Polygon {
         let shape = self.shape_of(piece);
         let pose = &piece.world_from_piece;

@@ -1,0 +1,49 @@
+//! Results of episodes, which also stand inside episode records and evaluations.
+
+use serde_json::{Map, Value, json};
+
+use crate::{DocumentError, Upgrade};
+
+/// From `genmanip.result/1`: one failure with one cause becomes a list; how the episode ended follows from that cause.
+pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.result/1", upgrade: from_1 };
+
+/// Upgrades the body of a result, alone or inside another document.
+///
+/// # Errors
+/// When the failure is neither null nor an object with a cause.
+pub fn from_1(result: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    let failure = result.shift_remove("failure").unwrap_or(Value::Null);
+    let (ending, failures) = match &failure {
+        Value::Null => (json!("finished"), json!([])),
+        failure => (ending_of(failure)?, json!([failure])),
+    };
+    result.insert("ending".into(), ending);
+    result.insert("failures".into(), failures);
+    Ok(())
+}
+
+/// Upgrades the body of `genmanip.evaluation/1`: every episode of that version was run, and none had a reference way.
+///
+/// # Errors
+/// As [`from_1`].
+pub fn evaluation_from_1(evaluation: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    let results = evaluation.get_mut("results").and_then(Value::as_array_mut).into_iter().flatten();
+    results.filter_map(Value::as_object_mut).try_for_each(from_1)?;
+    evaluation.insert("not_run".into(), json!([]));
+    evaluation.entry("reference_paths_m").or_insert_with(|| json!({}));
+    Ok(())
+}
+
+/// Version 1 wrote down one cause; what the policy itself said always came first.
+fn ending_of(failure: &Value) -> Result<Value, DocumentError> {
+    match failure.get("cause").and_then(Value::as_str) {
+        Some("layout") => Ok(Value::Null),
+        Some("timeout") => Ok(json!("horizon")),
+        Some("no_grasp" | "no_ik" | "no_goal_pose" | "planning" | "policy") => Ok(json!("gave_up")),
+        Some("slipped" | "disturbed" | "goal_missed") => Ok(json!("finished")),
+        other => Err(DocumentError::Invalid {
+            path: "$.failure.cause".into(),
+            message: format!("expected a cause of version 1, got {other:?}"),
+        }),
+    }
+}
