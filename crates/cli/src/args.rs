@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
+use genmanip_run::policies;
 
 pub use lab::*;
 
@@ -53,7 +54,7 @@ pub enum Command {
     )]
     Collect(CollectArguments),
     /// Evaluate policies on the scenarios of a run
-    #[command(after_help = "Example:\n  genmanip evaluate out/run --policy expert --policy replay --policy do_nothing")]
+    #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),
     /// Replay a recorded episode, or check that its commands lead to the identical final state
     #[command(after_help = "Example:\n  genmanip replay --check out/run/episodes")]
@@ -301,6 +302,15 @@ pub struct CollectArguments {
     pub keep_failed: bool,
 }
 
+/// The policies of the registry, and an example.
+fn evaluate_help() -> String {
+    let policies: String = policies::describe().lines().map(|line| format!("  {line}\n")).collect();
+    format!(
+        "Policies:\n{policies}\nExamples:\n  genmanip evaluate out/run --policy expert --policy replay\n  \
+         genmanip evaluate out/run --policy do_nothing:seconds=2"
+    )
+}
+
 fn parse_count(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 1..=1_000_000) => Ok(count),
@@ -350,8 +360,8 @@ pub struct DemoArguments {
 pub struct EvaluateArguments {
     /// Folder of a run made by `collect`
     pub run: PathBuf,
-    /// Policies: expert, replay, do_nothing [default: all three]
-    #[arg(long = "policy")]
+    /// A policy, with arguments if it takes any; may be given several times [default: all of them]
+    #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
     pub policies: Vec<String>,
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Scenario, Seed, Task, World};
 use genmanip_layout::{LayoutAudit, LayoutError, LayoutSettings, Phase, audit, lay_out_observed, posed};
 use genmanip_motion::{Planner, PlannerSettings};
@@ -139,7 +139,16 @@ fn timed(
         phases_s[phase as usize] += now - since;
         (phase, since) = (next, now);
     };
-    let outcome = lay_out_observed(task, Catalogue::builtin(), world, planner, seed, settings, &mut begin);
+    let outcome = lay_out_observed(
+        task,
+        Catalogue::builtin(),
+        world,
+        planner,
+        GraspLibrary::builtin(),
+        seed,
+        settings,
+        &mut begin,
+    );
     begin(Phase::Preparing);
     (outcome, since)
 }

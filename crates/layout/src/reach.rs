@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, Pose, Seed, Task, World};
+use genmanip_core::{Grasp, Pose, Seed, Task, TriedGrasp, World};
 use genmanip_motion::{Allowed, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedObject, PosedScene};
 
@@ -13,17 +13,18 @@ use crate::moves::{Move, moves};
 use crate::obstacles;
 use crate::rejection::{NamedObject, Rejection};
 
-/// The reason when no alternative of the goal can be served.
+/// The reason when no alternative of the goal can be served; `tried` are the known grasps of each object.
 pub(crate) fn unreachable(
     task: &Task,
     scene: &PosedScene,
     world: &World,
     planner: &Planner,
+    tried: &[&[TriedGrasp]],
     seed: Seed,
 ) -> Option<Rejection> {
     let mut reason = None;
     for alternative in moves(&task.goal, scene) {
-        match obstacle(&alternative, scene, world, planner, seed) {
+        match obstacle(&alternative, scene, world, planner, tried, seed) {
             None => return None,
             Some(obstacle) => reason = Some(obstacle),
         }
@@ -32,7 +33,14 @@ pub(crate) fn unreachable(
 }
 
 /// What stands in the way of moves that are made one after the other.
-fn obstacle(steps: &[Move], scene: &PosedScene, world: &World, planner: &Planner, seed: Seed) -> Option<Rejection> {
+fn obstacle(
+    steps: &[Move],
+    scene: &PosedScene,
+    world: &World,
+    planner: &Planner,
+    tried: &[&[TriedGrasp]],
+    seed: Seed,
+) -> Option<Rejection> {
     let occupied = obstacles::around(scene, None);
     let nothing = Allowed::none();
     let around = PlanningScene { world: &occupied, attached: None, allowed: &nothing, gripper_width: 0.0 };
@@ -54,8 +62,9 @@ fn obstacle(steps: &[Move], scene: &PosedScene, world: &World, planner: &Planner
             return None;
         }
         let generated = || obstacles::generated_grasps(planner, scene, step.object, seed.fork("reach"));
-        let can_be_grasped = obstacles::tried_grasps(planner, scene, step.object)
-            .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
+        let can_be_grasped =
+            obstacles::tried_grasps(planner, scene, step.object, tried.get(step.object).copied().unwrap_or_default())
+                .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
         match can_be_grasped {
             Ok(true) => {}
             Ok(false) => return Some(Rejection::NoGrasp(named())),

@@ -12,6 +12,9 @@ use genmanip_scene::relations::{PosedObject, PosedScene};
 use crate::LayoutSettings;
 use crate::rejection::{NamedObject, Rejection};
 
+/// Height to which what is not to be drawn is sent, metres; chosen, far below every picture.
+const AWAY_M: f64 = -50.0;
+
 /// The reason when some object is too small or too hidden in every prompt camera.
 ///
 /// # Errors
@@ -27,7 +30,7 @@ pub(crate) fn hidden(
     let assets = RenderAssets::new(Arc::clone(robot), &models, Some(world))?;
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let cameras = world.prompt_cameras();
-    let away = Pose::from_position(DVec3::new(0.0, 0.0, -50.0));
+    let away = Pose::from_position(DVec3::Z * AWAY_M);
     // Everything, or one object alone on the table with the robot out of the way.
     let mut ids = |alone: Option<usize>| -> Result<Vec<FrameBuffers>, RenderError> {
         let poses = scene.objects().enumerate().map(|(index, object)| {

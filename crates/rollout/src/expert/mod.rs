@@ -15,10 +15,11 @@ pub use settings::ExpertSettings;
 
 use std::sync::Arc;
 
+use genmanip_assets::{AssetError, GraspLibrary};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{
     Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
-    Pose, PrivilegedState, Seed,
+    Pose, PrivilegedState, Seed, TriedGrasp,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
 use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
@@ -37,6 +38,8 @@ const FINGERS_M_S: f64 = 0.08;
 pub struct Expert {
     stage: Stage,
     planner: Arc<Planner>,
+    /// Per object, its grasps that were tried beforehand.
+    tried: Vec<Vec<TriedGrasp>>,
     settings: ExpertSettings,
     seed: Seed,
     /// Alternatives not yet given up, the current one last.
@@ -76,10 +79,20 @@ struct Hand {
 }
 
 impl Expert {
-    /// An expert for the episodes of one stage.
-    pub fn new(stage: &Stage, planner: &Arc<Planner>, settings: ExpertSettings) -> Self {
+    /// An expert for the episodes of one stage; `grasps` are those that are tried before new ones are sampled.
+    ///
+    /// # Errors
+    /// [`AssetError::StaleGrasps`] when grasps of an object of the stage were tried with other physics.
+    pub fn new(
+        stage: &Stage,
+        planner: &Arc<Planner>,
+        grasps: &GraspLibrary,
+        settings: ExpertSettings,
+    ) -> Result<Self, AssetError> {
         let planner = Arc::clone(planner);
-        Self {
+        let tried = stage.models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
+        Ok(Self {
+            tried: tried.collect::<Result<_, AssetError>>()?,
             planner,
             stage: stage.clone(),
             settings,
@@ -91,7 +104,12 @@ impl Expert {
             phase: Phase::Free,
             upright: Vec::new(),
             last_failure: None,
-        }
+        })
+    }
+
+    /// Grasps of an object that were tried beforehand.
+    fn tried(&self, object: usize) -> &[TriedGrasp] {
+        self.tried.get(object).map_or(&[], Vec::as_slice)
     }
 
     /// Places for an object where every atom of its move would hold.

@@ -91,7 +91,7 @@ fn candidates(
     let name = expert.stage.name(step.object);
     let (planner, settings) = (&expert.planner, &expert.settings);
     let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
-    let tried = obstacles::tried_grasps(planner, scene, step.object).map_err(flawed)?;
+    let tried = obstacles::tried_grasps(planner, scene, step.object, expert.tried(step.object)).map_err(flawed)?;
     // What has no volume has no grasps.
     let generated = || obstacles::generated_grasps(planner, scene, step.object, seed).unwrap_or_default();
     let mut grasps = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
