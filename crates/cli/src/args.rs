@@ -7,8 +7,10 @@ use clap::{Args, Parser, Subcommand};
 use genmanip_run::policies;
 
 pub use lab::*;
+pub use world::*;
 
 mod lab;
+mod world;
 
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
 #[derive(Debug, Parser)]
@@ -72,6 +74,18 @@ pub enum Command {
         /// What to do with grasps
         #[command(subcommand)]
         command: GraspsCommand,
+    },
+    /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
+    World {
+        /// What to do with worlds
+        #[command(subcommand)]
+        command: WorldCommand,
+    },
+    /// List, change and preview the cameras of worlds and scenarios
+    Camera {
+        /// What to do with cameras
+        #[command(subcommand)]
+        command: CameraCommand,
     },
     /// Measure the parts on cases of your own: agreement, validity, processor time
     Lab {

@@ -13,3 +13,4 @@ pub mod replay;
 pub mod report;
 pub mod task;
 pub mod task_new;
+pub mod world;
