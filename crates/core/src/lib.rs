@@ -53,7 +53,9 @@ pub use grasp::{Grasp, TriedGrasp};
 pub use hash::AssetHashes;
 pub use interchange::{InterchangeError, MOST_ALTERNATIVES, MOST_INTERCHANGEABLE};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
-pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
+pub use object::{
+    Annotations, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Room,
+};
 pub use policy::{
     ActionChunk, ActionSpace, ActionSpec, CameraImage, EpisodeStart, Observation, Policy, PolicyError, PolicySpec,
     PrivilegedState,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DVec3};
-use genmanip_core::{AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape};
+use genmanip_core::{Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape};
 
 use crate::drive::{lerp, setpoint_from_width};
 use crate::xml::Element;
@@ -80,6 +80,7 @@ fn wedge(pieces: Vec<Piece>) -> ObjectModel {
             is_articulated: false,
             states: vec![],
             can_grasp: true,
+            annotations: Annotations::default(),
         },
         family: "test".into(),
         asset: AssetRef::builtin("wedge", 1),

@@ -5,7 +5,7 @@ use genmanip_core::{GoalVerdict, Seed, Task, TaskKind};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 use genmanip_scene::answer::{RecordedAnswer, Verdict, check_answer};
 use genmanip_scene::relations::Rest;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::{expert, scenario, stage};
 
@@ -17,6 +17,8 @@ const MUG: &str = "001";
 /// A task from an answer about two red cubes, a mug and a board, as a language model would send it.
 fn task(instruction: &str, subject: &str) -> Task {
     let edge = |subject: &str, position: &str, reference: &str| json!({"obj1": "none", "obj1_uid": subject, "position": position, "obj2": "none", "obj2_uid": reference});
+    let nodes: Vec<Value> =
+        [CUBE, OTHER, MUG, BOARD].iter().map(|uid| json!({"obj_uid": uid, "state": "none"})).collect();
     let response = json!({
         "instruction": instruction,
         "goal_conditions": [[{
@@ -26,7 +28,7 @@ fn task(instruction: &str, subject: &str) -> Task {
         "scene_graph": {
             "description": "Two red cubes on either side of a mug, and a cutting board.",
             "edges": [edge(CUBE, "left", MUG), edge(OTHER, "right", MUG), edge(BOARD, "front", MUG)],
-            "nodes": [CUBE, OTHER, MUG, BOARD].map(|uid| json!({"obj_uid": uid, "state": "none"})),
+            "nodes": nodes,
         },
     });
     let recorded = RecordedAnswer {
