@@ -40,7 +40,7 @@ mod tests;
 
 pub use catalogue::Catalogue;
 pub use error::AssetError;
-pub use grasps::{GraspFile, GraspProvenance, ObjectGrasps};
+pub use grasps::{GraspFile, GraspLibrary, GraspProvenance, ObjectGrasps};
 pub use handle::{HANDLE, handle_bounds};
 pub use robot::{panda, robot_from_json};
 pub use source::AssetSource;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Scenario, Seed, Task};
 use genmanip_layout::{LayoutAudit, LayoutError, LayoutSettings, Phase, audit, lay_out_observed, posed};
 use genmanip_motion::{Planner, PlannerSettings};
@@ -132,7 +132,8 @@ fn timed(
         phases_s[phase as usize] += now - since;
         (phase, since) = (next, now);
     };
-    let outcome = lay_out_observed(task, Catalogue::builtin(), planner, seed, settings, &mut begin);
+    let outcome =
+        lay_out_observed(task, Catalogue::builtin(), planner, GraspLibrary::builtin(), seed, settings, &mut begin);
     begin(Phase::Preparing);
     (outcome, since)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_assets::{AssetSource, Catalogue};
+use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
 use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RobotModel, Scenario, Seed, Task, Workspace};
 use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves};
 use genmanip_motion::PlannerSettings;
@@ -96,7 +96,8 @@ pub fn measure(tasks: &[Task], count: usize, seed: Seed, progress: &dyn Progress
     for (index, task) in (0..count).zip(tasks.iter().cycle()) {
         progress.advance();
         let seed = seed.fork_index(index as u64);
-        let scenario = match lay_out(task, Catalogue::builtin(), &planner, seed, &LayoutSettings::default()) {
+        let (catalogue, grasps) = (Catalogue::builtin(), GraspLibrary::builtin());
+        let scenario = match lay_out(task, catalogue, &planner, grasps, seed, &LayoutSettings::default()) {
             Ok(scenario) => scenario,
             Err(error) if error.is_defect() => {
                 return Err(LabError::broken(format!("laying out {} stopped", task.id), error));

@@ -3,7 +3,7 @@
 use genmanip_core::{AssetRef, Atom, ObjectCard, Seed, Task, TaskKind};
 use rand::RngExt;
 
-/// Largest extent of a distractor on the table, metres: it is to be in the picture, not in the way.
+/// Largest extent of a distractor on the table, metres; chosen: it is to be in the picture, not in the way.
 const LARGEST_M: f64 = 0.2;
 
 /// Up to `count` different assets, in the order of drawing.

@@ -27,6 +27,9 @@ pub enum LayoutError {
         /// The objects that could not be ordered.
         ids: Vec<String>,
     },
+    /// Grasps of an object were tried with other physics than it has; a defect, not the task's fault.
+    #[error(transparent)]
+    StaleGrasps(AssetError),
     /// The cameras' pictures cannot be drawn, so that nobody knows what they see; a defect, not the task's fault.
     #[error("cannot tell what the cameras see")]
     Render(#[from] RenderError),
@@ -58,6 +61,6 @@ pub struct Unfinished {
 impl LayoutError {
     /// Whether something is broken, whatever the task: then other tasks and seeds will do no better.
     pub fn is_defect(&self) -> bool {
-        matches!(self, Self::Render(_))
+        matches!(self, Self::Render(_) | Self::StaleGrasps(_))
     }
 }

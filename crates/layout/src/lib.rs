@@ -32,15 +32,14 @@ pub use audit::{AuditError, LayoutAudit, audit, posed};
 pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalPose, GoalPoseSettings, GoalSearch};
 pub use moves::{Move, moves, references};
-pub use reach::is_in_reach;
 pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::LayoutSettings;
 
 use context::{Context, GoalRoom};
-use genmanip_assets::AssetSource;
+use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{
     AssetHashes, Atom, Camera, Goal, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
-    Workspace,
+    TriedGrasp, Workspace,
 };
 use genmanip_motion::Planner;
 use genmanip_scene::relations::{
@@ -48,8 +47,10 @@ use genmanip_scene::relations::{
     placement_window,
 };
 use placement::Partial;
+use reach::ReachCheck;
 
-/// Whole layouts after which things stand parallel to the table's edges, which takes less room.
+/// Whole layouts after which things stand parallel to the table's edges, which takes less room; chosen, since
+/// things turned anyhow look more natural.
 const ALIGNED_AFTER: usize = 10;
 
 /// A part of the work on one layout, in their order within an attempt.
@@ -69,31 +70,35 @@ pub enum Phase {
     Seeing,
 }
 
-/// Lays a task out for the planner's robot.
+/// Lays a task out for the planner's robot; `grasps` are those that are tried before new ones are sampled.
 ///
 /// Same task, seed and settings: the same scenario, byte for byte.
 ///
 /// # Errors
-/// [`LayoutError::UnknownObject`] for an asset that the source does not have; [`LayoutError::Infeasible`] when every
+/// [`LayoutError::UnknownObject`] for an asset that the source does not have; [`LayoutError::StaleGrasps`] and
+/// [`LayoutError::Render`] for defects, see [`LayoutError::is_defect`]; [`LayoutError::Infeasible`] when every
 /// bounded attempt was rejected, with the counted reasons and the edges that were hardest to satisfy.
 pub fn lay_out(
     task: &Task,
     assets: &dyn AssetSource,
     planner: &Planner,
+    grasps: &GraspLibrary,
     seed: Seed,
     settings: &LayoutSettings,
 ) -> Result<Scenario, LayoutError> {
-    lay_out_observed(task, assets, planner, seed, settings, &mut |_| ())
+    lay_out_observed(task, assets, planner, grasps, seed, settings, &mut |_| ())
 }
 
 /// [`lay_out`], telling whoever measures when each phase begins.
 ///
 /// # Errors
 /// As [`lay_out`].
+#[expect(clippy::too_many_arguments, reason = "input, what every layout has, seed, settings, and who measures")]
 pub fn lay_out_observed(
     task: &Task,
     assets: &dyn AssetSource,
     planner: &Planner,
+    grasps: &GraspLibrary,
     seed: Seed,
     settings: &LayoutSettings,
     begin: &mut dyn FnMut(Phase),
@@ -105,6 +110,8 @@ pub fn lay_out_observed(
         .iter()
         .map(|node| assets.model(&node.asset).map_err(LayoutError::from))
         .collect::<Result<Vec<_>, _>>()?;
+    let tried = models.iter().map(|model| grasps.of(planner.robot(), model)).collect::<Result<Vec<_>, _>>();
+    let tried = tried.map_err(LayoutError::StaleGrasps)?;
     let relations = RelationSettings::default();
     let edges = indexed_edges(&task.scene_graph)?;
     let id = |index: usize| task.scene_graph.nodes[index].id.clone();
@@ -133,7 +140,7 @@ pub fn lay_out_observed(
         let models = drawn.iter().map(|asset| assets.model(asset)).collect::<Result<Vec<_>, _>>()?;
         context.set_distractors(models);
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
-            Ok(mut scene) => match accept(&context, &mut scene, planner, attempt, &mut rejections, begin) {
+            Ok(mut scene) => match accept(&context, &mut scene, planner, &tried, attempt, &mut rejections, begin) {
                 Ok(()) => return scenario(task, seed, &scene, assets, planner.robot()),
                 Err(Refusal::Defect(error)) => return Err(error),
                 Err(Refusal::Rejected(reason)) => {
@@ -174,6 +181,7 @@ fn accept(
     context: &Context,
     scene: &mut PosedScene,
     planner: &Planner,
+    tried: &[&[TriedGrasp]],
     seed: Seed,
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),
@@ -198,7 +206,8 @@ fn accept(
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    if let Some(reason) = reach::unreachable(goal, scene, planner, relations, seed) {
+    let reach = ReachCheck { scene, planner, relations, grasp: &settings.grasp, tried, seed };
+    if let Some(reason) = reach.unreachable(goal) {
         return Err(reason.into());
     }
     begin(Phase::Seeing);

@@ -15,11 +15,33 @@ use crate::draft::{Contradiction, Draft, Seat};
 use crate::order::Step;
 use crate::rejection::{NamedObject, Rejection, Rejections};
 
-/// Free space around an object at its goal, metres.
+/// Free space around an object at its goal, metres; chosen, more than `GoalPoseSettings::clearance_m`, since here only
+/// bounds are compared.
 const GOAL_CLEARANCE_M: f64 = 0.02;
 
-/// How much farther things may be put down than taken, metres; the exact answer comes after settling.
+/// How much farther things may be put down than taken, metres; chosen, the exact answer comes after settling.
 const GOAL_REACH_M: f64 = 0.03;
+
+/// Height above its carrier from which an object is let down, metres; chosen, any height above it will do.
+const ABOVE_M: f64 = 0.01;
+
+/// Vertical distance from which things on different supports are above each other, metres; chosen, more than contacts
+/// sink in.
+const APART_M: f64 = 0.01;
+
+/// Of the mean width of two objects, how near their middles may be before their outlines surely overlap; chosen, half of
+/// what boxes side by side have.
+const OVERLAPPING: f64 = 0.25;
+
+/// What is kept beside the smallest gap for something that is still to stand between two others, metres; chosen.
+const BETWEEN_SPARE_M: f64 = 0.005;
+
+/// How often the search goes back to the last one that was in the way instead of any; chosen, so that it mostly changes
+/// little and does not go in circles.
+const BACK_TO_LAST: f64 = 0.6;
+
+/// Where an object waits until it is placed, metres along x; chosen, far from any table.
+const PARKED_M: f64 = -10.0;
 
 /// A layout under way.
 #[derive(Clone, Debug)]
@@ -83,7 +105,7 @@ fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
     let objects = context.models.iter().enumerate().map(|(index, model)| PosedObject {
         id: context.id(index),
         model: Arc::clone(model),
-        pose: Pose::from_position(DVec3::new(-10.0 - index as f64, 0.0, 0.0)),
+        pose: Pose::from_position(DVec3::new(PARKED_M - index as f64, 0.0, 0.0)),
         joint_positions: context.joints[index].clone(),
     });
     PosedScene::new(objects.collect(), shapes)
@@ -216,7 +238,7 @@ impl Search<'_> {
         Some(if seat.covered {
             posed.pose.position.z + seat.area.min.z + self.context.settings.drop_m
         } else {
-            bounds.max.z + 0.01
+            bounds.max.z + ABOVE_M
         })
     }
 
@@ -233,7 +255,7 @@ impl Search<'_> {
                 return false;
             }
             // Things on different supports may be above each other.
-            if !beside && apart.z > 0.01 {
+            if !beside && apart.z > APART_M {
                 return false;
             }
             match scene {
@@ -242,7 +264,7 @@ impl Search<'_> {
                 None => {
                     let offset = (bounds.center() - theirs.center()).truncate().abs();
                     let shorter = |bounds: &Aabb| bounds.size().truncate().min_element();
-                    beside && offset.max_element() < 0.25 * (shorter(bounds) + shorter(&theirs))
+                    beside && offset.max_element() < OVERLAPPING * (shorter(bounds) + shorter(&theirs))
                 }
             }
         })
@@ -264,7 +286,7 @@ impl Search<'_> {
                 }
                 (Relation::Between, Some(&subject)) if subject == indices[0] && indices.len() == 3 => {
                     let stance = &self.draft.stances[subject];
-                    let gap = context.settings.min_gap_m + 0.005;
+                    let gap = context.settings.min_gap_m + BETWEEN_SPARE_M;
                     between::leaves_room(&self.scene, [indices[1], indices[2]], stance, gap, context)
                 }
                 _ => true,
@@ -363,7 +385,7 @@ impl Search<'_> {
             culprits = (0..self.placed.len()).collect();
         }
         let last = *culprits.last()?;
-        Some(if rng.random_bool(0.6) { last } else { culprits[rng.random_range(0..culprits.len())] })
+        Some(if rng.random_bool(BACK_TO_LAST) { last } else { culprits[rng.random_range(0..culprits.len())] })
     }
 }
 

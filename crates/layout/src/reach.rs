@@ -1,10 +1,8 @@
 //! Whether the arm can do what the goal asks: take each object as it lies, and let go of it where it belongs.
 
-use std::f64::consts::{FRAC_PI_4, PI};
-
-use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Goal, Grasp, Pose, Seed, Workspace};
-use genmanip_motion::{Allowed, Planner, PlanningScene};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Goal, Grasp, Pose, Seed, TriedGrasp, Workspace};
+use genmanip_motion::{CollisionWorld, FeasibilitySettings, GeometryError, PickQuery, PickedObject, Planner};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
@@ -13,76 +11,92 @@ use crate::moves::{Move, moves};
 use crate::rejection::{NamedObject, Rejection};
 use crate::surroundings;
 
-/// The reason when no alternative of the goal can be served.
-pub(crate) fn unreachable(
-    goal: &Goal,
-    scene: &PosedScene,
-    planner: &Planner,
-    relations: &RelationSettings,
-    seed: Seed,
-) -> Option<Rejection> {
-    let mut reason = None;
-    for alternative in moves(goal, scene) {
-        match obstacle(&alternative, scene, planner, relations, seed) {
-            None => return None,
-            Some(obstacle) => reason = Some(obstacle),
-        }
-    }
-    reason
+/// Everything that whether a layout can be served depends on.
+pub(crate) struct ReachCheck<'a> {
+    /// The layout, settled.
+    pub scene: &'a PosedScene,
+    /// Robot and gripper.
+    pub planner: &'a Planner,
+    /// The judge's settings.
+    pub relations: &'a RelationSettings,
+    /// When an object counts as graspable.
+    pub grasp: &'a FeasibilitySettings,
+    /// Known grasps of each object.
+    pub tried: &'a [&'a [TriedGrasp]],
+    /// Stream of this attempt.
+    pub seed: Seed,
 }
 
-/// What stands in the way of moves that are made one after the other.
-fn obstacle(
-    steps: &[Move],
-    scene: &PosedScene,
-    planner: &Planner,
-    relations: &RelationSettings,
-    seed: Seed,
-) -> Option<Rejection> {
-    let world = surroundings::world(scene, None);
-    let nothing = Allowed::none();
-    let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
-    let home = &planner.robot().home;
-    let within_reach = |object: &PosedObject, candidates: &[Grasp]| {
-        !planner.reachable_grasps(&around, &object.id, &object.pose, candidates, home, 1).is_empty()
-    };
-    let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
-    let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
-    let mut after = scene.clone();
-    steps.iter().enumerate().find_map(|(index, step)| {
-        let object = scene.objects().nth(step.object)?;
-        let named = || NamedObject::of(object);
-        if let Some(state) = step.state() {
-            let Some(joints) = turned(step.object, state, scene, planner) else {
-                return Some(Rejection::NoWayToState { object: named(), state: state.into() });
-            };
-            after.set_pose(step.object, object.pose, &joints);
-            return None;
-        }
-        let generated = || surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach"));
-        let can_be_grasped = surroundings::tried_grasps(planner, scene, step.object)
-            .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
-        match can_be_grasped {
-            Ok(true) => {}
-            Ok(false) => return Some(Rejection::NoGrasp(named())),
-            Err(error) => {
-                return Some(Rejection::NoGraspGeometry { object: named(), reason: error.to_string() });
+impl ReachCheck<'_> {
+    /// The reason when no alternative of the goal can be served.
+    pub fn unreachable(&self, goal: &Goal) -> Option<Rejection> {
+        let mut reason = None;
+        for alternative in moves(goal, self.scene) {
+            match self.obstacle(&alternative) {
+                None => return None,
+                Some(obstacle) => reason = Some(obstacle),
             }
         }
-        let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
-        let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);
-        let search = GoalSearch {
-            scene: &after,
-            upright: &upright,
-            workspace: &Workspace::default(),
-            relations,
-            settings: &settings,
+        reason
+    }
+
+    /// What stands in the way of moves that are made one after the other.
+    fn obstacle(&self, steps: &[Move]) -> Option<Rejection> {
+        let Self { scene, planner, relations, seed, .. } = *self;
+        let world = surroundings::world(scene, None);
+        let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
+        let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
+        let mut after = scene.clone();
+        steps.iter().enumerate().find_map(|(index, step)| {
+            let object = scene.objects().nth(step.object)?;
+            let named = || NamedObject::of(object);
+            if let Some(state) = step.state() {
+                let Some(joints) = turned(step.object, state, scene, planner) else {
+                    return Some(Rejection::NoWayToState { object: named(), state: state.into() });
+                };
+                after.set_pose(step.object, object.pose, &joints);
+                return None;
+            }
+            match self.is_graspable(step.object, object, &world) {
+                Ok(true) => {}
+                Ok(false) => return Some(Rejection::NoGrasp(named())),
+                Err(error) => {
+                    return Some(Rejection::NoGraspGeometry { object: named(), reason: error.to_string() });
+                }
+            }
+            let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
+            let usable = |goal: &Pose| planner.reaches_from_above(goal.position + DVec3::Z * height);
+            let search = GoalSearch {
+                scene: &after,
+                upright: &upright,
+                workspace: &Workspace::default(),
+                relations,
+                settings: &settings,
+            };
+            let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
+            let Some(place) = places.first() else { return Some(Rejection::NoRoomAtGoal(named())) };
+            after.set_pose(step.object, place.world_from_object, &object.joint_positions);
+            None
+        })
+    }
+
+    /// Whether the arm can carry any grasp of an object out, from its home: known ones first, then sampled ones.
+    fn is_graspable(&self, index: usize, object: &PosedObject, world: &CollisionWorld) -> Result<bool, GeometryError> {
+        let Self { scene, planner, tried, seed, .. } = *self;
+        let pieces = object.model.pieces(&object.joint_positions);
+        let query = PickQuery {
+            planner,
+            world,
+            object: PickedObject { name: &object.id, world_from_object: object.pose, pieces: &pieces },
+            goals: &[],
+            arm: &planner.robot().home,
+            settings: self.grasp,
         };
-        let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
-        let Some(place) = places.first() else { return Some(Rejection::NoRoomAtGoal(named())) };
-        after.set_pose(step.object, place.world_from_object, &object.joint_positions);
-        None
-    })
+        let within_reach = |candidates: Vec<Grasp>| query.grasps(candidates.into_iter()).next().is_some();
+        let known = tried.get(index).copied().unwrap_or_default();
+        Ok(within_reach(surroundings::tried_grasps(planner, scene, index, known)?)
+            || within_reach(surroundings::generated_grasps(planner, scene, index, seed.fork("reach"))?))
+    }
 }
 
 /// Joint positions of an object in a state; `None` when the arm cannot move every joint there, one after the other.
@@ -98,13 +112,4 @@ fn turned(object: usize, state: &str, scene: &PosedScene, planner: &Planner) -> 
         scene.set_pose(object, pose, &joints);
     }
     scene.objects().nth(object).map(|posed| posed.joint_positions.clone())
-}
-
-/// Whether the hand, pointing straight down, gets to a point.
-pub fn is_in_reach(planner: &Planner, point: DVec3) -> bool {
-    let down = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(PI) };
-    (0..4).any(|turn| {
-        let world_from_tcp = Pose::from_position_yaw(point, f64::from(turn) * FRAC_PI_4) * down;
-        planner.ik_each(&world_from_tcp, &planner.robot().home).next().is_some()
-    })
 }

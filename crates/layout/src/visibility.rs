@@ -13,8 +13,11 @@ use genmanip_scene::relations::{PosedObject, PosedScene};
 use crate::LayoutSettings;
 use crate::rejection::{NamedObject, Rejection};
 
-/// Cameras of prompt-based systems, which must see the objects.
+/// Cameras of prompt-based systems, which must see the objects; chosen: those of the default cameras that stand still.
 const PROMPT_CAMERAS: [&str; 3] = ["overview", "left", "right"];
+
+/// Height to which what is not to be drawn is sent, metres; chosen, far below every picture.
+const AWAY_M: f64 = -50.0;
 
 /// The reason when some object is too small or too hidden in every prompt camera.
 ///
@@ -31,7 +34,7 @@ pub(crate) fn hidden(
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let cameras: Vec<Camera> =
         Camera::default_rig().into_iter().filter(|camera| PROMPT_CAMERAS.contains(&camera.name.as_str())).collect();
-    let away = Pose::from_position(DVec3::new(0.0, 0.0, -50.0));
+    let away = Pose::from_position(DVec3::Z * AWAY_M);
     // Everything, or one object alone on the table with the robot out of the way.
     let mut ids = |alone: Option<usize>| -> Result<Vec<FrameBuffers>, RenderError> {
         let poses = scene.objects().enumerate().map(|(index, object)| {

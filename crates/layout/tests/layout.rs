@@ -4,7 +4,7 @@
 
 use std::sync::OnceLock;
 
-use genmanip_assets::{AssetError, AssetSource, Catalogue, panda};
+use genmanip_assets::{AssetError, AssetSource, Catalogue, GraspFile, GraspLibrary, panda};
 use genmanip_core::{AssetRef, Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
 use genmanip_layout::{LayoutError, LayoutSettings, Rejection, audit, lay_out, moves};
 use genmanip_motion::{Planner, PlannerSettings};
@@ -36,7 +36,7 @@ fn task(id: &str) -> Task {
 }
 
 fn layout_of(task: &Task, seed: u64) -> Result<Scenario, LayoutError> {
-    lay_out(task, Catalogue::builtin(), planner(), Seed::new(seed), &LayoutSettings::default())
+    lay_out(task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(seed), &LayoutSettings::default())
 }
 
 /// The scenario as relations see it, from nothing but what is in its file.
@@ -151,7 +151,8 @@ fn a_graph_without_room_is_refused_with_the_edges_in_conflict() {
     let nodes: Vec<&str> = ["047"].into_iter().chain(large).collect();
     let task = with_graph(&nodes, large.iter().map(|uid| edge(uid, Relation::Left, "047")).collect());
     let settings = LayoutSettings { max_restarts: 20, ..LayoutSettings::default() };
-    let error = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(1), &settings).unwrap_err();
+    let error =
+        lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(1), &settings).unwrap_err();
     let message = error.to_string();
     let LayoutError::Infeasible { task: id, restarts, rejections, .. } = error else { panic!("{message}") };
     assert_eq!((id.as_str(), restarts), (task.id.as_str(), 20));
@@ -204,7 +205,8 @@ fn infeasible_graphs_name_the_edges_in_conflict() {
     let settings = LayoutSettings { max_restarts: 6, ..LayoutSettings::default() };
     for (name, nodes, edges, expected) in cases {
         let task = with_graph(nodes, edges);
-        let error = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(1), &settings).unwrap_err();
+        let error = lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(1), &settings)
+            .unwrap_err();
         let LayoutError::Infeasible { rejections, furthest, .. } = error else { panic!("{name}: {error}") };
         let named: Vec<String> = rejections.conflicting_edges().iter().map(|(edge, _)| edge.to_string()).collect();
         for wanted in expected {
@@ -221,7 +223,8 @@ fn distractors_mean_nothing_to_the_task_and_spoil_nothing() {
     for id in ["017_pick_and_place", "024_appearance", "016_common_sense"] {
         let task = task(id);
         let settings = LayoutSettings { distractors: 3, ..LayoutSettings::default() };
-        let scenario = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(5), &settings).unwrap();
+        let scenario =
+            lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(5), &settings).unwrap();
         let (known, added) = scenario.objects.split_at(task.scene_graph.nodes.len());
         assert_eq!(added.len(), 3, "{id}");
         for placed in added {
@@ -264,6 +267,27 @@ fn what_is_wrong_with_a_graph_is_named() {
     let error = layout_of(&with_graph(&["101"], vec![]), 1).unwrap_err();
     let LayoutError::UnknownObject(AssetError::UnknownUid { got, near }) = error else { panic!("{error}") };
     assert_eq!((got.as_str(), near.len()), ("101", 1));
+}
+
+/// Grasps of other physics stop the work with the object's name; grasps of another robot are none, and are sampled.
+#[test]
+fn stale_grasps_are_a_defect_and_those_of_another_robot_are_not_used() {
+    let task = task("024_appearance");
+    let lay_out_with = |change: &dyn Fn(&mut GraspFile)| {
+        let mut file = GraspFile::builtin().clone();
+        change(&mut file);
+        let library = GraspLibrary::new([file]);
+        lay_out(&task, Catalogue::builtin(), planner(), &library, Seed::new(1), &LayoutSettings::default())
+    };
+    let known = lay_out_with(&|_| ()).unwrap();
+    let error = lay_out_with(&|file| file.objects.get_mut("047").unwrap().physics_hash = "v2:0".into()).unwrap_err();
+    assert!(error.is_defect() && matches!(error, LayoutError::StaleGrasps(_)), "{error:?}");
+    let message = error.to_string();
+    assert!(message.contains("object 047") && message.contains("genmanip grasps bake"), "{message}");
+    let sampled = lay_out_with(&|file| file.made_by.robot = "another arm".into()).unwrap();
+    let none = lay_out_with(&|file| file.objects.clear()).unwrap();
+    assert_eq!(sampled.to_json(), none.to_json());
+    assert_eq!(known.objects.len(), none.objects.len());
 }
 
 /// The audit measures what it says: a layout that was tampered with is found out.

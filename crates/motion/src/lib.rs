@@ -8,6 +8,7 @@ mod chain;
 mod collision;
 mod depth;
 pub mod description;
+pub mod feasibility;
 pub mod grasp;
 mod ik;
 mod linear;
@@ -27,8 +28,12 @@ pub use collision::{
 };
 pub use depth::{DepthError, DepthImage, DepthSettings};
 pub use description::{DescriptionError, MeshFile, read_robot};
+pub use feasibility::{
+    FeasibilitySettings, FeasibleGrasp, GraspRejection, GraspRejections, HalfTurn, PickMotions, PickQuery,
+    PickedObject, PlaceGoal, PlaceQuery, Release,
+};
 pub use grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
-pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper, ReachSettings, ReachableGrasp};
+pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper};
 pub use ik::{IkSettings, InverseKinematics};
 pub use path::Path;
 pub use plan::{PlanError, PlanSettings, StraightSettings};

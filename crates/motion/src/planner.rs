@@ -10,7 +10,7 @@ use crate::collision::{
 };
 use crate::depth::{self, DepthError, DepthImage, DepthSettings};
 use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
-use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings};
+use crate::grasp::{self, GraspSettings, GraspTarget, Gripper};
 use crate::ik::{IkSettings, InverseKinematics};
 use crate::path::Path;
 use crate::plan::{self, PlanError, PlanSettings, StraightSettings};
@@ -34,8 +34,6 @@ pub struct PlannerSettings {
     pub grasp: GraspSettings,
     /// Grasp candidates from points.
     pub cloud: CloudSettings,
-    /// Grasps that the arm can carry out.
-    pub reach: ReachSettings,
 }
 
 /// What surrounds one motion: the world, what is carried, what may touch, and how far the gripper is open.
@@ -124,6 +122,23 @@ impl Planner {
     /// `None` when a joint would have to move by more than `max_step`.
     pub fn ik_near(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
         self.ik.continue_from(world_from_tcp, previous, max_step)
+    }
+
+    /// Configurations that bring the tcp to one pose after the other, each the nearest to the one before and the first
+    /// the nearest to `from`; `None` when a joint would have to move by more than `max_step` rad between two of them.
+    pub fn follow(
+        &self,
+        from: &[f64],
+        world_from_tcp: impl Iterator<Item = Pose>,
+        max_step: f64,
+    ) -> Option<Vec<Vec<f64>>> {
+        let mut previous = from.to_vec();
+        world_from_tcp
+            .map(|pose| {
+                previous = self.ik_near(&pose, &previous, max_step)?;
+                Some(previous.clone())
+            })
+            .collect()
     }
 
     /// Collision tests at a distance of `padding` metres (0: contact only).

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::{EvaluationReport, StatisticsSettings, reference_paths_m, text_table};
 use genmanip_core::{Document, EpisodeResult, Scenario};
 use genmanip_data::EpisodeStore;
@@ -33,7 +33,7 @@ pub fn evaluate(
     let (folder, run) = RunFolder::open(path)?;
     let store = folder.store()?;
     let planner = inputs::planner(&run.settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let scenarios = recorded_scenarios(&store)?;
     if scenarios.is_empty() {
         return Err(RunError::input(format!("{} has no scenario to evaluate on", path.display()))
@@ -46,7 +46,13 @@ pub fn evaluate(
         let started = Instant::now();
         progress.begin(policy.label(), scenarios.len());
         let make = |stage: &_, recorded: &_| {
-            let episode = PolicyContext { stage, recorded: Some(recorded), planner: &planner, settings: &run.settings };
+            let episode = PolicyContext {
+                stage,
+                recorded: Some(recorded),
+                planner: &planner,
+                grasps: resources.grasps,
+                settings: &run.settings,
+            };
             let unsuited =
                 |error: RunError| RolloutError::Spec { policy: policy.label().into(), reason: error.to_string() };
             policy.make(&episode).map_err(unsuited)

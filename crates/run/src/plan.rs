@@ -1,17 +1,22 @@
 //! One motion of the arm in a scenario: to a grasp, to a point or to joint positions.
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{ObjectModel, PlacedObject, Pose, Seed};
+use genmanip_core::{ObjectModel, Pose, Seed};
 use genmanip_layout::surroundings;
-use genmanip_motion::{Allowed, CollisionWorld, Path, PlanError, Planner, PlanningScene, ReachableGrasp};
+use genmanip_motion::{
+    Allowed, FeasibilitySettings, FeasibleGrasp, HalfTurn, Path, PickQuery, PickedObject, PlanError, Planner,
+    PlanningScene,
+};
 use genmanip_rollout::Stage;
 use serde::Serialize;
 
 use crate::error::RunError;
 use crate::motion_pictures::Drawn;
 
-/// Grasps among which the planner may choose.
-const GRASPS: usize = 12;
+/// Which grasps the planner may choose among: a dozen that are in reach, the hand turned the way that is nearer.
+fn feasibility() -> FeasibilitySettings {
+    FeasibilitySettings { wanted: 12, half_turn: HalfTurn::Nearer, ..FeasibilitySettings::reach_only() }
+}
 
 /// Where the arm shall go, as a person says it.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,8 +79,8 @@ pub struct PlannedMotion {
 enum Goal {
     /// One of these configurations.
     Configurations(Vec<Vec<f64>>),
-    /// The first free grasp.
-    Grasp { object: String, grasps: Vec<ReachableGrasp> },
+    /// The first free grasp of an object, by its index.
+    Grasp { object: usize, grasps: Vec<FeasibleGrasp> },
 }
 
 /// Plans one motion from rest to rest; `clock` says how much processor time has passed, s.
@@ -179,30 +184,24 @@ fn paths(
         }
         Goal::Grasp { object, grasps } => (object, grasps),
     };
-    let mut problem = PlanError::Unreachable { what: format!("no grasp of {object} is free and in reach") };
+    let object = picked_object(stage, *object);
+    let settings = feasibility();
+    let query = PickQuery { planner, world: &world, object, goals: &[], arm: start, settings: &settings };
+    let mut problem = PlanError::Unreachable { what: format!("no grasp of {} is free and in reach", object.name) };
     for grasp in grasps {
-        match to_grasp(grasp, object, &world, planner, start, &free(grasp.opening), seed) {
-            Ok(paths) => return Ok((paths, grasp.opening)),
+        let to_grasp = |approach: Path| Ok(vec![query.reach(grasp, &approach, seed)?, approach]);
+        match query.approach(grasp).and_then(to_grasp) {
+            Ok(paths) => return Ok((paths, grasp.opening_m)),
             Err(error) => problem = error,
         }
     }
     Err(problem)
 }
 
-fn to_grasp(
-    grasp: &ReachableGrasp,
-    object: &str,
-    world: &CollisionWorld,
-    planner: &Planner,
-    start: &[f64],
-    free: &PlanningScene,
-    seed: Seed,
-) -> Result<Vec<Path>, PlanError> {
-    let touching = Allowed::none().and_gripper(planner.robot(), object);
-    let beside = PlanningScene { world, attached: None, allowed: &touching, gripper_width: grasp.opening };
-    let approach = planner.straight(&beside, &grasp.config, &planner.tcp_pose(&grasp.pregrasp))?.reversed();
-    let reach = planner.plan_joint(free, start, &[approach.start().to_vec()], seed)?;
-    Ok(vec![reach, approach])
+/// An object where it is at the start; it is not lifted here, so its pieces are left out.
+fn picked_object(stage: &Stage, index: usize) -> PickedObject<'_> {
+    let placed = &stage.scenario.objects[index];
+    PickedObject { name: &placed.id, world_from_object: placed.pose, pieces: &[] }
 }
 
 /// Joint positions at the control rate, from rest to rest on each path.
@@ -232,13 +231,12 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
     };
     let scene = stage.start();
     let world = surroundings::world(scene, None);
-    let nothing = Allowed::none();
-    let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
+    let settings = feasibility();
+    let object = picked_object(stage, index);
+    let query = PickQuery { planner, world: &world, object, goals: &[], arm: start, settings: &settings };
     let candidates = surroundings::generated_grasps(planner, scene, index, seed)
         .map_err(|error| RunError::broken(format!("grasps of `{wanted}` cannot be sought"), error))?;
-    let (id, pose) = (&scenario_object(stage, index).id, scenario_object(stage, index).pose);
-    let grasps = planner.reachable_grasps(&around, id, &pose, &candidates, start, GRASPS);
-    Ok(Goal::Grasp { object: id.clone(), grasps })
+    Ok(Goal::Grasp { object: index, grasps: query.grasps(candidates.into_iter()).collect() })
 }
 
 /// The tcp at a point, the hand pointing down.
@@ -256,10 +254,6 @@ fn above(position_m: &[f64], yaw_rad: f64, planner: &Planner, start: &[f64]) -> 
             .with_hint("positions are metres in the robot's base frame: x ahead, y to its left, z above the table"));
     }
     Ok(Goal::Configurations(goals))
-}
-
-fn scenario_object(stage: &Stage, index: usize) -> &PlacedObject {
-    &stage.scenario.objects[index]
 }
 
 /// Joint positions as the user gave them.

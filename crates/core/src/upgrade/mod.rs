@@ -3,6 +3,7 @@
 //! What the older version did not say is filled in with what was fixed when it was current, never with today's default;
 //! so every constant here is frozen.
 
+mod feasibility;
 pub mod result;
 pub mod run;
 pub mod scenario;

@@ -9,8 +9,15 @@ use super::contacts::of_link;
 use super::{JointChange, JointContact, JointSettings, Motion};
 use crate::surroundings;
 
-/// Distance between robot and object while it is moved, but for the gap at the contact itself, metres.
+/// Distance between robot and object while it is moved, but for the gap at the contact itself, metres; chosen, since the
+/// hand is meant to be this near.
 const CONTACT_M: f64 = 0.0005;
+
+/// Fewest and most states tested along a joint; chosen: short ways need a middle, long ones must end.
+const STEPS: [usize; 2] = [3, 60];
+
+/// Least distance of a contact from a joint's axis that is reckoned with, metres; chosen, so that nothing is divided by 0.
+const LEAST_LEVER_M: f64 = 1e-3;
 
 /// A contact with an arm that can follow it.
 #[derive(Clone, Debug)]
@@ -116,18 +123,9 @@ impl<'a> Sweeper<'a> {
     /// `None` when the arm cannot follow.
     pub fn follow(&self, sweep: &JointSweep, to: f64, count: usize) -> Option<Vec<Vec<f64>>> {
         let motion = Motion::of(self.object, self.change, sweep.target)?;
-        let mut previous = sweep.config.clone();
-        (1..=count)
-            .map(|step| {
-                let by = (to - self.change.from) * step as f64 / count as f64;
-                previous = self.planner.ik_near(
-                    &tcp_at(&motion, &sweep.contact, by),
-                    &previous,
-                    self.settings.max_arm_step_rad,
-                )?;
-                Some(previous.clone())
-            })
-            .collect()
+        let way = (1..=count)
+            .map(|step| tcp_at(&motion, &sweep.contact, (to - self.change.from) * step as f64 / count as f64));
+        self.planner.follow(&sweep.config, way, self.settings.max_arm_step_rad)
     }
 
     /// Position of the joint to which the hand is sent, a little farther than the joint is to go when it pushes.
@@ -152,7 +150,7 @@ impl<'a> Sweeper<'a> {
     pub fn velocity(&self, sweep: &JointSweep) -> (DVec3, f64) {
         let point = sweep.contact.world_from_tcp.transform_point(sweep.contact.tool_point);
         let velocity = Motion::of(self.object, self.change, sweep.target).map(|motion| motion.velocity(point));
-        velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(1e-3)))
+        velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(LEAST_LEVER_M)))
     }
 
     /// Positions on the way with the world at each, the present one first.
@@ -163,7 +161,7 @@ impl<'a> Sweeper<'a> {
             JointKind::Prismatic => total / self.settings.step_m,
             JointKind::Revolute => (total / self.settings.step_rad).max(total * size / self.settings.step_m / 2.0),
         };
-        let steps = (steps.ceil() as usize).clamp(3, 60);
+        let steps = (steps.ceil() as usize).clamp(STEPS[0], STEPS[1]);
         (0..=steps)
             .map(|step| {
                 let by = (target - self.change.from) * step as f64 / steps as f64;
@@ -222,7 +220,7 @@ fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed, contact: &JointCo
 /// By how much farther than the joint the hand is sent: a push first closes the gap, and presses no more at the end.
 fn beyond(motion: &Motion, contact: &JointContact) -> f64 {
     let (_, lever) = motion.velocity(contact.world_from_tcp.transform_point(contact.tool_point));
-    contact.gap_m / lever.max(1e-3) * motion.sign
+    contact.gap_m / lever.max(LEAST_LEVER_M) * motion.sign
 }
 
 /// Pose of the tcp when the joint has moved `by`.

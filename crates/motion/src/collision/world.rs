@@ -59,6 +59,8 @@ pub struct Attached {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Allowed {
     pairs: Vec<(Part, String)>,
+    /// Obstacles that everything may touch.
+    ignored: Vec<String>,
 }
 
 impl CollisionWorld {
@@ -185,9 +187,17 @@ impl Allowed {
         self.and(Part::Attached, obstacle)
     }
 
+    /// Also lets everything that moves touch an obstacle, as if it were not there.
+    #[must_use]
+    pub fn and_all(mut self, obstacle: &str) -> Self {
+        self.ignored.push(obstacle.to_owned());
+        self
+    }
+
     /// Whether a pair may touch.
     pub fn contains(&self, part: Part, obstacle: &str) -> bool {
-        self.pairs.iter().any(|(other, name)| *other == part && name == obstacle)
+        self.ignored.iter().any(|name| name == obstacle)
+            || self.pairs.iter().any(|(other, name)| *other == part && name == obstacle)
     }
 }
 

@@ -10,7 +10,6 @@ mod assess;
 pub mod cloud;
 mod gripper;
 mod propose;
-mod reach;
 mod solid;
 #[cfg(test)]
 mod tests;
@@ -20,7 +19,6 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use gripper::Gripper;
-pub use reach::ReachableGrasp;
 
 use crate::collision::GeometryError;
 
@@ -80,18 +78,6 @@ pub struct GraspWeights {
     pub downward: f64,
 }
 
-/// How candidates are tried in the scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ReachSettings {
-    /// Length of the straight approach, m.
-    pub approach: f64,
-    /// Distance of the robot from obstacles at grasp and pre-grasp, m.
-    pub padding: f64,
-    /// Arm configurations tried per grasp.
-    pub configurations: usize,
-}
-
 impl Default for GraspSettings {
     fn default() -> Self {
         Self {
@@ -119,12 +105,6 @@ impl Default for GraspSettings {
 impl Default for GraspWeights {
     fn default() -> Self {
         Self { antipodality: 0.25, contact_depth: 0.15, width_margin: 0.1, lever: 0.3, downward: 0.2 }
-    }
-}
-
-impl Default for ReachSettings {
-    fn default() -> Self {
-        Self { approach: 0.08, padding: 0.001, configurations: 6 }
     }
 }
 

@@ -9,6 +9,21 @@ use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, commands, pick::grasp_direction};
 
+/// Peak speed of a smooth start and end, per mean speed: the largest slope of 10t³ − 15t⁴ + 6t⁵.
+const PEAK_SPEED: f64 = 1.875;
+/// Shortest lever with which a joint's speed is reckoned, metres: the hand turns, too, however near the axis it is.
+const SHORTEST_LEVER_M: f64 = 0.1;
+/// Fewest control steps of a joint's way: a third of a second, below which the arm's drives do not follow.
+const LEAST_STEPS: f64 = 20.0;
+/// States of the way between which commands are interpolated; a joint of 2 rad moves by 0.01 rad between them.
+const WAY_STATES: usize = 200;
+/// How often the way is slowed down by half before it is given up; at the end it takes more than seven times as long.
+const SLOWER: usize = 6;
+/// How far a finger that pushed is eased straight back, metres: past the 4 mm by which it may press in (`joint_lag_m`).
+const EASE_M: f64 = 0.006;
+/// Shares of the way out that are tried in each direction: the hand that has no room for all of it takes less.
+const RETREAT_SHARES: [f64; 2] = [1.0, 0.4];
+
 /// A joint under way, from the moment the hand touches the link.
 pub(super) struct Turning {
     /// The contact and what it is for.
@@ -75,13 +90,13 @@ fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turnin
     let to = sweeper.end(sweep);
     let length = (to - sweep.change.from).abs();
     let rate = expert.stage.control_rate_hz();
-    // The smooth start and end take their time: the peak speed is 1.875 times the mean.
-    let mut count = (1.875 * length * lever.max(0.1) / settings.joint_speed * rate).ceil().max(20.0) as usize;
-    for _ in 0..6 {
-        let fine = sweeper.follow(sweep, to, 200)?;
+    let duration_s = PEAK_SPEED * length * lever.max(SHORTEST_LEVER_M) / settings.joint_speed;
+    let mut count = (duration_s * rate).ceil().max(LEAST_STEPS) as usize;
+    let fine = sweeper.follow(sweep, to, WAY_STATES)?;
+    for _ in 0..SLOWER {
         let limits: Vec<f64> =
             expert.stage.robot.arm_joints().map(|joint| joint.max_velocity * settings.careful_speed).collect();
-        let peak = 1.875 * 200.0 / count as f64 * rate;
+        let peak = PEAK_SPEED * WAY_STATES as f64 / count as f64 * rate;
         let slow_enough = std::iter::once(&sweep.config)
             .chain(&fine)
             .zip(&fine)
@@ -90,9 +105,10 @@ fn turn(expert: &Expert, sweeper: &Sweeper, sweep: &JointSweep) -> Option<Turnin
             let commands = (1..=count)
                 .map(|step| {
                     let t = step as f64 / count as f64;
-                    let along = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t) * 200.0;
+                    let along = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t) * WAY_STATES as f64;
                     let (index, share) = (along.floor() as usize, along.fract());
-                    let at = |index: usize| if index == 0 { &sweep.config } else { &fine[(index - 1).min(199)] };
+                    let at =
+                        |index: usize| if index == 0 { &sweep.config } else { &fine[(index - 1).min(WAY_STATES - 1)] };
                     let arm: Vec<f64> = at(index).iter().zip(at(index + 1)).map(|(a, b)| a + (b - a) * share).collect();
                     commands::command(&arm, sweep.contact.hold_width)
                 })
@@ -136,10 +152,11 @@ pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, ar
     let out =
         [-grasp_direction(&tcp), (back - grasp_direction(&tcp)).normalize_or_zero(), back, DVec3::Z, DVec3::NEG_X];
     // A finger that pushed leans on the link: first straight back, then out.
-    let ease = if contact.gap_m > 0.0 { back * 0.006 } else { DVec3::ZERO };
+    let ease = if contact.gap_m > 0.0 { back * EASE_M } else { DVec3::ZERO };
     let eased = Pose { position: tcp.position + ease, ..tcp };
     let start = planner.ik_near(&eased, arm, settings.joint.max_arm_step_rad).unwrap_or_else(|| arm.to_vec());
-    let ways = out.iter().flat_map(|&direction| [1.0, 0.4].map(|share| direction * settings.joint.approach_m * share));
+    let ways =
+        out.iter().flat_map(|&direction| RETREAT_SHARES.map(|share| direction * settings.joint.approach_m * share));
     let retreat = ways
         .into_iter()
         .find_map(|way| planner.straight(&around, &start, &Pose { position: eased.position + way, ..tcp }).ok());

@@ -15,13 +15,14 @@ pub use settings::ExpertSettings;
 
 use std::sync::Arc;
 
+use genmanip_assets::{AssetError, GraspLibrary};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{
     Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
-    Pose, PrivilegedState, Seed,
+    Pose, PrivilegedState, Seed, TriedGrasp,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, surroundings};
-use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
+use genmanip_motion::{Allowed, CollisionWorld, Path, PlaceGoal, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
@@ -30,13 +31,16 @@ use self::joint::Turning;
 use self::pick::Pick;
 use crate::Stage;
 
-/// How fast the opening surely changes, m/s.
-const FINGERS_M_S: f64 = 0.08;
+/// Largest joint step between two states at which room for fingers that open on the way is tested, rad: a test of
+/// convenience, since without room they open before.
+const ROOM_STEP_RAD: f64 = 0.05;
 
 /// Solves tasks from simulator truth; results made with it say `oracle`.
 pub struct Expert {
     stage: Stage,
     planner: Arc<Planner>,
+    /// Per object, its grasps that were tried beforehand.
+    tried: Vec<Vec<TriedGrasp>>,
     settings: ExpertSettings,
     seed: Seed,
     /// Alternatives not yet given up, the current one last.
@@ -76,10 +80,20 @@ struct Hand {
 }
 
 impl Expert {
-    /// An expert for the episodes of one stage.
-    pub fn new(stage: &Stage, planner: &Arc<Planner>, settings: ExpertSettings) -> Self {
+    /// An expert for the episodes of one stage; `grasps` are those that are tried before new ones are sampled.
+    ///
+    /// # Errors
+    /// [`AssetError::StaleGrasps`] when grasps of an object of the stage were tried with other physics.
+    pub fn new(
+        stage: &Stage,
+        planner: &Arc<Planner>,
+        grasps: &GraspLibrary,
+        settings: ExpertSettings,
+    ) -> Result<Self, AssetError> {
         let planner = Arc::clone(planner);
-        Self {
+        let tried = stage.models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
+        Ok(Self {
+            tried: tried.collect::<Result<_, AssetError>>()?,
             planner,
             stage: stage.clone(),
             settings,
@@ -91,7 +105,12 @@ impl Expert {
             phase: Phase::Free,
             upright: Vec::new(),
             last_failure: None,
-        }
+        })
+    }
+
+    /// Grasps of an object that were tried beforehand.
+    fn tried(&self, object: usize) -> &[TriedGrasp] {
+        self.tried.get(object).map_or(&[], Vec::as_slice)
     }
 
     /// Places for an object where every atom of its move would hold.
@@ -113,9 +132,16 @@ impl Expert {
         self.stage.models.get(object).is_some_and(|model| model.is_hollow())
     }
 
-    /// Whether something may be let go of this high above its goal, metres: only into a hollow from far up.
-    fn may_release(&self, goal: &GoalPose, height_m: f64) -> bool {
-        height_m <= self.settings.max_open_release_m || goal.support.is_some_and(|carrier| self.is_hollow(carrier))
+    /// A goal pose as the planner wants it: only into a hollow may things be let go of from far up, and they come in
+    /// over its rim.
+    fn place_goal(&self, scene: &PosedScene, goal: &GoalPose) -> PlaceGoal {
+        let rim = goal.support.and_then(|carrier| scene.bounds(carrier)).map_or(0.0, |bounds| bounds.max.z);
+        let falls_into_hollow = goal.support.is_some_and(|carrier| self.is_hollow(carrier));
+        PlaceGoal {
+            world_from_object: goal.world_from_object,
+            highest_release_m: if falls_into_hollow { f64::INFINITY } else { self.settings.max_open_release_m },
+            clear_height_m: rim + self.settings.rim_clearance_m - goal.bounds.min.z,
+        }
     }
 
     /// Whether every atom of a move holds.
@@ -241,9 +267,9 @@ impl Expert {
         let room = |width: f64| {
             let around = PlanningScene { world, attached: None, allowed: &nothing, gripper_width: width };
             let checker = self.planner.checker(&around, 0.0);
-            path.states(0.05).iter().all(|state| checker.is_free(state))
+            path.states(ROOM_STEP_RAD).iter().all(|state| checker.is_free(state))
         };
-        let steps = ((from - to).abs() / FINGERS_M_S * self.stage.control_rate_hz()).ceil() as usize;
+        let steps = ((from - to).abs() / self.settings.fingers_m_s * self.stage.control_rate_hz()).ceil() as usize;
         let mut commands = Vec::new();
         if steps > 1 && !(room(from) && room(0.5 * (from + to))) {
             commands.extend(commands::fingers(path.start(), from, to, 2 * steps));

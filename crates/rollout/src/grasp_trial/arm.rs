@@ -5,23 +5,37 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, Piece, Pose, RobotModel, Seed, Shape};
-use genmanip_motion::{Allowed, CloudGrasp, CollisionWorld, PlanningScene};
+use genmanip_motion::{
+    Allowed, CloudGrasp, CollisionWorld, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery, PickedObject,
+    PlanningScene,
+};
 use genmanip_sim::{Scene, Sim};
 use rand::RngExt;
 use serde::Serialize;
 
 use super::{GraspTrials, Pick, Table, TrialError, Tried};
 
-/// The straight way in, m.
+/// The straight way in, m: the hand is clear of the thing before it, and no arm posture is lost for it.
 const APPROACH_M: f64 = 0.1;
+/// Height of the lift, m: room for shaking with a thing as long as the hand is wide hanging from it.
 const LIFT_M: f64 = 0.18;
-/// A thing whose centre of mass has risen less at the end is not lifted, m; what is held at one end sags.
+/// A thing whose centre of mass has risen less at the end is not lifted, m; what is held at one end sags by up to half
+/// its length.
 const LIFTED_M: f64 = 0.1;
-/// Control steps of each phase.
+/// Control steps (60 Hz) of each phase: 1.2 s for the approach and 1.4 s for the lift, so that the hand accelerates by
+/// less than 0.6 m/s²; 1.1 s for the fingers, which travel from 8 cm to 0 in 0.8 s and then build up force; 1 s at rest.
 const APPROACH_STEPS: usize = 72;
 const CLOSE_STEPS: usize = 66;
 const LIFT_STEPS: usize = 84;
 const HOLD_STEPS: usize = 60;
+/// Control steps before the fingers move, for the arm to catch up: 0.2 s are several time constants of its drives.
+const REST_STEPS: usize = 12;
+/// How fast the opening changes, m/s: two fingers at 5 cm/s each, as in the Franka Hand's data sheet.
+const FINGERS_M_S: f64 = 0.1;
+/// Control steps per second.
+const RATE_HZ: f64 = 60.0;
+/// Arm configurations tried per grasp: the nearest to home.
+const CONFIGURATIONS: usize = 4;
 /// Shaking: a second of 2 Hz along each axis, up to 4.7 m/s², and a second of 1 Hz about two axes, up to 14 rad/s²,
 /// which is about what the arm's wrist can do.
 const SHAKE_STEPS: usize = 60;
@@ -29,7 +43,8 @@ const SHAKE_PERIODS: f64 = 2.0;
 const SHAKE_M: f64 = 0.03;
 const TURN_PERIODS: f64 = 1.0;
 const TURN_RAD: f64 = 0.35;
-/// Largest joint step between two controls, rad; beyond, the way leads through a singular posture.
+/// Largest joint step between two controls, rad: about three times what a joint can do (2.6 rad/s at 60 Hz are 0.044);
+/// beyond, the way leads through a singular posture.
 const JOINT_STEP: f64 = 0.12;
 
 /// How a trial ended.
@@ -139,48 +154,54 @@ fn neighbours(table: &Table) -> CollisionWorld {
     world
 }
 
-/// Joint motions for a grasp or for its half turn; `None` when the arm cannot.
-fn motion(trials: &GraspTrials, around: &Around, grasp: &Grasp) -> Option<Motion> {
-    let planner = &trials.planner;
-    let home = &planner.robot().home;
-    let nothing = Allowed::none();
-    let wide = planner.gripper().max_width;
-    // The sampler has found room for the hand.
-    let hand = Allowed::none().and_gripper(planner.robot(), SEEN);
-    let checker =
-        |world, allowed| planner.checker(&PlanningScene { world, attached: None, allowed, gripper_width: wide }, 0.0);
-    let (start, arm) = (checker(&around.things, &nothing), checker(&around.seen, &hand));
-    [grasp.clone(), grasp.flipped()].iter().find_map(|grasp| {
-        planner.ik_each(&grasp.pose, home).take(4).find_map(|config| {
-            let back =
-                |distance: f64| Pose { position: grasp.pose.position - grasp.approach() * distance, ..grasp.pose };
-            let mut retreat = follow(
-                trials,
-                &config,
-                (0..=APPROACH_STEPS).map(|step| back(APPROACH_M * eased(step, APPROACH_STEPS))),
-            )?;
-            retreat.reverse();
-            let approach = retreat;
-            if !start.is_free(&approach[0]) || !arm.is_free(&config) {
-                return None;
-            }
-            let raised = |height: f64| Pose { position: grasp.pose.position + DVec3::Z * height, ..grasp.pose };
-            let lift = follow(trials, &config, (1..=LIFT_STEPS).map(|step| raised(LIFT_M * eased(step, LIFT_STEPS))))?;
-            let shake = follow(trials, lift.last()?, shaken(raised(LIFT_M)))?;
-            Some(Motion { approach, lift, shake })
-        })
-    })
+/// What counts as feasible here: the sampler has found room for the hand, so the arm only has to get there.
+fn feasibility(max_width: f64) -> FeasibilitySettings {
+    FeasibilitySettings {
+        wanted: usize::MAX,
+        configurations: CONFIGURATIONS,
+        configurations_kept: CONFIGURATIONS,
+        half_turn: HalfTurn::Both,
+        clearance_m: 0.0,
+        object_clearance_m: None,
+        // The fingers start wide open.
+        finger_room_m: Some(max_width),
+        approach_m: APPROACH_M,
+        tests_pregrasp: false,
+        lift_m: LIFT_M,
+        release_heights_m: Vec::new(),
+        goal_configurations: 0,
+    }
 }
 
-/// Joint positions along poses, without jumps.
-fn follow(trials: &GraspTrials, from: &[f64], poses: impl Iterator<Item = Pose>) -> Option<Vec<Vec<f64>>> {
-    let mut previous = from.to_vec();
-    poses
-        .map(|pose| {
-            previous = trials.planner.ik_near(&pose, &previous, JOINT_STEP)?;
-            Some(previous.clone())
-        })
-        .collect()
+/// Joint motions for a grasp or for its half turn; `None` when the arm cannot.
+fn motion(trials: &GraspTrials, around: &Around, grasp: &Grasp) -> Option<Motion> {
+    let planner = &*trials.planner;
+    let wide = planner.gripper().max_width;
+    let nothing = Allowed::none();
+    let things = PlanningScene { world: &around.things, attached: None, allowed: &nothing, gripper_width: wide };
+    let start = planner.checker(&things, 0.0);
+    let query = PickQuery {
+        planner,
+        world: &around.seen,
+        object: PickedObject { name: SEEN, world_from_object: Pose::IDENTITY, pieces: &[] },
+        goals: &[],
+        arm: &planner.robot().home,
+        settings: &feasibility(wide),
+    };
+    let follow = |from: &[f64], poses: &mut dyn Iterator<Item = Pose>| planner.follow(from, poses, JOINT_STEP);
+    query.grasps(std::iter::once(grasp.clone())).find_map(|FeasibleGrasp { object_from_tcp: grasp, config, .. }| {
+        let back = |distance: f64| Pose { position: grasp.pose.position - grasp.approach() * distance, ..grasp.pose };
+        let mut approach =
+            follow(&config, &mut (0..=APPROACH_STEPS).map(|step| back(APPROACH_M * eased(step, APPROACH_STEPS))))?;
+        approach.reverse();
+        if !start.is_free(&approach[0]) {
+            return None;
+        }
+        let raised = |height: f64| Pose { position: grasp.pose.position + DVec3::Z * height, ..grasp.pose };
+        let lift = follow(&config, &mut (1..=LIFT_STEPS).map(|step| raised(LIFT_M * eased(step, LIFT_STEPS))))?;
+        let shake = follow(lift.last()?, &mut shaken(raised(LIFT_M)))?;
+        Some(Motion { approach, lift, shake })
+    })
 }
 
 /// From 0 to 1 with speed and acceleration 0 at both ends.
@@ -220,8 +241,8 @@ fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) 
         let command: Vec<f32> = arm.iter().chain([&width]).map(|&value| value as f32).collect();
         Ok(sim.control_step(&command)?.grasped)
     };
-    // The fingers start wide open and take the opening first; each travels 5 cm/s.
-    let wait = 12 + ((trials.robot.gripper.max_width - opening) / 0.1 * 60.0).ceil() as usize;
+    // The fingers start wide open and take the opening first.
+    let wait = REST_STEPS + ((trials.robot.gripper.max_width - opening) / FINGERS_M_S * RATE_HZ).ceil() as usize;
     for _ in 0..wait {
         drive(&motion.approach[0], opening, &mut sim)?;
     }
@@ -229,7 +250,7 @@ fn simulate(trials: &GraspTrials, table: &Table, motion: &Motion, opening: f64) 
         drive(arm, opening, &mut sim)?;
     }
     let Some(grasp) = motion.approach.last() else { return Ok((Ending::OutOfReach, 0.0)) };
-    for _ in 0..12 {
+    for _ in 0..REST_STEPS {
         drive(grasp, opening, &mut sim)?;
     }
     for _ in 0..CLOSE_STEPS {

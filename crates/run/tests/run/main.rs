@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use genmanip_core::Seed;
+use genmanip_core::{Document, Seed};
+use genmanip_motion::FeasibilitySettings;
 use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::expert::ExpertSettings;
 use genmanip_run::collect::{Collected, collect};
 use genmanip_run::evaluate::evaluate;
 use genmanip_run::report::gather;
@@ -53,6 +55,24 @@ fn run(episodes: usize) -> Run {
 
 fn collected(folder: &Path, run: &Run, progress: &dyn Progress, stop: &AtomicBool) -> Collected {
     collect(folder, run, 1, progress, stop).unwrap()
+}
+
+/// The planner and the expert knew of grasps apart; today's settings still are what was fixed then.
+#[test]
+fn a_run_of_version_1_opens_with_its_settings_where_they_are_now() {
+    let text = include_str!("../../../cli/testdata/version_1/run/run.json");
+    let run = Run::from_json(text).unwrap();
+    assert_eq!(run.settings.layout.grasp, FeasibilitySettings::reach_only());
+    assert_eq!(run.settings.expert, ExpertSettings::default());
+    let changed = text.replacen("\"padding\": 0.001", "\"padding\": 0.002", 1).replacen(
+        "\"finger_clearance_m\": 0.024",
+        "\"finger_clearance_m\": 0.02",
+        1,
+    );
+    let settings = Run::from_json(&changed).unwrap().settings;
+    assert!((settings.layout.grasp.clearance_m - 0.002).abs() < 1e-12, "{:?}", settings.layout.grasp);
+    assert_eq!(settings.expert.feasibility.finger_room_m, Some(0.02));
+    assert_eq!(Run::from_json(&run.to_json()).unwrap(), run);
 }
 
 /// Told to stop after the first of two attempts, continued, evaluated with an argument, replayed, gathered for the page.

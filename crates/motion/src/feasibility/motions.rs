@@ -1,0 +1,97 @@
+//! The motions of one pick, planned when they are asked for.
+
+use genmanip_core::{Pose, Seed};
+use glam::DVec3;
+
+use super::{FeasibleGrasp, GraspRejection, PickQuery};
+use crate::collision::{Allowed, Attached};
+use crate::path::Path;
+use crate::plan::PlanError;
+use crate::planner::PlanningScene;
+
+/// Largest joint step between states of an approach that are tested against the object, rad: less than half a
+/// millimetre of the fingers' way at the length of the forearm.
+const APPROACH_STEP_RAD: f64 = 0.005;
+
+/// The motions of one pick, in their order; the fingers close after the second.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PickMotions {
+    /// From where the arm is to the start of the approach.
+    pub reach: Path,
+    /// Straight to the grasp.
+    pub approach: Path,
+    /// Straight up with the object.
+    pub lift: Path,
+}
+
+impl PickQuery<'_> {
+    /// All motions with a feasible grasp.
+    ///
+    /// # Errors
+    /// The first of them that cannot be made, and why.
+    pub fn motions(&self, grasp: &FeasibleGrasp, seed: Seed) -> Result<PickMotions, GraspRejection> {
+        let approach = self.approach(grasp).map_err(GraspRejection::NoApproach)?;
+        let reach = self.reach(grasp, &approach, seed).map_err(GraspRejection::NoReach)?;
+        let lift = self.lift(grasp).map_err(GraspRejection::NoLift)?;
+        Ok(PickMotions { reach, approach, lift })
+    }
+
+    /// Straight to the grasp along the fingers.
+    ///
+    /// # Errors
+    /// Why there is no such line.
+    pub fn approach(&self, grasp: &FeasibleGrasp) -> Result<Path, PlanError> {
+        let (planner, settings) = (self.planner, self.settings);
+        let world_from_tcp = planner.tcp_pose(&grasp.config);
+        let back = world_from_tcp.transform_vector(DVec3::Z) * settings.approach_m;
+        let before = Pose { position: world_from_tcp.position - back, ..world_from_tcp };
+        let (nothing, touching) = (Allowed::none(), self.with_gripper_touching());
+        let open = self.empty_hand(&nothing, grasp.opening_m);
+        let beside = PlanningScene { allowed: &touching, ..open };
+        let path = match settings.object_clearance_m {
+            None => planner.straight(&beside, &grasp.config, &before)?,
+            // The object itself is an obstacle too: the open fingers must come in around it.
+            // Wide things leave them less room than motions keep elsewhere, but they are not to be touched either.
+            Some(clearance_m) => planner.straight(&open, &grasp.config, &before).or_else(|problem| {
+                let path = planner.straight(&beside, &grasp.config, &before)?;
+                let exact = planner.checker(&open, clearance_m);
+                if path.states(APPROACH_STEP_RAD).iter().all(|state| exact.is_free(state)) {
+                    Ok(path)
+                } else {
+                    Err(problem)
+                }
+            })?,
+        };
+        Ok(path.reversed())
+    }
+
+    /// From where the arm is to the start of an approach, the object being an obstacle like any other.
+    ///
+    /// # Errors
+    /// Why there is no such motion.
+    pub fn reach(&self, grasp: &FeasibleGrasp, approach: &Path, seed: Seed) -> Result<Path, PlanError> {
+        let nothing = Allowed::none();
+        let open = self.empty_hand(&nothing, grasp.opening_m);
+        self.planner.plan_joint(&open, self.arm, &[approach.start().to_vec()], seed)
+    }
+
+    /// Straight up with the object in the hand.
+    ///
+    /// # Errors
+    /// Why there is no such line.
+    pub fn lift(&self, grasp: &FeasibleGrasp) -> Result<Path, PlanError> {
+        let held = &grasp.object_from_tcp;
+        let world_from_tcp = self.planner.tcp_pose(&grasp.config);
+        let lifted = Pose { position: world_from_tcp.position + DVec3::Z * self.settings.lift_m, ..world_from_tcp };
+        let attached = Attached::new(self.object.name, self.object.pieces, &held.pose.inverse())
+            .map_err(|error| PlanError::Unreachable { what: error.to_string() })?;
+        let allowed = self.without_object();
+        let holding = PlanningScene {
+            world: self.world,
+            attached: Some(&attached),
+            allowed: &allowed,
+            gripper_width: held.width,
+        };
+        self.planner.straight(&holding, &grasp.config, &lifted)
+    }
+}
