@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::{AssetError, AssetSource};
-use genmanip_core::{Goal, ObjectModel, ObjectState, RobotModel, Scenario};
+use genmanip_core::{Goal, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError, SimSettings};
 
@@ -24,6 +24,8 @@ pub struct Stage {
     pub scene: Arc<Scene>,
     /// How relations are judged.
     pub relations: RelationSettings,
+    /// What people call its objects.
+    names: Vec<String>,
     /// The scene at the start as relations see it; its shapes are shared by all later ones.
     posed: PosedScene,
 }
@@ -145,7 +147,12 @@ impl Stage {
         let posed = PosedScene::new(posed.collect(), &mut ShapeCache::default());
         let relations = RelationSettings::default();
         let goal = Arc::new(scenario.task.judged_goal().into_owned());
-        Ok(Self { goal, scenario, models, robot: Arc::clone(robot), scene, relations, posed })
+        let name = |(placed, model): (&PlacedObject, &Arc<ObjectModel>)| match placed.id == model.card.uid {
+            true => model.card.name.clone(),
+            false => scenario.task.name_of(&placed.id),
+        };
+        let names = scenario.objects.iter().zip(&models).map(name).collect();
+        Ok(Self { goal, names, scenario, models, robot: Arc::clone(robot), scene, relations, posed })
     }
 
     /// The scene at the start, as relations see it.
@@ -180,6 +187,6 @@ impl Stage {
 
     /// Name of an object for people.
     pub fn name(&self, object: usize) -> &str {
-        self.models.get(object).map_or("?", |model| &model.card.name)
+        self.names.get(object).map_or("?", String::as_str)
     }
 }

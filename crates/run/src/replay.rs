@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::{AssetSource, Catalogue, panda};
 use genmanip_core::Episode;
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::{Stage, replay};
@@ -59,6 +59,10 @@ pub fn check(
         let stage = Stage::open(scenario, Catalogue::builtin(), &robot, &SimSettings::default()).map_err(|error| {
             failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
         })?;
+        let changed = Catalogue::builtin().changed_looks(&episode.scenario.objects).unwrap_or_default();
+        if !changed.is_empty() {
+            progress.note(&format!("{id}: {} looks otherwise than when it was recorded", changed.join(", ")));
+        }
         if let Some(path) = strip {
             let path = if ids.len() == 1 { path.to_owned() } else { numbered(path, id) };
             inputs::write_file(&path, &pictures::film_strip(&stage, &episode, STRIP_FRAMES)?)?;
