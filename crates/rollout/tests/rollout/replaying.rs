@@ -7,7 +7,6 @@ use genmanip_core::Seed;
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::policies::OpenLoopReplay;
 use genmanip_rollout::{RolloutSettings, Stage, replay, run_episode};
-use genmanip_sim::SimSettings;
 
 use crate::{episodes, planner, stage};
 
@@ -37,8 +36,8 @@ fn episodes_of_version_1_open_and_replay() {
         assert!(check.identical || check.largest_difference < 1e-3, "{id}: {check:?}");
         let mut changed = episode.scenario.clone();
         changed.objects[0].physics_hash = "v1:000000000000".into();
-        let (robot, sim) = (planner().robot(), SimSettings::default());
-        let refused = Stage::open(Arc::new(changed), Catalogue::builtin(), robot, &sim).err().unwrap().to_string();
+        let opened = Stage::open(Arc::new(changed), Catalogue::builtin(), planner().robot());
+        let refused = opened.err().unwrap().to_string();
         assert!(refused.contains("physics hash") && refused.contains(&episode.scenario.objects[0].id), "{refused}");
     }
 }
