@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::{AssetError, AssetSource};
-use genmanip_core::{Goal, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario};
+use genmanip_core::{Goal, InterchangeError, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError};
 
@@ -36,6 +36,9 @@ pub enum RolloutError {
     /// An object is unknown or its physics have changed.
     #[error(transparent)]
     Asset(#[from] AssetError),
+    /// The task's groups of interchangeable copies make no sense.
+    #[error(transparent)]
+    Interchangeable(#[from] InterchangeError),
     /// The simulation refused or blew up.
     #[error(transparent)]
     Sim(#[from] SimError),
@@ -132,6 +135,7 @@ impl Stage {
         });
         let posed = PosedScene::new(posed.collect(), &scenario.world.surfaces, &mut ShapeCache::default());
         let relations = scenario.world.relations;
+        scenario.task.check_interchangeable()?;
         let goal = Arc::new(scenario.task.judged_goal().into_owned());
         let name = |(placed, model): (&PlacedObject, &Arc<ObjectModel>)| match placed.id == model.card.uid {
             true => model.card.name.clone(),
