@@ -6,9 +6,9 @@ use genmanip_assets::Catalogue;
 use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};
 use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
 use genmanip_core::glam::DVec2;
-use genmanip_core::{Atom, Episode, PlacedObject, Scenario, Task, Workspace};
+use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scenario, Task, Workspace};
 use genmanip_layout::LayoutError;
-use genmanip_render::{Channels, FrameBuffers, encode};
+use genmanip_render::encode;
 use genmanip_rollout::{Stage, images::Painter};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
 
@@ -18,7 +18,7 @@ use crate::error::Failed;
 pub fn stills(stage: &Stage, episode: &Episode, count: usize, width: u32) -> Result<Vec<Vec<u8>>, Failed> {
     paint(stage, episode, count, width)?
         .iter()
-        .map(|picture| jpeg(&episode.result.id, picture.width, picture.height, &picture.rgb))
+        .map(|picture| jpeg(&episode.result.id, picture.width(), picture.height(), &picture.rgb))
         .collect()
 }
 
@@ -27,7 +27,7 @@ fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, F
         .map_err(|error| Failed::because(format!("cannot encode a picture of {episode}"), &error))
 }
 
-fn paint(stage: &Stage, episode: &Episode, count: usize, width: u32) -> Result<Vec<FrameBuffers>, Failed> {
+fn paint(stage: &Stage, episode: &Episode, count: usize, width: u32) -> Result<Vec<RgbdImage>, Failed> {
     let failed = |error: &dyn std::error::Error| Failed::because(format!("cannot draw {}", episode.result.id), error);
     let camera = episode
         .scenario
@@ -43,18 +43,18 @@ fn paint(stage: &Stage, episode: &Episode, count: usize, width: u32) -> Result<V
     let last = episode.frames.len().saturating_sub(1);
     (0..count)
         .filter_map(|index| episode.frames.get(last * index / count.saturating_sub(1).max(1)))
-        .map(|frame| painter.paint(frame, &camera, Channels::RGB).map_err(|error| failed(&error)))
+        .map(|frame| painter.paint(frame, &camera, ImageChannels::RGB).map_err(|error| failed(&error)))
         .collect()
 }
 
 /// `count` moments beside each other as one JPEG.
 pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<u8>, Failed> {
     let pictures = paint(stage, episode, count, 384)?;
-    let (width, height) = pictures.first().map_or((0, 0), |picture| (picture.width, picture.height));
+    let (width, height) = pictures.first().map_or((0, 0), |picture| (picture.width(), picture.height()));
     let mut rgb = Vec::with_capacity((width * height) as usize * 3 * pictures.len());
     for row in 0..height as usize {
         for picture in &pictures {
-            let bytes = picture.width as usize * 3;
+            let bytes = picture.width() as usize * 3;
             rgb.extend_from_slice(&picture.rgb[row * bytes..(row + 1) * bytes]);
         }
     }

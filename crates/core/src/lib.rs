@@ -22,6 +22,7 @@ pub mod document;
 pub mod episode;
 pub mod geometry;
 pub mod grasp;
+pub mod image;
 pub mod mesh;
 pub mod object;
 pub mod policy;
@@ -43,10 +44,11 @@ pub use episode::{
 };
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
+pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
 pub use policy::{
-    ActionChunk, ActionSpace, ActionSpec, CameraImage, EpisodeStart, Observation, Policy, PolicyError, PolicySpec,
+    ActionChunk, ActionSpace, ActionSpec, EpisodeStart, Observation, Policy, PolicyError, PolicySpec,
     PrivilegedState,
 };
 pub use pose::Pose;

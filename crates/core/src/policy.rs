@@ -6,7 +6,7 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, ObjectState, Pose, Scenario, Seed};
+use crate::{Camera, CameraRequest, ObjectState, RgbdImage, Scenario, Seed};
 
 /// Anything that controls the robot. Synchronous; one instance per episode in flight.
 pub trait Policy: Send {
@@ -31,8 +31,8 @@ pub trait Policy: Send {
 pub struct PolicySpec {
     /// Name in results, e.g. `expert`.
     pub name: String,
-    /// Cameras that must be rendered for each observation.
-    pub cameras: Vec<String>,
+    /// Images that must be rendered for each observation.
+    pub cameras: Vec<CameraRequest>,
     /// Entries of `Observation::state` that must be present.
     pub state_keys: Vec<String>,
     /// What the numbers in an action mean.
@@ -94,7 +94,7 @@ pub struct EpisodeStart {
     pub instruction: String,
     /// Stream for the policy's own chance.
     pub seed: Seed,
-    /// The cameras the policy asked for.
+    /// The cameras the policy asked for, at the sizes it asked for.
     pub cameras: Vec<Camera>,
     /// The whole scenario, for privileged policies only.
     pub scenario: Option<Arc<Scenario>>,
@@ -107,23 +107,10 @@ pub struct Observation {
     pub time_s: f64,
     /// Named state vectors; `observation.state` = arm joint positions and gripper width.
     pub state: BTreeMap<String, Vec<f64>>,
-    /// Pictures by camera name.
-    pub images: BTreeMap<String, CameraImage>,
+    /// Images of the cameras asked for, by name.
+    pub images: BTreeMap<String, RgbdImage>,
     /// Simulator truth, for privileged policies only.
     pub privileged: Option<PrivilegedState>,
-}
-
-/// One camera's picture with what is needed to place it in space.
-#[derive(Clone, Debug)]
-pub struct CameraImage {
-    /// The camera.
-    pub camera: Camera,
-    /// Where it was.
-    pub world_from_camera: Pose,
-    /// 8-bit sRGB, row by row.
-    pub rgb: Vec<u8>,
-    /// Depth along the optical axis, metres; 0 where nothing was hit.
-    pub depth_m: Vec<f32>,
 }
 
 /// Simulator truth.

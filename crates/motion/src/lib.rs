@@ -25,7 +25,7 @@ pub use collision::{
     Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, SurfaceError, World,
     triangulate,
 };
-pub use depth::{DepthError, DepthImage, DepthSettings};
+pub use depth::{DepthError, DepthSettings};
 pub use description::{DescriptionError, MeshFile, read_robot};
 pub use grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper, ReachSettings, ReachableGrasp};

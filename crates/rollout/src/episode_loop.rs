@@ -33,7 +33,7 @@ pub fn run_episode(
     let start = EpisodeStart {
         instruction: stage.scenario.task.instruction.clone(),
         seed: seed.fork("policy"),
-        cameras: stage.scenario.cameras.iter().filter(|c| spec.cameras.contains(&c.name)).cloned().collect(),
+        cameras: spec.cameras.iter().map(|request| stage.camera(request)).collect::<Result<_, _>>()?,
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
     let (ending, word) = match policy.reset(&start) {
@@ -55,7 +55,7 @@ fn drive(
         if left == 0 {
             return Ok((Ending::Horizon, None));
         }
-        let mut observation = environment.observe()?;
+        let mut observation = environment.observe(&spec.cameras)?;
         if spec.privileged {
             observation.privileged = Some(environment.truth()?);
         }
@@ -100,12 +100,19 @@ fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
     if let Some(key) = spec.state_keys.iter().find(|key| *key != "observation.state") {
         return refuse(format!("unknown state key `{key}`, there is `observation.state`"));
     }
-    if let Some(camera) = spec.cameras.first() {
-        let known = stage.scenario.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
-        return refuse(format!(
-            "camera `{camera}` would have to be rendered in the loop, which comes with learned policies; the \
-             scenario's cameras are {known}"
-        ));
+    for (index, request) in spec.cameras.iter().enumerate() {
+        if let Err(error) = stage.camera(request) {
+            return refuse(error.to_string());
+        }
+        if spec.cameras[..index].iter().any(|other| other.name == request.name) {
+            return refuse(format!("camera `{}` is asked for twice", request.name));
+        }
+        if request.channels.ids && !spec.privileged {
+            return refuse(format!(
+                "camera `{}` is asked for instance ids, which are simulator truth: expected a privileged policy",
+                request.name
+            ));
+        }
     }
     Ok(repeat as usize)
 }

@@ -184,7 +184,9 @@ pub fn attach_pictures(store: &EpisodeStore, number: usize, frames: usize, fps: 
             for row in 0..frames.div_ceil(60 / fps as usize) {
                 let (rgb, depth_m) = picture(number, index, row);
                 let hand = Pose::from_position(DVec3::new(0.4, 0.01 * row as f64, 0.5));
-                recorder.push(camera.world_from_camera(&hand), &rgb, Some(&depth_m)).unwrap();
+                let place = camera.world_from_camera(&hand);
+                let image = RgbdImage { rgb, ..RgbdImage::of_depth(camera.intrinsics, place, depth_m) };
+                recorder.push(&image).unwrap();
             }
             recorder.finish().unwrap()
         })

@@ -1,7 +1,7 @@
 //! The loop against policies that stand still, break, ask for too much or never end.
 
 use genmanip_core::{
-    ActionChunk, ActionSpace, ActionSpec, Ending, Episode, EpisodeStart, FailureCause, Observation, Policy,
+    ActionChunk, ActionSpace, CameraRequest, ImageChannels, ActionSpec, Ending, Episode, EpisodeStart, FailureCause, Observation, Policy,
     PolicyError, PolicySpec, Seed,
 };
 use genmanip_rollout::policies::DoNothing;
@@ -83,11 +83,19 @@ fn doing_nothing_solves_nothing() {
     }
 }
 
+fn rgb(camera: &str) -> CameraRequest {
+    CameraRequest::new(camera, ImageChannels::RGB)
+}
+
+fn ids(camera: &str) -> CameraRequest {
+    CameraRequest::new(camera, ImageChannels { ids: true, ..ImageChannels::RGBD })
+}
+
 /// What the loop cannot serve is refused before anything moves, in words that help.
 #[test]
 fn a_spec_that_cannot_be_served_is_refused() {
     type Change = fn(&mut PolicySpec);
-    let cases: [(Change, &str); 9] = [
+    let cases: [(Change, &str); 12] = [
         (|spec| spec.rate_hz = 7.0, "rate 7 Hz does not divide the control rate of 60 Hz"),
         (|spec| spec.rate_hz = 120.0, "rate 120 Hz"),
         (|spec| spec.rate_hz = 0.0, "rate 0 Hz"),
@@ -96,7 +104,10 @@ fn a_spec_that_cannot_be_served_is_refused() {
         (|spec| spec.action.space = ActionSpace::EePose, "absolute joint positions"),
         (|spec| spec.action.gripper = "open_01".into(), "gripper width in metres"),
         (|spec| spec.state_keys = vec!["observation.force".into()], "unknown state key `observation.force`"),
-        (|spec| spec.cameras = vec!["wrist".into()], "camera `wrist`"),
+        (|spec| spec.cameras = vec![rgb("ceiling")], "no camera `ceiling`, its cameras are overview, left, right, static"),
+        (|spec| spec.cameras = vec![rgb("wrist"), rgb("static"), rgb("wrist")], "camera `wrist` is asked for twice"),
+        (|spec| spec.cameras = vec![rgb("wrist").sized(0, 64)], "0 x 64 pixels"),
+        (|spec| spec.cameras = vec![ids("wrist")], "instance ids, which are simulator truth"),
     ];
     for (change, wanted) in cases {
         let mut policy = Scripted::new(|_| unreachable!("a refused policy is never asked"));
