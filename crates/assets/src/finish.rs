@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use genmanip_core::{Material, Seed};
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
+use crate::color::Color;
 use crate::paint::{Canvas, Paint};
 
 /// How a surface looks.
@@ -36,10 +37,6 @@ pub struct Finish {
     pub pixels: [u32; 2],
 }
 
-/// An sRGB colour, written `#rrggbb`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Color(pub [f32; 3]);
-
 /// Metallic share of worn, fingerprinted metal; a perfect mirror would show nothing of itself in an empty room.
 const HOUSEHOLD_METAL: f32 = 0.7;
 
@@ -62,16 +59,6 @@ impl Finish {
             thin_walled: self.opacity < 1.0,
             texture,
         }
-    }
-}
-
-impl<'de> Deserialize<'de> for Color {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let text = String::deserialize(deserializer)?;
-        let wrong = || serde::de::Error::custom(format!("expected a colour #rrggbb, got \"{text}\""));
-        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6).ok_or_else(wrong)?;
-        let value = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
-        Ok(Self([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0)))
     }
 }
 

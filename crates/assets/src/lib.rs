@@ -19,10 +19,12 @@
 //! ```
 
 mod catalogue;
+mod color;
 mod error;
 mod finish;
 mod grasps;
 mod handle;
+mod link_builder;
 mod paint;
 mod parts;
 mod recipe;

@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 use rand::RngExt;
 use serde::Deserialize;
 
-use crate::finish::Color;
+use crate::color::Color;
 
 /// One layer of a picture.
 #[derive(Clone, Debug, Deserialize)]

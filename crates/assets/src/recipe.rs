@@ -1,13 +1,10 @@
 //! Recipes: of which parts an object is made and how they move, as data.
 
-use genmanip_core::{
-    Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, VisualPart,
-};
+use genmanip_core::{Joint, JointKind, JointState, ObjectCard, ObjectLink, ObjectModel, Pose, Seed};
 use glam::DVec3;
 use serde::Deserialize;
 
-use crate::parts::Part;
-use crate::solid::{Moments, Solid};
+use crate::parts::{Part, assemble};
 
 /// Version of the physics that recipes and parts give; grows when pieces or inertia of any object change.
 pub const GENERATOR_VERSION: u32 = 2;
@@ -83,21 +80,10 @@ pub struct StateRecipe {
     pub joints: Vec<[f64; 3]>,
 }
 
-/// What parts leave behind while a link is put together.
-#[derive(Debug, Default)]
-pub struct Draft {
-    /// Surfaces to draw.
-    pub visual: Vec<VisualPart>,
-    /// Collision bodies with their moments.
-    pub solids: Vec<Solid>,
-    /// Where something counts as in the link.
-    pub cavity: Vec<Piece>,
-}
-
 impl Recipe {
     /// The object: the mass of the card less that of the links spread evenly over the body's parts.
     pub fn build(&self, card: &ObjectCard, seed: Seed) -> ObjectModel {
-        let body = Draft::of(&self.parts, seed.fork("part"));
+        let body = assemble(&self.parts, seed.fork("part"));
         let body_mass = card.mass_kg - self.links.iter().map(|link| link.mass_kg).sum::<f64>();
         let mut links = vec![body.into_link(ROOT, body_mass, None)];
         links.extend(self.links.iter().map(|link| link.build(seed.fork(&link.name))));
@@ -147,9 +133,9 @@ impl Recipe {
 
 impl LinkRecipe {
     fn build(&self, seed: Seed) -> ObjectLink {
-        let mut draft = Draft::of(&self.parts, seed);
-        draft.shift(-self.joint.at);
-        draft.into_link(&self.name, self.mass_kg, Some(self.joint.joint(&self.name)))
+        let mut link = assemble(&self.parts, seed);
+        link.shift(-self.joint.at);
+        link.into_link(&self.name, self.mass_kg, Some(self.joint.joint(&self.name)))
     }
 }
 
@@ -168,44 +154,4 @@ impl JointRecipe {
             spring_reference: self.spring_reference,
         }
     }
-}
-
-impl Draft {
-    fn of(parts: &[Part], seed: Seed) -> Self {
-        let mut draft = Self::default();
-        for (index, part) in parts.iter().enumerate() {
-            part.add_to(&mut draft, seed.fork_index(index as u64));
-        }
-        draft
-    }
-
-    fn shift(&mut self, by: DVec3) {
-        for part in &mut self.visual {
-            part.link_from_part.position += by;
-        }
-        for solid in &mut self.solids {
-            solid.piece.link_from_piece.position += by;
-            solid.moments.center += by;
-        }
-        for piece in &mut self.cavity {
-            piece.link_from_piece.position += by;
-        }
-    }
-
-    fn into_link(self, name: &str, mass_kg: f64, joint: Option<Joint>) -> ObjectLink {
-        ObjectLink {
-            name: name.to_owned(),
-            joint,
-            mass: mass_of(&self.solids, mass_kg),
-            visual: self.visual,
-            pieces: self.solids.into_iter().map(|solid| solid.piece).collect(),
-            cavity: self.cavity,
-        }
-    }
-}
-
-/// Matter of uniform density in all solids.
-fn mass_of(solids: &[Solid], mass_kg: f64) -> MassProperties {
-    let moments: Vec<Moments> = solids.iter().map(|solid| solid.moments).collect();
-    Moments::sum(&moments).with_mass(mass_kg)
 }

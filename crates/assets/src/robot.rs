@@ -8,8 +8,7 @@ use serde::Deserialize;
 
 use crate::AssetError;
 use crate::catalogue::{check_parts, read};
-use crate::parts::Part;
-use crate::recipe::Draft;
+use crate::parts::{Part, assemble};
 
 /// The Franka Emika Panda with its parallel hand; the same `Arc` every time.
 ///
@@ -116,10 +115,7 @@ struct JointData {
 
 impl LinkData {
     fn build(self, index: usize) -> RobotLink {
-        let mut draft = Draft::default();
-        for (part_index, part) in self.parts.iter().enumerate() {
-            part.add_to(&mut draft, Seed::new(index as u64).fork_index(part_index as u64));
-        }
+        let link = assemble(&self.parts, Seed::new(index as u64));
         let [roll, pitch, yaw] = self.rpy_deg.map(f64::to_radians);
         let turn = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
@@ -129,8 +125,8 @@ impl LinkData {
             parent: self.parent,
             parent_from_link: Pose::new(self.position, turn),
             joint: self.joint.map(JointData::build),
-            visual: draft.visual,
-            pieces: draft.solids.into_iter().map(|solid| solid.piece).collect(),
+            visual: link.visual,
+            pieces: link.solids.into_iter().map(|solid| solid.piece).collect(),
             mass: MassProperties { mass_kg: self.mass_kg, center: self.center, inertia },
         }
     }

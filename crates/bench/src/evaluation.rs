@@ -28,6 +28,8 @@ pub struct EvaluationReport {
     pub summary: SuiteSummary,
     /// Kind of each task, by its id.
     pub kinds: BTreeMap<String, TaskKind>,
+    /// Way of the tool that a good solution needs, by scenario id, m: see [`reference_paths_m`].
+    pub reference_paths_m: BTreeMap<String, f64>,
     /// One per episode, ordered by scenario, seed and id.
     pub results: Vec<EpisodeResult>,
     /// Episodes that are still to be run, since the policy could not be reached; ordered by id, counted nowhere.
@@ -66,20 +68,13 @@ pub enum EvaluationError {
         /// Name of the suite.
         suite: String,
     },
-    /// Parts of different evaluations.
-    #[error("cannot merge: expected {what} {expected}, got {got}")]
-    DifferentParts {
-        /// What differs.
-        what: &'static str,
-        /// In the first part.
-        expected: String,
-        /// In another part.
-        got: String,
-    },
     /// The results cannot be summarised.
     #[error(transparent)]
     Statistics(#[from] StatisticsError),
 }
+
+/// Name of the policy that collects demonstrations, whose verified ways are the references.
+const EXPERT: &str = "expert";
 
 /// Identity of a suite: the first twelve hexadecimal digits of the hash of its scenarios' files in order.
 pub fn suite_hash(scenarios: &[Scenario]) -> String {
@@ -91,17 +86,29 @@ pub fn suite_hash(scenarios: &[Scenario]) -> String {
     hasher.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// The shortest verified way of the expert's tool per scenario, m, from the results of collected episodes.
+///
+/// A scenario that the expert did not solve has none.
+pub fn reference_paths_m<'a>(collected: impl IntoIterator<Item = &'a EpisodeResult>) -> BTreeMap<String, f64> {
+    let mut shortest: BTreeMap<String, f64> = BTreeMap::new();
+    for result in collected.into_iter().filter(|result| result.policy == EXPERT && result.success) {
+        let path_m = result.tcp_path_m;
+        shortest.entry(result.scenario_id.clone()).and_modify(|known| *known = known.min(path_m)).or_insert(path_m);
+    }
+    shortest
+}
+
 impl EvaluationReport {
     /// Summarises the results of one policy on the scenarios of a suite, in any order.
     ///
-    /// `reference_paths_m` as in [`summarise`]; may be empty.
+    /// `reference_paths_m` as in [`summarise`], usually from [`reference_paths_m`]; may be empty.
     ///
     /// # Errors
     /// No result, several policies, an episode twice, or a scenario from elsewhere.
     pub fn new(
         suite: &str,
         scenarios: &[Scenario],
-        results: Vec<EpisodeResult>,
+        mut results: Vec<EpisodeResult>,
         reference_paths_m: &BTreeMap<String, f64>,
         statistics: &StatisticsSettings,
     ) -> Result<Self, EvaluationError> {
@@ -113,51 +120,6 @@ impl EvaluationReport {
                 suite: suite.into(),
             });
         }
-        Self::from_parts(suite, suite_hash(scenarios), kinds, results, reference_paths_m, statistics)
-    }
-
-    /// One report from those of several shards of the same evaluation, in any order.
-    ///
-    /// `reference_paths_m` as in [`summarise`]; may be empty.
-    ///
-    /// # Errors
-    /// Nothing to merge, parts of different suites, policies or settings, or an episode twice.
-    pub fn merge(parts: Vec<Self>, reference_paths_m: &BTreeMap<String, f64>) -> Result<Self, EvaluationError> {
-        let mut parts = parts.into_iter();
-        let mut whole = parts.next().ok_or(EvaluationError::NoResults)?;
-        for part in parts {
-            for (what, expected, got) in [
-                ("suite hash", &whole.suite_hash, &part.suite_hash),
-                ("version", &whole.genmanip_version, &part.genmanip_version),
-            ] {
-                if expected != got {
-                    return Err(EvaluationError::DifferentParts { what, expected: expected.clone(), got: got.clone() });
-                }
-            }
-            whole.results.extend(part.results);
-            whole.not_run.extend(part.not_run);
-            whole.kinds.extend(part.kinds);
-        }
-        let Self { suite, suite_hash, kinds, results, not_run, statistics, .. } = whole;
-        let whole = Self::from_parts(&suite, suite_hash, kinds, results, reference_paths_m, &statistics)?;
-        Ok(whole.leaving(not_run))
-    }
-
-    /// The same report, telling also which episodes are still to be run.
-    #[must_use]
-    pub fn leaving(self, mut not_run: Vec<NotRun>) -> Self {
-        not_run.sort_by(|a, b| a.id.cmp(&b.id));
-        Self { not_run, ..self }
-    }
-
-    fn from_parts(
-        suite: &str,
-        suite_hash: String,
-        kinds: BTreeMap<String, TaskKind>,
-        mut results: Vec<EpisodeResult>,
-        reference_paths_m: &BTreeMap<String, f64>,
-        statistics: &StatisticsSettings,
-    ) -> Result<Self, EvaluationError> {
         results.sort_by(|a, b| (&a.scenario_id, a.seed, &a.id).cmp(&(&b.scenario_id, b.seed, &b.id)));
         let first = results.first().ok_or(EvaluationError::NoResults)?;
         let (policy, genmanip_version) = (first.policy.clone(), first.genmanip_version.clone());
@@ -171,19 +133,30 @@ impl EvaluationReport {
             let (scenario, seed) = (pair[0].scenario_id.clone(), pair[0].seed);
             return Err(StatisticsError::RepeatedEpisode { policy, scenario, seed }.into());
         }
-        let summary = summarise(&results, &kinds, reference_paths_m, statistics)?;
+        let is_ours = |id: &str| scenarios.iter().any(|scenario| scenario.id == id);
+        let references = reference_paths_m.iter().filter(|(id, _)| is_ours(id));
+        let reference_paths_m = references.map(|(id, &path_m)| (id.clone(), path_m)).collect();
+        let summary = summarise(&results, &kinds, &reference_paths_m, statistics)?;
         let summary = summary.into_iter().next().ok_or(EvaluationError::NoResults)?;
         Ok(Self {
             suite: suite.into(),
-            suite_hash,
+            suite_hash: suite_hash(scenarios),
             policy,
             oracle: summary.oracle,
             genmanip_version,
             statistics: statistics.clone(),
             summary,
             kinds,
+            reference_paths_m,
             results,
             not_run: Vec::new(),
         })
+    }
+
+    /// The same report, telling also which episodes are still to be run.
+    #[must_use]
+    pub fn leaving(self, mut not_run: Vec<NotRun>) -> Self {
+        not_run.sort_by(|a, b| a.id.cmp(&b.id));
+        Self { not_run, ..self }
     }
 }

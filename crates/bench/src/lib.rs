@@ -6,18 +6,21 @@
 //! - [`statistics`]: rates and means with confidence intervals, summaries per policy, paired comparisons.
 //! - [`evaluation`]: the results of one policy on one suite as a versioned file.
 //! - [`report`]: one self-contained HTML page.
+//! - [`text_table`]: a table for people who read a terminal.
 
 pub mod drawing;
 pub mod evaluation;
 mod markup;
 pub mod report;
 pub mod statistics;
+mod text_table;
 
 pub use drawing::{
     DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg, graph_svg, layout_svg,
 };
-pub use evaluation::{EvaluationError, EvaluationReport, suite_hash};
+pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
 pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
 pub use statistics::{
     PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,
 };
+pub use text_table::text_table;

@@ -113,7 +113,6 @@ fn hostile_text_stays_text() {
     let atom = &mut shown.verdict.alternatives[0][0];
     atom.explanation = hostile.into();
     atom.measurements[0].quantity = hostile.into();
-    atom.measurements[0].unit = hostile.into();
     atom.measurements[1].value = f64::NAN;
 
     let page = report_html(&input, &ReportSettings::default()).unwrap();
@@ -173,7 +172,7 @@ fn scenario(task: &Task, number: u64) -> Scenario {
 }
 
 #[test]
-fn an_evaluation_survives_its_file_and_equals_the_merge_of_its_shards() {
+fn an_evaluation_survives_its_file_and_refuses_what_does_not_belong_to_it() {
     let tasks = support::tasks();
     let scenarios: Vec<Scenario> = tasks.iter().flat_map(|task| (0..3).map(|number| scenario(task, number))).collect();
     let results: Vec<EpisodeResult> = tasks
@@ -189,9 +188,6 @@ fn an_evaluation_survives_its_file_and_equals_the_merge_of_its_shards() {
     assert!(whole.to_json().starts_with("{\n  \"schema\": \"genmanip.evaluation/2\""));
     assert_eq!((whole.oracle, whole.summary.success.trials), (true, 30));
 
-    let shard = |index: usize| make(results.iter().skip(index).step_by(3).cloned().collect()).unwrap();
-    assert_eq!(EvaluationReport::merge(vec![shard(2), shard(0), shard(1)], &none).unwrap(), whole);
-
     let mut mixed = results.clone();
     mixed[3].policy = "other".into();
     let mut foreign = results.clone();
@@ -206,10 +202,40 @@ fn an_evaluation_survives_its_file_and_equals_the_merge_of_its_shards() {
         let error = make(results).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
-    let mut other = shard(1);
-    other.suite_hash = "0".into();
-    let error = EvaluationReport::merge(vec![shard(0), other], &none).unwrap_err().to_string();
-    assert!(error.contains("suite hash"), "{error}");
+}
+
+/// The reference is the expert's shortest verified way; what it did not solve has none, and its episodes say nothing.
+#[test]
+fn spl_is_measured_against_the_shortest_verified_way_of_the_expert() {
+    let task = &support::tasks()[0];
+    let scenarios: Vec<Scenario> = (0..3).map(|number| scenario(task, number)).collect();
+    let collected = |policy: &str, number: u64, success: bool, tcp_path_m: f64| EpisodeResult {
+        tcp_path_m,
+        ..support::result(task, policy, number, success, None)
+    };
+    let references = reference_paths_m(&[
+        collected("expert", 0, true, 1.8),
+        collected("expert", 0, true, 1.5),
+        collected("expert", 0, false, 0.2),
+        collected("expert", 1, false, 0.7),
+        collected("replay", 2, true, 0.9),
+    ]);
+    let id = |number: usize| scenarios[number].id.clone();
+    assert_eq!(references, [(id(0), 1.5)].into());
+
+    let results: Vec<EpisodeResult> = (0..3).map(|number| collected("learned", number, true, 3.0)).collect();
+    let settings = StatisticsSettings::default();
+    let evaluate = |references: &BTreeMap<String, f64>| {
+        EvaluationReport::new("demo", &scenarios, results.clone(), references, &settings).unwrap()
+    };
+    let report = evaluate(&references);
+    let spl = report.summary.spl.unwrap();
+    assert_eq!((spl.count, spl.value, &report.reference_paths_m), (1, 0.5, &references));
+    assert_eq!(evaluate(&BTreeMap::new()).summary.spl, None, "absent, not 0");
+    // Files of before have no references.
+    let mut old = report.to_value();
+    old.as_object_mut().unwrap().remove("reference_paths_m");
+    assert_eq!(EvaluationReport::from_value(old).unwrap().reference_paths_m, BTreeMap::new());
 }
 
 #[test]

@@ -1,7 +1,10 @@
 //! What a person reads when something cannot be done, and the exit status a program reads.
 
+use std::error::Error;
 use std::fmt;
 use std::process::ExitCode;
+
+use genmanip_run::RunError;
 
 /// Exit codes are an interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,18 +39,8 @@ impl Failed {
     }
 
     /// With the error that caused it and the errors behind that.
-    pub fn because(what: impl Into<String>, error: &dyn std::error::Error) -> Self {
-        let mut causes = vec![error.to_string()];
-        let mut source = error.source();
-        while let Some(error) = source {
-            // Many errors already say what is behind them.
-            let cause = error.to_string();
-            if causes.last().is_none_or(|last| !last.contains(&cause)) {
-                causes.push(cause);
-            }
-            source = error.source();
-        }
-        Self { what: what.into(), causes, hint: None }
+    pub fn because(what: impl Into<String>, error: &dyn Error) -> Self {
+        Self { what: what.into(), causes: chain(error), hint: None }
     }
 
     /// With what helps.
@@ -56,6 +49,28 @@ impl Failed {
         self.hint = Some(hint.into());
         self
     }
+}
+
+impl From<RunError> for Failed {
+    fn from(error: RunError) -> Self {
+        let causes = error.source().map_or_else(Vec::new, chain);
+        Self { what: error.to_string(), causes, hint: error.hint() }
+    }
+}
+
+/// An error and those behind it, each in a line.
+fn chain(error: &dyn Error) -> Vec<String> {
+    let mut causes = vec![error.to_string()];
+    let mut source = error.source();
+    while let Some(error) = source {
+        // Many errors already say what is behind them.
+        let cause = error.to_string();
+        if causes.last().is_none_or(|last| !last.contains(&cause)) {
+            causes.push(cause);
+        }
+        source = error.source();
+    }
+    causes
 }
 
 impl fmt::Display for Failed {

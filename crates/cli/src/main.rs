@@ -3,16 +3,12 @@
 mod args;
 mod commands;
 mod error;
-mod inputs;
-mod pictures;
 mod printer;
-mod robots;
-mod run_folder;
 mod stop;
 
 use clap::Parser;
 
-use args::{Arguments, Command, GraspsCommand, LabCommand, TaskCommand};
+use args::{Arguments, Command, GraspsCommand, TaskCommand};
 use error::{ExitStatus, Failed};
 
 fn main() -> std::process::ExitCode {
@@ -42,16 +38,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Export(arguments) => commands::export::run(arguments, printer),
         Command::Grasps { command: GraspsCommand::Bake(arguments) } => commands::grasps::bake(arguments, printer),
         Command::Grasps { command: GraspsCommand::Show(arguments) } => commands::grasps::show(arguments, printer),
-        Command::Lab { command } => match command {
-            LabCommand::Relations(arguments) => commands::lab::relations::run(arguments, printer),
-            LabCommand::Answers(arguments) => commands::lab::answers::run(arguments, printer),
-            LabCommand::Design(arguments) => commands::lab::design::run(arguments, printer),
-            LabCommand::Fit(arguments) => commands::lab::fit::run(arguments, printer),
-            LabCommand::Grasp(arguments) => commands::lab::grasp::run(arguments, printer),
-            LabCommand::Expert(arguments) => commands::lab::expert::run(arguments, printer),
-            LabCommand::Layout(arguments) => commands::lab::layout::run(arguments, printer),
-            LabCommand::Motion(arguments) => commands::lab::motion::run(arguments, printer),
-        },
+        Command::Lab { command } => commands::lab::run(command, printer),
         Command::Doctor => commands::doctor::run(printer),
     }
 }

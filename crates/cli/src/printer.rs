@@ -1,8 +1,10 @@
 //! One place decides what is printed where: stdout is data, stderr is talk.
 
 use std::io::{IsTerminal, Write};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use genmanip_run::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
@@ -12,12 +14,14 @@ use crate::error::Failed;
 pub struct Printer {
     json: bool,
     quiet: bool,
+    /// Of the work under way.
+    bar: Mutex<Option<ProgressBar>>,
 }
 
 impl Printer {
     /// `json` turns tables into JSON on stdout; `quiet` drops talk.
     pub fn new(json: bool, quiet: bool) -> Self {
-        Self { json, quiet }
+        Self { json, quiet, bar: Mutex::new(None) }
     }
 
     /// Data: the JSON value or the text, to stdout.
@@ -33,18 +37,31 @@ impl Printer {
 
     /// Talk: to stderr, unless quiet.
     pub fn say(&self, text: impl AsRef<str>) {
-        if !self.quiet {
-            let _ = writeln!(std::io::stderr().lock(), "{}", text.as_ref());
+        let print = || {
+            if !self.quiet {
+                let _ = writeln!(std::io::stderr().lock(), "{}", text.as_ref());
+            }
+        };
+        match &*self.bar() {
+            Some(bar) => bar.suspend(print),
+            None => print(),
         }
     }
 
     /// An error: always to stderr.
     pub fn error(&self, failed: &Failed) {
+        self.end();
         let _ = writeln!(std::io::stderr().lock(), "{failed}");
     }
 
-    /// A progress bar with rate and time left; silent when stderr is no terminal.
-    pub fn progress(&self, what: &str, total: usize) -> ProgressBar {
+    fn bar(&self) -> MutexGuard<'_, Option<ProgressBar>> {
+        self.bar.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A bar with rate and time left; silent when stderr is no terminal.
+impl Progress for Printer {
+    fn begin(&self, what: &str, total: usize) {
         let target = if self.quiet || !std::io::stderr().is_terminal() {
             ProgressDrawTarget::hidden()
         } else {
@@ -56,36 +73,22 @@ impl Printer {
         }
         bar.set_message(what.to_owned());
         bar.enable_steady_tick(Duration::from_millis(250));
-        bar
+        *self.bar() = Some(bar);
     }
-}
 
-/// A table with aligned columns; the first row is the head.
-pub fn table(rows: &[Vec<String>]) -> String {
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..columns)
-        .map(|column| rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0))
-        .collect();
-    let mut text = String::new();
-    for (index, row) in rows.iter().enumerate() {
-        let line: Vec<String> = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}")).collect();
-        text += line.join("  ").trim_end();
-        text.push('\n');
-        if index == 0 {
-            text += &widths.iter().map(|&width| "─".repeat(width)).collect::<Vec<_>>().join("  ");
-            text.push('\n');
+    fn advance(&self) {
+        if let Some(bar) = &*self.bar() {
+            bar.inc(1);
         }
     }
-    text
-}
 
-#[cfg(test)]
-mod tests {
-    use super::table;
+    fn end(&self) {
+        if let Some(bar) = self.bar().take() {
+            bar.finish_and_clear();
+        }
+    }
 
-    #[test]
-    fn columns_line_up() {
-        let rows = [["task", "verified"], ["017", "2/2"]].map(|row| row.map(String::from).to_vec());
-        assert_eq!(table(&rows), "task  verified\n────  ────────\n017   2/2\n");
+    fn note(&self, text: &str) {
+        self.say(text);
     }
 }

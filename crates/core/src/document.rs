@@ -23,12 +23,7 @@ pub trait Document: Serialize + DeserializeOwned {
     /// # Errors
     /// Says what was expected and where: position of a syntax error, schema, or JSON path of a wrong value.
     fn from_json(text: &str) -> Result<Self, DocumentError> {
-        let value: Value = serde_json::from_str(text).map_err(|error| DocumentError::NotJson {
-            line: error.line(),
-            column: error.column(),
-            message: error.to_string(),
-        })?;
-        Self::from_value(value)
+        Self::from_value(crate::json::parse(text)?)
     }
 
     /// Reads a parsed value, see [`Document::from_json`].
@@ -103,6 +98,8 @@ pub enum DocumentError {
         column: usize,
         /// What the parser says, position included.
         message: String,
+        /// What most likely is wrong.
+        hint: &'static str,
     },
     /// Another kind or version of document.
     #[error("expected schema \"{expected}\", got {got}")]

@@ -23,6 +23,7 @@ pub mod episode;
 pub mod geometry;
 pub mod grasp;
 pub mod image;
+pub mod json;
 pub mod mesh;
 pub mod object;
 pub mod policy;
@@ -48,12 +49,11 @@ pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
 pub use policy::{
-    ActionChunk, ActionSpace, ActionSpec, EpisodeStart, Observation, Policy, PolicyError, PolicySpec,
-    PrivilegedState,
+    ActionChunk, ActionSpace, ActionSpec, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState,
 };
 pub use pose::Pose;
 pub use robot::{Gripper, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario, Workspace};
 pub use seed::Seed;
 pub use task::{Atom, Goal, GraphEdge, GraphNode, Relation, SceneGraph, Task, TaskKind};
-pub use verdict::{AtomVerdict, GoalVerdict, Measurement};
+pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};

@@ -24,7 +24,7 @@ pub struct AtomVerdict {
     /// Whether it holds.
     pub holds: bool,
     /// How far the deciding quantity is from flipping the verdict, in that quantity's unit; negative when the
-    /// condition does not hold.
+    /// condition does not hold. Verdicts are compared by [`Self::normalised_margin`].
     pub margin: f64,
     /// What was measured, the deciding quantity first.
     pub measurements: Vec<Measurement>,
@@ -41,12 +41,80 @@ pub struct Measurement {
     pub value: f64,
     /// What it is compared with.
     pub threshold: f64,
-    /// Unit, e.g. `m`, `1`, `rad`.
-    pub unit: String,
+    /// Unit of value, threshold and margin.
+    pub unit: Unit,
     /// Whether this part of the condition is met.
     pub met: bool,
-    /// Distance to the threshold, positive when met.
+    /// Distance to the threshold, positive when met. Measurements are compared by [`Self::normalised_margin`].
     pub margin: f64,
+}
+
+/// Unit of a measured quantity, and the scale by which margins of different units are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Unit {
+    /// Metres.
+    #[serde(rename = "m")]
+    Metre,
+    /// Radians.
+    #[serde(rename = "rad")]
+    Radian,
+    /// A share, 0-1. Files written before [`Unit::Fact`] existed use it for facts, too.
+    #[serde(rename = "1")]
+    Share,
+    /// True (1) or false (0), nothing between.
+    #[serde(rename = "fact")]
+    Fact,
+}
+
+impl Unit {
+    /// A margin in this unit without its unit, comparable with margins of any other unit.
+    ///
+    /// ```
+    /// use genmanip_core::Unit;
+    /// // Three centimetres inside the limit are less than a bend of 40 degrees inside it.
+    /// assert!(Unit::Metre.normalise(0.03) < Unit::Radian.normalise(0.7));
+    /// ```
+    pub fn normalise(self, margin: f64) -> f64 {
+        margin / self.scale()
+    }
+
+    /// The margin that is 1 when normalised, in this unit.
+    pub fn scale(self) -> f64 {
+        match self {
+            // Chosen: the usual distance between neighbours on the table; a thing moved by it stands elsewhere.
+            Self::Metre => 0.1,
+            // Chosen: a turn by it moves a neighbour at that distance by that distance.
+            Self::Radian => 1.0,
+            // Chosen: the whole object.
+            Self::Share => 1.0,
+            // Chosen: a fact outweighs every measured margin, since distances on the table are below a metre.
+            Self::Fact => 0.1,
+        }
+    }
+
+    /// How it is written, e.g. `m`.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Radian => "rad",
+            Self::Share => "1",
+            Self::Fact => "fact",
+        }
+    }
+}
+
+impl Measurement {
+    /// The margin over the scale of its unit, without a unit; positive when met.
+    pub fn normalised_margin(&self) -> f64 {
+        self.unit.normalise(self.margin)
+    }
+}
+
+impl AtomVerdict {
+    /// The normalised margin of the deciding quantity, by which verdicts are compared; 0 when nothing was measured.
+    pub fn normalised_margin(&self) -> f64 {
+        self.measurements.first().map_or(0.0, Measurement::normalised_margin)
+    }
 }
 
 impl GoalVerdict {

@@ -2,7 +2,8 @@
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{
-    Aabb, Camera, Document, Ending, EpisodeResult, Intrinsics, Piece, Pose, Scenario, Seed, Shape, Task,
+    Aabb, Atom, AtomVerdict, Camera, Document, Ending, EpisodeResult, Intrinsics, Measurement, Piece, Pose, Scenario,
+    Seed, Shape, Task, Unit,
 };
 use proptest::prelude::*;
 
@@ -81,6 +82,51 @@ fn seeds_are_labelled_and_stay_exact_in_json() {
     assert_eq!(seed.value(), 6_577_676_365_128_076);
     assert!(seed.value() < 1 << 53);
     assert_ne!(seed, Seed::new(7).fork("episode").fork_index(4));
+}
+
+/// A verdict that one measured quantity decides.
+fn verdict(margin: f64, unit: Unit) -> AtomVerdict {
+    let measurement =
+        Measurement { quantity: "q".into(), value: 0.0, threshold: -margin, unit, met: margin >= 0.0, margin };
+    AtomVerdict {
+        atom: Atom::State { object: "057".into(), state: "open".into() },
+        holds: margin >= 0.0,
+        margin,
+        measurements: vec![measurement],
+        explanation: String::new(),
+    }
+}
+
+#[test]
+fn margins_of_different_units_are_compared_by_their_scale() {
+    // From the farthest beyond its threshold to the farthest inside it.
+    let ordered = [
+        (-1.0, Unit::Fact),
+        (-0.5, Unit::Metre),
+        (-0.05, Unit::Metre),
+        (-0.4, Unit::Share),
+        (-0.03, Unit::Metre),
+        (-0.25, Unit::Radian),
+        (0.02, Unit::Metre),
+        (0.3, Unit::Share),
+        (0.04, Unit::Metre),
+        (0.5, Unit::Radian),
+    ];
+    for pair in ordered.windows(2) {
+        let [lower, higher] = [pair[0], pair[1]].map(|(margin, unit)| verdict(margin, unit).normalised_margin());
+        assert!(lower < higher, "{pair:?}: {lower} and {higher}");
+    }
+    assert_eq!(verdict(0.03, Unit::Metre).normalised_margin(), Unit::Metre.normalise(0.03));
+}
+
+#[test]
+fn verdicts_of_before_are_read_and_units_are_written_as_before() {
+    for (unit, symbol) in [(Unit::Metre, "m"), (Unit::Radian, "rad"), (Unit::Share, "1"), (Unit::Fact, "fact")] {
+        let text = serde_json::to_string(&verdict(-0.1, unit)).unwrap();
+        assert!(text.contains(&format!(r#""unit":"{symbol}""#)), "{text}");
+        assert_eq!(serde_json::from_str::<AtomVerdict>(&text).unwrap(), verdict(-0.1, unit));
+        assert_eq!(unit.symbol(), symbol);
+    }
 }
 
 #[test]

@@ -173,6 +173,15 @@ impl EpisodeStore {
         Ok(self.record(id)?.result)
     }
 
+    /// How an attempt went, and whether its frames were kept, from one reading of its record.
+    ///
+    /// # Errors
+    /// As [`EpisodeStore::read_result`].
+    pub fn read_attempt(&self, id: &str) -> Result<(EpisodeResult, bool), DataError> {
+        let record = self.record(id)?;
+        Ok((record.result, record.recorded))
+    }
+
     /// Whether the frames of an attempt were kept.
     ///
     /// # Errors

@@ -4,8 +4,8 @@ use genmanip_core::Aabb;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_scene::relations::PosedScene;
 
+use crate::context::Context;
 use crate::draft::Stance;
-use crate::placement::Context;
 
 /// Opposite corners of where the middle of `object` may be so that the subject can stand between the two;
 /// `None` when nothing is known yet. Proposals only, to be judged.

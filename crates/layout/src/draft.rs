@@ -7,8 +7,8 @@ use genmanip_core::{Aabb, Atom, Pose, Relation, Workspace};
 use genmanip_scene::relations::placement_window;
 use rand::{Rng, RngExt};
 
+use crate::context::Context;
 use crate::network::{Network, ORIGIN};
-use crate::placement::Context;
 
 /// Headings tried until a thing fits into its container.
 const TURNS: usize = 24;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Workspace};
+use genmanip_core::{Aabb, Atom, AtomVerdict, Pose, Relation, Seed, Unit, Workspace};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, judge_atom, placement_window, planar_gap};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
@@ -37,7 +37,8 @@ pub struct GoalPoseSettings {
     pub count: usize,
     /// Goal poses drawn at most.
     pub draws: usize,
-    /// How far inside its threshold a direction must hold, metres.
+    /// How far inside its threshold a direction must hold, metres; for `between` as many radians as weigh the same,
+    /// see [`Unit::normalise`].
     pub margin_m: f64,
     /// Free space around the object in the plane, metres.
     pub clearance_m: f64,
@@ -89,11 +90,12 @@ impl GoalSearch<'_> {
                 continue;
             }
             let verdicts: Vec<_> = step.atoms.iter().map(|atom| judge_atom(&after, atom, self.relations)).collect();
-            let holds =
-                verdicts.iter().all(|verdict| verdict.holds && verdict.margin >= margin(&verdict.atom, settings));
+            let holds = verdicts
+                .iter()
+                .all(|verdict| verdict.holds && verdict.normalised_margin() >= margin(&verdict.atom, settings));
             let posed = after.objects().nth(step.object).filter(|posed| holds && usable(&posed.pose));
             if let Some((posed, bounds)) = posed.zip(after.bounds(step.object)) {
-                let worst = verdicts.iter().map(|verdict| verdict.margin).fold(f64::INFINITY, f64::min);
+                let worst = verdicts.iter().map(AtomVerdict::normalised_margin).fold(f64::INFINITY, f64::min);
                 let goal = (worst, GoalPose { world_from_object: posed.pose, support, bounds });
                 if !self.have_room(&after, &beside, seed.fork("later").fork_index(draw as u64)) {
                     selfish.push(goal);
@@ -201,10 +203,11 @@ impl GoalSearch<'_> {
     }
 }
 
-/// Directions and nearness must hold with room to spare; support and containment have their own measure.
+/// The normalised margin that an atom needs: directions, nearness and between must hold with room to spare, support
+/// and containment have their own measure.
 fn margin(atom: &Atom, settings: &GoalPoseSettings) -> f64 {
     match atom {
-        Atom::Relation { relation, .. } if !relation.is_support() => settings.margin_m,
+        Atom::Relation { relation, .. } if !relation.is_support() => Unit::Metre.normalise(settings.margin_m),
         _ => 0.0,
     }
 }

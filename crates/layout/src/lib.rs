@@ -11,6 +11,7 @@ mod audit;
 #[cfg(test)]
 mod audit_tests;
 mod between;
+mod context;
 mod distractors;
 mod draft;
 mod error;
@@ -33,6 +34,7 @@ pub use moves::{Move, moves, references};
 pub use reach::is_in_reach;
 pub use settings::LayoutSettings;
 
+use context::{Context, GoalRoom};
 use genmanip_assets::Catalogue;
 use genmanip_core::{
     Atom, Camera, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task, Workspace,
@@ -42,7 +44,7 @@ use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
     placement_window,
 };
-use placement::{Context, GoalRoom, Partial};
+use placement::Partial;
 
 /// Whole layouts after which things stand parallel to the table's edges, which takes less room.
 const ALIGNED_AFTER: usize = 10;

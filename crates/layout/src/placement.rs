@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, ObjectModel, Pose, Relation, Seed, Task, Workspace};
+use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Unit, Workspace};
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, ShapeCache, contact_below, judge_atom, outlines_apart, placement_window,
 };
 use rand::{Rng, RngExt};
 
-use crate::LayoutSettings;
 use crate::between;
+use crate::context::{Context, GoalRoom};
 use crate::draft::{Contradiction, Draft, Seat};
 use crate::error::Rejections;
 use crate::order::Step;
@@ -20,77 +20,6 @@ const GOAL_CLEARANCE_M: f64 = 0.02;
 
 /// How much farther things may be put down than taken, metres; the exact answer comes after settling.
 const GOAL_REACH_M: f64 = 0.03;
-
-/// What every draw of one task shares.
-pub(crate) struct Context<'a> {
-    pub task: &'a Task,
-    /// The graph's nodes in their order, distractors behind them.
-    pub models: Vec<Arc<ObjectModel>>,
-    /// Joint positions of each object's initial state.
-    pub joints: Vec<Vec<f64>>,
-    /// The graph's edges with the indices of their objects, subject first.
-    pub edges: Vec<(Atom, Vec<usize>)>,
-    pub steps: Vec<Step>,
-    /// Whether the goal moves the object.
-    pub moved: Vec<bool>,
-    /// Per alternative of the goal: where moved objects must find room.
-    pub goal_rooms: Vec<Vec<GoalRoom>>,
-    /// Per alternative of the goal: what it wants between two objects that stay, subject first.
-    pub goal_betweens: Vec<Vec<[usize; 3]>>,
-    pub settings: &'a LayoutSettings,
-    pub relations: &'a RelationSettings,
-}
-
-/// Where the goal wants an object: its relations to objects that stay where they are.
-#[derive(Clone, Debug)]
-pub(crate) struct GoalRoom {
-    pub object: usize,
-    pub anchors: Vec<(Relation, usize)>,
-}
-
-impl Context<'_> {
-    /// Replaces the distractors: free objects that are placed last.
-    pub fn set_distractors(&mut self, models: Vec<Arc<ObjectModel>>) {
-        let nodes = self.task.scene_graph.nodes.len();
-        self.models.truncate(nodes);
-        self.joints.truncate(nodes);
-        self.moved.truncate(nodes);
-        self.steps.truncate(nodes);
-        for model in models {
-            self.steps.push(Step { object: self.models.len(), support: None, support_edge: None });
-            self.joints.push(vec![0.0; model.joint_count()]);
-            self.moved.push(false);
-            self.models.push(model);
-        }
-    }
-
-    fn support_of(&self, object: usize) -> Option<usize> {
-        self.steps.iter().find(|step| step.object == object)?.support.map(|(support, _)| support)
-    }
-
-    fn carries(&self, carrier: usize, mut object: usize) -> bool {
-        while let Some(support) = self.support_of(object) {
-            if support == carrier {
-                return true;
-            }
-            object = support;
-        }
-        false
-    }
-
-    fn is_distractor(&self, object: usize) -> bool {
-        object >= self.task.scene_graph.nodes.len()
-    }
-
-    /// Smallest distance in the plane between two objects of which neither carries the other, metres.
-    pub fn gap(&self, a: usize, b: usize) -> f64 {
-        match (self.support_of(a), self.support_of(b)) {
-            (None, None) if self.is_distractor(a) || self.is_distractor(b) => self.settings.distractor_gap_m,
-            (None, None) => self.settings.min_gap_m,
-            _ => self.settings.min_gap_on_carrier_m,
-        }
-    }
-}
 
 /// A layout under way.
 #[derive(Clone, Debug)]
@@ -330,7 +259,8 @@ impl Search<'_> {
                 (relation, _) if relation.is_support() => true,
                 (_, None) => {
                     let verdict = judge_atom(&self.scene, atom, context.relations);
-                    verdict.holds && verdict.margin >= context.settings.relation_margin_m
+                    verdict.holds
+                        && verdict.normalised_margin() >= Unit::Metre.normalise(context.settings.relation_margin_m)
                 }
                 (Relation::Between, Some(&subject)) if subject == indices[0] && indices.len() == 3 => {
                     let stance = &self.draft.stances[subject];

@@ -22,8 +22,8 @@ pub struct LayoutSettings {
     pub distractors: usize,
     /// Smallest gap between a distractor and anything else, metres.
     pub distractor_gap_m: f64,
-    /// How far inside its threshold a relation must hold when an object is placed, metres;
-    /// settling may eat some of it.
+    /// How far inside its threshold a relation must hold when an object is placed, metres, and what weighs the same in
+    /// other units (see [`genmanip_core::Unit::normalise`]); settling may eat some of it.
     pub relation_margin_m: f64,
     /// Nearest and farthest distance of a moved object from the robot's axis, metres.
     pub reach_m: [f64; 2],

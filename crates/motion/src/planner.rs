@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, RobotError, RobotShape, World};
 use crate::depth::{self, DepthError, DepthSettings};
 use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
-use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings, ReachableGrasp};
+use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings};
 use crate::ik::{IkSettings, InverseKinematics};
 use crate::path::Path;
 use crate::plan::{self, PlanError, PlanSettings, StraightSettings};
@@ -225,22 +225,5 @@ impl Planner {
     /// Opening with which a grasp is approached, m.
     pub fn opening(&self, grasp: &Grasp) -> f64 {
         self.gripper.opening_for(grasp, self.settings.grasp.opening_clearance)
-    }
-
-    /// The first `wanted` of `candidates` (object frame, in their order) that the arm can carry out where the object
-    /// is: grasp and pre-grasp are in reach, and the robot touches nothing there but `target` with its open gripper.
-    ///
-    /// `around` should hold the target as an obstacle of that name; its gripper width is replaced by the grasp's own.
-    /// The straight way between pre-grasp and grasp is not tested here: see [`Planner::straight`].
-    pub fn reachable_grasps(
-        &self,
-        around: &Surroundings,
-        target: &str,
-        world_from_object: &Pose,
-        candidates: &[Grasp],
-        reference: &[f64],
-        wanted: usize,
-    ) -> Vec<ReachableGrasp> {
-        grasp::reachable(self, around, target, world_from_object, candidates, reference, wanted)
     }
 }

@@ -11,8 +11,8 @@
 use std::sync::Arc;
 
 use genmanip_core::{
-    CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, HandPhase, Observation, PrivilegedState,
-    Seed, StrayContact,
+    CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, HandPhase, Observation,
+    PrivilegedState, Seed, StrayContact,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};

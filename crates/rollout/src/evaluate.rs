@@ -3,38 +3,14 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::{EpisodeResult, NotRun, Policy};
+use genmanip_core::{Episode, EpisodeResult, NotRun, Policy};
 use genmanip_data::EpisodeStore;
 
 use crate::collect::{CollectSettings, Resources, in_parallel};
-use crate::expert::Expert;
-use crate::policies::{DoNothing, OpenLoopReplay};
 use crate::{RolloutError, Stage, run_episode};
 
-/// The policies that come with the program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BuiltinPolicy {
-    /// Reads simulator truth; its results say `oracle`.
-    Expert,
-    /// Applies the recorded commands without looking.
-    Replay,
-    /// Stands still: the control.
-    DoNothing,
-}
-
-impl BuiltinPolicy {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Expert, Self::Replay, Self::DoNothing];
-
-    /// The name on the command line and in results.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Expert => "expert",
-            Self::Replay => "replay",
-            Self::DoNothing => "do_nothing",
-        }
-    }
-}
+/// Makes the policy for one episode, from the scenario made ready and from what was recorded on it.
+pub type MakePolicy<'a> = dyn Fn(&Stage, &Episode) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
 
 /// What an evaluation came to.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,7 +29,7 @@ pub struct Evaluated {
 /// The first defect of any episode.
 pub fn evaluate(
     store: &EpisodeStore,
-    policy: BuiltinPolicy,
+    make_policy: &MakePolicy,
     resources: Resources,
     settings: &CollectSettings,
     workers: usize,
@@ -77,11 +53,7 @@ pub fn evaluate(
             resources.planner.robot(),
             &settings.sim,
         )?;
-        let mut policy: Box<dyn Policy> = match policy {
-            BuiltinPolicy::Expert => Box::new(Expert::new(&stage, resources.planner, settings.expert.clone())),
-            BuiltinPolicy::Replay => Box::new(OpenLoopReplay::of(&recorded)),
-            BuiltinPolicy::DoNothing => Box::new(DoNothing { duration_s: 5.0 }),
-        };
+        let mut policy = make_policy(&stage, &recorded)?;
         match run_episode(&stage, policy.as_mut(), id, recorded.result.seed, &settings.rollout) {
             Ok(episode) => {
                 finished(&episode.result);

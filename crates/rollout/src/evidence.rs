@@ -3,7 +3,7 @@
 //! It is read from the recorded frames and the final verdict, so it is the same for every policy.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{AtomVerdict, Failure, FailureCause, Frame, GoalVerdict, Pose};
+use genmanip_core::{AtomVerdict, Failure, FailureCause, Frame, GoalVerdict, Pose, Unit};
 
 use crate::{RolloutSettings, Stage};
 
@@ -50,7 +50,7 @@ pub fn explain(
     };
     let decisive = slips.iter().filter(|slip| slip.for_good).rfind(is_missing);
     let disturbed = frames.last().and_then(|last| disturbed(stage, last, settings));
-    let worst = missing.iter().min_by(|a, b| a.margin.total_cmp(&b.margin));
+    let worst = missing.iter().min_by(|a, b| a.normalised_margin().total_cmp(&b.normalised_margin()));
     let missed = worst.map_or_else(|| "the goal does not hold".into(), |atom| missed(atom));
     let seen = [
         word,
@@ -119,10 +119,10 @@ fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<
 
 /// A condition that does not hold, and by how much.
 fn missed(atom: &AtomVerdict) -> String {
-    let by = atom.measurements.first().and_then(|measured| match measured.unit.as_str() {
-        "m" => Some(format!("missed by {:.0} mm, ", -measured.margin * 1e3)),
-        "rad" => Some(format!("missed by {:.0}°, ", -measured.margin.to_degrees())),
-        _ => None,
+    let by = atom.measurements.first().and_then(|measured| match measured.unit {
+        Unit::Metre => Some(format!("missed by {:.0} mm, ", -measured.margin * 1e3)),
+        Unit::Radian => Some(format!("missed by {:.0}°, ", -measured.margin.to_degrees())),
+        Unit::Share | Unit::Fact => None,
     });
     format!("{}: {}{}", atom.atom, by.unwrap_or_default(), atom.explanation)
 }

@@ -188,9 +188,8 @@ impl Stage {
         if let Some(assets) = self.drawn.get() {
             return Ok(Arc::clone(assets));
         }
-        let assets = RenderAssets::new(Arc::clone(&self.robot), &self.models, &Environment::default()).map_err(
-            |error| RolloutError::Images { scenario: self.scenario.id.clone(), reason: error.to_string() },
-        )?;
+        let assets = RenderAssets::new(Arc::clone(&self.robot), &self.models, &Environment::default())
+            .map_err(|error| RolloutError::Images { scenario: self.scenario.id.clone(), reason: error.to_string() })?;
         Ok(Arc::clone(self.drawn.get_or_init(|| assets)))
     }
 

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::surface;
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::rounded_rectangle;
 
@@ -76,7 +76,7 @@ impl Face {
 }
 
 impl Block {
-    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let half = self.size / 2.0;
         let [roll, pitch, yaw] = self.turn_deg.map(f64::to_radians);
         let turn = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
@@ -88,16 +88,16 @@ impl Block {
             match self.faces.get(&face) {
                 Some(finish) => {
                     let name = format!("{}_{}", self.name, format!("{face:?}").to_lowercase());
-                    draft.visual.push(surface(&name, mesh, finish, seed.fork(&name)));
+                    link.visual.push(surface(&name, mesh, finish, seed.fork(&name)));
                 }
                 None => append(&mut plain, &mesh),
             }
         }
         if !plain.triangles.is_empty() {
-            draft.visual.push(surface(&self.name, plain, &self.finish, seed));
+            link.visual.push(surface(&self.name, plain, &self.finish, seed));
         }
         if !self.ghost {
-            draft.solids.push(self.solid(&object_from_block));
+            link.solids.push(self.solid(&object_from_block));
         }
     }
 

@@ -1,7 +1,7 @@
 use glam::DVec3;
 use serde::Deserialize;
 
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 
 /// Collision only: a capsule per segment of a path, for bent shells that are drawn by other parts.
@@ -15,8 +15,8 @@ pub struct Capsules {
 }
 
 impl Capsules {
-    pub(super) fn add_to(&self, draft: &mut Draft) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder) {
         let segments = self.path.windows(2).zip(&self.radii);
-        draft.solids.extend(segments.map(|(ends, &radius)| Solid::capsule(ends[0], ends[1], radius)));
+        link.solids.extend(segments.map(|(ends, &radius)| Solid::capsule(ends[0], ends[1], radius)));
     }
 }

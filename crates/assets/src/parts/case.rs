@@ -5,7 +5,7 @@ use serde::Deserialize;
 use super::Block;
 use super::block::Face;
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 
 /// A box that is open towards the front (-x), with shelves: carcass of a cabinet, microwave.
@@ -55,12 +55,12 @@ impl Case {
             && (self.shelves == 0 || self.shelf > 0.0)
     }
 
-    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let [low, high] = self.hollow();
         let half = DVec3::new(self.size.x / 2.0, self.size.y / 2.0, 0.0);
         let [min, max] = [self.at - half, self.at + half + DVec3::Z * self.size.z];
         let mut wall = |name: &str, min: DVec3, max: DVec3, faces: &[Face]| {
-            self.block(name, min, max, faces).add_to(draft, seed.fork(name));
+            self.block(name, min, max, faces).add_to(link, seed.fork(name));
         };
         wall("left", DVec3::new(min.x, high.y, low.z), max, &[Face::Right]);
         wall("right", min.with_z(low.z), DVec3::new(max.x, low.y, max.z), &[Face::Left]);
@@ -72,11 +72,11 @@ impl Case {
             let floor = low.z + level as f64 * (room + self.shelf);
             if level > 0 {
                 let (from, to) = (low.with_z(floor - self.shelf), high.with_z(floor));
-                self.block("shelf", from, to, &[Face::Top, Face::Bottom]).add_to(draft, seed.fork("shelf"));
+                self.block("shelf", from, to, &[Face::Top, Face::Bottom]).add_to(link, seed.fork("shelf"));
             }
             if !self.drawers {
                 let (from, to) = (low.with_z(floor), high.with_z(floor + room));
-                draft.cavity.push(Solid::cuboid(Pose::from_position((from + to) / 2.0), (to - from) / 2.0).piece);
+                link.cavity.push(Solid::cuboid(Pose::from_position((from + to) / 2.0), (to - from) / 2.0).piece);
             }
         }
     }

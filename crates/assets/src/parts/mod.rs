@@ -26,7 +26,7 @@ pub use turned::{Turned, TurnedSolid};
 pub use vessel::Vessel;
 
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 
 /// One part of an object, all lengths in metres in the object's frame.
 #[derive(Clone, Debug, Deserialize)]
@@ -52,24 +52,31 @@ pub enum Part {
     Capsules(Capsules),
 }
 
-impl Part {
-    /// Adds the part to an object; chance in its textures comes from `seed`.
-    pub fn add_to(&self, draft: &mut Draft, seed: Seed) {
-        match self {
-            Self::Vessel(part) => part.add_to(draft, seed),
-            Self::Turned(part) => part.add_to(draft, seed),
-            Self::Tube(part) => part.add_to(draft, seed),
-            Self::Block(part) => part.add_to(draft, seed),
-            Self::OpenBox(part) => part.add_to(draft, seed),
-            Self::Case(part) => part.add_to(draft, seed),
-            Self::Prism(part) => part.add_to(draft, seed),
-            Self::Ring(part) => part.add_to(draft, seed),
-            Self::Capsules(part) => part.add_to(draft),
-        }
+/// All parts of one link; chance in their textures comes from `seed`.
+pub fn assemble(parts: &[Part], seed: Seed) -> LinkBuilder {
+    let mut link = LinkBuilder::default();
+    for (index, part) in parts.iter().enumerate() {
+        part.add_to(&mut link, seed.fork_index(index as u64));
     }
+    link
 }
 
 impl Part {
+    /// Adds the part to a link; chance in its textures comes from `seed`.
+    fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
+        match self {
+            Self::Vessel(part) => part.add_to(link, seed),
+            Self::Turned(part) => part.add_to(link, seed),
+            Self::Tube(part) => part.add_to(link, seed),
+            Self::Block(part) => part.add_to(link, seed),
+            Self::OpenBox(part) => part.add_to(link, seed),
+            Self::Case(part) => part.add_to(link, seed),
+            Self::Prism(part) => part.add_to(link, seed),
+            Self::Ring(part) => part.add_to(link, seed),
+            Self::Capsules(part) => part.add_to(link),
+        }
+    }
+
     /// Why the part cannot be made, if it cannot.
     pub fn flaw(&self) -> Option<&'static str> {
         let profile = |points: &[[f64; 2]]| points.len() >= 2 && points.iter().flatten().all(|value| value.is_finite());

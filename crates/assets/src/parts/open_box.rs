@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::surface;
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{from_rings, rounded_rectangle};
 
@@ -35,7 +35,7 @@ pub struct OpenBox {
 }
 
 impl OpenBox {
-    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let half = DVec2::new(self.size.x, self.size.y) / 2.0;
         let ring = |inset: f64, z: f64| -> Vec<DVec3> {
             let ring = rounded_rectangle(half - inset, (self.corner - inset).max(1e-4), z, 5);
@@ -47,21 +47,21 @@ impl OpenBox {
         let rim = from_rings(&[ring(0.0, top - lip), ring(lip, top), ring(wall - lip, top), ring(wall, top - lip)]);
         let inside = from_rings(&[ring(wall, top - lip), ring(wall, floor)]);
         let rim_finish = Finish { paint: Vec::new(), ..self.inside.clone() };
-        draft.visual.push(surface("outside", outside, &self.outside, seed.fork("outside")));
-        draft.visual.push(surface("rim", rim, &rim_finish, seed.fork("rim")));
-        draft.visual.push(surface("inside", inside, &self.inside, seed.fork("inside")));
-        draft.visual.push(surface("floor", fan(&ring(wall, floor), true), &self.bottom, seed.fork("floor")));
-        draft.visual.push(surface("underside", fan(&ring(0.0, 0.0), false), &self.bottom, seed.fork("floor")));
-        self.add_solids(draft);
+        link.visual.push(surface("outside", outside, &self.outside, seed.fork("outside")));
+        link.visual.push(surface("rim", rim, &rim_finish, seed.fork("rim")));
+        link.visual.push(surface("inside", inside, &self.inside, seed.fork("inside")));
+        link.visual.push(surface("floor", fan(&ring(wall, floor), true), &self.bottom, seed.fork("floor")));
+        link.visual.push(surface("underside", fan(&ring(0.0, 0.0), false), &self.bottom, seed.fork("floor")));
+        self.add_solids(link);
         let hollow = DVec3::new(half.x - wall, half.y - wall, (top - floor) / 2.0);
         let center = Pose::from_position(self.at + DVec3::Z * (floor + hollow.z));
-        draft.cavity.push(Solid::cuboid(center, hollow).piece);
+        link.cavity.push(Solid::cuboid(center, hollow).piece);
     }
 
-    fn add_solids(&self, draft: &mut Draft) {
+    fn add_solids(&self, link: &mut LinkBuilder) {
         let half = self.size / 2.0;
         let mut add = |center: DVec3, half: DVec3| {
-            draft.solids.push(Solid::cuboid(Pose::from_position(self.at + center), half));
+            link.solids.push(Solid::cuboid(Pose::from_position(self.at + center), half));
         };
         add(DVec3::Z * (self.floor / 2.0), DVec3::new(half.x, half.y, self.floor / 2.0));
         let (middle, half_height) = ((self.size.z + self.floor) / 2.0, (self.size.z - self.floor) / 2.0);

@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::surface;
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::from_rings;
 
@@ -44,7 +44,7 @@ pub enum PrismAxis {
 }
 
 impl Prism {
-    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let mean = self.polygon.iter().map(|&p| DVec2::from_array(p)).sum::<DVec2>() / self.polygon.len() as f64;
         let ring = |height: f64, scale: f64| -> Vec<DVec3> {
             let flat = self.polygon.iter().map(|&p| mean + (DVec2::from_array(p) - mean) * scale);
@@ -58,9 +58,9 @@ impl Prism {
         let [low, high] = self.span;
         let (bottom, top) = (ring(low, 1.0), ring(high, self.taper));
         let rings = [ring(low, 0.0), bottom.clone(), top.clone(), ring(high, 0.0)];
-        draft.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
+        link.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
         if !self.ghost {
-            draft.solids.push(Solid::loft(&[bottom, top]));
+            link.solids.push(Solid::loft(&[bottom, top]));
         }
     }
 }

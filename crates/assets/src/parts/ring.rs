@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::{CLEARANCE, surface};
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{from_rings, smooth_curve};
 
@@ -38,7 +38,7 @@ pub struct Ring {
 }
 
 impl Ring {
-    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let mut outline: Vec<DVec3> = self.section.iter().map(|&[r, z]| DVec3::new(r, z, 0.0)).collect();
         outline.extend(outline.first().copied());
         let outline = smooth_curve(&outline, if self.smooth { 6 } else { 1 });
@@ -48,7 +48,7 @@ impl Ring {
             .iter()
             .map(|point| (0..columns).map(|i| turned(point, i as f64 / columns as f64 * TAU)).collect())
             .collect();
-        draft.visual.push(surface(&self.name, from_rings(&rows), &self.finish, seed));
+        link.visual.push(surface(&self.name, from_rings(&rows), &self.finish, seed));
         if self.ghost {
             return;
         }
@@ -62,7 +62,7 @@ impl Ring {
                 let height = |z: f64| z.clamp(bottom + clearance, top - clearance);
                 section.iter().map(|&[r, z]| turned(&DVec3::new(r, height(z), 0.0), angle)).collect()
             };
-            draft.solids.push(Solid::loft(&[at(sector + 1), at(sector)]));
+            link.solids.push(Solid::loft(&[at(sector + 1), at(sector)]));
         }
     }
 }

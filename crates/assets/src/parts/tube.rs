@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::surface;
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{from_rings, smooth_curve, tube_rings};
 
@@ -38,16 +38,16 @@ const SIDES: usize = 12;
 const GHOST_SIDES: usize = 28;
 
 impl Tube {
-    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let steps = if self.straight { 1 } else { 6 };
         let path = smooth_curve(&self.path, steps);
         let widths: Vec<DVec3> = (0..self.path.len()).map(|i| self.half_width(i).extend(0.0)).collect();
         let widths: Vec<DVec2> = smooth_curve(&widths, steps).into_iter().map(DVec3::truncate).collect();
         let mut rings = tube_rings(&path, &widths, if self.ghost { GHOST_SIDES } else { SIDES });
         close_ends(&mut rings);
-        draft.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
+        link.visual.push(surface(&self.name, from_rings(&rings), &self.finish, seed));
         if !self.ghost {
-            draft.solids.extend(self.solids());
+            link.solids.extend(self.solids());
         }
     }
 

@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::surface;
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{circle, from_rings, smooth_profile, subdivided};
 
@@ -75,7 +75,7 @@ pub enum TurnedSolid {
 const ROUND: usize = 20;
 
 impl Turned {
-    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let mut outline = smooth_profile(&self.profile, if self.smooth { 7 } else { 1 });
         if !self.open {
             let (first, last) = (outline[0], outline[outline.len() - 1]);
@@ -85,8 +85,8 @@ impl Turned {
         let sides = if self.sides > 0 { self.sides } else { 40 };
         let outline = if self.finish.paint.is_empty() { outline } else { subdivided(&outline, 0.012) };
         let mesh = from_rings(&self.rings(&outline, sides, self.phase(sides)));
-        draft.visual.push(surface(&self.name, mesh, &self.finish, seed));
-        draft.solids.extend(self.solids());
+        link.visual.push(surface(&self.name, mesh, &self.finish, seed));
+        link.solids.extend(self.solids());
     }
 
     fn solids(&self) -> Vec<Solid> {

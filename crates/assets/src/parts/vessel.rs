@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::{CLEARANCE, surface};
 use crate::finish::Finish;
-use crate::recipe::Draft;
+use crate::link_builder::LinkBuilder;
 use crate::solid::Solid;
 use crate::surface::{circle, from_rings, smooth_profile, subdivided};
 
@@ -49,7 +49,7 @@ pub struct Vessel {
 }
 
 impl Vessel {
-    pub(super) fn add_to(&self, draft: &mut Draft, seed: Seed) {
+    pub(super) fn add_to(&self, link: &mut LinkBuilder, seed: Seed) {
         let rim_round = self.rim_thickness() / 2.0;
         let curve = |points: &[[f64; 2]]| smooth_profile(points, if self.smooth { 6 } else { 1 });
         let mut outside = vec![DVec2::new(0.0, self.outer[0][1])];
@@ -71,11 +71,11 @@ impl Vessel {
         let revolve = |profile: &[DVec2]| {
             from_rings(&subdivided(profile, 0.012).iter().map(|&point| self.ring(point, sides)).collect::<Vec<_>>())
         };
-        draft.visual.push(surface("outside", revolve(&outside), &self.outside, seed.fork("outside")));
-        draft.visual.push(surface("rim", revolve(&rim), &self.rim_finish(), seed.fork("rim")));
-        draft.visual.push(surface("inside", revolve(&inside), &self.inside, seed.fork("inside")));
-        self.add_solids(draft);
-        self.add_cavity(draft);
+        link.visual.push(surface("outside", revolve(&outside), &self.outside, seed.fork("outside")));
+        link.visual.push(surface("rim", revolve(&rim), &self.rim_finish(), seed.fork("rim")));
+        link.visual.push(surface("inside", revolve(&inside), &self.inside, seed.fork("inside")));
+        self.add_solids(link);
+        self.add_cavity(link);
     }
 
     fn ring(&self, radius_height: DVec2, sides: usize) -> Vec<DVec3> {
@@ -95,9 +95,9 @@ impl Vessel {
         (out[0] - inn[0]).abs()
     }
 
-    fn add_solids(&self, draft: &mut Draft) {
+    fn add_solids(&self, link: &mut LinkBuilder) {
         let base = [self.outer[0], self.inner[0]].map(|p| self.ring(DVec2::from_array(p), self.sectors));
-        draft.solids.push(Solid::loft(&base));
+        link.solids.push(Solid::loft(&base));
         let mut outer: Vec<DVec2> = self.outer.iter().map(|&point| DVec2::from_array(point)).collect();
         let rise = (outer[1].y - outer[0].y).max(CLEARANCE);
         outer[0] = outer[0].lerp(outer[1], CLEARANCE / rise);
@@ -111,12 +111,12 @@ impl Vessel {
                         .map(|[r, z]| self.placed(DVec3::new(r * angle.cos(), r * angle.sin(), z)))
                         .to_vec()
                 };
-                draft.solids.push(Solid::loft(&[section(sector + 1), section(sector)]));
+                link.solids.push(Solid::loft(&[section(sector + 1), section(sector)]));
             }
         }
     }
 
-    fn add_cavity(&self, draft: &mut Draft) {
+    fn add_cavity(&self, link: &mut LinkBuilder) {
         let top = self.cavity_top.unwrap_or(f64::INFINITY);
         let rings: Vec<_> = self
             .inner
@@ -124,7 +124,7 @@ impl Vessel {
             .filter(|point| point[1] <= top + 1e-9)
             .map(|&point| self.ring(DVec2::from_array(point), self.sectors))
             .collect();
-        draft.cavity.push(Solid::loft(&rings).piece);
+        link.cavity.push(Solid::loft(&rings).piece);
     }
 }
 

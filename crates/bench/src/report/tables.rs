@@ -1,6 +1,6 @@
 //! Tables, bars and numbers.
 
-use genmanip_core::Measurement;
+use genmanip_core::{Measurement, Unit};
 
 use crate::markup::escape;
 use crate::statistics::{FailureCount, Mean, Rate};
@@ -67,24 +67,36 @@ pub(super) fn causes_text(counts: &[FailureCount]) -> String {
     escape(&parts.join(", "))
 }
 
-/// A value with a unit that people read easily.
-pub(super) fn quantity_text(value: f64, unit: &str) -> String {
+/// A value in a unit that people read easily.
+pub(super) fn quantity_text(value: f64, unit: Unit) -> String {
     if !value.is_finite() {
         return "not measured".into();
     }
     match unit {
-        "m" => format!("{:.1} mm", 1000.0 * value),
-        "rad" => format!("{:.1}°", value.to_degrees()),
-        "1" | "" => format!("{value:.3}"),
-        other => format!("{value:.3} {other}"),
+        Unit::Metre => format!("{:.1} mm", 1000.0 * value),
+        Unit::Radian => format!("{:.1}°", value.to_degrees()),
+        Unit::Share => format!("{value:.3}"),
+        Unit::Fact => if value > 0.0 { "yes" } else { "no" }.into(),
     }
 }
 
 /// The threshold with the direction of its comparison, which follows from the sign of the margin.
 pub(super) fn threshold_text(measurement: &Measurement) -> String {
-    let Measurement { value, threshold, margin, .. } = *measurement;
+    let Measurement { value, threshold, margin, unit, .. } = *measurement;
     let at_most = ((threshold - value) - margin).abs() <= ((value - threshold) - margin).abs();
-    format!("{} {}", if at_most { "≤" } else { "≥" }, quantity_text(threshold, &measurement.unit))
+    let sign = match unit {
+        Unit::Fact => "=",
+        _ if at_most => "≤",
+        _ => "≥",
+    };
+    format!("{sign} {}", quantity_text(threshold, unit))
+}
+
+/// The margin with its sign; a fact has none.
+pub(super) fn margin_text(measurement: &Measurement) -> String {
+    let Measurement { margin, unit, .. } = *measurement;
+    let sign = if margin >= 0.0 { "+" } else { "" };
+    if unit == Unit::Fact { "–".into() } else { format!("{sign}{}", quantity_text(margin, unit)) }
 }
 
 /// Seconds as people say them.

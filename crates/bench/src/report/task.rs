@@ -5,7 +5,7 @@ use std::fmt::Write;
 use genmanip_core::{Atom, AtomVerdict, AttemptOutcome, EpisodeResult, GoalVerdict, Measurement, Task};
 
 use super::overview::yield_chip;
-use super::tables::{causes_text, quantity_text, seconds_text, table, threshold_text};
+use super::tables::{causes_text, margin_text, quantity_text, seconds_text, table, threshold_text};
 use super::{ImagePlan, TaskSection, chip, image, words};
 use crate::drawing::letter;
 use crate::markup::escape;
@@ -125,15 +125,13 @@ fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
     };
     let margin = |measurement: &Measurement| {
         let class = if measurement.met { "met" } else { "missed" };
-        let sign = if measurement.margin >= 0.0 { "+" } else { "" };
-        let margin = escape(&quantity_text(measurement.margin, &measurement.unit));
-        format!("<span class=\"{class}\">{sign}{margin}</span>")
+        format!("<span class=\"{class}\">{}</span>", escape(&margin_text(measurement)))
     };
     vec![
         condition,
         holds,
         lines(&|measurement| escape(&measurement.quantity)),
-        lines(&|measurement| escape(&quantity_text(measurement.value, &measurement.unit))),
+        lines(&|measurement| escape(&quantity_text(measurement.value, measurement.unit))),
         lines(&|measurement| escape(&threshold_text(measurement))),
         lines(&margin),
     ]

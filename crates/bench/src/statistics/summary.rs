@@ -22,7 +22,8 @@ pub struct SuiteSummary {
     pub success_once: Rate,
     /// Fraction of the goal reached, 0-1.
     pub score: Mean,
-    /// Success weighted by path length, where a reference length is known.
+    /// Success weighted by path length, over the episodes whose scenario has a reference length; `count` says how many
+    /// those are. Absent where none has.
     pub spl: Option<Mean>,
     /// Distance the tool travelled, m.
     pub tcp_path_m: Mean,
@@ -86,8 +87,8 @@ pub enum StatisticsError {
 /// Summarises results per policy, in the order in which the policies first occur.
 ///
 /// `kinds` gives the kind of each task by its id.
-/// `reference_paths_m` gives, by scenario id, the length that a good solution needs (usually the shortest successful
-/// one of the expert); where a scenario of a policy has none, the policy gets no SPL.
+/// `reference_paths_m` gives, by scenario id, the length that a good solution needs (usually the shortest verified one
+/// of the expert); an episode whose scenario has none says nothing about SPL, and without any the policy gets no SPL.
 /// The order of the results of one policy does not matter.
 ///
 /// # Errors
@@ -134,9 +135,9 @@ fn summarise_policy(
     let rate = |results: &[&EpisodeResult], flag: &dyn Fn(&EpisodeResult) -> bool| {
         Rate::of(results.iter().map(|result| flag(result)), settings)
     };
-    let spl_values: Option<Vec<f64>> = results
+    let spl_values: Vec<f64> = results
         .iter()
-        .map(|result| Some(spl(result.success, result.tcp_path_m, *reference_paths_m.get(&result.scenario_id)?)))
+        .filter_map(|result| Some(spl(result.success, result.tcp_path_m, *reference_paths_m.get(&result.scenario_id)?)))
         .collect();
     let of_kind = |kind: TaskKind| {
         let own: Vec<&EpisodeResult> =
@@ -154,9 +155,7 @@ fn summarise_policy(
         success: rate(results, &|result| result.success),
         success_once: rate(results, &|result| result.success_once),
         score: mean("score", results, &|result| result.verdict.score),
-        spl: spl_values
-            .filter(|values| !values.is_empty())
-            .map(|values| mean_with_interval(&values, settings, settings.seed.fork("spl"))),
+        spl: (!spl_values.is_empty()).then(|| mean_with_interval(&spl_values, settings, settings.seed.fork("spl"))),
         tcp_path_m: mean("path", results, &|result| result.tcp_path_m),
         duration_s: mean("duration", results, &|result| result.duration_s),
         collisions: rate(results, &|result| result.max_stray_contact_n >= settings.collision_n),

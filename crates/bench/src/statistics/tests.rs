@@ -116,6 +116,10 @@ fn a_summary_counts_per_policy_and_kind_in_any_order() {
     shuffled.extend(results[6..].iter().rev().cloned());
     assert_eq!(summarise(&shuffled, &kinds(), &paths, &settings).unwrap(), summaries);
     assert_eq!(summarise(&results, &kinds(), &BTreeMap::new(), &settings).unwrap()[0].spl, None);
+    // Only scenarios with a reference count: 0 failed, 2 succeeded on a way of 2 m.
+    let some = [("s0".to_owned(), 1.5), ("s2".to_owned(), 1.0)].into();
+    let spl = summarise(&results, &kinds(), &some, &settings).unwrap()[0].spl.unwrap();
+    assert_eq!((spl.count, spl.value), (2, 0.25));
 
     let error = summarise(&results, &BTreeMap::new(), &paths, &settings).unwrap_err();
     assert!(matches!(error, StatisticsError::UnknownTask { .. }), "{error}");

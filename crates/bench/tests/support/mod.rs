@@ -108,17 +108,17 @@ pub fn verdict(task: &Task, success: bool) -> GoalVerdict {
     let judged =
         |holds: bool, atom: &Atom| {
             let (quantity, value, threshold, unit, margin) = match atom {
-                Atom::State { .. } if holds => ("joint position", 1.31, 0.9, "rad", 0.41),
-                Atom::State { .. } => ("joint position", 0.02, 0.9, "rad", -0.88),
-                _ if holds => ("gap in the plane", 0.0423, 0.15, "m", 0.1077),
-                _ => ("gap in the plane", 0.2811, 0.15, "m", -0.1311),
+                Atom::State { .. } if holds => ("joint position", 1.31, 0.9, Unit::Radian, 0.41),
+                Atom::State { .. } => ("joint position", 0.02, 0.9, Unit::Radian, -0.88),
+                _ if holds => ("gap in the plane", 0.0423, 0.15, Unit::Metre, 0.1077),
+                _ => ("gap in the plane", 0.2811, 0.15, Unit::Metre, -0.1311),
             };
-            let measure = |quantity: &str, value: f64, threshold: f64, unit: &str, met: bool, margin: f64| {
-                Measurement { quantity: quantity.into(), value, threshold, unit: unit.into(), met, margin }
+            let measure = |quantity: &str, value: f64, threshold: f64, unit: Unit, met: bool, margin: f64| {
+                Measurement { quantity: quantity.into(), value, threshold, unit, met, margin }
             };
             let mut measurements = vec![measure(quantity, value, threshold, unit, holds, margin)];
             if let Atom::Relation { .. } = atom {
-                measurements.push(measure("overlap along x", 0.018, 0.0, "m", true, 0.018));
+                measurements.push(measure("overlap along x", 0.018, 0.0, Unit::Metre, true, 0.018));
             }
             let state = matches!(atom, Atom::State { .. });
             let sign = match (state, holds) {
@@ -132,7 +132,10 @@ pub fn verdict(task: &Task, success: bool) -> GoalVerdict {
                 holds,
                 margin,
                 measurements,
-                explanation: format!("{quantity} {value:.3} {unit} {sign} {threshold:.3} {unit}"),
+                explanation: format!(
+                    "{quantity} {value:.3} {symbol} {sign} {threshold:.3} {symbol}",
+                    symbol = unit.symbol()
+                ),
             }
         };
     let alternatives = task.goal.alternatives.iter().enumerate();

@@ -5,11 +5,12 @@ use std::process::Command;
 use std::sync::Arc;
 
 use genmanip_assets::panda;
+use genmanip_bench::text_table;
 use genmanip_sim::{Scene, Sim, SimSettings};
 use serde::Serialize;
 
 use crate::error::{ExitStatus, Failed};
-use crate::printer::{Printer, table};
+use crate::printer::Printer;
 
 /// Control steps for which physics are tried.
 const HELD_STEPS: usize = 6;
@@ -35,7 +36,7 @@ pub fn run(printer: &Printer) -> Result<ExitStatus, Failed> {
         };
         rows.push(vec![mark.into(), finding.what.into(), finding.found.clone(), finding.mend.clone()]);
     }
-    printer.data(&findings, &table(&rows));
+    printer.data(&findings, &text_table(&rows));
     Ok(if findings.iter().all(|finding| finding.ok || !finding.needed) { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 

@@ -2,8 +2,8 @@
 
 use crate::args::ExportArguments;
 use crate::error::{ExitStatus, Failed};
-use crate::inputs;
 use crate::printer::Printer;
+use genmanip_run::inputs;
 
 pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let stage = inputs::read_stage(&arguments.scenario)?;

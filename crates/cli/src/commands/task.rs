@@ -1,13 +1,13 @@
 //! `genmanip task check|show`.
 
 use genmanip_core::{Document, Task};
+use genmanip_run::inputs;
 use genmanip_scene::answer::{AnswerReport, Verdict};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::args::{CheckArguments, ShowArguments};
 use crate::error::{ExitStatus, Failed};
-use crate::inputs;
 use crate::printer::Printer;
 
 #[derive(Serialize)]

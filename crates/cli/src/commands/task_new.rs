@@ -3,15 +3,16 @@
 use std::path::Path;
 
 use genmanip_assets::Catalogue;
+use genmanip_bench::text_table;
 use genmanip_core::{Document, Seed, Task, TaskKind};
 use genmanip_llm::{CassetteMode, Designer, GenerationOutcome, LlmSettings};
+use genmanip_run::{Progress, inputs};
 use genmanip_scene::designer::{DesignSettings, design_each};
 use serde::Serialize;
 
 use crate::args::NewArguments;
 use crate::error::{ExitStatus, Failed};
-use crate::inputs;
-use crate::printer::{Printer, table};
+use crate::printer::Printer;
 
 /// Folder beside the tasks with what the model answered and what was wrong with it.
 const ROUNDS: &str = "rounds";
@@ -55,11 +56,11 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
 
 fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
     let cards = Catalogue::builtin().cards();
-    let bar = printer.progress("designing", arguments.count);
+    printer.begin("designing", arguments.count);
     let settings = DesignSettings::default();
     let seed = Seed::new(arguments.seed);
-    let batch = design_each(kinds, arguments.count, cards, seed, &settings, &mut |_| bar.inc(1));
-    bar.finish_and_clear();
+    let batch = design_each(kinds, arguments.count, cards, seed, &settings, &mut |_| printer.advance());
+    printer.end();
     let batch = batch.map_err(|error| Failed::because("the designer gave up", &error))?;
     batch.tasks.iter().map(|task| write_task(task, &arguments.out)).collect()
 }
@@ -70,13 +71,13 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
     let seed = Seed::new(arguments.seed);
     let designer = Designer::open(&settings, seed)
         .map_err(|error| Failed::because("the language model cannot be asked", &error))?;
-    let bar = printer.progress("asking", arguments.count);
+    printer.begin("asking", arguments.count);
     let mut outcomes: Vec<GenerationOutcome> = Vec::new();
     for (index, &kind) in kinds.iter().enumerate() {
         let count = (arguments.count + kinds.len() - 1 - index) / kinds.len();
-        outcomes.extend(designer.generate(kind, count, seed, Catalogue::builtin().cards(), &|_| bar.inc(1)));
+        outcomes.extend(designer.generate(kind, count, seed, Catalogue::builtin().cards(), &|_| printer.advance()));
     }
-    bar.finish_and_clear();
+    printer.end();
     outcomes.iter().map(|outcome| write_outcome(outcome, &arguments.out)).collect()
 }
 
@@ -134,5 +135,5 @@ fn in_words(rows: &[Row]) -> String {
         let said = row.instruction.clone().or_else(|| row.refused.as_ref().map(|why| format!("refused: {why}")));
         lines.push(vec![row.task.clone(), said.unwrap_or_default()]);
     }
-    table(&lines)
+    text_table(&lines)
 }

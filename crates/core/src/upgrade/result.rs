@@ -22,7 +22,7 @@ pub fn from_1(result: &mut Map<String, Value>) -> Result<(), DocumentError> {
     Ok(())
 }
 
-/// Upgrades the results in the body of `genmanip.evaluation/1`; every episode of that version was run.
+/// Upgrades the body of `genmanip.evaluation/1`: every episode of that version was run, and none had a reference way.
 ///
 /// # Errors
 /// As [`from_1`].
@@ -30,6 +30,7 @@ pub fn evaluation_from_1(evaluation: &mut Map<String, Value>) -> Result<(), Docu
     let results = evaluation.get_mut("results").and_then(Value::as_array_mut).into_iter().flatten();
     results.filter_map(Value::as_object_mut).try_for_each(from_1)?;
     evaluation.insert("not_run".into(), json!([]));
+    evaluation.entry("reference_paths_m").or_insert_with(|| json!({}));
     Ok(())
 }
 

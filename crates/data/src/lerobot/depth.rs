@@ -1,7 +1,8 @@
 //! From an episode to the rows of the sibling data set `<name>-depth`.
 
+use super::episodes::EpisodeFacts;
 use super::features::ImageFeature;
-use super::writer::{EpisodeFacts, EpisodeRows};
+use super::writer::EpisodeRows;
 use super::{LerobotSettings, Source, sampling};
 use crate::{CameraTrack, DataError};
 

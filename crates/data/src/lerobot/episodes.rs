@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use arrow_array::types::{Float64Type, Int64Type};
+use genmanip_core::{Document, EpisodeResult};
 use serde_json::json;
 
+use super::Source;
 use super::stats::Stats;
-use super::writer::EpisodeFacts;
-use crate::DataError;
 use crate::table::{self, Columns, Purpose};
+use crate::{CameraTrack, DataError};
 
 /// One row of the episodes table.
 pub(crate) struct EpisodeEntry {
@@ -24,12 +25,40 @@ pub(crate) struct EpisodeEntry {
     pub(crate) facts: EpisodeFacts,
 }
 
+/// What the episodes table says about an episode beside its place in the files.
+#[derive(Clone, Debug)]
+pub(crate) struct EpisodeFacts {
+    pub(crate) result: EpisodeResult,
+    pub(crate) instruction: String,
+    pub(crate) kind: &'static str,
+    pub(crate) scenario_json: String,
+    /// Name, and fx, fy, cx, cy in pixels.
+    pub(crate) cameras: Vec<(String, [f64; 4])>,
+}
+
 /// Where an episode lies in a video file, and what its colours are.
 pub(crate) struct VideoSpan {
     pub(crate) key: String,
     pub(crate) from_s: f64,
     pub(crate) to_s: f64,
     pub(crate) stats: Stats,
+}
+
+impl EpisodeFacts {
+    pub(crate) fn of(source: &Source) -> Self {
+        let scenario = &source.episode.scenario;
+        let intrinsics = |track: &CameraTrack| {
+            let k = &track.camera.intrinsics;
+            (track.camera.name.clone(), [k.fx, k.fy, k.cx, k.cy])
+        };
+        Self {
+            result: source.episode.result.clone(),
+            instruction: scenario.task.instruction.clone(),
+            kind: scenario.task.kind.name(),
+            scenario_json: scenario.to_value().to_string(),
+            cameras: source.tracks.iter().map(intrinsics).collect(),
+        }
+    }
 }
 
 /// The bytes of `meta/episodes/chunk-…/file-….parquet`; LeRobot's own columns first, ours last.
@@ -92,8 +121,7 @@ fn own_columns(columns: &mut Columns, entries: &[EpisodeEntry]) {
     columns.bool("success", results().map(|result| result.success));
     columns.bool("success_once", results().map(|result| result.success_once));
     columns.f64("score", results().map(|result| result.verdict.score));
-    let failure =
-        |result: &genmanip_core::EpisodeResult| result.failure().map_or(String::new(), |failure| failure.to_string());
+    let failure = |result: &EpisodeResult| result.failure().map_or(String::new(), |failure| failure.to_string());
     columns.text("failure", results().map(failure));
     columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
     columns.text("scenario_id", results().map(|result| &result.scenario_id));

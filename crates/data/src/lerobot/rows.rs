@@ -2,8 +2,9 @@
 
 use genmanip_core::{Frame, Pose, RobotModel};
 
+use super::episodes::EpisodeFacts;
 use super::features::{Feature, Values, VideoFeature};
-use super::writer::{EpisodeFacts, EpisodeRows};
+use super::writer::EpisodeRows;
 use super::{LerobotSettings, Source, sampling};
 use crate::frames::pose_to_row;
 use crate::{CameraTrack, DataError};

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use genmanip_core::Document;
 use serde_json::Value;
 
-use super::episodes::{self, EpisodeEntry, VideoSpan};
+use super::LerobotSettings;
+use super::episodes::{self, EpisodeEntry, EpisodeFacts, VideoSpan};
 use super::features::{self, Feature, ImageFeature, Values, VideoFeature};
 use super::info::{self, FILES_PER_CHUNK};
 use super::stats::{Collected, Stats};
-use super::{LerobotSettings, Source};
 use crate::aside::{self, Aside};
 use crate::table::{Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, EpisodeStore, video};
@@ -21,17 +21,6 @@ pub(crate) struct EpisodeRows {
     pub(crate) images: Vec<ImageFeature>,
     pub(crate) videos: Vec<VideoFeature>,
     pub(crate) facts: EpisodeFacts,
-}
-
-/// What the episodes table says about an episode beside its place in the files.
-#[derive(Clone, Debug)]
-pub(crate) struct EpisodeFacts {
-    pub(crate) result: genmanip_core::EpisodeResult,
-    pub(crate) instruction: String,
-    pub(crate) kind: &'static str,
-    pub(crate) scenario_json: String,
-    /// Name, and fx, fy, cx, cy in pixels.
-    pub(crate) cameras: Vec<(String, [f64; 4])>,
 }
 
 /// A data set under construction.
@@ -232,22 +221,5 @@ impl Finished {
     /// Makes the data set visible.
     pub(crate) fn publish(self) -> Result<(), DataError> {
         self.0.publish()
-    }
-}
-
-impl EpisodeFacts {
-    pub(crate) fn of(source: &Source) -> Self {
-        let scenario = &source.episode.scenario;
-        let intrinsics = |track: &crate::CameraTrack| {
-            let k = &track.camera.intrinsics;
-            (track.camera.name.clone(), [k.fx, k.fy, k.cx, k.cy])
-        };
-        Self {
-            result: source.episode.result.clone(),
-            instruction: scenario.task.instruction.clone(),
-            kind: scenario.task.kind.name(),
-            scenario_json: scenario.to_value().to_string(),
-            cameras: source.tracks.iter().map(intrinsics).collect(),
-        }
     }
 }

@@ -2,16 +2,15 @@
 
 use std::cell::RefCell;
 
-use super::bodies::{
-    Body, BodyPair, Target, TargetPiece, apart, bodies, bodies_closer_than, bodies_separation, body_pairs, moved,
-    reaches, room,
-};
+use super::body::{Body, BodyPair, Part, bodies_closer_than, bodies_separation};
 use super::convex::Separation;
 use super::cover::CoverBall;
-use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, FastPiece, Scratch};
+use super::fast::{FastBody, FastJoint, FastMargin, FastModel, FastObstacle, Scratch};
+use super::fast_piece::FastPiece;
+use super::placed_obstacle::{PlacedObstacle, PlacedPiece};
 use super::probe::Solid;
 use super::robot_shape::RobotShape;
-use super::world::{Allowed, Attached, Part, World};
+use super::world::{Allowed, Attached, World};
 
 /// Two things that are too close.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,14 +42,15 @@ impl std::fmt::Display for CollisionReport {
 pub struct Checker<'a> {
     pub(super) robot: &'a RobotShape,
     pub(super) bodies: Vec<Body<'a>>,
-    pub(super) obstacles: Vec<Target<'a>>,
+    pub(super) obstacles: Vec<PlacedObstacle<'a>>,
     /// Distance to keep per body and obstacle, row by row of bodies; `None` where contact is allowed or out of reach.
     pub(super) obstacle_margin: Vec<Option<f64>>,
     pub(super) body_pairs: Vec<BodyPair>,
-    /// Largest speed of any point of each body per unit speed of each joint.
-    pub(super) reaches: Vec<Vec<f64>>,
-    /// Largest speed of any point of the robot per unit speed of each joint.
-    pub(super) reach: Vec<f64>,
+    /// Motion bounds of each body: per joint the largest speed of any of its points per unit speed of the joint, m/rad
+    /// (1 for sliding joints).
+    pub(super) motion_bounds: Vec<Vec<f64>>,
+    /// The same for the whole robot.
+    pub(super) motion_bound: Vec<f64>,
     /// The same scene for the fast path.
     pub(super) fast: FastModel<'a>,
     /// Storage of the fast path.
@@ -67,22 +67,22 @@ impl<'a> Checker<'a> {
         gripper_width: f64,
         padding: f64,
     ) -> Self {
-        let bodies = bodies(robot, attached, gripper_width);
-        let obstacles: Vec<Target> = world.obstacles.iter().map(Target::new).collect();
+        let bodies = robot.bodies(attached, gripper_width);
+        let obstacles: Vec<PlacedObstacle> = world.obstacles.iter().map(PlacedObstacle::new).collect();
         let obstacle_margin = bodies
             .iter()
             .flat_map(|body| {
-                let room = room(robot, body);
-                let may_meet = move |target: &Target| {
-                    body.frame > 0 && !allowed.contains(body.part, target.name) && !target.clear_of(&room, padding)
+                let reachable = robot.reachable_ball(body);
+                let may_meet = move |target: &PlacedObstacle| {
+                    body.frame > 0 && !allowed.contains(body.part, target.name) && !target.clear_of(&reachable, padding)
                 };
                 obstacles.iter().map(move |target| may_meet(target).then_some(padding))
             })
             .collect();
-        let body_pairs = body_pairs(robot, &bodies, padding);
-        let reaches: Vec<Vec<f64>> = bodies.iter().map(|body| reaches(robot, body)).collect();
-        let widest = |joint: usize| reaches.iter().map(|body| body[joint]).fold(0.0, f64::max);
-        let reach = (0..robot.chain.dof()).map(widest).collect();
+        let body_pairs = robot.body_pairs(&bodies, padding);
+        let motion_bounds: Vec<Vec<f64>> = bodies.iter().map(|body| robot.motion_bounds(body)).collect();
+        let largest = |joint: usize| motion_bounds.iter().map(|body| body[joint]).fold(0.0, f64::max);
+        let motion_bound = (0..robot.chain.dof()).map(largest).collect();
         let fast = fast_model(robot, &bodies, &obstacles);
         let mut checker = Self {
             robot,
@@ -90,8 +90,8 @@ impl<'a> Checker<'a> {
             obstacles,
             obstacle_margin,
             body_pairs,
-            reaches,
-            reach,
+            motion_bounds,
+            motion_bound,
             fast,
             scratch: RefCell::default(),
         };
@@ -151,10 +151,10 @@ impl<'a> Checker<'a> {
         let frames = self.robot.chain.frames(config);
         let world_from = |body: &Body| frames[body.frame] * body.frame_from_body;
         for (index, body) in self.bodies.iter().enumerate() {
-            let ball = moved(&frames[body.frame], &body.ball);
+            let ball = body.ball.moved(&frames[body.frame]);
             for (target, margin) in self.obstacles.iter().zip(self.margins_of(index)) {
                 let Some(margin) = *margin else { continue };
-                if apart(&ball, &target.ball, margin) {
+                if ball.is_apart(&target.ball, margin) {
                     continue;
                 }
                 if target.closer_than(body, &world_from(body), margin) {
@@ -164,7 +164,7 @@ impl<'a> Checker<'a> {
         }
         !self.body_pairs.iter().any(|&BodyPair { first, second, margin, .. }| {
             let (a, b) = (&self.bodies[first], &self.bodies[second]);
-            !apart(&moved(&frames[a.frame], &a.ball), &moved(&frames[b.frame], &b.ball), margin)
+            !a.ball.moved(&frames[a.frame]).is_apart(&b.ball.moved(&frames[b.frame]), margin)
                 && bodies_closer_than(a, b, &world_from(a), &world_from(b), margin)
         })
     }
@@ -197,7 +197,7 @@ impl<'a> Checker<'a> {
             let world_from_body = frames[body.frame] * body.frame_from_body;
             for (target, slot) in self.obstacles.iter_mut().zip(&mut self.obstacle_margin[index * count..]) {
                 let Some(margin) = slot else { continue };
-                if apart(&moved(&frames[body.frame], &body.ball), &target.ball, *margin) {
+                if body.ball.moved(&frames[body.frame]).is_apart(&target.ball, *margin) {
                     continue;
                 }
                 if let Some(surface) = target.surface {
@@ -249,8 +249,8 @@ impl<'a> Checker<'a> {
     /// No point of the robot or of what it carries ever is farther from the base, m.
     pub(crate) fn reach_m(&self) -> f64 {
         let from_base = |body: &Body| {
-            let room = room(self.robot, body);
-            room.center.length() + room.radius
+            let reachable = self.robot.reachable_ball(body);
+            reachable.center.length() + reachable.radius
         };
         self.bodies.iter().map(from_base).fold(0.0, f64::max)
     }
@@ -280,14 +280,13 @@ impl<'a> Checker<'a> {
     }
 }
 
-fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target<'a>]) -> FastModel<'a> {
+fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[PlacedObstacle<'a>]) -> FastModel<'a> {
     let joint = |joint: &crate::chain::ChainJoint| FastJoint {
         parent_frame: joint.parent_frame,
         parent_from_joint: (&joint.parent_from_joint).into(),
         slides: joint.slides,
     };
-    let placed =
-        |body: &Body, cover: &CoverBall| CoverBall { ball: moved(&body.frame_from_body, &cover.ball), ..*cover };
+    let placed = |body: &Body, cover: &CoverBall| CoverBall { ball: cover.ball.moved(&body.frame_from_body), ..*cover };
     let body = |body: &Body<'a>| FastBody {
         frame: body.frame,
         frame_from_body: (&body.frame_from_body).into(),
@@ -295,8 +294,8 @@ fn fast_model<'a>(robot: &RobotShape, bodies: &[Body<'a>], obstacles: &[Target<'
         ball: (&body.ball).into(),
         cover: body.cover.iter().map(|ball| (&placed(body, ball)).into()).collect(),
     };
-    let piece = |piece: &TargetPiece| FastPiece::new(&piece.convex.core, piece.convex.radius, &piece.core_from_world);
-    let obstacle = |target: &Target<'a>| FastObstacle {
+    let piece = |piece: &PlacedPiece| FastPiece::new(&piece.convex.core, piece.convex.radius, &piece.core_from_world);
+    let obstacle = |target: &PlacedObstacle<'a>| FastObstacle {
         ball: (&target.ball).into(),
         pieces: target.pieces.iter().map(piece).collect(),
         field: target.surface.map(|surface| &surface.field),

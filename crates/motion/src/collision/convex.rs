@@ -40,6 +40,31 @@ pub(crate) struct Ball {
     pub(crate) radius: f64,
 }
 
+impl Ball {
+    /// A ball around balls: centred in the middle of their bounds, not the smallest possible.
+    pub(crate) fn around(balls: impl Iterator<Item = Self> + Clone) -> Self {
+        let bounds = balls.clone().fold(genmanip_core::Aabb::EMPTY, |bounds, ball| {
+            bounds.including(ball.center - DVec3::splat(ball.radius)).including(ball.center + DVec3::splat(ball.radius))
+        });
+        let center = bounds.center();
+        let radius = balls.map(|ball| ball.center.distance(center) + ball.radius).fold(0.0, f64::max);
+        Self { center: if center.is_finite() { center } else { DVec3::ZERO }, radius }
+    }
+
+    /// The same ball in an outer frame.
+    #[inline]
+    pub(super) fn moved(&self, outer_from_inner: &Rigid) -> Self {
+        Self { center: outer_from_inner.point(self.center), radius: self.radius }
+    }
+
+    /// Whether two balls certainly keep `margin`, m; a negative one counts as 0.
+    #[inline]
+    pub(super) fn is_apart(&self, other: &Self, margin: f64) -> bool {
+        let reach = self.radius + other.radius + margin.max(0.0);
+        self.center.distance_squared(other.center) > reach * reach
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(crate) enum Core {
     Point,
@@ -61,6 +86,11 @@ pub(crate) enum Core {
 }
 
 impl Convex {
+    /// All pieces of a link or an object.
+    pub(crate) fn all(owner: &str, pieces: &[Piece]) -> Result<Vec<Self>, GeometryError> {
+        pieces.iter().enumerate().map(|(index, piece)| Self::new(owner, index, piece)).collect()
+    }
+
     pub(crate) fn new(owner: &str, index: usize, piece: &Piece) -> Result<Self, GeometryError> {
         let bad = |what: String| Err(GeometryError { owner: owner.to_owned(), index, what });
         let positive = |values: &[f64]| values.iter().all(|value| value.is_finite() && *value > 0.0);
@@ -236,6 +266,17 @@ pub(crate) enum Separation {
     Beyond,
     /// At this distance; negative is the depth by which they penetrate.
     Within(f64),
+}
+
+impl Separation {
+    /// The smaller of two distances.
+    #[inline]
+    pub(super) fn nearer(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Within(a), Self::Within(b)) => Self::Within(a.min(b)),
+            (Self::Beyond, found) | (found, Self::Beyond) => found,
+        }
+    }
 }
 
 /// Whether `b` comes within `margin` of `a`; `a_from_b` relates their owners' frames.

@@ -1,10 +1,10 @@
 //! Tests of straight joint-space edges, eight states at a time.
 
-use super::bodies::{BodyPair, LOOK, bodies_separation};
+use super::body::{BodyPair, LOOK, bodies_separation};
 use super::checker::Checker;
 use super::convex::Separation;
 use super::fast::{self, Doubt};
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, lanes_of};
 use crate::path::lerp;
 use crate::rigid::Rigid;
 
@@ -50,7 +50,7 @@ impl Checker<'_> {
     /// state is also how far the bodies may move before they can meet.
     pub(super) fn pair_is_free(&self, pair: &BodyPair, from: &[f64], to: &[f64], spacing: f64) -> bool {
         let table = pair.table.and_then(|index| self.robot.tables[index].as_ref());
-        let speed: f64 = pair.movers.iter().map(|&(joint, reach)| (to[joint] - from[joint]).abs() * reach).sum();
+        let speed: f64 = pair.movers.iter().map(|&(joint, bound)| (to[joint] - from[joint]).abs() * bound).sum();
         let (a, b) = (&self.bodies[pair.first], &self.bodies[pair.second]);
         let mut frames = Vec::new();
         let mut time = 0.0;
@@ -89,7 +89,7 @@ impl Checker<'_> {
             let Doubt::Obstacle { body, obstacle, lanes } = *doubt else { return true };
             let Some(margin) = self.obstacle_margin[body * count + obstacle] else { return true };
             let (body, target) = (&self.bodies[body], &self.obstacles[obstacle]);
-            fast::lanes_of(lanes).all(|lane| {
+            lanes_of(lanes).all(|lane| {
                 let frames = cached[lane].get_or_insert_with(|| self.robot.chain.frames(&config(lane)));
                 !target.closer_than(body, &(frames[body.frame] * body.frame_from_body), margin)
             })
@@ -98,7 +98,8 @@ impl Checker<'_> {
 
     /// Number of equal steps in which no point of the robot moves more than `spacing`.
     pub(crate) fn edge_steps(&self, from: &[f64], to: &[f64], spacing: f64) -> usize {
-        let motion: f64 = from.iter().zip(to).zip(&self.reach).map(|((a, b), reach)| (a - b).abs() * reach).sum();
+        let motion: f64 =
+            from.iter().zip(to).zip(&self.motion_bound).map(|((a, b), bound)| (a - b).abs() * bound).sum();
         ((motion / spacing).ceil() as usize).clamp(1, 1 << 20)
     }
 }

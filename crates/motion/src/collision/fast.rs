@@ -7,15 +7,13 @@
 
 use multiversion::multiversion;
 
-use super::convex::{Ball, Core};
+use super::convex::Ball;
 use super::cover::CoverBall;
+use super::fast_piece::FastPiece;
 use super::field::Field;
-use super::lanes::{LANES, Lanes};
-use super::narrow::{Skeleton, Verdict};
-use crate::rigid::Rigid;
-
-/// Rounding of single precision over the length of an arm, m.
-pub(super) const ROUNDING: f32 = 2e-5;
+use super::lane_geometry::{LaneFrame, Point, ROUNDING, Transform, add, place, scale, then, turn_sparse};
+use super::lanes::{Lanes, Verdict};
+use super::narrow::Skeleton;
 
 /// Robot, obstacles and margins in single precision.
 #[derive(Clone, Debug, Default)]
@@ -61,34 +59,6 @@ pub(super) struct FastObstacle<'a> {
     pub(super) field: Option<&'a Field>,
 }
 
-/// A primitive at least as large as the piece it stands for.
-#[derive(Clone, Debug)]
-pub(super) struct FastPiece {
-    core_from_world: Transform,
-    shape: FastShape,
-    pub(super) rounding: f32,
-    /// The primitive is the piece, not only a bound.
-    pub(super) exact: bool,
-}
-
-#[derive(Clone, Debug)]
-enum FastShape {
-    Box([f32; 3]),
-    Cylinder {
-        radius: f32,
-        half_height: f32,
-    },
-    /// A point when the half length is 0.
-    Segment(f32),
-}
-
-/// Rows of a rotation matrix, and a translation.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Transform {
-    rows: [[f32; 3]; 3],
-    translation: [f32; 3],
-}
-
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FastBall {
     center: [f32; 3],
@@ -102,15 +72,6 @@ pub(super) struct FastBall {
 pub(super) enum Doubt {
     Obstacle { body: usize, obstacle: usize, lanes: u8 },
     Bodies { pair: usize, lanes: u8 },
-}
-
-pub(super) type Point = [Lanes; 3];
-
-/// `world_from_frame` in every lane: columns of the rotation, and the origin.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LaneFrame {
-    pub(super) columns: [Point; 3],
-    pub(super) origin: Point,
 }
 
 /// A body and an obstacle whose balls do not prove clearance in some lanes.
@@ -364,133 +325,6 @@ fn near_point(a: &Point, b: &Point, reach: f32) -> u8 {
     (squared - Lanes::all(reach * reach)).not_positive()
 }
 
-impl FastPiece {
-    #[inline(always)]
-    fn near(&self, center: &Point, reach: f32) -> u8 {
-        let reach = reach + self.rounding + ROUNDING;
-        (self.squared_distance(center) - Lanes::all(reach * reach)).not_positive()
-    }
-
-    /// Squared distance from a point in the world to the primitive without its rounding.
-    #[inline(always)]
-    pub(super) fn squared_distance(&self, center: &Point) -> Lanes {
-        let Transform { rows, translation } = &self.core_from_world;
-        let local = |k: usize| {
-            center[0] * rows[k][0] + center[1] * rows[k][1] + center[2] * rows[k][2] + Lanes::all(translation[k])
-        };
-        let point = [local(0), local(1), local(2)];
-        let away = subtract(point, self.nearest(&point));
-        dot(away, away)
-    }
-
-    /// The point of the primitive, without its rounding, that is nearest to `point`, both in its own frame.
-    #[inline(always)]
-    pub(super) fn nearest(&self, point: &Point) -> Point {
-        let [x, y, z] = *point;
-        let within = |value: Lanes, half: f32| value.clamp(-half, half);
-        match self.shape {
-            FastShape::Box([hx, hy, hz]) => [within(x, hx), within(y, hy), within(z, hz)],
-            FastShape::Cylinder { radius, half_height } => {
-                let shrink = Lanes::all(radius).over((x * x + y * y).sqrt().max(1e-9)).min(1.0);
-                [x * shrink, y * shrink, within(z, half_height)]
-            }
-            FastShape::Segment(half_length) => [Lanes::all(0.0), Lanes::all(0.0), within(z, half_length)],
-        }
-    }
-
-    pub(super) fn new(core: &Core, rounding: f64, core_from_world: &Rigid) -> Self {
-        let mut core_from_world = *core_from_world;
-        let shape = match core {
-            Core::Point => FastShape::Segment(0.0),
-            Core::Segment(half_length) => FastShape::Segment(*half_length as f32),
-            Core::Box(half) | Core::Ellipsoid(half) => FastShape::Box(half.as_vec3().to_array()),
-            Core::Cylinder { radius, half_height } => {
-                FastShape::Cylinder { radius: *radius as f32, half_height: *half_height as f32 }
-            }
-            Core::Hull { center, half, .. } => {
-                core_from_world.translation -= *center;
-                FastShape::Box(half.as_vec3().to_array())
-            }
-        };
-        let exact = !matches!(core, Core::Ellipsoid(_) | Core::Hull { .. });
-        Self { core_from_world: Transform::from(&core_from_world), shape, rounding: rounding as f32, exact }
-    }
-}
-
-#[inline(always)]
-pub(super) fn place(frame: &LaneFrame, point: [f32; 3]) -> Point {
-    add(turn(frame, point), frame.origin)
-}
-
-/// `outer_from_inner` of an outer frame per lane and a place in it that is the same in all.
-#[inline(always)]
-fn then(outer: &LaneFrame, inner: &Transform) -> LaneFrame {
-    let Transform { rows, translation } = inner;
-    let column = |k: usize| turn(outer, [rows[0][k], rows[1][k], rows[2][k]]);
-    LaneFrame { columns: [column(0), column(1), column(2)], origin: place(outer, *translation) }
-}
-
-#[inline(always)]
-fn turn(frame: &LaneFrame, vector: [f32; 3]) -> Point {
-    let [x, y, z] = &frame.columns;
-    let row = |k: usize| x[k] * vector[0] + y[k] * vector[1] + z[k] * vector[2];
-    [row(0), row(1), row(2)]
-}
-
-/// Like `turn`, for vectors that mostly lie along an axis, as joints are mounted.
-#[inline(always)]
-fn turn_sparse(frame: &LaneFrame, vector: [f32; 3]) -> Point {
-    let mut turned = [Lanes::all(0.0); 3];
-    for (column, part) in frame.columns.iter().zip(vector) {
-        if part != 0.0 {
-            turned = add(turned, scale(*column, Lanes::all(part)));
-        }
-    }
-    turned
-}
-
-impl Transform {
-    #[inline(always)]
-    fn before(&self, inner: &LaneFrame) -> LaneFrame {
-        let row = |v: &Point, k: usize| v[0] * self.rows[k][0] + v[1] * self.rows[k][1] + v[2] * self.rows[k][2];
-        let turned = |v: &Point| [row(v, 0), row(v, 1), row(v, 2)];
-        let [x, y, z] = &inner.columns;
-        LaneFrame {
-            columns: [turned(x), turned(y), turned(z)],
-            origin: add(turned(&inner.origin), self.translation.map(Lanes::all)),
-        }
-    }
-}
-
-#[inline(always)]
-pub(super) fn subtract(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-#[inline(always)]
-pub(super) fn dot(a: Point, b: Point) -> Lanes {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-pub(super) fn add(a: Point, b: Point) -> Point {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-#[inline(always)]
-pub(super) fn scale(a: Point, factor: Lanes) -> Point {
-    [a[0] * factor, a[1] * factor, a[2] * factor]
-}
-
-impl From<&Rigid> for Transform {
-    fn from(rigid: &Rigid) -> Self {
-        // What is left of a right angle after rounding is nothing.
-        let single = |value: f64| if value.abs() < 1e-12 { 0.0 } else { value as f32 };
-        let rows = rigid.rotation.transpose().to_cols_array_2d();
-        Self { rows: rows.map(|row| row.map(single)), translation: rigid.translation.to_array().map(single) }
-    }
-}
-
 impl From<&Ball> for FastBall {
     fn from(ball: &Ball) -> Self {
         Self { center: ball.center.as_vec3().to_array(), radius: ball.radius as f32, inner: 0.0 }
@@ -501,9 +335,4 @@ impl From<&CoverBall> for FastBall {
     fn from(ball: &CoverBall) -> Self {
         Self { inner: ball.inner as f32, ..Self::from(&ball.ball) }
     }
-}
-
-/// The lanes whose bits are set.
-pub(super) fn lanes_of(mask: u8) -> impl Iterator<Item = usize> {
-    (0..LANES).filter(move |lane| mask >> lane & 1 == 1)
 }

@@ -6,9 +6,8 @@
 
 use glam::DVec3;
 
-use super::fast::{Point, ROUNDING};
-use super::lanes::{LANES, Lanes};
-use super::narrow::Verdict;
+use super::lane_geometry::{Point, ROUNDING};
+use super::lanes::{LANES, Lanes, Verdict};
 
 /// Smallest cell, m.
 const CELL_M: f64 = 0.0125;

@@ -16,6 +16,15 @@ pub(crate) struct Lanes(f32x8);
 #[derive(Clone, Copy)]
 pub(crate) struct Mask(f32x8);
 
+/// What a comparison with an obstacle found; bit k speaks for lane k.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Verdict {
+    /// Lanes that certainly do not keep their distance.
+    pub(super) touching: u8,
+    /// Lanes that only a closer test can decide.
+    pub(super) undecided: u8,
+}
+
 impl Lanes {
     #[inline(always)]
     pub(crate) fn all(value: f32) -> Self {
@@ -138,6 +147,12 @@ impl Mask {
     pub(crate) fn pick(self, yes: Lanes, no: Lanes) -> Lanes {
         Lanes(self.0.bitselect(yes.0, no.0))
     }
+}
+
+/// The lanes whose bits are set.
+#[inline]
+pub(super) fn lanes_of(mask: u8) -> impl Iterator<Item = usize> {
+    (0..LANES).filter(move |lane| mask >> lane & 1 == 1)
 }
 
 macro_rules! lanewise {

@@ -8,8 +8,8 @@ use parry3d_f64::{math::Vector, transformation::try_convex_hull};
 
 use super::convex::{Convex, GeometryError};
 use super::points::{SurfaceError, check};
-use super::probe::Triangle;
 use super::surface::{Facets, Surface};
+use super::triangle::Triangle;
 use crate::rigid::Rigid;
 
 /// Area below which a triangle counts as degenerate, m².
@@ -38,37 +38,6 @@ pub(super) fn mesh(
     };
     let triangles = triangles.iter().enumerate().map(triangle).collect::<Result<Vec<_>, _>>()?;
     Ok(Arc::new(Surface::new(Facets::Triangles(triangles), 0.0)))
-}
-
-impl Triangle {
-    pub(super) fn moved(&self, outer_from_inner: &Rigid) -> Self {
-        Self(self.0.map(|corner| outer_from_inner.point(corner)))
-    }
-
-    pub(super) fn area(&self) -> f64 {
-        let [a, b, c] = self.0;
-        0.5 * (b - a).cross(c - a).length()
-    }
-
-    pub(super) fn perimeter(&self) -> f64 {
-        let [a, b, c] = self.0;
-        a.distance(b) + b.distance(c) + c.distance(a)
-    }
-
-    /// Calls `mark` with boxes that together hold the triangle, each about as large as a cell or smaller.
-    pub(super) fn cut(&self, cell: f64, mark: &mut dyn FnMut(DVec3, DVec3)) {
-        let [a, b, c] = self.0;
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        if (high - low).max_element() <= cell {
-            return mark(low, high);
-        }
-        let length = |[a, b, _]: &[DVec3; 3]| a.distance_squared(*b);
-        let sides = [[a, b, c], [b, c, a], [c, a, b]].into_iter();
-        let [a, b, c] = sides.max_by(|one, other| length(one).total_cmp(&length(other))).unwrap_or(self.0);
-        let middle = (a + b) / 2.0;
-        Self([a, middle, c]).cut(cell, mark);
-        Self([middle, b, c]).cut(cell, mark);
-    }
 }
 
 /// Triangles of a piece's surface, in the frame of its link: corners, and three of them per triangle, counter-clockwise

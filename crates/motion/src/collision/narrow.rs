@@ -4,14 +4,15 @@
 //! towards the obstacle. At every step the point proves contact when it is near enough, and the direction to the
 //! obstacle proves clearance when all corners lie far enough along it; what neither proves is left to the exact test.
 
+use genmanip_core::Pose;
 use glam::DVec3;
 
 use super::convex::{Convex, Core, Separation, separation};
 use super::cover::corners;
-use super::fast::{FastPiece, LaneFrame, Point, ROUNDING, add, dot, place, scale, subtract};
-use super::lanes::{LANES, Lanes};
+use super::fast_piece::FastPiece;
+use super::lane_geometry::{LaneFrame, Point, ROUNDING, add, dot, place, scale, subtract};
+use super::lanes::{LANES, Lanes, Verdict};
 use crate::rigid::Rigid;
-use genmanip_core::Pose;
 
 /// Steps before the exact test is called.
 const STEPS: usize = 5;
@@ -31,13 +32,6 @@ pub(crate) struct Skeleton {
     inner: f32,
     /// The body lies within this distance of the corners' hull.
     outer: f32,
-}
-
-/// What a closer look found, lane by lane.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Verdict {
-    pub(super) touching: u8,
-    pub(super) undecided: u8,
 }
 
 impl Skeleton {

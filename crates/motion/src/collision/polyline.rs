@@ -4,7 +4,7 @@ use std::cell::RefMut;
 
 use super::checker::Checker;
 use super::fast::{self, Doubt, Scratch};
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, lanes_of};
 use crate::path::lerp;
 use crate::rigid::Rigid;
 
@@ -42,8 +42,8 @@ impl Checker<'_> {
     /// The largest speed of any point of each body along an edge that takes unit time.
     fn speeds(&self, from: &[f64], to: &[f64]) -> Vec<f64> {
         let speed =
-            |reach: &Vec<f64>| reach.iter().zip(from).zip(to).map(|((reach, a), b)| reach * (a - b).abs()).sum();
-        self.reaches.iter().map(speed).collect()
+            |bounds: &Vec<f64>| bounds.iter().zip(from).zip(to).map(|((bound, a), b)| bound * (a - b).abs()).sum();
+        self.motion_bounds.iter().map(speed).collect()
     }
 }
 
@@ -101,7 +101,7 @@ impl Query<'_, '_> {
             for index in 0..self.scratch.doubts.len() {
                 match self.scratch.doubts[index] {
                     Doubt::Obstacle { body, obstacle, lanes } => {
-                        for lane in fast::lanes_of(lanes).filter(real) {
+                        for lane in lanes_of(lanes).filter(real) {
                             let near = Passing { stretch: at(lane), body, obstacle };
                             match self.look_at_middle(&near, &mut frames[lane]) {
                                 Look::Touching => return None,
@@ -111,7 +111,7 @@ impl Query<'_, '_> {
                         }
                     }
                     Doubt::Bodies { pair, lanes } => {
-                        doubted_pairs.extend(fast::lanes_of(lanes).map(|lane| (at(lane).edge, pair)));
+                        doubted_pairs.extend(lanes_of(lanes).map(|lane| (at(lane).edge, pair)));
                     }
                 }
             }

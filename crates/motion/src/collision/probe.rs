@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 use parry3d_f64::math::{Pose as ParryPose, Vector};
-use parry3d_f64::shape::SupportMap;
 use parry3d_f64::transformation::try_convex_hull;
 
 use super::convex::{Convex, Core, Separation, cores_closer_than, cores_separation};
 use super::lanes::{LANES, Lanes};
+use super::triangle::Triangle;
 use crate::rigid::Rigid;
 
 /// The planes of a hull's faces, in the frame of its core; none for other shapes, whose distances have closed forms.
@@ -63,10 +63,6 @@ pub(super) struct Probe<'a> {
     pub(super) piece: &'a Convex,
     planes: &'a Planes,
 }
-
-/// Three corners.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Triangle(pub(super) [DVec3; 3]);
 
 impl Planes {
     pub(crate) fn new(piece: &Convex) -> Self {
@@ -179,13 +175,4 @@ impl<'a> Probe<'a> {
 
 fn at(point: DVec3) -> ParryPose {
     ParryPose::from_translation(Vector::from_array(point.to_array()))
-}
-
-impl SupportMap for Triangle {
-    fn local_support_point(&self, direction: Vector) -> Vector {
-        let direction = DVec3::from_array(direction.to_array());
-        let [a, b, c] = self.0;
-        let farther = |a: DVec3, b: DVec3| if b.dot(direction) > a.dot(direction) { b } else { a };
-        Vector::from_array(farther(farther(a, b), c).to_array())
-    }
 }

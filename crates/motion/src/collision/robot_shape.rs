@@ -1,15 +1,16 @@
 //! The robot's collision bodies, compiled once.
 
 use genmanip_core::RobotModel;
-use glam::DVec3;
 
-use super::convex::{Ball, Convex, GeometryError};
+use super::body::{Body, BodyPair, LOOK, Part, bodies_separation};
+use super::convex::{Ball, Convex, GeometryError, Separation};
 use super::cover::{CoverBall, cover};
 use super::narrow::Skeleton;
 use super::pair_table::PairTable;
 use super::probe::Planes;
-use super::world::compile;
+use super::world::Attached;
 use crate::chain::{Chain, ModelError};
+use crate::rigid::Rigid;
 
 /// Links that stay farther apart than this within the joint limits are not tested against each other, m.
 const NEVER_NEAR: f64 = 0.02;
@@ -57,7 +58,7 @@ impl RobotShape {
             .links
             .iter()
             .map(|link| {
-                let pieces = compile(&link.name, &link.pieces)?;
+                let pieces = Convex::all(&link.name, &link.pieces)?;
                 let cover = pieces.iter().flat_map(cover).collect();
                 let skeletons = pieces.iter().map(Skeleton::new).collect();
                 let planes = pieces.iter().map(Planes::new).collect();
@@ -75,7 +76,7 @@ impl RobotShape {
             .collect();
         let [left, right] = robot.gripper.fingers;
         let mut shape = Self { chain, links, pairs, gripper_links: [robot.hand, left, right], tables: vec![] };
-        shape.tables = super::bodies::pair_tables(&shape, &[left, right]);
+        shape.tables = shape.pair_tables(&[left, right]);
         // Many pairs never come near each other, whatever the two joints do.
         let kept: Vec<bool> =
             shape.tables.iter().map(|table| table.as_ref().is_none_or(|table| table.nearest() < NEVER_NEAR)).collect();
@@ -90,14 +91,109 @@ impl RobotShape {
     pub fn chain(&self) -> &Chain {
         &self.chain
     }
-}
 
-/// A ball around balls: centred in the middle of their bounds, not the smallest possible.
-pub(crate) fn ball_around(balls: impl Iterator<Item = Ball> + Clone) -> Ball {
-    let bounds = balls.clone().fold(genmanip_core::Aabb::EMPTY, |bounds, ball| {
-        bounds.including(ball.center - DVec3::splat(ball.radius)).including(ball.center + DVec3::splat(ball.radius))
-    });
-    let center = bounds.center();
-    let radius = balls.map(|ball| ball.center.distance(center) + ball.radius).fold(0.0, f64::max);
-    Ball { center: if center.is_finite() { center } else { DVec3::ZERO }, radius }
+    /// The links that have pieces and the carried object, at an opening of the gripper (m).
+    pub(super) fn bodies<'a>(&'a self, attached: Option<&'a Attached>, gripper_width: f64) -> Vec<Body<'a>> {
+        let around = |frame_from_body: &Rigid, cover: &[CoverBall]| {
+            Ball::around(cover.iter().map(|ball| ball.ball.moved(frame_from_body)))
+        };
+        let links = self.links.iter().enumerate().filter(|(_, link)| !link.pieces.is_empty()).map(|(index, link)| {
+            let (frame, frame_from_body) = self.chain.link_mount(index, gripper_width);
+            let ball = around(&frame_from_body, &link.cover);
+            let LinkShape { name, pieces, cover, skeletons, planes } = link;
+            Body { part: Part::Link(index), name, frame, frame_from_body, pieces, cover, skeletons, planes, ball }
+        });
+        let carried = attached.map(|attached| {
+            let (frame, frame_from_tcp) = self.chain.tcp_mount();
+            let frame_from_body = frame_from_tcp * attached.tcp_from_object;
+            let ball = around(&frame_from_body, &attached.cover);
+            let Attached { name, pieces, cover, skeletons, planes, .. } = attached;
+            Body { part: Part::Attached, name, frame, frame_from_body, pieces, cover, skeletons, planes, ball }
+        });
+        links.chain(carried).collect()
+    }
+
+    /// The pairs of bodies that may meet, each to keep `padding` metres.
+    pub(super) fn body_pairs(&self, bodies: &[Body], padding: f64) -> Vec<BodyPair> {
+        let tested = |a: &Body, b: &Body| match (a.part, b.part) {
+            (Part::Link(a), Part::Link(b)) => self.pairs.contains(&(a, b)),
+            (Part::Link(link), Part::Attached) => a.frame != b.frame && !self.gripper_links.contains(&link),
+            _ => false,
+        };
+        let count = bodies.len();
+        (0..count)
+            .flat_map(|a| (a + 1..count).map(move |b| (a, b)))
+            .filter(|(a, b)| tested(&bodies[*a], &bodies[*b]))
+            .map(|(first, second)| {
+                // A joint that carries both moves neither against the other.
+                let (a, b) = (self.motion_bounds(&bodies[first]), self.motion_bounds(&bodies[second]));
+                let movers = (0..a.len()).filter(|joint| (a[*joint] > 0.0) != (b[*joint] > 0.0));
+                let movers = movers.map(|joint| (joint, a[joint].max(b[joint]))).collect();
+                let table = match (bodies[first].part, bodies[second].part) {
+                    (Part::Link(a), Part::Link(b)) => self.pairs.iter().position(|pair| *pair == (a, b)),
+                    _ => None,
+                };
+                BodyPair { first, second, margin: padding, movers, table }
+            })
+            .collect()
+    }
+
+    /// Tables for the pairs of links that exactly two turning joints move; `fingers` move otherwise and have none.
+    fn pair_tables(&self, fingers: &[usize]) -> Vec<Option<PairTable>> {
+        let bodies = self.bodies(None, 0.0);
+        let mut tables = vec![None; self.pairs.len()];
+        let joints = self.chain.joints();
+        let middle: Vec<f64> = joints.iter().map(|joint| 0.5 * (joint.lower + joint.upper)).collect();
+        for pair in self.body_pairs(&bodies, 0.0) {
+            let (a, b) = (&bodies[pair.first], &bodies[pair.second]);
+            let finger = fingers.iter().any(|link| [a.part, b.part].contains(&Part::Link(*link)));
+            let (Some(index), [first, second], false) = (pair.table, pair.movers.as_slice(), finger) else { continue };
+            let mover = |&(joint, bound): &(usize, f64)| (joint, [joints[joint].lower, joints[joint].upper], bound);
+            let mut config = middle.clone();
+            tables[index] = Some(PairTable::new([mover(first), mover(second)], |at| {
+                (config[first.0], config[second.0]) = (at[0], at[1]);
+                let frames = self.chain.frames(&config);
+                let [world_from_a, world_from_b] = [a, b].map(|body| frames[body.frame] * body.frame_from_body);
+                match bodies_separation(a, b, &world_from_a, &world_from_b, LOOK) {
+                    Separation::Within(distance) => distance,
+                    Separation::Beyond => LOOK,
+                }
+            }));
+        }
+        tables
+    }
+
+    /// For each joint the largest speed that its unit speed can give to a point of the body, m/rad (1 for sliding
+    /// joints); 0 when it does not move the body.
+    pub(super) fn motion_bounds(&self, body: &Body) -> Vec<f64> {
+        let joints = self.chain.joints();
+        let mut bounds = vec![0.0_f64; joints.len()];
+        let mut distance = body.ball.center.length() + body.ball.radius;
+        let mut frame = body.frame;
+        while frame > 0 {
+            let joint = &joints[frame - 1];
+            // The body's own joint turns about z; of the joints before only the distance of their origins is known.
+            let own = body.ball.center.truncate().length() + body.ball.radius;
+            let turning = if frame == body.frame { own } else { distance };
+            bounds[frame - 1] = if joint.slides { 1.0 } else { turning };
+            let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+            distance += joint.parent_from_joint.translation.length() + slide;
+            frame = joint.parent_frame;
+        }
+        bounds
+    }
+
+    /// A ball in the world that the body cannot leave, whatever the joints do.
+    pub(super) fn reachable_ball(&self, body: &Body) -> Ball {
+        let mut ball = body.ball;
+        let mut frame = body.frame;
+        while frame > 0 {
+            let joint = &self.chain.joints()[frame - 1];
+            let slide = if joint.slides { joint.lower.abs().max(joint.upper.abs()) } else { 0.0 };
+            let radius = ball.center.length() + ball.radius + slide;
+            ball = Ball { center: joint.parent_from_joint.translation, radius };
+            frame = joint.parent_frame;
+        }
+        ball
+    }
 }

@@ -5,13 +5,14 @@
 
 use glam::DVec3;
 
-use super::bodies::Body;
+use super::body::{Body, Part};
 use super::convex::{Ball, Separation};
-use super::fast::{FastPiece, Point, ROUNDING, lanes_of};
+use super::fast_piece::FastPiece;
 use super::field::Field;
-use super::lanes::{LANES, Lanes};
-use super::probe::{Probe, Triangle};
-use super::robot_shape::ball_around;
+use super::lane_geometry::{Point, ROUNDING};
+use super::lanes::{LANES, Lanes, lanes_of};
+use super::probe::Probe;
+use super::triangle::Triangle;
 use crate::rigid::Rigid;
 
 /// Nodes that wait to be looked at when the deepest of trees is walked: each level leaves seven.
@@ -65,7 +66,7 @@ impl Surface {
             Facets::Points(points) => points.iter().for_each(|point| mark(*point, *point)),
             Facets::Triangles(triangles) => triangles.iter().for_each(|triangle| triangle.cut(cell, mark)),
         });
-        let around = ball_around(levels.last().into_iter().flatten().map(Eight::ball));
+        let around = Ball::around(levels.last().into_iter().flatten().map(Eight::ball));
         let ball = Ball { radius: around.radius + radius, ..around };
         Self { facets, radius, levels, field, ball }
     }
@@ -188,7 +189,7 @@ impl Eight {
     }
 
     fn ball(&self) -> Ball {
-        ball_around(self.balls[..self.count].iter().copied())
+        Ball::around(self.balls[..self.count].iter().copied())
     }
 }
 
@@ -200,7 +201,7 @@ fn eights(balls: &[Ball]) -> Vec<Eight> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Excused {
     /// Part, facet and distance to keep, sorted.
-    facets: Vec<(super::world::Part, u32, f64)>,
+    facets: Vec<(Part, u32, f64)>,
 }
 
 impl Excused {

@@ -3,10 +3,9 @@ use std::sync::Arc;
 use genmanip_core::{Piece, Pose, Seed, Shape, glam::DVec3};
 use rand::{Rng, RngExt};
 
-use super::bodies::Target;
-use super::fast::lanes_of;
 use super::field::Field;
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, lanes_of};
+use super::placed_obstacle::PlacedObstacle;
 use super::tests::one_of_each_shape;
 use super::*;
 use crate::path::lerp;
@@ -211,7 +210,7 @@ fn clones_of_a_world_share_its_surfaces() {
     let copy = world.clone();
     let surface = |world: &World| world.obstacles[0].surface.clone().unwrap();
     assert!(Arc::ptr_eq(&surface(&world), &surface(&copy)));
-    assert!(Target::new(&world.obstacles[0]).pieces.is_empty());
+    assert!(PlacedObstacle::new(&world.obstacles[0]).pieces.is_empty());
     world.add("seen", &[Piece::at(DVec3::ZERO, Shape::Sphere { radius: 0.1 })], &Pose::IDENTITY).unwrap();
     assert_eq!((world.names().count(), world.obstacles[0].surface.is_none()), (1, true));
     assert!(world.remove("seen") && !world.remove("seen"));

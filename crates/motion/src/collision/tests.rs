@@ -154,12 +154,12 @@ fn bodies_stay_in_their_room() {
     let held = Attached::new("apple", &[ball(0.035)], &Pose::from_position(DVec3::Z * 0.02)).unwrap();
     let limits: Vec<(f64, f64)> = shape.chain().lower().zip(shape.chain().upper()).collect();
     let mut rng = Seed::new(5).rng();
-    for body in bodies::bodies(&shape, Some(&held), 0.08) {
-        let room = bodies::room(&shape, &body);
+    for body in shape.bodies(Some(&held), 0.08) {
+        let room = shape.reachable_ball(&body);
         let mut farthest = 0.0_f64;
         for _ in 0..300 {
             let config: Vec<f64> = limits.iter().map(|(low, high)| rng.random_range(*low..=*high)).collect();
-            let ball = bodies::moved(&shape.chain().frames(&config)[body.frame], &body.ball);
+            let ball = body.ball.moved(&shape.chain().frames(&config)[body.frame]);
             farthest = farthest.max(ball.center.distance(room.center) + ball.radius);
         }
         assert!(farthest <= room.radius + 1e-9, "{} leaves its room", body.name);

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use genmanip_core::{Piece, Pose};
 use glam::DVec3;
 
+use super::body::Part;
 use super::convex::{Convex, GeometryError};
 use super::cover::{CoverBall, cover};
 use super::mesh::mesh;
@@ -52,15 +53,6 @@ pub struct Attached {
     pub(crate) tcp_from_object: Rigid,
 }
 
-/// A thing that moves with the robot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Part {
-    /// A link, by its index in the robot model.
-    Link(usize),
-    /// The attached object.
-    Attached,
-}
-
 /// Pairs of a moving part and an obstacle that may touch and are not tested.
 ///
 /// The grasped object may be touched by hand and fingers; a carried object may rest on its support.
@@ -79,7 +71,7 @@ impl World {
     pub fn add(&mut self, name: &str, pieces: &[Piece], world_from_obstacle: &Pose) -> Result<(), GeometryError> {
         self.put(Obstacle {
             name: name.to_owned(),
-            pieces: compile(name, pieces)?,
+            pieces: Convex::all(name, pieces)?,
             world_from_obstacle: finite_pose(name, world_from_obstacle)?,
             surface: None,
         });
@@ -154,7 +146,7 @@ impl Attached {
     /// An object whose frame sits at `tcp_from_object` while it is held; `pieces` are in the object's frame.
     pub fn new(name: &str, pieces: &[Piece], tcp_from_object: &Pose) -> Result<Self, GeometryError> {
         let tcp_from_object = finite_pose(name, tcp_from_object)?;
-        let pieces = compile(name, pieces)?;
+        let pieces = Convex::all(name, pieces)?;
         let cover = pieces.iter().flat_map(cover).collect();
         let skeletons = pieces.iter().map(Skeleton::new).collect();
         let planes = pieces.iter().map(Planes::new).collect();
@@ -197,10 +189,6 @@ impl Allowed {
     pub fn contains(&self, part: Part, obstacle: &str) -> bool {
         self.pairs.iter().any(|(other, name)| *other == part && name == obstacle)
     }
-}
-
-pub(crate) fn compile(owner: &str, pieces: &[Piece]) -> Result<Vec<Convex>, GeometryError> {
-    pieces.iter().enumerate().map(|(index, piece)| Convex::new(owner, index, piece)).collect()
 }
 
 fn finite_pose(owner: &str, pose: &Pose) -> Result<Rigid, GeometryError> {

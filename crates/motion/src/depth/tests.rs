@@ -131,7 +131,10 @@ fn images_that_make_no_sense_are_refused() {
     let blind = "no pixel of 1 depth images holds a depth: the robot would move blindly";
     let no_camera = "the camera of depth image 0 has a pose or a projection that is not finite, or no focal length";
     let cases = [
-        (RgbdImage { depth_m: depth_m[1..].to_vec(), ..good.clone() }, "depth image 0 has 19199 depths, expected 160 x 120"),
+        (
+            RgbdImage { depth_m: depth_m[1..].to_vec(), ..good.clone() },
+            "depth image 0 has 19199 depths, expected 160 x 120",
+        ),
         (RgbdImage { depth_m: nothing, ..good.clone() }, blind),
         (RgbdImage { world_from_camera: nowhere, ..good.clone() }, no_camera),
         (RgbdImage { intrinsics: flat, ..good.clone() }, no_camera),

@@ -7,7 +7,6 @@ use super::propose::Proposal;
 use super::{GraspSettings, GraspTarget, Gripper, squareness};
 use crate::collision::GeometryError;
 use crate::collision::convex::{self, Convex, Separation};
-use crate::collision::world::compile;
 use crate::rigid::Rigid;
 
 /// Object, table and gripper, ready for exact tests in the object's frame.
@@ -28,7 +27,7 @@ impl<'a> Bench<'a> {
         gripper: &'a Gripper,
         settings: &'a GraspSettings,
     ) -> Result<Self, GeometryError> {
-        let object = compile("object", target.pieces)?;
+        let object = Convex::all("object", target.pieces)?;
         let up = (target.world_from_object.rotation.inverse() * DVec3::Z).normalize();
         let table = target.table_height - target.world_from_object.position.z;
         Ok(Self { target, gripper, settings, object, up, table })

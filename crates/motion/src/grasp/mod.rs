@@ -20,8 +20,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use gripper::Gripper;
-pub(crate) use reach::reachable;
-pub use reach::{ReachSettings, ReachableGrasp};
+pub use reach::ReachableGrasp;
 
 use crate::collision::GeometryError;
 
@@ -81,6 +80,18 @@ pub struct GraspWeights {
     pub downward: f64,
 }
 
+/// How candidates are tried in the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ReachSettings {
+    /// Length of the straight approach, m.
+    pub approach: f64,
+    /// Distance of the robot from obstacles at grasp and pre-grasp, m.
+    pub padding: f64,
+    /// Arm configurations tried per grasp.
+    pub configurations: usize,
+}
+
 impl Default for GraspSettings {
     fn default() -> Self {
         Self {
@@ -108,6 +119,12 @@ impl Default for GraspSettings {
 impl Default for GraspWeights {
     fn default() -> Self {
         Self { antipodality: 0.25, contact_depth: 0.15, width_margin: 0.1, lever: 0.3, downward: 0.2 }
+    }
+}
+
+impl Default for ReachSettings {
+    fn default() -> Self {
+        Self { approach: 0.08, padding: 0.001, configurations: 6 }
     }
 }
 

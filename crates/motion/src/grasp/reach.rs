@@ -2,27 +2,8 @@
 
 use genmanip_core::{Grasp, Pose};
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
 use crate::planner::{Planner, Surroundings};
-
-/// How candidates are tried in the scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ReachSettings {
-    /// Length of the straight approach, m.
-    pub approach: f64,
-    /// Distance of the robot from obstacles at grasp and pre-grasp, m.
-    pub padding: f64,
-    /// Arm configurations tried per grasp.
-    pub configurations: usize,
-}
-
-impl Default for ReachSettings {
-    fn default() -> Self {
-        Self { approach: 0.08, padding: 0.001, configurations: 6 }
-    }
-}
 
 /// A grasp with the arm configurations to carry it out.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,27 +20,32 @@ pub struct ReachableGrasp {
     pub pregrasp: Vec<f64>,
 }
 
-/// The first `wanted` of `candidates` (object frame, in their order) that the arm reaches without touching anything
-/// but the target with its gripper, at grasp and pre-grasp.
-pub(crate) fn reachable(
-    planner: &Planner,
-    around: &Surroundings,
-    target: &str,
-    world_from_object: &Pose,
-    candidates: &[Grasp],
-    reference: &[f64],
-    wanted: usize,
-) -> Vec<ReachableGrasp> {
-    let try_one = |candidate: &Grasp| {
-        [candidate.clone(), candidate.flipped()]
-            .into_iter()
-            .filter_map(|grasp| carry_out(planner, around, target, world_from_object, grasp, reference))
-            .min_by(|a, b| {
-                let far = |grasp: &ReachableGrasp| crate::path::distance(&grasp.config, reference);
-                far(a).total_cmp(&far(b))
-            })
-    };
-    candidates.iter().filter_map(try_one).take(wanted).collect()
+impl Planner {
+    /// The first `wanted` of `candidates` (object frame, in their order) that the arm can carry out where the object
+    /// is: grasp and pre-grasp are in reach, and the robot touches nothing there but `target` with its open gripper.
+    ///
+    /// `around` should hold the target as an obstacle of that name; its gripper width is replaced by the grasp's own.
+    /// The straight way between pre-grasp and grasp is not tested here: see [`Planner::straight`].
+    pub fn reachable_grasps(
+        &self,
+        around: &Surroundings,
+        target: &str,
+        world_from_object: &Pose,
+        candidates: &[Grasp],
+        reference: &[f64],
+        wanted: usize,
+    ) -> Vec<ReachableGrasp> {
+        let try_one = |candidate: &Grasp| {
+            [candidate.clone(), candidate.flipped()]
+                .into_iter()
+                .filter_map(|grasp| carry_out(self, around, target, world_from_object, grasp, reference))
+                .min_by(|a, b| {
+                    let far = |grasp: &ReachableGrasp| crate::path::distance(&grasp.config, reference);
+                    far(a).total_cmp(&far(b))
+                })
+        };
+        candidates.iter().filter_map(try_one).take(wanted).collect()
+    }
 }
 
 fn carry_out(

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{Ending, EpisodeResult, FailureCause, Frame, Seed};
+use genmanip_core::{Ending, EpisodeResult, FailureCause, Frame, Seed, Unit};
 use genmanip_rollout::evidence::{Slip, explain, slips};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 use genmanip_sim::SimSettings;
@@ -55,7 +55,7 @@ fn the_cause_follows_from_what_was_seen() {
     let mut verdict = episode.result.verdict.clone();
     for atom in verdict.alternatives.iter_mut().flatten() {
         atom.holds = false;
-        for measured in atom.measurements.iter_mut().filter(|measured| measured.unit == "m") {
+        for measured in atom.measurements.iter_mut().filter(|measured| measured.unit == Unit::Metre) {
             (measured.met, measured.margin) = (false, -0.031);
         }
         atom.measurements.sort_by_key(|measured| measured.met);

@@ -1,8 +1,8 @@
 //! The loop against policies that stand still, break, ask for too much or never end.
 
 use genmanip_core::{
-    ActionChunk, ActionSpace, CameraRequest, ImageChannels, ActionSpec, Ending, Episode, EpisodeStart, FailureCause, Observation, Policy,
-    PolicyError, PolicySpec, Seed,
+    ActionChunk, ActionSpace, ActionSpec, CameraRequest, Ending, Episode, EpisodeStart, FailureCause, ImageChannels,
+    Observation, Policy, PolicyError, PolicySpec, Seed,
 };
 use genmanip_rollout::policies::DoNothing;
 use genmanip_rollout::{RolloutError, RolloutSettings, run_episode};
@@ -104,7 +104,10 @@ fn a_spec_that_cannot_be_served_is_refused() {
         (|spec| spec.action.space = ActionSpace::EePose, "absolute joint positions"),
         (|spec| spec.action.gripper = "open_01".into(), "gripper width in metres"),
         (|spec| spec.state_keys = vec!["observation.force".into()], "unknown state key `observation.force`"),
-        (|spec| spec.cameras = vec![rgb("ceiling")], "no camera `ceiling`, its cameras are overview, left, right, static"),
+        (
+            |spec| spec.cameras = vec![rgb("ceiling")],
+            "no camera `ceiling`, its cameras are overview, left, right, static",
+        ),
         (|spec| spec.cameras = vec![rgb("wrist"), rgb("static"), rgb("wrist")], "camera `wrist` is asked for twice"),
         (|spec| spec.cameras = vec![rgb("wrist").sized(0, 64)], "0 x 64 pixels"),
         (|spec| spec.cameras = vec![ids("wrist")], "instance ids, which are simulator truth"),

@@ -1,10 +1,10 @@
 //! Judges conditions, goals and initial graphs.
 
-use genmanip_core::{Atom, AtomVerdict, Goal, GoalVerdict, Relation, SceneGraph};
+use genmanip_core::{Atom, AtomVerdict, Goal, GoalVerdict, Relation, SceneGraph, Unit};
 
 use super::extent::{Extent, Scene};
 use super::pair::{Contact, PairGeometry, measure};
-use super::requirement::{Requirement, SINKING, margin, verdict};
+use super::requirement::{Requirement, SINKING, better, verdict};
 use super::{PosedScene, RelationSettings};
 
 /// What is known besides poses: an object held by the gripper or not at rest satisfies nothing.
@@ -113,19 +113,15 @@ fn relation_requirements(relation: Relation, pair: &PairGeometry, settings: &Rel
         Relation::Back => vec![close(), overlap_y(), apart(-pair.offset.x, pair.overlap_x_m)],
         Relation::On => on(pair, settings),
         Relation::In => inside(pair, settings),
-        Relation::Top => {
-            let (on, inside) = (on(pair, settings), inside(pair, settings));
-            if margin(&inside) >= margin(&on) { inside } else { on }
-        }
+        Relation::Top => better(inside(pair, settings), on(pair, settings)),
         Relation::Near => {
+            let ways = [pair, &pair.swapped()];
             let mut requirements = vec![close()];
+            requirements
+                .extend(ways.map(|pair| Requirement::clear_of("clearance from being inside", &inside(pair, settings))));
             requirements.extend(
-                [inside(pair, settings), inside(&pair.swapped(), settings)]
-                    .map(|inside| Requirement::above("clearance from being inside", -margin(&inside), 0.0)),
-            );
-            requirements.extend(
-                [touching(pair, settings), touching(&pair.swapped(), settings)].map(|touching| {
-                    Requirement::above("clearance from resting on each other", -margin(&touching), 0.0)
+                ways.map(|pair| {
+                    Requirement::clear_of("clearance from resting on each other", &touching(pair, settings))
                 }),
             );
             requirements
@@ -137,10 +133,12 @@ fn relation_requirements(relation: Relation, pair: &PairGeometry, settings: &Rel
 /// A in B.
 fn inside(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
     // When both hold, the smaller one is in the larger one.
-    let share = Requirement::above("share of the surface inside", pair.a_in_b, settings.inside_share).in_unit("1");
+    let share =
+        Requirement::above("share of the surface inside", pair.a_in_b, settings.inside_share).in_unit(Unit::Share);
     let mut requirements = vec![share];
     if pair.b_in_a > settings.inside_share {
-        requirements.push(Requirement::at_most("share of the other inside it", pair.b_in_a, pair.a_in_b).in_unit("1"));
+        requirements
+            .push(Requirement::at_most("share of the other inside it", pair.b_in_a, pair.a_in_b).in_unit(Unit::Share));
     }
     requirements
 }
@@ -152,7 +150,7 @@ fn on(pair: &PairGeometry, settings: &RelationSettings) -> Vec<Requirement> {
         [("share of the surface inside", pair.a_in_b), ("share of the other inside it", pair.b_in_a)]
     {
         if share > 0.0 {
-            requirements.push(Requirement::at_most(quantity, share, settings.inside_share).in_unit("1"));
+            requirements.push(Requirement::at_most(quantity, share, settings.inside_share).in_unit(Unit::Share));
         }
     }
     requirements
@@ -187,5 +185,5 @@ fn between<E: Extent>(subject: &E, one: &E, other: &E, settings: &RelationSettin
     }
     let angle = there.angle_between(onward);
     let below = Requirement::above("bend of the way under the limit", settings.between_angle_rad - angle, 0.0);
-    vec![below.in_unit("rad")]
+    vec![below.in_unit(Unit::Radian)]
 }

@@ -1,12 +1,8 @@
 //! Verdicts from requirements: what has to be true, how far it is from being otherwise, in words.
 
-use genmanip_core::{Atom, AtomVerdict, Measurement};
+use std::cmp::Ordering;
 
-/// Metres that one unit is worth when requirements are compared with each other: a radian at the usual spacing of
-/// neighbours is about a decimetre, and so is a whole object.
-fn metres_per(unit: &str) -> f64 {
-    if unit == "m" { 1.0 } else { 0.1 }
-}
+use genmanip_core::{Atom, AtomVerdict, Measurement, Unit};
 
 /// The quantity of a contact that has sunk in.
 pub(super) const SINKING: &str = "sinking";
@@ -17,61 +13,55 @@ pub(super) struct Requirement {
     quantity: &'static str,
     value: f64,
     threshold: f64,
-    unit: &'static str,
+    unit: Unit,
     comparison: &'static str,
     met: bool,
     margin: f64,
-    /// Metres that one unit of the quantity is worth when requirements are compared with each other.
-    metres_per_unit: f64,
 }
 
 impl Requirement {
     /// A length that must not exceed a threshold.
     pub fn at_most(quantity: &'static str, value: f64, threshold: f64) -> Self {
         let margin = threshold - value;
-        Self {
-            quantity,
-            value,
-            threshold,
-            unit: "m",
-            comparison: "≤",
-            met: margin >= 0.0,
-            margin,
-            metres_per_unit: 1.0,
-        }
+        Self { quantity, value, threshold, unit: Unit::Metre, comparison: "≤", met: margin >= 0.0, margin }
     }
 
     /// A length that must reach a threshold.
     pub fn at_least(quantity: &'static str, value: f64, threshold: f64) -> Self {
         let margin = value - threshold;
-        Self {
-            quantity,
-            value,
-            threshold,
-            unit: "m",
-            comparison: "≥",
-            met: margin >= 0.0,
-            margin,
-            metres_per_unit: 1.0,
-        }
+        Self { quantity, value, threshold, unit: Unit::Metre, comparison: "≥", met: margin >= 0.0, margin }
     }
 
     /// A length that must exceed a threshold.
     pub fn above(quantity: &'static str, value: f64, threshold: f64) -> Self {
         let margin = value - threshold;
-        Self { quantity, value, threshold, unit: "m", comparison: ">", met: margin > 0.0, margin, metres_per_unit: 1.0 }
+        Self { quantity, value, threshold, unit: Unit::Metre, comparison: ">", met: margin > 0.0, margin }
     }
 
     /// The same quantity in a unit.
-    pub fn in_unit(self, unit: &'static str) -> Self {
-        Self { unit, metres_per_unit: metres_per(unit), ..self }
+    pub fn in_unit(self, unit: Unit) -> Self {
+        Self { unit, ..self }
     }
 
     /// A requirement without a measure: 1 of 1 when met.
     pub fn fact(quantity: &'static str, met: bool) -> Self {
-        let value = if met { 1.0 } else { 0.0 };
-        let margin = if met { 1.0 } else { -1.0 };
-        Self { quantity, value, threshold: 1.0, unit: "1", comparison: "=", met, margin, metres_per_unit: 1.0 }
+        let (value, margin) = if met { (1.0, 1.0) } else { (0.0, -1.0) };
+        Self { quantity, value, threshold: 1.0, unit: Unit::Fact, comparison: "=", met, margin }
+    }
+
+    /// That something else does not hold, measured by what decides it; `what` must have at least one part.
+    pub fn clear_of(quantity: &'static str, what: &[Self]) -> Self {
+        let Some(deciding) = what.iter().min_by(|a, b| a.order(b)) else { return Self::fact(quantity, false) };
+        let margin = -deciding.margin;
+        Self {
+            quantity,
+            value: margin,
+            threshold: 0.0,
+            unit: deciding.unit,
+            comparison: ">",
+            met: !deciding.met,
+            margin,
+        }
     }
 
     /// Whether it is met.
@@ -79,45 +69,54 @@ impl Requirement {
         self.met
     }
 
-    /// Margin in metres, also of what is not a length.
-    pub fn weight(&self) -> f64 {
-        self.margin * self.metres_per_unit
+    /// What is not met comes first, then what is nearest to its threshold, or farthest beyond it.
+    fn order(&self, other: &Self) -> Ordering {
+        self.met.cmp(&other.met).then(self.normalised_margin().total_cmp(&other.normalised_margin()))
+    }
+
+    fn normalised_margin(&self) -> f64 {
+        self.unit.normalise(self.margin)
     }
 }
 
-/// The smallest margin in metres; negative when something is not met.
-pub(super) fn margin(requirements: &[Requirement]) -> f64 {
-    // What is met at a margin of zero must not pass for more than what is not met.
-    let signed = |requirement: &Requirement| {
-        if requirement.met { requirement.weight().max(0.0) } else { requirement.weight().min(-f64::MIN_POSITIVE) }
-    };
-    requirements.iter().map(signed).fold(f64::INFINITY, f64::min)
+/// The one of two ways to satisfy a condition that is nearer to doing so, or farther from failing; the first of equals.
+pub(super) fn better(one: Vec<Requirement>, other: Vec<Requirement>) -> Vec<Requirement> {
+    let deciding = |requirements: &[Requirement]| requirements.iter().min_by(|a, b| a.order(b)).cloned();
+    match (deciding(&one), deciding(&other)) {
+        (Some(a), Some(b)) if a.order(&b).is_lt() => other,
+        _ => one,
+    }
 }
 
 /// Whether every measured quantity is farther from its threshold than a margin in metres, so that another way of
-/// measuring should come to the same verdict; a tenth of a share and a tenth of a radian count as a centimetre.
+/// measuring should come to the same verdict; other units count by their scale, see [`Unit::normalise`].
 ///
 /// How deep a contact has sunk in is left out where it is allowed: between solid bodies it is never far from its limit.
 pub fn is_clear(verdict: &AtomVerdict, margin_m: f64) -> bool {
     verdict.measurements.iter().all(|measured| {
-        measured.margin.abs() * metres_per(&measured.unit) > margin_m || (measured.quantity == SINKING && measured.met)
+        measured.normalised_margin().abs() > Unit::Metre.normalise(margin_m)
+            || (measured.quantity == SINKING && measured.met)
     })
 }
 
 /// The verdict of a condition that holds when every requirement is met.
 pub(super) fn verdict(atom: &Atom, word: &str, mut requirements: Vec<Requirement>) -> AtomVerdict {
     // The deciding one first: the one to change for the verdict to change.
-    requirements.sort_by(|a, b| a.met.cmp(&b.met).then(a.weight().total_cmp(&b.weight())));
+    requirements.sort_by(Requirement::order);
     let holds = requirements.iter().all(Requirement::met);
     let named = |requirement: &Requirement| {
         let Requirement { quantity, value, threshold, unit, comparison, met, .. } = requirement;
-        match (*unit, met) {
-            ("1", true) if *comparison == "=" => (*quantity).to_owned(),
-            ("1", false) if *comparison == "=" => format!("not {quantity}"),
-            ("1", true) => format!("{quantity} {value:.3} {comparison} {threshold:.3}"),
-            ("1", false) => format!("{quantity} {value:.3}, not {comparison} {threshold:.3}"),
-            (_, true) => format!("{quantity} {value:.3} {unit} {comparison} {threshold:.3} {unit}"),
-            (_, false) => format!("{quantity} {value:.3} {unit}, not {comparison} {threshold:.3} {unit}"),
+        let (not, unit) = (if *met { "" } else { "not " }, unit.symbol());
+        match requirement.unit {
+            Unit::Fact => format!("{not}{quantity}"),
+            Unit::Share if *met => format!("{quantity} {value:.3} {comparison} {threshold:.3}"),
+            Unit::Share => format!("{quantity} {value:.3}, not {comparison} {threshold:.3}"),
+            Unit::Metre | Unit::Radian if *met => {
+                format!("{quantity} {value:.3} {unit} {comparison} {threshold:.3} {unit}")
+            }
+            Unit::Metre | Unit::Radian => {
+                format!("{quantity} {value:.3} {unit}, not {comparison} {threshold:.3} {unit}")
+            }
         }
     };
     let told: Vec<String> = requirements.iter().filter(|requirement| holds || !requirement.met).map(named).collect();
@@ -133,10 +132,58 @@ pub(super) fn verdict(atom: &Atom, word: &str, mut requirements: Vec<Requirement
                 quantity: requirement.quantity.into(),
                 value: requirement.value,
                 threshold: requirement.threshold,
-                unit: requirement.unit.into(),
+                unit: requirement.unit,
                 met: requirement.met,
                 margin: requirement.margin,
             })
             .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn share(margin: f64) -> Requirement {
+        Requirement::at_least("share", margin, 0.0).in_unit(Unit::Share)
+    }
+
+    fn length(margin: f64) -> Requirement {
+        Requirement::at_least("length", margin, 0.0)
+    }
+
+    /// Which of several requirements decides, whatever their units and their order.
+    #[test]
+    fn the_deciding_requirement_is_the_one_nearest_to_its_threshold() {
+        let atom = Atom::State { object: "057".into(), state: "open".into() };
+        for (name, requirements, deciding) in [
+            ("a few millimetres before a third of a share", vec![share(0.3), length(0.02)], ("length", 0.02)),
+            ("a twentieth of a share before some centimetres", vec![length(0.02), share(0.05)], ("share", 0.05)),
+            ("what fails before what holds", vec![length(0.001), share(-0.5)], ("share", -0.5)),
+            ("what fails by more", vec![share(-0.5), length(-0.2)], ("length", -0.2)),
+            ("a fact before all", vec![length(-0.2), Requirement::fact("at rest", false)], ("at rest", -1.0)),
+        ] {
+            for requirements in [requirements.clone(), requirements.into_iter().rev().collect()] {
+                let verdict = verdict(&atom, "open", requirements);
+                assert_eq!((verdict.measurements[0].quantity.as_str(), verdict.margin), deciding, "{name}");
+                assert_eq!(verdict.holds, verdict.normalised_margin() >= 0.0, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn of_two_ways_the_better_one_is_told() {
+        let told = |one: &[Requirement], other: &[Requirement]| better(one.to_vec(), other.to_vec())[0].margin;
+        assert_eq!(told(&[share(0.3)], &[length(0.02)]), 0.3);
+        assert_eq!(told(&[share(-0.3)], &[length(-0.02)]), -0.02);
+        assert_eq!(told(&[share(0.0)], &[length(0.0)]), 0.0);
+        assert_eq!(told(&[length(-0.0001)], &[share(0.0)]), 0.0);
+    }
+
+    #[test]
+    fn to_be_clear_of_something_is_measured_in_its_unit() {
+        let clear = Requirement::clear_of("clear", &[length(0.04), share(-0.45)]);
+        assert_eq!((clear.value, clear.unit, clear.met), (0.45, Unit::Share, true));
+        assert!(!Requirement::clear_of("clear", &[length(0.0), share(0.2)]).met, "what holds at its border holds");
     }
 }

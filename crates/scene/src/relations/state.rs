@@ -1,5 +1,7 @@
 //! States of articulated objects.
 
+use genmanip_core::{JointKind, JointState, Unit};
+
 use super::PosedScene;
 use super::RelationSettings;
 use super::requirement::Requirement;
@@ -48,14 +50,14 @@ pub(super) fn state_requirements(body: &Body, state: &str, settings: &RelationSe
     requirements
 }
 
-fn joints(body: &Body, state: &genmanip_core::JointState, widening: f64) -> Vec<Requirement> {
+fn joints(body: &Body, state: &JointState, widening: f64) -> Vec<Requirement> {
     let names = body.object.model.links.iter().filter_map(|link| link.joint.as_ref());
-    let positions: Vec<(&str, f64, &'static str)> = names
+    let positions: Vec<(&str, f64, Unit)> = names
         .zip(body.object.joint_positions.iter().copied().chain(std::iter::repeat(0.0)))
         .map(|(joint, position)| {
             let unit = match joint.kind {
-                genmanip_core::JointKind::Revolute => "rad",
-                genmanip_core::JointKind::Prismatic => "m",
+                JointKind::Revolute => Unit::Radian,
+                JointKind::Prismatic => Unit::Metre,
             };
             (joint.name.as_str(), position, unit)
         })

@@ -8,6 +8,7 @@
 //! give features, and a logistic model fitted to physics trials (`genmanip lab grasp`) turns these into a chance.
 
 mod filter;
+mod points;
 mod score;
 mod strip;
 #[cfg(test)]
@@ -164,7 +165,7 @@ fn approaches(cloud: &filter::Cloud, settings: &CloudSettings) -> Vec<(DVec3, Ve
     let level = |angle: f64| DVec3::new(angle.cos(), angle.sin(), 0.0);
     let rolls = settings.rolls.max(1);
     let even = (0..rolls).map(|roll| level(std::f64::consts::PI * roll as f64 / rolls as f64));
-    let long = filter::long_axis(cloud.target.iter().map(|seen| seen.point), cloud.center);
+    let long = points::long_axis(cloud.target.iter().map(|seen| seen.point), cloud.center);
     let down = [DVec3::new(-long.y, long.x, 0.0), long].into_iter().chain(even).collect();
     let mut all = vec![(DVec3::NEG_Z, down)];
     // From the side the hand closes along the table, as from above: the palm's long side stays level.

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::filter::Cloud;
-use super::strip::Local;
+use super::points::Local;
 use crate::grasp::Gripper;
 
 /// Points within this distance of the outermost one are in contact, m.

@@ -4,6 +4,7 @@ use genmanip_core::{Grasp, Pose};
 use glam::DVec3;
 
 use super::filter::Cloud;
+use super::points::Local;
 use super::score::{Contacts, Features};
 use super::{CloudGrasp, CloudSettings, Gripper, tcp_pose};
 
@@ -16,17 +17,6 @@ const STRIDE: usize = 2;
 const PAD_MIDDLE_M: f64 = 0.005;
 /// The target counts from this far above the tips on, m.
 const BITE: f64 = 0.0015;
-
-/// A point in the frame of a hand: along closing, across, along approach, m; in 32 bits, since most of the sampler's time
-/// goes into passing these on.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Local {
-    pub(super) c: f32,
-    pub(super) h: f32,
-    pub(super) a: f32,
-    /// 1 when it was guessed, 0 when it was seen.
-    pub(super) guessed: f32,
-}
 
 /// What is nearest to the hand, per cell.
 struct Relief {

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::filter::{Seen, long_axis};
+use super::points::{Seen, long_axis};
 
 /// The space behind what was seen, world frame; empty without cameras.
 #[derive(Debug)]

@@ -1,0 +1,17 @@
+//! Colours, as written in a recipe.
+
+use serde::{Deserialize, Deserializer};
+
+/// An sRGB colour, each channel 0-1, written `#rrggbb`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Color(pub [f32; 3]);
+
+impl<'de> Deserialize<'de> for Color {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let wrong = || serde::de::Error::custom(format!("expected a colour #rrggbb, got \"{text}\""));
+        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6).ok_or_else(wrong)?;
+        let value = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
+        Ok(Self([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0)))
+    }
+}

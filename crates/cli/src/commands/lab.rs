@@ -1,0 +1,107 @@
+//! `genmanip lab`: one measurement each.
+
+use std::path::PathBuf;
+
+use genmanip_assets::panda;
+use genmanip_core::{Seed, Task};
+use genmanip_lab::answers::Amount;
+use genmanip_lab::grasp::{GraspArguments, named};
+use genmanip_lab::motion::{MotionArguments, Source};
+use genmanip_lab::{answers, design, expert, fit, grasp, layout, motion, relations, rendered};
+use genmanip_run::{inputs, robots};
+
+use crate::args::{self, LabCommand};
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
+    match command {
+        LabCommand::Relations(arguments) => relations_of(arguments, printer)?,
+        LabCommand::Answers(arguments) => {
+            let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);
+            let measured = answers::measure(&arguments.answers, amount, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &answers::in_words(&measured));
+        }
+        LabCommand::Design(arguments) => {
+            let measured = design::measure(arguments.count, Seed::new(arguments.seed))?;
+            printer.data(&measured, &design::in_words(&measured));
+        }
+        LabCommand::Fit(arguments) => {
+            let measured = fit::measure(&arguments.trials, &arguments.test, arguments.constant)?;
+            printer.data(&measured, &fit::in_words(&measured));
+        }
+        LabCommand::Grasp(arguments) => {
+            let measured = grasp::measure(&grasp_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &grasp::in_words(&measured));
+        }
+        LabCommand::Expert(arguments) => {
+            let tasks = match arguments.tasks.as_slice() {
+                [] => inputs::designed_tasks(arguments.count, arguments.seed)?,
+                named => inputs::read_tasks(named)?,
+            };
+            let measured = expert::measure(&tasks, arguments.tries, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &expert::in_words(&measured));
+        }
+        LabCommand::Layout(arguments) => {
+            let tasks = layout_tasks(&arguments.tasks, arguments.count, arguments.seed)?;
+            let measured = layout::measure(&tasks, arguments.distractors, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &layout::in_words(&measured));
+        }
+        LabCommand::Motion(arguments) => {
+            let measured = motion::measure(&motion_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &motion::in_words(&measured));
+        }
+    }
+    Ok(ExitStatus::Done)
+}
+
+fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Result<(), Failed> {
+    if let (Some(cases), Some(profile)) = (&arguments.cases, &arguments.profile) {
+        let measured = relations::measure(cases, profile)?;
+        printer.data(&measured, &relations::in_words(&measured));
+        return Ok(());
+    }
+    let tasks = inputs::read_tasks(std::slice::from_ref(&arguments.tasks))?;
+    let measured = rendered::measure(&tasks, arguments.count, Seed::new(arguments.seed), printer)?;
+    printer.data(&measured, &rendered::in_words(&measured));
+    Ok(())
+}
+
+/// The tasks that were named, as often as asked, or designed ones of all kinds.
+fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64) -> Result<Vec<Task>, Failed> {
+    if paths.is_empty() {
+        return Ok(inputs::designed_tasks(count, seed)?);
+    }
+    let known = inputs::read_tasks(paths)?;
+    Ok((0..count).flat_map(|_| known.iter().cloned()).collect())
+}
+
+fn grasp_arguments(arguments: &args::GraspArguments) -> Result<GraspArguments, Failed> {
+    let all = ["compact", "utensils", "clutter"];
+    let classes = arguments.class.as_deref().map_or(all.to_vec(), |class| vec![class]);
+    Ok(GraspArguments {
+        view: named(&arguments.view)?,
+        pick: named(&arguments.pick)?,
+        classes: classes.into_iter().map(named).collect::<Result<_, _>>()?,
+        count: arguments.count,
+        out: arguments.out.clone(),
+    })
+}
+
+fn motion_arguments(arguments: &args::MotionArguments) -> Result<MotionArguments, Failed> {
+    let generated = || Source::Generated {
+        is_hard: arguments.generate.as_deref() == Some("hard"),
+        count: arguments.count,
+        out: arguments.out.clone(),
+    };
+    Ok(MotionArguments {
+        robot: match &arguments.robot {
+            Some(path) => robots::read(path, arguments.tip.as_deref())?.into(),
+            None => panda(),
+        },
+        problems: arguments.problems.clone().map_or_else(generated, Source::File),
+        rrt_range: arguments.rrt_range,
+        ik_poses: arguments.ik_poses,
+        paths: arguments.paths.clone(),
+    })
+}

@@ -1,0 +1,176 @@
+//! The expert: attempts on fresh layouts until one is verified, nothing stored.
+
+use std::collections::BTreeMap;
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{EpisodeResult, Seed, StrayContact, Task};
+use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::{cpu_clock, peak_memory_mb};
+use genmanip_bench::text_table;
+use genmanip_run::{Progress, inputs};
+
+/// Failed attempts whose evidence is kept per cause and kind; the counts have all.
+const SAMPLES: usize = 5;
+/// No part of the robot should touch anything harder than this outside of a grasp, N.
+const STRAY_BAR_N: f64 = 5.0;
+
+/// What the expert came to, per kind of task and altogether.
+#[derive(Serialize)]
+pub struct Measured {
+    /// Seed of layouts and attempts.
+    pub seed: u64,
+    /// Attempts at a task before it counts as not solved.
+    pub tries_per_task: u64,
+    /// Of all tasks.
+    pub total: Yield,
+    /// Of the tasks of each kind.
+    pub kinds: BTreeMap<&'static str, Yield>,
+    /// Most memory held, MiB; null where it is not known.
+    pub peak_memory_mb: Option<f64>,
+}
+
+/// Attempts of some tasks: each task is tried until an attempt is verified or its tries are used up.
+#[derive(Default, Serialize)]
+pub struct Yield {
+    /// Attempts.
+    pub attempts: usize,
+    /// Attempts that were verified.
+    pub verified: usize,
+    /// Tasks.
+    pub tasks: usize,
+    /// Tasks with a verified attempt.
+    pub tasks_solved: usize,
+    /// Verified demonstrations in an hour of one core, layout and planning included.
+    pub demos_per_core_hour: f64,
+    /// Failed attempts by cause.
+    pub causes: BTreeMap<&'static str, usize>,
+    /// Processor time of all attempts.
+    pub cpu_s: f64,
+    /// Hardest contact outside of a grasp, N.
+    pub worst_stray_contact_n: f64,
+    /// Attempts with one above 5 N.
+    pub episodes_above_5_n: usize,
+    /// How many of these touched nothing harder than what they were letting go of.
+    pub above_5_n_letting_go: usize,
+    /// Who touched what in those episodes, hardest first.
+    pub stray_contacts: Vec<Stray>,
+    /// What was seen in the first failed attempts of each cause.
+    pub evidence: BTreeMap<&'static str, Vec<String>>,
+}
+
+/// An episode with a stray contact above the bar.
+#[derive(Clone, Serialize)]
+pub struct Stray {
+    /// Id of the attempt.
+    pub episode: String,
+    /// The hardest contact outside of a grasp, N.
+    pub force_n: f64,
+    /// Who touched what.
+    #[serde(flatten)]
+    pub contact: Option<StrayContact>,
+}
+
+/// Tries each task on fresh layouts until an attempt is verified, `tries` times at most; one thread.
+///
+/// # Errors
+/// When an attempt broke; one that fails is a result.
+pub fn measure(tasks: &[Task], tries: u64, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
+    let settings = CollectSettings::default();
+    let planner = inputs::planner(&settings.planner)?;
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
+    let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
+    let mut total = Yield::default();
+    progress.begin("trying", tasks.len());
+    for task in tasks {
+        let mut clock = cpu_clock();
+        let results = solve(task, tries, seed, resources, &settings)?;
+        let cpu_s = clock();
+        for counted in [kinds.entry(task.kind.name()).or_default(), &mut total] {
+            counted.add(&results, cpu_s);
+        }
+        progress.advance();
+    }
+    progress.end();
+    Ok(Measured { seed: seed.value(), tries_per_task: tries, total, kinds, peak_memory_mb: peak_memory_mb() })
+}
+
+/// All attempts at a task up to the first verified one.
+fn solve(
+    task: &Task,
+    tries: u64,
+    seed: Seed,
+    resources: Resources,
+    settings: &CollectSettings,
+) -> Result<Vec<EpisodeResult>, LabError> {
+    let stream = seed.fork("attempt").fork(&task.id);
+    let mut results = Vec::new();
+    for number in 0..tries {
+        let attempt = Attempt { task, number, seed: stream.fork_index(number) };
+        let result = trial(&attempt, resources, settings)
+            .map_err(|error| LabError::broken(format!("attempt {} broke", attempt.id()), error))?;
+        let verified = result.success;
+        results.push(result);
+        if verified {
+            break;
+        }
+    }
+    Ok(results)
+}
+
+impl Yield {
+    fn add(&mut self, results: &[EpisodeResult], cpu_s: f64) {
+        self.tasks += 1;
+        self.attempts += results.len();
+        self.cpu_s += cpu_s;
+        for result in results {
+            self.verified += usize::from(result.success);
+            self.tasks_solved += usize::from(result.success);
+            self.worst_stray_contact_n = self.worst_stray_contact_n.max(result.max_stray_contact_n);
+            if result.max_stray_contact_n > STRAY_BAR_N {
+                self.episodes_above_5_n += 1;
+                self.above_5_n_letting_go +=
+                    usize::from(result.stray_contact.as_ref().is_some_and(|contact| contact.let_go));
+                self.stray_contacts.push(Stray {
+                    episode: result.id.clone(),
+                    force_n: result.max_stray_contact_n,
+                    contact: result.stray_contact.clone(),
+                });
+                self.stray_contacts.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
+            }
+            if let Some(failure) = result.failure() {
+                *self.causes.entry(failure.cause.name()).or_default() += 1;
+                let samples = self.evidence.entry(failure.cause.name()).or_default();
+                if samples.len() < SAMPLES {
+                    samples.push(format!("{}: {}", result.id, failure.evidence));
+                }
+            }
+        }
+        self.demos_per_core_hour = 3600.0 * self.verified as f64 / self.cpu_s.max(1e-9);
+    }
+}
+
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
+    let head = ["kind", "verified", "tasks solved", "per core-hour", "worst stray", "causes of failed attempts"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for (kind, counted) in measured.kinds.iter().chain([(&"all", &measured.total)]) {
+        let causes: Vec<String> = counted.causes.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
+        rows.push(vec![
+            (*kind).to_owned(),
+            format!("{}/{}", counted.verified, counted.attempts),
+            format!("{}/{}", counted.tasks_solved, counted.tasks),
+            format!("{:.0}", counted.demos_per_core_hour),
+            format!("{:.1} N", counted.worst_stray_contact_n),
+            causes.join(", "),
+        ]);
+    }
+    let strays = &measured.total.stray_contacts;
+    let strays = strays.iter().map(|stray| {
+        let contact = stray.contact.as_ref().map_or_else(String::new, ToString::to_string);
+        format!("\n{}: {:.1} N, {contact}", stray.episode, stray.force_n)
+    });
+    text_table(&rows) + &strays.collect::<String>()
+}

@@ -1,0 +1,206 @@
+//! Grasps from points, tried in physics: lift, shake, hold.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use genmanip_assets::{Catalogue, panda};
+use genmanip_core::Seed;
+use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_rollout::grasp_trial::{Class, Ending, GraspTrials, Pick, Trial, View, ViewSettings};
+use genmanip_run::Progress;
+use genmanip_sim::SimSettings;
+use serde::Serialize;
+
+use crate::LabError;
+use crate::calibration::Calibration;
+use crate::clock::cpu_clock;
+
+/// Bins of the reliability diagram.
+const BINS: usize = 10;
+
+/// What is tried.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GraspArguments {
+    /// Cloud of the target.
+    pub view: View,
+    /// Candidate to carry out.
+    pub pick: Pick,
+    /// Classes of things.
+    pub classes: Vec<Class>,
+    /// Trials per class.
+    pub count: u64,
+    /// File for one line of JSON per trial.
+    pub out: Option<PathBuf>,
+}
+
+/// What the trials came to.
+#[derive(Serialize)]
+pub struct Report {
+    /// Seed of things, views and noise.
+    pub seed: u64,
+    /// Cloud of the target.
+    pub view: View,
+    /// Candidate that was carried out.
+    pub pick: Pick,
+    /// Per class of things.
+    pub classes: BTreeMap<Class, Tally>,
+    /// Of the sampler.
+    pub cpu_ms: CpuTimes,
+    /// How true the scores are.
+    pub calibration: Calibration,
+    /// How the trials ended that did not hold.
+    pub failures: BTreeMap<Ending, usize>,
+    /// Processor seconds of everything, physics included.
+    pub cpu_s: f64,
+}
+
+/// One class: how many different objects and trials, in how many there was a candidate, how many held.
+#[derive(Serialize, Default)]
+pub struct Tally {
+    /// Different objects.
+    pub objects: usize,
+    /// Trials.
+    pub attempts: usize,
+    /// Trials with a candidate.
+    pub proposed: usize,
+    /// Trials that held.
+    pub held: usize,
+    /// Share of the trials that held.
+    pub share: f64,
+    /// How the others ended.
+    pub failures: BTreeMap<Ending, usize>,
+    /// Names of the things that were not held, with how often.
+    pub missed: BTreeMap<String, usize>,
+}
+
+/// Processor time of the sampler alone.
+#[derive(Serialize)]
+pub struct CpuTimes {
+    /// The middle one, ms.
+    pub median: f64,
+    /// 95 of 100 took no longer, ms.
+    pub p95: f64,
+    /// Median number of points of a cloud.
+    pub points: usize,
+}
+
+/// Tries grasps on things of each class, drawn by seed; one thread.
+///
+/// # Errors
+/// When the file cannot be written or a trial broke; a grasp that does not hold is a result.
+pub fn measure(arguments: &GraspArguments, seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> {
+    let GraspArguments { view, pick, ref classes, .. } = *arguments;
+    let mut out = match &arguments.out {
+        None => None,
+        Some(path) => {
+            let file = std::fs::File::create(path).map_err(|error| LabError::file("write", path, error))?;
+            Some(std::io::BufWriter::new(file))
+        }
+    };
+    let planner = Planner::new(panda(), PlannerSettings::default())
+        .map_err(|error| LabError::broken("the robot cannot be planned for", error))?;
+    let trials = GraspTrials {
+        catalogue: Catalogue::builtin(),
+        planner: Arc::new(planner),
+        robot: panda(),
+        sim: SimSettings::default(),
+        view: ViewSettings::default(),
+    };
+    progress.begin("trials", classes.len() * arguments.count as usize);
+    let mut clock = cpu_clock();
+    let mut done = Vec::new();
+    for &class in classes {
+        for index in 0..arguments.count {
+            let seed = seed.fork(&format!("{class:?}")).fork_index(index);
+            let trial = trials
+                .run(class, view, pick, seed, &mut clock)
+                .map_err(|error| LabError::broken(format!("trial {index} of {class:?}"), error))?;
+            if let Some(out) = &mut out {
+                let line = serde_json::to_string(&trial).unwrap_or_default();
+                writeln!(out, "{line}").map_err(|error| LabError::broken("cannot write the trials", error))?;
+            }
+            done.push(trial);
+            progress.advance();
+        }
+    }
+    progress.end();
+    if let Some(mut out) = out {
+        out.flush().map_err(|error| LabError::broken("cannot write the trials", error))?;
+    }
+    Ok(report(seed.value(), view, pick, &done, clock()))
+}
+
+/// A view, pick or class by its name.
+///
+/// # Errors
+/// When there is none of that name.
+pub fn named<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, LabError> {
+    serde_json::from_value(name.into())
+        .map_err(|error| LabError::input(format!("`{name}` is no choice")).because(error))
+}
+
+fn report(seed: u64, view: View, pick: Pick, trials: &[Trial], cpu_s: f64) -> Report {
+    let mut classes: BTreeMap<Class, Tally> = BTreeMap::new();
+    let mut failures = BTreeMap::new();
+    let mut names: BTreeMap<Class, BTreeSet<&str>> = BTreeMap::new();
+    for trial in trials {
+        let tally = classes.entry(trial.class).or_default();
+        names.entry(trial.class).or_default().insert(&trial.object);
+        tally.attempts += 1;
+        tally.proposed += usize::from(trial.candidates > 0);
+        if trial.ending == Ending::Held {
+            tally.held += 1;
+        } else {
+            *tally.failures.entry(trial.ending).or_default() += 1;
+            *tally.missed.entry(trial.object.clone()).or_default() += 1;
+            *failures.entry(trial.ending).or_default() += 1;
+        }
+    }
+    for (class, tally) in &mut classes {
+        tally.share = tally.held as f64 / tally.attempts.max(1) as f64;
+        tally.objects = names.get(class).map_or(0, BTreeSet::len);
+    }
+    let mut times: Vec<f64> = trials.iter().map(|trial| trial.sampler_cpu_s * 1e3).collect();
+    let mut points: Vec<usize> = trials.iter().map(|trial| trial.points).collect();
+    times.sort_by(f64::total_cmp);
+    points.sort_unstable();
+    let quantile = |share: f64| times.get(((times.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
+    let cpu_ms = CpuTimes { median: quantile(0.5), p95: quantile(0.95), points: points[points.len() / 2] };
+    Report { seed, view, pick, classes, cpu_ms, calibration: calibration(trials), failures, cpu_s }
+}
+
+fn calibration(trials: &[Trial]) -> Calibration {
+    let outcome = |trial: &Trial| Some((trial.grasp.as_ref()?.score, trial.ending == Ending::Held));
+    Calibration::of(&trials.iter().filter_map(outcome).collect::<Vec<_>>(), BINS)
+}
+
+/// The same in words.
+pub fn in_words(report: &Report) -> String {
+    let mut text = String::from("class     objects  attempts  proposed  held  share\n");
+    for (class, tally) in &report.classes {
+        text += &format!(
+            "{:<9} {:>7}  {:>8}  {:>8}  {:>4}  {:.3}\n",
+            format!("{class:?}").to_lowercase(),
+            tally.objects,
+            tally.attempts,
+            tally.proposed,
+            tally.held,
+            tally.share
+        );
+        for (name, count) in &tally.missed {
+            text += &format!("  {count} × {name}\n");
+        }
+        for (ending, count) in &tally.failures {
+            text += &format!("  {count} {ending:?}\n");
+        }
+    }
+    let cpu = &report.cpu_ms;
+    text += &format!(
+        "sampler   {:.1} ms median, {:.1} ms p95 of processor time, clouds of {} points\n\
+         scores    Brier {:.3}, {:.3} for the constant share of grasps that held\n",
+        cpu.median, cpu.p95, cpu.points, report.calibration.brier, report.calibration.brier_of_base_rate
+    );
+    text
+}

@@ -1,0 +1,216 @@
+//! Layouts: tasks laid out once each, timed, and audited outside the timing.
+
+use std::collections::BTreeMap;
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{Scenario, Seed, Task};
+use genmanip_layout::{LayoutAudit, LayoutError, LayoutSettings, Phase, audit, lay_out_observed, posed};
+use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_scene::relations::{RelationSettings, Rest, ShapeCache, judge_goal};
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::cpu_clock;
+use genmanip_run::{Progress, inputs};
+
+/// How long a layout is left alone in physics, simulated seconds.
+const ALONE_S: f64 = 2.0;
+const PHASES: [&str; 6] = ["preparing", "placing", "settling", "judging", "reaching", "seeing"];
+
+/// What laying tasks out came to. Refused tasks count in the times too.
+#[derive(Default, Serialize)]
+pub struct Measured {
+    /// Seed of the layouts.
+    pub seed: u64,
+    /// Tasks.
+    pub tasks: usize,
+    /// Tasks with a layout.
+    pub laid_out: usize,
+    /// Tasks without.
+    pub refused: usize,
+    /// Processor time per task.
+    pub cpu_ms: Spread,
+    /// Mean per task.
+    pub phase_cpu_ms: BTreeMap<&'static str, f64>,
+    /// Deepest penetration at the start.
+    pub worst_penetration_mm: f64,
+    /// Longest way of an object that is left alone.
+    pub worst_drift_mm: f64,
+    /// Edges and states of the initial graphs.
+    pub edges_checked: usize,
+    /// Those that do not hold.
+    pub edges_failed: usize,
+    /// Goals that hold already.
+    pub goals_true: usize,
+    /// Layouts with an object that no camera sees enough of.
+    pub unseen: usize,
+    /// Posing all objects anew and judging the whole goal, in the largest scenes.
+    pub goal_verdict_us: Spread,
+    /// Objects in those scenes.
+    pub goal_verdict_objects: usize,
+    /// Why tasks have no layout.
+    pub refusals: Vec<Refusal>,
+    /// What is wrong with returned layouts.
+    pub faults: Vec<Refusal>,
+}
+
+/// Of many values the middle one, the one that 95 of 100 do not exceed, and the largest.
+#[derive(Clone, Copy, Default, Serialize)]
+pub struct Spread {
+    /// The middle one.
+    pub median: f64,
+    /// 95 of 100 are not larger.
+    pub p95: f64,
+    /// The largest.
+    pub worst: f64,
+}
+
+/// A task and what is wrong.
+#[derive(Serialize)]
+pub struct Refusal {
+    /// Id of the task.
+    pub task: String,
+    /// What is wrong.
+    pub reason: String,
+}
+
+/// Lays each task out once, with so many unmentioned objects more, and audits the layouts outside the timing; one thread.
+///
+/// # Errors
+/// When a layout cannot be audited; a task that cannot be laid out is a result.
+pub fn measure(tasks: &[Task], distractors: usize, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
+    let planner = inputs::planner(&PlannerSettings::default())?;
+    let catalogue = Catalogue::builtin();
+    let settings = LayoutSettings { distractors, ..LayoutSettings::default() };
+    let mut measured = Measured { seed: seed.value(), tasks: tasks.len(), ..Measured::default() };
+    let (mut cpu_ms, mut phases_s) = (Vec::new(), [0.0; PHASES.len()]);
+    let mut verdicts: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    progress.begin("laying out", tasks.len());
+    for (index, task) in tasks.iter().enumerate() {
+        let seed = seed.fork("lab layout").fork_index(index as u64);
+        let (outcome, seconds) = timed(task, &planner, seed, &settings, &mut phases_s);
+        cpu_ms.push(seconds * 1e3);
+        match outcome {
+            Ok(scenario) => {
+                let report = audit(&scenario, catalogue, planner.robot(), ALONE_S)
+                    .map_err(|error| LabError::broken(format!("cannot audit the layout of {}", task.id), error))?;
+                measured.add(task, &report);
+                let (objects, microseconds) = goal_verdict(&scenario)?;
+                verdicts.entry(objects).or_default().push(microseconds);
+            }
+            Err(error) => measured.refusals.push(Refusal { task: task.id.clone(), reason: error.to_string() }),
+        }
+        progress.advance();
+    }
+    progress.end();
+    measured.refused = measured.refusals.len();
+    measured.laid_out = tasks.len() - measured.refused;
+    measured.cpu_ms = spread(cpu_ms);
+    let per_task = |seconds: f64| (seconds * 1e5 / tasks.len().max(1) as f64).round() / 100.0;
+    measured.phase_cpu_ms = PHASES.into_iter().zip(phases_s.map(per_task)).collect();
+    if let Some((objects, microseconds)) = verdicts.pop_last() {
+        (measured.goal_verdict_objects, measured.goal_verdict_us) = (objects, spread(microseconds));
+    }
+    Ok(measured)
+}
+
+/// One layout with its processor time, that of its phases added up.
+fn timed(
+    task: &Task,
+    planner: &Planner,
+    seed: Seed,
+    settings: &LayoutSettings,
+    phases_s: &mut [f64; PHASES.len()],
+) -> (Result<Scenario, LayoutError>, f64) {
+    let mut clock = cpu_clock();
+    let (mut phase, mut since) = (Phase::Preparing, 0.0);
+    let mut begin = |next: Phase| {
+        let now = clock();
+        phases_s[phase as usize] += now - since;
+        (phase, since) = (next, now);
+    };
+    let outcome = lay_out_observed(task, Catalogue::builtin(), planner, seed, settings, &mut begin);
+    begin(Phase::Preparing);
+    (outcome, since)
+}
+
+/// Number of objects, and the time to pose them all and to judge the goal, microseconds.
+fn goal_verdict(scenario: &Scenario) -> Result<(usize, f64), LabError> {
+    let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
+    let mut scene = scene.map_err(|error| LabError::broken(format!("cannot pose {}", scenario.id), error))?;
+    let settings = RelationSettings::default();
+    let mut clock = cpu_clock();
+    for (index, placed) in scenario.objects.iter().enumerate() {
+        scene.set_pose(index, placed.pose, &placed.joint_positions);
+    }
+    let verdict = judge_goal(&scene, &scenario.task.goal, &Rest::default(), &settings);
+    let seconds = clock();
+    debug_assert!(!verdict.success);
+    Ok((scenario.objects.len(), seconds * 1e6))
+}
+
+fn spread(mut values: Vec<f64>) -> Spread {
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = ((values.len() as f64 * share).ceil() as usize).saturating_sub(1);
+        values.get(index).map_or(0.0, |value| (value * 100.0).round() / 100.0)
+    };
+    Spread { median: at(0.5), p95: at(0.95), worst: at(1.0) }
+}
+
+impl Measured {
+    fn add(&mut self, task: &Task, report: &LayoutAudit) {
+        let millimetres = |metres: f64| (metres * 1e7).round() / 1e4;
+        self.worst_penetration_mm = self.worst_penetration_mm.max(millimetres(report.penetration_m));
+        self.worst_drift_mm = self.worst_drift_mm.max(millimetres(report.drift_m));
+        self.edges_checked += report.checked;
+        self.edges_failed += report.failed.len();
+        self.goals_true += usize::from(report.goal_holds);
+        self.unseen += usize::from(report.hidden.is_some());
+        let mut fault = |reason: String| self.faults.push(Refusal { task: task.id.clone(), reason });
+        report.failed.iter().for_each(|atom| fault(format!("not so: {atom}")));
+        if report.goal_holds {
+            fault("the goal holds".into());
+        }
+        if let Some(reason) = &report.hidden {
+            fault(reason.clone());
+        }
+        if report.drift_m.max(report.penetration_m) >= 1e-3 {
+            let (drift, depth) = (millimetres(report.drift_m), millimetres(report.penetration_m));
+            fault(format!("drifts {drift} mm, penetrates {depth} mm"));
+        }
+    }
+}
+
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
+    let Measured { cpu_ms, goal_verdict_us: verdict, .. } = measured;
+    let phases = measured.phase_cpu_ms.iter().map(|(name, ms)| format!("{name} {ms:.1}"));
+    let mut text = format!(
+        "laid out      {} of {}\ntime          median {:.0} ms, p95 {:.0} ms, worst {:.0} ms of processor time\n\
+         phases        {} ms\npenetration   at most {:.3} mm\ndrift         at most {:.3} mm in {ALONE_S} s\n\
+         graph         {} edges and states checked, {} fail; goal already true {}, object unseen {}\n\
+         goal verdict  median {:.0} µs, worst {:.0} µs with {} objects\n",
+        measured.laid_out,
+        measured.tasks,
+        cpu_ms.median,
+        cpu_ms.p95,
+        cpu_ms.worst,
+        phases.collect::<Vec<_>>().join(", "),
+        measured.worst_penetration_mm,
+        measured.worst_drift_mm,
+        measured.edges_checked,
+        measured.edges_failed,
+        measured.goals_true,
+        measured.unseen,
+        verdict.median,
+        verdict.worst,
+        measured.goal_verdict_objects,
+    );
+    for (what, list) in [("refused", &measured.refusals), ("wrong", &measured.faults)] {
+        for Refusal { task, reason } in list.iter().take(20) {
+            text += &format!("{what}: {task}: {reason}\n");
+        }
+    }
+    text
+}

@@ -1,0 +1,20 @@
+//! Measurements of the parts on cases that the project has not seen.
+//!
+//! One module per measurement: a function from arguments to values that serialise, and those values in words.
+//! Figures are of one thread and in processor time; nothing is printed.
+
+pub mod answers;
+pub mod calibration;
+mod clock;
+pub mod design;
+pub mod expert;
+pub mod fit;
+pub mod grasp;
+pub mod layout;
+pub mod motion;
+pub mod relations;
+pub mod rendered;
+
+pub use clock::cpu_clock;
+/// Why a measurement could not be made.
+pub use genmanip_run::RunError as LabError;

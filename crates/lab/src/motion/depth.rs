@@ -1,0 +1,167 @@
+//! From a depth image to a path: what a camera sees of a problem is all that the planner is told, but for the table.
+
+use std::sync::Arc;
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Camera, Intrinsics, Material, Piece, Pose, RgbdImage, RobotModel, Seed, TriMesh, VisualPart};
+use genmanip_motion::{Allowed, DepthSettings, Path, Planner, Surroundings, World, triangulate};
+use genmanip_render::{Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
+use serde::Serialize;
+
+use super::problems::Problem;
+use super::{OPEN, SHOWN, states, timed};
+use crate::LabError;
+
+/// All that was seen, as it was seen: cells and radius, m.
+const PIXELS: (f64, f64) = (0.002, 1e-4);
+/// Name of what is seen.
+const SEEN: &str = "what is seen";
+
+/// What became of the problems, with the true obstacles known to nobody but the judge.
+#[derive(Default, Serialize)]
+pub struct Depth {
+    /// Problems that were drawn.
+    pub problems: usize,
+    /// Of those, the ones whose start or goal touches the thickened cloud; they are not planned.
+    pub start_or_goal_in_cloud: usize,
+    /// Problems that were planned.
+    pub planned: usize,
+    /// Problems with a path.
+    pub solved: usize,
+    /// Paths with a state, every 0.02 rad, that touches the cloud they were planned in.
+    pub touching_cloud: usize,
+    /// ... that touches a point of the surfaces that were seen, as they were before thinning.
+    pub touching_seen_surfaces: usize,
+    /// ... that touches the true geometry: also what the camera could not see.
+    pub touching_anything: usize,
+    /// Part of the paths that are clear of the surfaces that were seen.
+    pub clear_of_seen_surfaces: f64,
+    /// Median number of points in the cloud.
+    pub points: f64,
+    /// Median processor time from the image to the world.
+    pub perceive_ms: f64,
+    /// Median processor time of the search in it.
+    pub plan_ms: f64,
+    /// The first problems without a path, and why.
+    pub failures: Vec<String>,
+}
+
+pub struct DepthTally {
+    pub total_ms: Vec<f64>,
+    pub depth: Depth,
+    /// Sees every pixel.
+    close: Planner,
+    camera: Camera,
+    perceive_ms: Vec<f64>,
+    plan_ms: Vec<f64>,
+    points: Vec<f64>,
+}
+
+impl DepthTally {
+    pub fn new(planner: &Planner) -> Self {
+        let (cell_m, radius_m) = PIXELS;
+        let depth = DepthSettings { cell_m, radius_m, ..planner.settings().depth.clone() };
+        // Over the robot's left shoulder: what opens towards the robot is seen into.
+        let intrinsics = Intrinsics::from_vertical_fov(640, 480, 55_f64.to_radians());
+        let camera = Camera::looking_at("shoulder", DVec3::new(-0.15, 0.6, 1.1), DVec3::new(0.5, 0.0, 0.1), intrinsics);
+        Self {
+            total_ms: vec![],
+            depth: Depth::default(),
+            close: planner.with_depth(depth),
+            camera,
+            perceive_ms: vec![],
+            plan_ms: vec![],
+            points: vec![],
+        }
+    }
+
+    pub fn solve(&mut self, planner: &Planner, index: usize, problem: &Problem, seed: Seed) -> Result<(), LabError> {
+        let image = [draw(planner.robot(), problem, &self.camera)?];
+        let allowed = Allowed::none();
+        let (start, goals) = (&problem.start, std::slice::from_ref(&problem.goal));
+        let perceive = |planner: &Planner| planner.world_seen(&around(&problem.tables, &allowed), start, SEEN, &image);
+        let no_cloud = |error| LabError::broken(format!("problem {index} cannot be seen"), error);
+        self.depth.problems += 1;
+        let (seen, perceive_s) = timed(|| perceive(planner));
+        let seen = seen.map_err(no_cloud)?;
+        let touches =
+            |world: &World, state: &[f64]| planner.checker(&around(world, &allowed), 0.0).check(state).is_some();
+        if touches(&seen, start) || touches(&seen, &problem.goal) {
+            self.depth.start_or_goal_in_cloud += 1;
+            return Ok(());
+        }
+        self.depth.planned += 1;
+        let (planned, plan_s) = timed(|| planner.plan_joint(&around(&seen, &allowed), start, goals, seed));
+        self.total_ms.push((perceive_s + plan_s) * 1e3);
+        self.perceive_ms.push(perceive_s * 1e3);
+        self.plan_ms.push(plan_s * 1e3);
+        self.points.push(seen.facet_count(SEEN).unwrap_or(0) as f64);
+        match planned {
+            Err(error) if self.depth.failures.len() < SHOWN => {
+                self.depth.failures.push(format!("problem {index}: {error}"));
+            }
+            Err(_) => {}
+            Ok(path) => {
+                self.depth.solved += 1;
+                let pixels = perceive(&self.close).map_err(no_cloud)?;
+                let touches = |world: &World| is_touched_by(planner, &around(world, &allowed), &path);
+                self.depth.touching_cloud += usize::from(touches(&seen));
+                self.depth.touching_seen_surfaces += usize::from(touches(&pixels));
+                self.depth.touching_anything += usize::from(touches(&problem.world));
+            }
+        }
+        Ok(())
+    }
+
+    /// The medians and shares, once all problems are in.
+    pub fn finish(&mut self) {
+        let median = |values: &mut Vec<f64>| super::Spread::of(std::mem::take(values)).median;
+        let Depth { solved, touching_seen_surfaces, .. } = self.depth;
+        self.depth.clear_of_seen_surfaces = 1.0 - touching_seen_surfaces as f64 / (solved as f64).max(1.0);
+        self.depth.points = median(&mut self.points);
+        self.depth.perceive_ms = median(&mut self.perceive_ms);
+        self.depth.plan_ms = median(&mut self.plan_ms);
+    }
+}
+
+fn around<'a>(world: &'a World, allowed: &'a Allowed) -> Surroundings<'a> {
+    Surroundings { world, attached: None, allowed, gripper_width: OPEN }
+}
+
+/// Whether a state of the path, every 0.02 rad, one of its corners, or what the robot is told to do touches anything.
+fn is_touched_by(planner: &Planner, around: &Surroundings, path: &Path) -> bool {
+    let (exact, trajectory) = (planner.checker(around, 0.0), planner.time(path, 1.0));
+    states(path).iter().chain(path.waypoints()).chain(&trajectory.configs).any(|state| exact.check(state).is_some())
+}
+
+/// What the camera sees of the obstacles and of the robot at the start, all drawn from their collision pieces.
+fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<RgbdImage, LabError> {
+    let mut drawn = robot.clone();
+    for link in &mut drawn.links {
+        link.visual = link.pieces.iter().map(visual).collect::<Result<_, _>>()?;
+    }
+    let obstacles = problem.pieces.iter().map(visual).collect::<Result<Vec<_>, _>>()?;
+    // The base stands in the world's origin.
+    drawn.links[0].visual.extend(obstacles);
+    let no_picture = |error| LabError::broken("the problem cannot be drawn", error);
+    let nothing_else = Environment { table: false, floor: false, ..Environment::default() };
+    let assets = RenderAssets::new(Arc::new(drawn), &[], &nothing_else).map_err(no_picture)?;
+    let frame = assets.frame_state(&problem.start, OPEN, []).map_err(no_picture)?;
+    let mut buffers = [FrameBuffers::default()];
+    let mut renderer = Renderer::new(assets, RenderVariation::default());
+    renderer.render(&[ViewJob::new(&frame, camera, Channels::GEOMETRY)], &mut buffers).map_err(no_picture)?;
+    let [buffers] = buffers;
+    Ok(buffers.into_image(camera.intrinsics, camera.mount_from_camera))
+}
+
+fn visual(piece: &Piece) -> Result<VisualPart, LabError> {
+    let (corners, triangles) =
+        triangulate(piece).map_err(|error| LabError::broken("a collision piece cannot be drawn", error))?;
+    let positions = corners.iter().map(|corner| corner.as_vec3()).collect();
+    Ok(VisualPart {
+        name: "piece".into(),
+        mesh: Arc::new(TriMesh { positions, triangles, ..TriMesh::default() }),
+        material: Material::plain([0.7; 3], 0.5),
+        link_from_part: Pose::IDENTITY,
+    })
+}

@@ -1,0 +1,68 @@
+//! Inverse kinematics at poses that random configurations reach.
+
+use genmanip_core::Seed;
+use genmanip_motion::{Chain, IkSettings, InverseKinematics, Planner};
+use rand::RngExt;
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::cpu_clock;
+
+/// Poses of an arm with a closed form for one of an arm where every solution is a numeric search.
+const PER_NUMERIC_POSE: usize = 200;
+
+/// The inverse kinematics, measured.
+#[derive(Serialize)]
+pub struct Kinematics {
+    /// Whether the arm has a closed form.
+    pub analytic: bool,
+    /// Poses.
+    pub poses: usize,
+    /// Poses with at least one solution.
+    pub solved: usize,
+    /// Mean time of all branches for one value of the free joint; of a numeric arm, of one search.
+    pub branches_us: f64,
+    /// Mean time of all solutions: sweep of the free joint, ranking, refinement.
+    pub sweep_us: f64,
+    /// Largest distance of the tcp from where it should be, over all solutions.
+    pub worst_error_m: f64,
+}
+
+/// At so many poses, or a part of them where every solution is a numeric search.
+pub fn measure(planner: &Planner, poses: usize, seed: Seed) -> Result<Kinematics, LabError> {
+    let robot = planner.robot();
+    let chain = Chain::new(robot).map_err(|error| LabError::broken("the robot has no arm", error))?;
+    let settings = IkSettings::default();
+    let margin = settings.limit_margin;
+    let ik = InverseKinematics::new(chain.clone(), settings);
+    let poses = if ik.is_analytic() { poses } else { poses.div_ceil(PER_NUMERIC_POSE) };
+    let mut rng = seed.fork("poses").rng();
+    let limits: Vec<(f64, f64)> = chain.lower().zip(chain.upper()).collect();
+    let mut draw = || -> Vec<f64> {
+        limits.iter().map(|(lower, upper)| rng.random_range(lower + margin..=upper - margin)).collect()
+    };
+    let targets: Vec<_> = (0..poses).map(|_| draw()).map(|config| (chain.tcp_pose(&config), config)).collect();
+    let mut clock = cpu_clock();
+    for (pose, config) in &targets {
+        if ik.is_analytic() {
+            std::hint::black_box(ik.branches(pose, config[config.len() - 1], &robot.home));
+        } else {
+            std::hint::black_box(ik.continue_from(pose, &robot.home, f64::INFINITY));
+        }
+    }
+    let branches_us = clock() / poses as f64 * 1e6;
+    let mut clock = cpu_clock();
+    let solutions: Vec<_> = targets.iter().map(|(pose, _)| ik.solve(pose, &robot.home)).collect();
+    let sweep_us = clock() / poses as f64 * 1e6;
+    let error = |(pose, _): &(genmanip_core::Pose, Vec<f64>), found: &Vec<Vec<f64>>| {
+        found.iter().map(|config| chain.tcp_pose(config).position.distance(pose.position)).fold(0.0, f64::max)
+    };
+    Ok(Kinematics {
+        analytic: ik.is_analytic(),
+        poses,
+        solved: solutions.iter().filter(|found| !found.is_empty()).count(),
+        branches_us,
+        sweep_us,
+        worst_error_m: targets.iter().zip(&solutions).map(|(target, found)| error(target, found)).fold(0.0, f64::max),
+    })
+}

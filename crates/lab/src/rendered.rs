@@ -1,0 +1,286 @@
+//! Profile `seed` on clouds from rendered depth and ids, against posed geometry.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use genmanip_assets::Catalogue;
+use genmanip_core::{
+    Atom, AtomVerdict, Camera, Pose, Relation, RgbdImage, RobotModel, Scenario, Seed, Task, Workspace,
+};
+use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves};
+use genmanip_motion::PlannerSettings;
+use genmanip_render::{
+    Channels, Environment, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob,
+};
+use genmanip_scene::observed::clouds_of_views;
+use genmanip_scene::relations::{
+    CloudScene, PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, is_clear, judge_atom, judge_goal,
+};
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::cpu_clock;
+use genmanip_bench::text_table;
+use genmanip_run::{Progress, inputs};
+
+/// The cameras of prompt-based systems, whose views are fused.
+const CAMERAS: [&str; 3] = ["overview", "left", "right"];
+
+/// A case counts when every measured quantity is farther than this from its threshold, metres.
+const MARGIN_M: f64 = 0.01;
+
+/// Disagreements that are printed for people; the JSON has all.
+const SHOWN: usize = 20;
+
+/// How many conditions of a kind were judged alike.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Tally {
+    /// Conditions that were compared.
+    pub compared: usize,
+    /// Those that were judged alike.
+    pub agreed: usize,
+    /// Of those compared, the ones that hold by posed geometry.
+    pub hold: usize,
+    /// Conditions too close to a threshold.
+    pub excluded: usize,
+}
+
+/// The measurement.
+#[derive(Debug, Default, Serialize)]
+pub struct Agreement {
+    /// Scenes that were judged.
+    pub scenes: usize,
+    /// Tasks without a layout.
+    pub refused: usize,
+    /// Conditions that were compared.
+    pub compared: usize,
+    /// Those that were judged alike.
+    pub agreed: usize,
+    /// Conditions too close to a threshold.
+    pub excluded: usize,
+    /// Share of those compared that were judged alike.
+    pub agreed_share: f64,
+    /// Per kind of condition.
+    pub by_relation: BTreeMap<String, Tally>,
+    /// Objects of which no camera sees enough.
+    pub unseen_objects: usize,
+    /// Processor time of drawing and judging a scene.
+    pub cpu_ms_per_scene: f64,
+    /// Conditions that were not judged alike.
+    pub disagreements: Vec<String>,
+}
+
+/// What is needed to draw and judge.
+struct Bench {
+    robot: Arc<RobotModel>,
+    cameras: Vec<Camera>,
+    relations: RelationSettings,
+    shapes: ShapeCache,
+}
+
+/// Lays so many scenes of the tasks out in turn, draws them and judges the clouds that three cameras see.
+///
+/// # Errors
+/// When a scene cannot be drawn.
+pub fn measure(tasks: &[Task], count: usize, seed: Seed, progress: &dyn Progress) -> Result<Agreement, LabError> {
+    let planner = inputs::planner(&PlannerSettings::default())?;
+    let mut bench = Bench {
+        robot: Arc::clone(planner.robot()),
+        cameras: Camera::default_rig().into_iter().filter(|camera| CAMERAS.contains(&camera.name.as_str())).collect(),
+        relations: RelationSettings::default(),
+        shapes: ShapeCache::default(),
+    };
+    let seed = seed.fork("rendered relations");
+    let mut agreement = Agreement::default();
+    let mut clock = cpu_clock();
+    let mut judging_s = 0.0;
+    progress.begin("judging", count);
+    for (index, task) in (0..count).zip(tasks.iter().cycle()) {
+        progress.advance();
+        let seed = seed.fork_index(index as u64);
+        let Ok(scenario) = lay_out(task, Catalogue::builtin(), &planner, seed, &LayoutSettings::default()) else {
+            agreement.refused += 1;
+            continue;
+        };
+        let initial = bench.posed(&scenario)?;
+        let reached = after_moves(&initial, task, &bench.relations, seed);
+        for (scene, moment) in std::iter::once((&initial, "before")).chain(reached.iter().map(|scene| (scene, "after")))
+        {
+            let start = clock();
+            bench.compare(scene, task, &format!("{index} {} {moment}", task.id), seed, &mut agreement)?;
+            judging_s += clock() - start;
+        }
+    }
+    progress.end();
+    agreement.agreed_share = agreement.agreed as f64 / agreement.compared.max(1) as f64;
+    agreement.cpu_ms_per_scene = judging_s * 1e3 / agreement.scenes.max(1) as f64;
+    Ok(agreement)
+}
+
+impl Bench {
+    fn posed(&mut self, scenario: &Scenario) -> Result<PosedScene, LabError> {
+        let objects = scenario.objects.iter().map(|placed| {
+            let model = Catalogue::builtin()
+                .instance(placed)
+                .map_err(|error| LabError::broken(format!("cannot build object {}", placed.uid), error))?;
+            let joint_positions = placed.joint_positions.clone();
+            Ok(PosedObject { uid: placed.uid.clone(), model, pose: placed.pose, joint_positions })
+        });
+        Ok(PosedScene::new(objects.collect::<Result<_, LabError>>()?, &mut self.shapes))
+    }
+
+    /// Draws a scene with the robot at home and makes a cloud of each object.
+    fn clouds(&self, scene: &PosedScene) -> Result<CloudScene, LabError> {
+        let drawn = |error| LabError::broken("cannot draw the scene", error);
+        let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
+        let assets = RenderAssets::new(Arc::clone(&self.robot), &models, &Environment::default()).map_err(drawn)?;
+        let poses = scene.objects().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let state = assets.frame_state(&self.robot.home, self.robot.gripper.max_width, poses).map_err(drawn)?;
+        let jobs: Vec<ViewJob> =
+            self.cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::GEOMETRY)).collect();
+        let mut pictures = vec![FrameBuffers::default(); jobs.len()];
+        Renderer::new(assets, RenderVariation::default()).render(&jobs, &mut pictures).map_err(drawn)?;
+        let views: Vec<RgbdImage> = self
+            .cameras
+            .iter()
+            .zip(pictures)
+            .map(|(camera, picture)| picture.into_image(camera.intrinsics, camera.world_from_camera(&Pose::IDENTITY)))
+            .collect();
+        let instances: Vec<u16> = (0..models.len()).map(|index| FIRST_OBJECT + index as u16).collect();
+        let clouds = scene.objects().zip(clouds_of_views(&views, &instances));
+        Ok(CloudScene::new(clouds.filter_map(|(object, cloud)| Some((object.uid.clone(), cloud?)))))
+    }
+
+    /// Every pair with every word, some triples, and the goal.
+    fn compare(
+        &self,
+        scene: &PosedScene,
+        task: &Task,
+        place: &str,
+        seed: Seed,
+        agreement: &mut Agreement,
+    ) -> Result<(), LabError> {
+        let clouds = self.clouds(scene)?;
+        let uids: Vec<&str> = scene.objects().map(|object| object.uid.as_str()).collect();
+        agreement.scenes += 1;
+        agreement.unseen_objects += uids.iter().filter(|uid| clouds.index_of(uid).is_none()).count();
+        for atom in atoms(&uids, seed) {
+            let Atom::Relation { relation, .. } = &atom else { continue };
+            let kind = relation.name().to_owned();
+            let told = |verdict: &AtomVerdict| verdict.explanation.clone();
+            let (exact, seen) = (judge_atom(scene, &atom, &self.relations), clouds.judge_atom(&atom, &self.relations));
+            let clear = is_clear(&exact, MARGIN_M);
+            agreement.note(&kind, clear, exact.holds, exact.holds == seen.holds, || {
+                format!("{place}: {atom:?}: geometry {}; cloud {}", told(&exact), told(&seen))
+            });
+        }
+        for one in 0..uids.len() {
+            for other in (0..uids.len()).filter(|&other| other != one) {
+                let exact = genmanip_scene::relations::label_pair(scene, one, other, &self.relations);
+                let (Some(exact), Some(a), Some(b)) = (exact, clouds.index_of(uids[one]), clouds.index_of(uids[other]))
+                else {
+                    continue;
+                };
+                let seen = clouds.label_pair(a, b, &self.relations).and_then(|pair| pair.a_to_b);
+                let words = Relation::OF_PAIRS
+                    .map(|word| judge_atom(scene, &relation(uids[one], word, uids[other]), &self.relations));
+                let clear = words.iter().all(|verdict| is_clear(verdict, MARGIN_M));
+                agreement.note("label", clear, exact.a_to_b.is_some(), exact.a_to_b == seen, || {
+                    format!("{place}: {} to {}: geometry {:?}; cloud {seen:?}", uids[one], uids[other], exact.a_to_b)
+                });
+            }
+        }
+        let exact = judge_goal(scene, &task.goal, &Rest::default(), &self.relations);
+        let seen = clouds.judge_goal(&task.goal, &Rest::default(), &self.relations);
+        let clear = exact.alternatives.iter().flatten().all(|verdict| is_clear(verdict, MARGIN_M));
+        agreement.note(
+            "goal",
+            clear,
+            exact.success,
+            (exact.success, exact.score) == (seen.success, seen.score),
+            || format!("{place}: goal: geometry {}; cloud {}", exact.score, seen.score),
+        );
+        Ok(())
+    }
+}
+
+impl Agreement {
+    fn note(&mut self, kind: &str, clear: bool, holds: bool, agrees: bool, told: impl FnOnce() -> String) {
+        let tally = self.by_relation.entry(kind.to_owned()).or_default();
+        if !clear {
+            tally.excluded += 1;
+            self.excluded += 1;
+            return;
+        }
+        tally.compared += 1;
+        tally.agreed += usize::from(agrees);
+        tally.hold += usize::from(holds);
+        self.compared += 1;
+        self.agreed += usize::from(agrees);
+        if !agrees {
+            self.disagreements.push(format!("{kind}: {}", told()));
+        }
+    }
+}
+
+/// The scene with the objects where the first alternative of the goal wants them; `None` when no place was found.
+fn after_moves(scene: &PosedScene, task: &Task, relations: &RelationSettings, seed: Seed) -> Option<PosedScene> {
+    let mut after = scene.clone();
+    let steps = moves(&task.goal, scene).into_iter().next()?;
+    let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
+    let (workspace, settings) = (&Workspace::default(), &GoalPoseSettings { count: 1, ..GoalPoseSettings::default() });
+    for (index, step) in steps.iter().enumerate() {
+        let object = after.objects().nth(step.object)?.clone();
+        let search = GoalSearch { scene: &after, upright: &upright, workspace, relations, settings };
+        let seed = seed.fork("goal").fork_index(index as u64);
+        let places = search.places(step, &steps[index + 1..], &|_| true, seed);
+        after.set_pose(step.object, places.first()?.world_from_object, &object.joint_positions);
+    }
+    Some(after)
+}
+
+fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
+    Atom::Relation { subject: subject.into(), relation, reference: reference.into(), second_reference: None }
+}
+
+/// Every ordered pair with every word, and for every object one pair of others that it may be between.
+fn atoms(uids: &[&str], seed: Seed) -> Vec<Atom> {
+    let mut atoms = Vec::new();
+    for (index, subject) in uids.iter().enumerate() {
+        let others: Vec<&str> = uids.iter().copied().filter(|other| other != subject).collect();
+        atoms.extend(others.iter().flat_map(|other| Relation::OF_PAIRS.map(|word| relation(subject, word, other))));
+        if others.len() >= 2 {
+            let draw = (seed.fork("between").fork_index(index as u64).value() % others.len() as u64) as usize;
+            atoms.push(Atom::Relation {
+                subject: (*subject).into(),
+                relation: Relation::Between,
+                reference: others[draw].into(),
+                second_reference: Some(others[(draw + 1) % others.len()].into()),
+            });
+        }
+    }
+    atoms
+}
+
+/// The same in words.
+pub fn in_words(agreement: &Agreement) -> String {
+    let mut lines = vec![["kind", "agree", "compared", "of them true", "excluded"].map(String::from).to_vec()];
+    for (kind, tally) in &agreement.by_relation {
+        let numbers = [tally.agreed, tally.compared, tally.hold, tally.excluded].map(|number| number.to_string());
+        lines.push(std::iter::once(kind.clone()).chain(numbers).collect());
+    }
+    let mut text = format!(
+        "{}\n{} of {} agree ({:.2} %) in {} scenes; {:.1} ms a scene; {} objects unseen\n",
+        text_table(&lines).trim_end(),
+        agreement.agreed,
+        agreement.compared,
+        100.0 * agreement.agreed_share,
+        agreement.scenes,
+        agreement.cpu_ms_per_scene,
+        agreement.unseen_objects,
+    );
+    for disagreement in agreement.disagreements.iter().take(SHOWN) {
+        text += &format!("  {disagreement}\n");
+    }
+    text
+}

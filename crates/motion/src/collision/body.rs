@@ -1,0 +1,83 @@
+//! What moves: the links and the carried object, and exact distances between two of them.
+
+use super::convex::{self, Ball, Convex, Separation};
+use super::cover::CoverBall;
+use super::narrow::Skeleton;
+use super::probe::Planes;
+use crate::rigid::Rigid;
+
+/// A link or the carried object, in the frame that moves it.
+#[derive(Clone, Debug)]
+pub(super) struct Body<'a> {
+    pub(super) part: Part,
+    pub(super) name: &'a str,
+    pub(super) frame: usize,
+    pub(super) frame_from_body: Rigid,
+    pub(super) pieces: &'a [Convex],
+    pub(super) cover: &'a [CoverBall],
+    pub(super) skeletons: &'a [Skeleton],
+    pub(super) planes: &'a [Planes],
+    /// Ball around the body, in the moving frame.
+    pub(super) ball: Ball,
+}
+
+/// A thing that moves with the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Part {
+    /// A link, by its index in the robot model.
+    Link(usize),
+    /// The attached object.
+    Attached,
+}
+
+/// Two bodies that may meet.
+#[derive(Clone, Debug)]
+pub(super) struct BodyPair {
+    pub(super) first: usize,
+    pub(super) second: usize,
+    /// Distance to keep, m.
+    pub(super) margin: f64,
+    /// Joints that move one against the other, each with its motion bound: the largest speed of a point per unit speed
+    /// of the joint.
+    pub(super) movers: Vec<(usize, f64)>,
+    /// Index of the pair's table in the robot's shape.
+    pub(super) table: Option<usize>,
+}
+
+/// How far apart two links are looked at when their motion is advanced, m.
+pub(super) const LOOK: f64 = 0.1;
+
+/// Whether two bodies come within `margin` metres of each other; a negative margin lets them penetrate so far.
+pub(super) fn bodies_closer_than(a: &Body, b: &Body, world_from_a: &Rigid, world_from_b: &Rigid, margin: f64) -> bool {
+    if margin <= 0.0 {
+        return matches!(bodies_separation(a, b, world_from_a, world_from_b, margin), Separation::Within(d) if d < margin);
+    }
+    a.pieces.iter().any(|piece| {
+        let ball = piece.ball.moved(world_from_a);
+        b.pieces.iter().any(|other| {
+            !ball.is_apart(&other.ball.moved(world_from_b), margin)
+                && convex::closer_than(piece, other, world_from_a, world_from_b, margin)
+        })
+    })
+}
+
+/// The distance of two bodies if it is at most `margin` metres.
+pub(super) fn bodies_separation(
+    a: &Body,
+    b: &Body,
+    world_from_a: &Rigid,
+    world_from_b: &Rigid,
+    margin: f64,
+) -> Separation {
+    let limit = margin.max(0.0);
+    let mut nearest = Separation::Beyond;
+    for piece in a.pieces {
+        let ball = piece.ball.moved(world_from_a);
+        for other in b.pieces {
+            if !ball.is_apart(&other.ball.moved(world_from_b), limit) {
+                nearest = nearest.nearer(convex::separation(piece, other, world_from_a, world_from_b, limit));
+            }
+        }
+    }
+    nearest
+}

@@ -1,0 +1,98 @@
+//! Points and frames with one value per lane: eight configurations at a time, in single precision.
+
+use super::lanes::Lanes;
+use crate::rigid::Rigid;
+
+/// Rounding of single precision over the length of an arm, m.
+pub(super) const ROUNDING: f32 = 2e-5;
+
+/// x, y and z of a point or a vector, per lane.
+pub(super) type Point = [Lanes; 3];
+
+/// `world_from_frame` in every lane: columns of the rotation, and the origin.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LaneFrame {
+    pub(super) columns: [Point; 3],
+    pub(super) origin: Point,
+}
+
+/// Rows of a rotation matrix, and a translation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Transform {
+    pub(super) rows: [[f32; 3]; 3],
+    pub(super) translation: [f32; 3],
+}
+
+#[inline(always)]
+pub(super) fn place(frame: &LaneFrame, point: [f32; 3]) -> Point {
+    add(turn(frame, point), frame.origin)
+}
+
+/// `outer_from_inner` of an outer frame per lane and a place in it that is the same in all.
+#[inline(always)]
+pub(super) fn then(outer: &LaneFrame, inner: &Transform) -> LaneFrame {
+    let Transform { rows, translation } = inner;
+    let column = |k: usize| turn(outer, [rows[0][k], rows[1][k], rows[2][k]]);
+    LaneFrame { columns: [column(0), column(1), column(2)], origin: place(outer, *translation) }
+}
+
+#[inline(always)]
+fn turn(frame: &LaneFrame, vector: [f32; 3]) -> Point {
+    let [x, y, z] = &frame.columns;
+    let row = |k: usize| x[k] * vector[0] + y[k] * vector[1] + z[k] * vector[2];
+    [row(0), row(1), row(2)]
+}
+
+/// Like `turn`, for vectors that mostly lie along an axis, as joints are mounted.
+#[inline(always)]
+pub(super) fn turn_sparse(frame: &LaneFrame, vector: [f32; 3]) -> Point {
+    let mut turned = [Lanes::all(0.0); 3];
+    for (column, part) in frame.columns.iter().zip(vector) {
+        if part != 0.0 {
+            turned = add(turned, scale(*column, Lanes::all(part)));
+        }
+    }
+    turned
+}
+
+impl Transform {
+    #[inline(always)]
+    pub(super) fn before(&self, inner: &LaneFrame) -> LaneFrame {
+        let row = |v: &Point, k: usize| v[0] * self.rows[k][0] + v[1] * self.rows[k][1] + v[2] * self.rows[k][2];
+        let turned = |v: &Point| [row(v, 0), row(v, 1), row(v, 2)];
+        let [x, y, z] = &inner.columns;
+        LaneFrame {
+            columns: [turned(x), turned(y), turned(z)],
+            origin: add(turned(&inner.origin), self.translation.map(Lanes::all)),
+        }
+    }
+}
+
+#[inline(always)]
+pub(super) fn subtract(a: Point, b: Point) -> Point {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+pub(super) fn dot(a: Point, b: Point) -> Lanes {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+pub(super) fn add(a: Point, b: Point) -> Point {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+#[inline(always)]
+pub(super) fn scale(a: Point, factor: Lanes) -> Point {
+    [a[0] * factor, a[1] * factor, a[2] * factor]
+}
+
+impl From<&Rigid> for Transform {
+    fn from(rigid: &Rigid) -> Self {
+        // What is left of a right angle after rounding is nothing.
+        let single = |value: f64| if value.abs() < 1e-12 { 0.0 } else { value as f32 };
+        let rows = rigid.rotation.transpose().to_cols_array_2d();
+        Self { rows: rows.map(|row| row.map(single)), translation: rigid.translation.to_array().map(single) }
+    }
+}

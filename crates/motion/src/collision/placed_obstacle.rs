@@ -1,0 +1,102 @@
+//! What is to be kept away from: obstacles at their places in the world, and exact distances of bodies from them.
+
+use super::body::Body;
+use super::convex::{self, Ball, Convex, Separation};
+use super::surface::{Excused, Surface};
+use super::world::Obstacle;
+use crate::rigid::Rigid;
+
+/// An obstacle with balls around it and around its pieces, in the world.
+#[derive(Clone, Debug)]
+pub(super) struct PlacedObstacle<'a> {
+    pub(super) name: &'a str,
+    pub(super) world_from_obstacle: Rigid,
+    pub(super) ball: Ball,
+    pub(super) pieces: Vec<PlacedPiece<'a>>,
+    pub(super) surface: Option<&'a Surface>,
+    /// Facets of the surface that need not be kept away from as the others.
+    pub(super) excused: Excused,
+}
+
+/// A piece of an obstacle.
+#[derive(Clone, Debug)]
+pub(super) struct PlacedPiece<'a> {
+    pub(super) convex: &'a Convex,
+    pub(super) core_from_world: Rigid,
+}
+
+impl PlacedPiece<'_> {
+    /// Whether a ball in the world certainly keeps `margin` from the piece.
+    pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
+        let reach = ball.radius + self.convex.radius + margin.max(0.0);
+        self.convex.core.distance_bound(self.core_from_world.point(ball.center)) > reach
+    }
+}
+
+impl<'a> PlacedObstacle<'a> {
+    pub(super) fn new(obstacle: &'a Obstacle) -> Self {
+        let world_from_obstacle = obstacle.world_from_obstacle;
+        let piece = |convex: &'a Convex| PlacedPiece {
+            convex,
+            core_from_world: (world_from_obstacle * convex.owner_from_core).inverse(),
+        };
+        Self {
+            name: &obstacle.name,
+            world_from_obstacle,
+            ball: obstacle.surface.as_ref().map_or_else(
+                || Ball::around(obstacle.pieces.iter().map(|piece| piece.ball.moved(&world_from_obstacle))),
+                |surface| surface.ball,
+            ),
+            pieces: obstacle.pieces.iter().map(piece).collect(),
+            surface: obstacle.surface.as_deref(),
+            excused: Excused::default(),
+        }
+    }
+
+    /// Whether a ball in the world certainly keeps `margin` from the obstacle.
+    pub(super) fn clear_of(&self, ball: &Ball, margin: f64) -> bool {
+        self.surface.is_none_or(|surface| ball.is_apart(&surface.ball, margin))
+            && self.pieces.iter().all(|piece| piece.clear_of(ball, margin))
+    }
+
+    /// Whether a body comes within `margin` metres of the obstacle.
+    pub(super) fn closer_than(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> bool {
+        if let Some(surface) = self.surface {
+            return surface.closer_than(body, world_from_body, margin, &self.excused);
+        }
+        if margin <= 0.0 {
+            return matches!(self.separation(body, world_from_body, margin), Separation::Within(d) if d < margin);
+        }
+        body.pieces.iter().any(|piece| {
+            let ball = piece.ball.moved(world_from_body);
+            self.pieces.iter().any(|other| {
+                let quick = || {
+                    convex::quickly_closer_than(other.convex, piece, &other.core_from_world, world_from_body, margin)
+                };
+                let exact =
+                    || convex::closer_than(other.convex, piece, &self.world_from_obstacle, world_from_body, margin);
+                !other.clear_of(&ball, margin) && quick().unwrap_or_else(exact)
+            })
+        })
+    }
+
+    /// The distance of a body if it is at most `margin` metres.
+    pub(super) fn separation(&self, body: &Body, world_from_body: &Rigid, margin: f64) -> Separation {
+        if let Some(surface) = self.surface {
+            return surface.separation(body, world_from_body, margin, &self.excused);
+        }
+        let limit = margin.max(0.0);
+        let mut nearest = Separation::Beyond;
+        for piece in body.pieces {
+            let ball = piece.ball.moved(world_from_body);
+            for other in &self.pieces {
+                if !other.clear_of(&ball, limit) {
+                    let found =
+                        convex::separation(other.convex, piece, &self.world_from_obstacle, world_from_body, limit);
+                    nearest = nearest.nearer(found);
+                }
+            }
+        }
+        nearest
+    }
+}

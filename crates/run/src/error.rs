@@ -1,0 +1,211 @@
+//! What could not be done, why, and what helps.
+
+use std::path::{Path, PathBuf};
+
+use genmanip_core::DocumentError;
+
+/// The error behind an error.
+pub type Cause = Box<dyn std::error::Error + Send + Sync>;
+
+/// Why a request of a user or a program could not be met; [`RunError::hint`] says what helps.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// A file or folder cannot be read, listed or written.
+    #[error("cannot {action} {}", path.display())]
+    File {
+        /// What was tried: `read`, `list` or `write`.
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system or the reader says.
+        source: Cause,
+        /// What helps.
+        hint: Option<String>,
+    },
+    /// A file is larger than anything of its kind.
+    #[error("{} is larger than {} MiB", path.display(), limit_bytes >> 20)]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Most bytes that are read.
+        limit_bytes: u64,
+    },
+    /// A file is not the versioned document that was expected.
+    #[error("{} is no valid {schema} file", path.display())]
+    Document {
+        /// The file.
+        path: PathBuf,
+        /// Schema that was expected.
+        schema: &'static str,
+        /// What it is instead.
+        source: DocumentError,
+    },
+    /// A name that nobody knows.
+    #[error("unknown {what} `{got}`")]
+    UnknownName {
+        /// What it should name, e.g. `policy`.
+        what: &'static str,
+        /// The plural of that.
+        plural: &'static str,
+        /// The name.
+        got: String,
+        /// Known names that look alike, best first.
+        near: Vec<String>,
+        /// All known names.
+        known: Vec<String>,
+    },
+    /// What the user named is there, but it is not what is needed.
+    #[error("{what}")]
+    Input {
+        /// What is wrong with what.
+        what: String,
+        /// Why, if another part of the program found it.
+        source: Option<Cause>,
+        /// What was expected, or what helps.
+        hint: Option<String>,
+    },
+    /// The folder belongs to a run that was started otherwise.
+    #[error("{} holds another run ({difference})", path.display())]
+    AnotherRun {
+        /// The folder.
+        path: PathBuf,
+        /// The first difference.
+        difference: String,
+    },
+    /// There is no run in the folder.
+    #[error("no run at {}", path.display())]
+    NoRun {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A stage failed where it should not have: a defect, or something outside that broke.
+    #[error("{what}")]
+    Broken {
+        /// What was being done.
+        what: String,
+        /// What went wrong.
+        source: Option<Cause>,
+        /// What helps.
+        hint: Option<String>,
+    },
+}
+
+impl RunError {
+    /// [`RunError::File`] without a hint; `action` is `read`, `list` or `write`.
+    pub fn file(action: &'static str, path: &Path, source: impl Into<Cause>) -> Self {
+        Self::File { action, path: path.to_owned(), source: source.into(), hint: None }
+    }
+
+    /// [`RunError::Input`] in one sentence.
+    pub fn input(what: impl Into<String>) -> Self {
+        Self::Input { what: what.into(), source: None, hint: None }
+    }
+
+    /// [`RunError::Broken`] with what went wrong.
+    pub fn broken(what: impl Into<String>, error: impl Into<Cause>) -> Self {
+        Self::Broken { what: what.into(), source: Some(error.into()), hint: None }
+    }
+
+    /// [`RunError::UnknownName`], with those of the known names that look like it.
+    pub fn unknown(what: &'static str, plural: &'static str, got: &str, known: &[&str]) -> Self {
+        let near = near_misses(got, known);
+        Self::UnknownName { what, plural, got: got.into(), near, known: known.iter().map(|&k| k.into()).collect() }
+    }
+
+    /// With the error behind it; kept only by the kinds that have room for one.
+    #[must_use]
+    pub fn because(mut self, error: impl Into<Cause>) -> Self {
+        match &mut self {
+            Self::Input { source, .. } | Self::Broken { source, .. } => *source = Some(error.into()),
+            Self::File { source, .. } => *source = error.into(),
+            _ => {}
+        }
+        self
+    }
+
+    /// With what helps; the other kinds know that by themselves.
+    #[must_use]
+    pub fn with_hint(mut self, help: impl Into<String>) -> Self {
+        if let Self::File { hint, .. } | Self::Input { hint, .. } | Self::Broken { hint, .. } = &mut self {
+            *hint = Some(help.into());
+        }
+        self
+    }
+
+    /// What was expected, or what helps.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::File { hint, .. } | Self::Input { hint, .. } | Self::Broken { hint, .. } => hint.clone(),
+            Self::TooLarge { .. } => Some("expected a small JSON document; is this the right file?".into()),
+            Self::Document { schema, source, .. } => Some(match source {
+                DocumentError::NotJson { hint, .. } => (*hint).into(),
+                DocumentError::WrongSchema { .. } => {
+                    format!("expected a JSON object that starts with \"schema\": \"{schema}\"")
+                }
+                DocumentError::Invalid { .. } => "the JSON Schemas in schemas/ describe every file".into(),
+            }),
+            Self::UnknownName { plural, near, known, .. } => {
+                let near = near.iter().map(|name| format!("did you mean `{name}`? ")).collect::<String>();
+                Some(format!("{near}{plural} are {}", known.join(", ")))
+            }
+            Self::AnotherRun { .. } => {
+                Some("choose another --out folder, or repeat the command of that run to continue it".into())
+            }
+            Self::NoRun { .. } => Some("make one with `genmanip collect TASKS --out FOLDER`".into()),
+        }
+    }
+}
+
+/// The known name that is meant, if one contains the other or a third of its letters at most would have to change.
+fn near_misses(got: &str, known: &[&str]) -> Vec<String> {
+    let distance = |name: &str| {
+        let contained = got.len() > 2 && (name.contains(got) || got.contains(name));
+        if contained { 0 } else { edits(got, name) }
+    };
+    let mut near: Vec<(usize, &str)> = known.iter().map(|name| (distance(name), *name)).collect();
+    near.retain(|(distance, name)| 3 * distance <= name.chars().count());
+    near.sort();
+    near.first().map(|(_, name)| (*name).to_owned()).into_iter().collect()
+}
+
+/// How many letters have to be put in, left out or changed (Levenshtein's distance).
+fn edits(from: &str, to: &str) -> usize {
+    let to: Vec<char> = to.chars().collect();
+    let mut row: Vec<usize> = (0..=to.len()).collect();
+    for (i, letter) in from.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in to.iter().enumerate() {
+            let changed = diagonal + usize::from(letter != *other);
+            diagonal = row[j + 1];
+            row[j + 1] = changed.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[to.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_look_alike_are_offered() {
+        let known = ["expert", "replay", "do_nothing"];
+        let cases = [
+            ("expret", Some("expert")),
+            ("Replay", Some("replay")),
+            ("nothing", Some("do_nothing")),
+            ("do-nothing", Some("do_nothing")),
+            ("magic", None),
+            ("", None),
+        ];
+        for (got, wanted) in cases {
+            let near = near_misses(got, &known);
+            assert_eq!(near.first().map(String::as_str), wanted, "{got}");
+        }
+        let error = RunError::unknown("policy", "policies", "expret", &known);
+        assert_eq!(error.to_string(), "unknown policy `expret`");
+        let hint = "did you mean `expert`? policies are expert, replay, do_nothing";
+        assert_eq!(error.hint().as_deref(), Some(hint));
+    }
+}

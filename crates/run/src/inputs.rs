@@ -1,0 +1,323 @@
+//! Reading what the user named: tasks, scenarios, folders of them; writing files whole or not at all.
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use genmanip_assets::{Catalogue, panda};
+use genmanip_core::{Document, DocumentError, ObjectCard, Scenario, Seed, Task, TaskKind};
+use genmanip_layout::references;
+use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_rollout::Stage;
+use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
+use genmanip_scene::designer::{DesignSettings, design_many};
+use genmanip_sim::SimSettings;
+
+use crate::error::RunError;
+
+/// Largest file that is read as a document, bytes.
+const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
+
+/// Longest task id, characters; the number of an attempt is added to it.
+const MAX_ID_LENGTH: usize = 120;
+
+/// Reads a text file, refusing what is too large or not text.
+///
+/// # Errors
+/// [`RunError::File`] and [`RunError::TooLarge`].
+pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, RunError> {
+    String::from_utf8(read_bytes(path, max_bytes)?)
+        .map_err(|error| RunError::file("read", path, error).with_hint("expected a text file in UTF-8"))
+}
+
+/// Reads a file, refusing what is too large.
+///
+/// # Errors
+/// [`RunError::File`] and [`RunError::TooLarge`].
+pub fn read_bytes(path: &Path, max_bytes: u64) -> Result<Vec<u8>, RunError> {
+    let file = fs::File::open(path).map_err(|error| {
+        RunError::file("read", path, error).with_hint("check the path; relative paths start at the current folder")
+    })?;
+    let mut bytes = Vec::new();
+    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| RunError::file("read", path, error))?;
+    if bytes.len() as u64 > max_bytes {
+        return Err(RunError::TooLarge { path: path.to_owned(), limit_bytes: max_bytes });
+    }
+    Ok(bytes)
+}
+
+/// Reads a versioned document.
+///
+/// # Errors
+/// As [`read_text`], and [`RunError::Document`].
+pub fn read_document<T: Document>(path: &Path) -> Result<T, RunError> {
+    T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| not_a_document::<T>(path, error))
+}
+
+/// Reads a scenario and makes it ready: models built, physics compiled.
+///
+/// # Errors
+/// As [`read_document`], and when objects or robot are not those the scenario was made with.
+pub fn read_stage(path: &Path) -> Result<Stage, RunError> {
+    let scenario: Scenario = read_document(path)?;
+    Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default()).map_err(|error| {
+        RunError::input(format!("{} cannot be set up", path.display()))
+            .because(error)
+            .with_hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
+    })
+}
+
+fn not_a_document<T: Document>(path: &Path, source: DocumentError) -> RunError {
+    RunError::Document { path: path.to_owned(), schema: T::SCHEMA, source }
+}
+
+/// Files named by the user; a folder stands for its `*.json`, sorted by name.
+///
+/// # Errors
+/// When a folder cannot be listed or holds no such file.
+pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunError> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let entries = fs::read_dir(path).map_err(|error| RunError::file("list", path, error))?;
+        let mut inside: Vec<PathBuf> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| path.extension().is_some_and(|extension| extension == "json"))
+            .collect();
+        inside.sort();
+        if inside.is_empty() {
+            return Err(RunError::input(format!("no *.json in {}", path.display()))
+                .with_hint("name task files or their folder"));
+        }
+        files.append(&mut inside);
+    }
+    Ok(files)
+}
+
+/// Reads tasks from task documents and recorded answers; an answer that is rejected is an error.
+///
+/// # Errors
+/// As [`read_task`], and when two tasks have one id.
+pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
+    let mut tasks: Vec<Task> = Vec::new();
+    for path in expand(paths)? {
+        let task = read_task(&path)?;
+        if let Some(twin) = tasks.iter().find(|other| other.id == task.id) {
+            return Err(RunError::input(format!(
+                "two tasks are called `{}` (the second: {})",
+                twin.id,
+                path.display()
+            ))
+            .with_hint("task ids name folders and files, so they must differ"));
+        }
+        tasks.push(task);
+    }
+    Ok(tasks)
+}
+
+/// Tasks of the rule-based designer, the six kinds in turn.
+///
+/// # Errors
+/// When the designer finds no task.
+pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, RunError> {
+    let cards = Catalogue::builtin().cards();
+    let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
+        .map_err(|error| RunError::broken("the designer gave up", error))?;
+    Ok(batch.tasks)
+}
+
+/// Reads one task from a task document or a recorded answer.
+///
+/// # Errors
+/// When the file is neither, or the task breaks a rule.
+pub fn read_task(path: &Path) -> Result<Task, RunError> {
+    let text = read_text(path, MAX_DOCUMENT_BYTES)?;
+    let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| {
+        RunError::input(format!("{} is not JSON", path.display()))
+            .because(error)
+            .with_hint("expected a task document or a recorded answer; see `genmanip task check --help`")
+    })?;
+    if value.get("schema").is_some() {
+        let task = Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))?;
+        if !is_id(&task.id) {
+            return Err(RunError::input(format!("{}: at $.id: `{}` cannot name a folder", path.display(), task.id))
+                .with_hint(format!(
+                    "use 1 to {MAX_ID_LENGTH} ASCII letters, digits and any of -_.+=@, no dot in front"
+                )));
+        }
+        check_objects(path, &task)?;
+        return Ok(task);
+    }
+    let report = check_recorded(path, &text)?;
+    report.task.ok_or_else(|| {
+        let flaws: Vec<String> =
+            report.flaws.iter().map(|flaw| format!("{}: {}", flaw.kind.name(), flaw.message)).collect();
+        RunError::input(format!("{} holds no valid task: {}", path.display(), flaws.join("; ")))
+            .with_hint(format!("see `genmanip task check {}`", path.display()))
+    })
+}
+
+/// A task document may come from anywhere: every object that goal and scene name must be a node with its card.
+fn check_objects(path: &Path, task: &Task) -> Result<(), RunError> {
+    let graph = &task.scene_graph;
+    let refused = |place: &str, uid: &str, reason: &str| {
+        Err(RunError::input(format!("{}: at $.{place}: object `{uid}` {reason}", path.display()))
+            .with_hint("every object needs a node in scene_graph.nodes and its card in objects"))
+    };
+    for (index, node) in graph.nodes.iter().enumerate() {
+        if graph.nodes[..index].iter().any(|other| other.uid == node.uid) {
+            return refused("scene_graph.nodes", &node.uid, "has two nodes");
+        }
+        if task.card(&node.uid).is_none() {
+            return refused("scene_graph.nodes", &node.uid, "has no card");
+        }
+        if Catalogue::builtin().card(&node.uid).is_none() {
+            return refused("scene_graph.nodes", &node.uid, "is not in the catalogue");
+        }
+    }
+    let atoms = || task.goal.alternatives.iter().flatten().cloned().map(|atom| ("goal", atom));
+    for (place, atom) in atoms().chain(graph.edges.iter().map(|edge| ("scene_graph.edges", edge.atom()))) {
+        for uid in std::iter::once(atom.subject()).chain(references(&atom)) {
+            if !graph.nodes.iter().any(|node| node.uid == uid) {
+                return refused(place, uid, "is no node of the scene");
+            }
+        }
+    }
+    if task.goal.alternatives.iter().all(Vec::is_empty) {
+        return Err(RunError::input(format!("{}: at $.goal: no condition", path.display()))
+            .with_hint("a goal needs at least one alternative with one condition"));
+    }
+    Ok(())
+}
+
+/// Judges a recorded-answer file.
+///
+/// # Errors
+/// When the text is no recorded answer, or offers an object that is not in the catalogue.
+pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError> {
+    let recorded = RecordedAnswer::from_json(text).map_err(|error| {
+        RunError::input(format!("{} is no recorded answer", path.display()))
+            .because(error)
+            .with_hint("for a bare answer name what was offered: --objects UID,UID,…")
+    })?;
+    let request = TaskRequest {
+        id: id_from(path),
+        kind: recorded.task_type,
+        offered: offered(&recorded.objects)?,
+        min_objects: recorded.num_objects,
+        between: false,
+        source: format!("recorded answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
+    };
+    Ok(check_answer(&recorded.response, &request))
+}
+
+/// Judges a bare answer.
+///
+/// # Errors
+/// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
+pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, RunError> {
+    let kind = task_kind(kind)?;
+    let request = TaskRequest {
+        id: id_from(path),
+        kind,
+        offered: offered(objects)?,
+        min_objects,
+        between: false,
+        source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
+    };
+    // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
+    let unreadable = |error| RunError::file("read", path, error);
+    let file = fs::File::open(path).map_err(unreadable)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_ANSWER_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    Ok(check_answer(&String::from_utf8_lossy(&bytes), &request))
+}
+
+/// A kind of task by its name in files.
+///
+/// # Errors
+/// [`RunError::UnknownName`].
+pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
+    let known = TaskKind::ALL.map(TaskKind::name);
+    let found = TaskKind::ALL.into_iter().find(|kind| kind.name() == name);
+    found.ok_or_else(|| RunError::unknown("kind", "kinds", name, &known))
+}
+
+fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, RunError> {
+    let catalogue = Catalogue::builtin();
+    uids.iter()
+        .map(|uid| match catalogue.card(uid) {
+            Some(card) => Ok(card.clone()),
+            // Asking for the model of an object without a card says which ones look alike.
+            None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
+                RunError::broken("an offered object is not in the catalogue", error)
+                    .with_hint("uids are three digits, 001 to 064")
+            }),
+        })
+        .collect()
+}
+
+/// A task id from the name of its file: whatever cannot stand in a folder's name becomes `_`.
+fn id_from(path: &Path) -> String {
+    let fit = |c: char| if fits_id(c) { c } else { '_' };
+    let id: String = stem(path).trim_start_matches('.').chars().map(fit).take(MAX_ID_LENGTH).collect();
+    if id.is_empty() { "task".into() } else { id }
+}
+
+/// Ids name folders and files, so they must not lead anywhere else.
+fn is_id(id: &str) -> bool {
+    (1..=MAX_ID_LENGTH).contains(&id.len()) && !id.starts_with('.') && id.chars().all(fits_id)
+}
+
+fn fits_id(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
+}
+
+/// The name of a file without its extension.
+pub fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Writes a file aside and renames it into place, so that it is whole or not there.
+///
+/// # Errors
+/// [`RunError::File`].
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    let failed = |error: std::io::Error| {
+        RunError::file("write", path, error)
+            .with_hint("check that the folder exists, is writable and the disk is not full")
+    };
+    if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        fs::create_dir_all(parent).map_err(failed)?;
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let aside = path.with_file_name(format!(".{name}.partial"));
+    let written = (|| {
+        let mut file = fs::File::create(&aside)?;
+        std::io::Write::write_all(&mut file, bytes)?;
+        file.sync_all()?;
+        fs::rename(&aside, path)
+    })();
+    written.map_err(|error: std::io::Error| {
+        let _ = fs::remove_file(&aside);
+        failed(error)
+    })
+}
+
+/// The planner for the robot there is.
+///
+/// # Errors
+/// When the robot cannot be planned for.
+pub fn planner(settings: &PlannerSettings) -> Result<Arc<Planner>, RunError> {
+    let planner = Planner::new(panda(), settings.clone());
+    Ok(Arc::new(planner.map_err(|error| RunError::broken("the robot cannot be planned for", error))?))
+}
+
+/// Number of workers the user asked for, or all cores.
+pub fn workers(asked: Option<usize>) -> usize {
+    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1)
+}

@@ -1,0 +1,32 @@
+//! Runs: what is done around the stages, with folders that keep what is finished.
+//!
+//! - [`folder`]: what a run folder holds; a folder never mixes two runs, and an interrupted run continues.
+//! - [`collect`]: demonstrations, their pictures and the dataset.
+//! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
+//! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
+//! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
+//! - [`inputs`] and [`robots`]: tasks, answers, scenarios and robots from files that anybody may have written.
+//!
+//! Every stage is a function from input, settings and seed to a result or a [`RunError`];
+//! it tells a [`Progress`] how far it is and prints nothing.
+
+pub mod collect;
+mod error;
+pub mod evaluate;
+pub mod folder;
+pub mod grasps;
+pub mod inputs;
+pub mod layouts;
+pub mod motion_pictures;
+pub mod pictures;
+pub mod plan;
+pub mod policies;
+mod progress;
+pub mod replay;
+pub mod report;
+pub mod robots;
+
+pub use error::{Cause, RunError};
+pub use folder::{Run, RunFolder, Timings};
+pub use policies::PolicyFactory;
+pub use progress::{Progress, Silent};

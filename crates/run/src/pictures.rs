@@ -1,0 +1,162 @@
+//! Pictures of episodes and layouts: stills, film strips and drawings.
+
+use genmanip_assets::Catalogue;
+use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};
+use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
+use genmanip_core::glam::DVec2;
+use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scenario, Task, Workspace};
+use genmanip_layout::LayoutError;
+use genmanip_render::encode;
+use genmanip_rollout::{Stage, images::Painter};
+use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
+
+use crate::error::RunError;
+
+/// `count` moments of an episode, seen by the `static` camera, as JPEG files; the painter is of the episode's stage.
+///
+/// # Errors
+/// When the scenario has no such camera, or a frame cannot be drawn.
+pub fn stills(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<Vec<u8>>, RunError> {
+    paint(painter, episode, count, width)?
+        .iter()
+        .map(|picture| jpeg(&episode.result.id, picture.width(), picture.height(), &picture.rgb))
+        .collect()
+}
+
+/// `count` moments beside each other as one JPEG.
+///
+/// # Errors
+/// As [`stills`].
+pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<u8>, RunError> {
+    let pictures = paint(&mut painter(stage)?, episode, count, 384)?;
+    let (width, height) = pictures.first().map_or((0, 0), |picture| (picture.width(), picture.height()));
+    let mut rgb = Vec::with_capacity((width * height) as usize * 3 * pictures.len());
+    for row in 0..height as usize {
+        for picture in &pictures {
+            let bytes = picture.width() as usize * 3;
+            rgb.extend_from_slice(&picture.rgb[row * bytes..(row + 1) * bytes]);
+        }
+    }
+    jpeg(&episode.result.id, width * pictures.len() as u32, height, &rgb)
+}
+
+/// What draws the frames of a stage.
+///
+/// # Errors
+/// When a mesh is broken.
+pub fn painter(stage: &Stage) -> Result<Painter, RunError> {
+    Painter::new(stage).map_err(|error| RunError::broken(format!("cannot draw {}", stage.scenario.id), error))
+}
+
+fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<RgbdImage>, RunError> {
+    let scenario = &episode.scenario;
+    let camera = scenario
+        .cameras
+        .iter()
+        .find(|camera| camera.name == "static")
+        .ok_or_else(|| RunError::input(format!("scenario {} has no camera `static`", scenario.id)))?;
+    let camera = genmanip_core::Camera {
+        intrinsics: camera.intrinsics.resized(width, width * camera.intrinsics.height / camera.intrinsics.width),
+        ..camera.clone()
+    };
+    let last = episode.frames.len().saturating_sub(1);
+    (0..count)
+        .filter_map(|index| episode.frames.get(last * index / count.saturating_sub(1).max(1)))
+        .map(|frame| {
+            let drawn = painter.paint(frame, &camera, ImageChannels::RGB);
+            drawn.map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))
+        })
+        .collect()
+}
+
+fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, RunError> {
+    encode::jpeg_rgb(width, height, rgb, 85)
+        .map_err(|error| RunError::broken(format!("cannot encode a picture of {episode}"), error))
+}
+
+/// What the drawing of a layout shows.
+///
+/// # Errors
+/// When an object is not in the catalogue.
+pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<LayoutPicture, RunError> {
+    let edges = scenario.task.scene_graph.edges.iter();
+    Ok(LayoutPicture {
+        workspace: scenario.workspace,
+        footprints: footprints(&scenario.objects, catalogue)?,
+        edges: edges.map(|edge| DrawnEdge { edge: edge.clone(), role: EdgeRole::Initial }).collect(),
+        reach_m: vec![PANDA_REACH_M],
+        windows: Vec::new(),
+    })
+}
+
+/// The task's graph beside its layout.
+///
+/// # Errors
+/// When an object is not in the catalogue.
+pub fn explained(scenario: &Scenario, catalogue: &Catalogue) -> Result<Svg, RunError> {
+    Ok(explain_svg(&scenario.task, &layout_picture(scenario, catalogue)?, None))
+}
+
+/// Why a task has no layout: what was placed, where the next object would have had to go, and which edges conflict.
+///
+/// # Errors
+/// When an object is not in the catalogue.
+pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue) -> Result<Svg, RunError> {
+    let name = |uid: &str| task.card(uid).map_or_else(|| uid.to_owned(), |card| card.name.clone());
+    let in_words = |atom: &Atom| match atom {
+        Atom::Relation { subject, relation, reference, second_reference } => {
+            let second = second_reference.iter().map(|uid| format!(" and {}", name(uid)));
+            format!("{} {} {}{}", name(subject), relation.name(), name(reference), second.collect::<String>())
+        }
+        Atom::State { object, state } => format!("{} is {state}", name(object)),
+    };
+    let (mut refusal, mut placed, mut windows) = (Refusal::default(), Vec::new(), Vec::new());
+    if let LayoutError::Infeasible { restarts, rejections, furthest, .. } = error {
+        refusal.headline = format!("No layout in {restarts} attempts");
+        refusal.reasons = rejections.reasons().into_iter().map(|(reason, count)| (reason.to_owned(), count)).collect();
+        let edges = rejections.conflicting_edges().into_iter();
+        refusal.conflicts_in_words = edges.map(|(atom, count)| (in_words(atom), count)).collect();
+        refusal.conflicts = rejections.conflicting_edges().into_iter().map(|(atom, _)| atom.clone()).collect();
+        if let Some(furthest) = furthest {
+            refusal.headline += &format!(": no place for {}", name(&furthest.object));
+            placed.clone_from(&furthest.placed);
+            let window = |(atom, at): &(Atom, Window)| PlaceWindow { x: at.x, y: at.y, label: in_words(atom) };
+            windows = furthest.windows.iter().map(window).collect();
+        }
+    } else {
+        refusal.headline = error.to_string();
+    }
+    let role = |atom: &Atom| if refusal.conflicts.contains(atom) { EdgeRole::Conflict } else { EdgeRole::Initial };
+    let edges = task.scene_graph.edges.iter();
+    let picture = LayoutPicture {
+        workspace: Workspace::default(),
+        footprints: footprints(&placed, catalogue)?,
+        edges: edges.map(|edge| DrawnEdge { role: role(&edge.atom()), edge: edge.clone() }).collect(),
+        reach_m: vec![PANDA_REACH_M],
+        windows,
+    };
+    Ok(explain_svg(task, &picture, Some(&refusal)))
+}
+
+/// Objects seen from above.
+fn footprints(objects: &[PlacedObject], catalogue: &Catalogue) -> Result<Vec<Footprint>, RunError> {
+    let mut shapes = ShapeCache::default();
+    let footprint = |placed: &PlacedObject| {
+        let model = catalogue
+            .instance(placed)
+            .map_err(|error| RunError::broken(format!("cannot draw object {}", placed.uid), error))?;
+        let color = model.card.colors.first().map_or([128; 3], |word| color_of_word(word));
+        let name = model.card.name.clone();
+        let object = PosedObject {
+            uid: placed.uid.clone(),
+            model,
+            pose: placed.pose,
+            joint_positions: placed.joint_positions.clone(),
+        };
+        let scene = PosedScene::new(vec![object], &mut shapes);
+        let corners = |polygon: &[DVec2]| polygon.iter().map(|point| point.to_array()).collect();
+        let polygons = scene.footprints(0).into_iter().map(corners).collect();
+        Ok(Footprint { uid: placed.uid.clone(), name, color, polygons })
+    };
+    objects.iter().map(footprint).collect()
+}

@@ -1,0 +1,254 @@
+//! The one registry of policies: by name, with arguments.
+//!
+//! `NAME` or `NAME:key=value,key=value` becomes a [`PolicyFactory`], which makes one policy per episode.
+//! Another policy is one more entry of [`POLICIES`].
+
+use std::fmt;
+use std::sync::Arc;
+
+use genmanip_core::{Episode, Policy};
+use genmanip_motion::Planner;
+use genmanip_rollout::Stage;
+use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::expert::Expert;
+use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
+
+use crate::error::RunError;
+
+/// All policies there are, in the order in which they are listed.
+pub const POLICIES: [PolicyEntry; 3] = [
+    PolicyEntry {
+        name: "expert",
+        about: "plans with what the simulator knows; its results say oracle",
+        arguments: &[],
+        prepare: expert,
+    },
+    PolicyEntry {
+        name: "replay",
+        about: "applies the recorded commands of the episode without looking",
+        arguments: &[],
+        prepare: replay,
+    },
+    PolicyEntry {
+        name: "do_nothing",
+        about: "stands still: the control that shows that no scenario solves itself",
+        arguments: &[PolicyArgument { name: "seconds", default: "5", about: "how long it stands still, s" }],
+        prepare: do_nothing,
+    },
+];
+
+fn expert(_given: &Given) -> Result<Make, RunError> {
+    Ok(Box::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(Expert::new(episode.stage, episode.planner, episode.settings.expert.clone())))
+    }))
+}
+
+fn replay(_given: &Given) -> Result<Make, RunError> {
+    Ok(Box::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        let recorded = episode.recorded.ok_or_else(|| {
+            RunError::input(format!("nothing was recorded on scenario {}", episode.stage.scenario.id))
+                .with_hint("the policy replay needs stored episodes, as `genmanip collect` makes them")
+        })?;
+        Ok(Box::new(OpenLoopReplay::of(recorded)))
+    }))
+}
+
+fn do_nothing(given: &Given) -> Result<Make, RunError> {
+    let duration_s = given.number("seconds", 0.0..=600.0)?;
+    Ok(Box::new(move |_: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(DoNothing { duration_s }))
+    }))
+}
+
+/// One policy of the registry.
+pub struct PolicyEntry {
+    /// The name on the command line and in results.
+    pub name: &'static str,
+    /// What it is, in one line.
+    pub about: &'static str,
+    /// What may be said about it.
+    pub arguments: &'static [PolicyArgument],
+    /// Checks the arguments, once.
+    prepare: fn(&Given) -> Result<Make, RunError>,
+}
+
+/// An argument of a policy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PolicyArgument {
+    /// Its name.
+    pub name: &'static str,
+    /// Its value where none is given.
+    pub default: &'static str,
+    /// What it is, in one line, with its unit.
+    pub about: &'static str,
+}
+
+/// What a policy may be made from, of one episode.
+#[derive(Clone, Copy)]
+pub struct PolicyContext<'a> {
+    /// The scenario made ready; only policies that declare it may look at its truth.
+    pub stage: &'a Stage,
+    /// What was recorded on the same scenario, where something was.
+    pub recorded: Option<&'a Episode>,
+    /// How the robot is planned for.
+    pub planner: &'a Arc<Planner>,
+    /// Settings of the run.
+    pub settings: &'a CollectSettings,
+}
+
+type Make = Box<dyn Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync>;
+
+/// Makes one policy per episode.
+pub struct PolicyFactory {
+    name: &'static str,
+    label: String,
+    make: Make,
+}
+
+impl PolicyFactory {
+    /// From `NAME` or `NAME:key=value,key=value`.
+    ///
+    /// # Errors
+    /// [`RunError::UnknownName`] for the policy or one of its arguments; what is wrong with a value.
+    pub fn resolve(text: &str) -> Result<Self, RunError> {
+        let (name, arguments) = text.split_once(':').unwrap_or((text, ""));
+        let known = POLICIES.each_ref().map(|entry| entry.name);
+        let entry = POLICIES.iter().find(|entry| entry.name == name);
+        let entry = entry.ok_or_else(|| RunError::unknown("policy", "policies", name, &known))?;
+        let given = Given::parse(entry, arguments)?;
+        Ok(Self { name: entry.name, label: given.label(), make: (entry.prepare)(&given)? })
+    }
+
+    /// All policies with their defaults.
+    ///
+    /// # Errors
+    /// None, as long as the defaults are sound.
+    pub fn all() -> Result<Vec<Self>, RunError> {
+        POLICIES.iter().map(|entry| Self::resolve(entry.name)).collect()
+    }
+
+    /// Name of the policy, as results say it.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// The name with those arguments that differ from their defaults, fit for the name of a file.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// The policy for one episode.
+    ///
+    /// # Errors
+    /// When it cannot work on this episode.
+    pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, RunError> {
+        (self.make)(episode)
+    }
+}
+
+impl fmt::Debug for PolicyFactory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PolicyFactory").field("label", &self.label).finish_non_exhaustive()
+    }
+}
+
+/// The policies and their arguments, a line each.
+pub fn describe() -> String {
+    let mut text = String::new();
+    for entry in &POLICIES {
+        text += &format!("{:<11} {}\n", entry.name, entry.about);
+        for PolicyArgument { name, default, about } in entry.arguments {
+            text += &format!("{:<11} {name}={default}: {about}\n", "");
+        }
+    }
+    text
+}
+
+/// The arguments of a policy: given ones, and defaults for the others.
+struct Given {
+    policy: &'static str,
+    /// In the order of the entry, with whether it differs from its default.
+    values: Vec<(&'static str, String, bool)>,
+}
+
+impl Given {
+    fn parse(entry: &PolicyEntry, text: &str) -> Result<Self, RunError> {
+        let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
+        let mut given = Self { policy: entry.name, values: defaults.collect() };
+        for part in text.split(',').filter(|part| !part.is_empty()) {
+            let Some((key, value)) = part.split_once('=') else {
+                return Err(RunError::input(format!("`{part}` is no argument of policy {}", entry.name))
+                    .with_hint(format!("expected {}:key=value,key=value", entry.name)));
+            };
+            let known: Vec<&str> = entry.arguments.iter().map(|argument| argument.name).collect();
+            if known.is_empty() {
+                return Err(RunError::input(format!("policy {} takes no arguments, not even `{key}`", entry.name))
+                    .with_hint(format!("expected {} alone", entry.name)));
+            }
+            let Some(slot) = given.values.iter_mut().find(|(name, ..)| *name == key) else {
+                return Err(RunError::unknown("policy argument", "arguments", key, &known));
+            };
+            *slot = (slot.0, value.to_owned(), value != slot.1);
+        }
+        Ok(given)
+    }
+
+    fn number(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, RunError> {
+        let text = self.values.iter().find(|(known, ..)| *known == name).map_or("", |(_, value, _)| value);
+        text.parse().ok().filter(|value| range.contains(value)).ok_or_else(|| {
+            RunError::input(format!("policy {}: {name}={text} is not possible", self.policy)).with_hint(format!(
+                "expected a number from {} to {}",
+                range.start(),
+                range.end()
+            ))
+        })
+    }
+
+    fn label(&self) -> String {
+        let fit = |c: char| if c.is_ascii_alphanumeric() || "-_.+=@".contains(c) { c } else { '_' };
+        let differing = self.values.iter().filter(|(.., differs)| *differs);
+        let arguments = differing.map(|(name, value, _)| format!("_{name}={value}"));
+        format!("{}{}", self.policy, arguments.collect::<String>()).chars().map(fit).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn policies_are_found_by_name_with_arguments() {
+        let labels = [
+            ("expert", "expert"),
+            ("replay", "replay"),
+            ("do_nothing", "do_nothing"),
+            ("do_nothing:seconds=5", "do_nothing"),
+            ("do_nothing:seconds=0.5", "do_nothing_seconds=0.5"),
+        ];
+        for (text, label) in labels {
+            let factory = PolicyFactory::resolve(text).unwrap();
+            assert_eq!((factory.label(), factory.name()), (label, text.split(':').next().unwrap()));
+        }
+        let known: Vec<&str> = POLICIES.iter().map(|entry| entry.name).collect();
+        let all: Vec<&str> = PolicyFactory::all().unwrap().iter().map(PolicyFactory::name).collect();
+        assert_eq!(all, known);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        let cases = [
+            ("expret", "unknown policy `expret`", "did you mean `expert`?"),
+            ("", "unknown policy ``", "policies are expert, replay, do_nothing"),
+            ("expert:speed=2", "policy expert takes no arguments", "expected expert alone"),
+            ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
+            ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),
+            ("do_nothing:seconds=-1", "seconds=-1 is not possible", "from 0 to 600"),
+            ("do_nothing:seconds=NaN", "seconds=NaN is not possible", "from 0 to 600"),
+        ];
+        for (text, what, hint) in cases {
+            let error = PolicyFactory::resolve(text).unwrap_err();
+            let (got, help) = (error.to_string(), error.hint().unwrap_or_default());
+            assert!(got.contains(what) && help.contains(hint), "{text}: {got}; {help}");
+        }
+    }
+}

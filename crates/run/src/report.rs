@@ -1,0 +1,190 @@
+//! The report of a run: its input gathered from the folder in one pass over the episodes, and the page.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_assets::{Catalogue, panda};
+use genmanip_bench::{
+    AttemptRow, EvaluationReport, FilmFrame, ReportInput, ReportSettings, StatisticsSettings, TaskSection, Timing,
+    compare, graph_svg, layout_svg, report_html,
+};
+use genmanip_core::{AttemptOutcome, Episode, EpisodeResult, Task};
+use genmanip_data::EpisodeStore;
+use genmanip_rollout::Stage;
+
+use crate::error::RunError;
+use crate::folder::{Run, RunFolder, Timings};
+use crate::inputs;
+use crate::pictures;
+use crate::progress::Progress;
+
+/// Moments of the film strip.
+const FILM_FRAMES: usize = 12;
+
+/// Width of a picture of the film strip, and of the first and the last picture, pixels.
+const FILM_WIDTH: u32 = 256;
+const PICTURE_WIDTH: u32 = 512;
+
+/// The HTML page of a run as text.
+///
+/// # Errors
+/// As [`gather`], and when the page would be too large.
+pub fn report(path: &Path, settings: &ReportSettings, progress: &dyn Progress) -> Result<String, RunError> {
+    let input = gather(path, progress)?;
+    report_html(&input, settings).map_err(|error| RunError::broken("cannot make the report", error))
+}
+
+/// Everything the page shows, from a run folder.
+///
+/// The record of each attempt is read once, and the frames of one episode per task; one episode is held at a time.
+///
+/// # Errors
+/// When there is no run, or an episode or an evaluation cannot be read or drawn.
+pub fn gather(path: &Path, progress: &dyn Progress) -> Result<ReportInput, RunError> {
+    let (folder, run) = RunFolder::open(path)?;
+    let store = folder.store()?;
+    let evaluations = evaluations(&folder)?;
+    let timings = folder.timings();
+    let mut attempts = attempts(&store, &timings)?;
+    let mut tasks = Vec::new();
+    progress.begin("drawing", run.tasks.len());
+    for task in &run.tasks {
+        let attempts = attempts.remove(&task.id).unwrap_or_default();
+        tasks.push(section(task, attempts, &run, &store, &evaluations)?);
+        progress.advance();
+    }
+    progress.end();
+    Ok(page(&path.display().to_string(), &run, &timings, &evaluations, tasks))
+}
+
+/// The attempts at one task.
+#[derive(Default)]
+struct Attempts {
+    rows: Vec<AttemptRow>,
+    /// The recorded attempt that is shown: the first verified one, else the first.
+    shown: Option<EpisodeResult>,
+}
+
+/// The attempts of each task, in the order of their ids.
+fn attempts(store: &EpisodeStore, timings: &Timings) -> Result<BTreeMap<String, Attempts>, RunError> {
+    let unreadable = |error| RunError::broken("cannot read the episodes", error);
+    let mut attempts: BTreeMap<String, Attempts> = BTreeMap::new();
+    for id in store.ids().map_err(unreadable)? {
+        let (result, is_recorded) = store.read_attempt(&id).map_err(unreadable)?;
+        let mine = attempts.entry(result.task_id.clone()).or_default();
+        mine.rows.push(AttemptRow {
+            outcome: result.failure().map_or(AttemptOutcome::Verified, AttemptOutcome::Failed),
+            seconds: timings.attempts.get(&id).copied().unwrap_or(0.0),
+            id,
+        });
+        if is_recorded && mine.shown.as_ref().is_none_or(|shown| result.success && !shown.success) {
+            mine.shown = Some(result);
+        }
+    }
+    Ok(attempts)
+}
+
+fn evaluations(folder: &RunFolder) -> Result<Vec<EvaluationReport>, RunError> {
+    ["expert", "replay", "do_nothing"]
+        .iter()
+        .map(|policy| folder.join("evaluation").join(format!("{policy}.json")))
+        .filter(|path| path.is_file())
+        .map(|path| inputs::read_document(&path))
+        .collect()
+}
+
+fn page(
+    name: &str,
+    run: &Run,
+    timings: &Timings,
+    evaluations: &[EvaluationReport],
+    tasks: Vec<TaskSection>,
+) -> ReportInput {
+    let by_name = |name: &str| evaluations.iter().find(|report| report.policy == name);
+    let comparisons = [("expert", "replay"), ("expert", "do_nothing")]
+        .iter()
+        .filter_map(|(a, b)| {
+            let (a, b) = (by_name(a)?, by_name(b)?);
+            compare(&a.results, &b.results, &StatisticsSettings::default()).ok()
+        })
+        .collect();
+    ReportInput {
+        title: "GenManip: from tasks to verified demonstrations".into(),
+        generated_by: format!("genmanip {}", env!("CARGO_PKG_VERSION")),
+        seed: run.seed,
+        commands: vec![
+            format!("genmanip collect TASKS --out {name} --episodes {} --seed {}", run.episodes_per_task, run.seed),
+            format!("genmanip evaluate {name}"),
+            format!("genmanip report {name}"),
+        ],
+        versions: vec![("genmanip".into(), run.genmanip_version.clone()), ("physics".into(), run.engine.clone())],
+        summaries: evaluations.iter().map(|report| report.summary.clone()).collect(),
+        control: by_name("do_nothing").map(|report| report.policy.clone()),
+        comparisons,
+        timings: timings.phases.iter().map(|(phase, &seconds)| Timing { phase: phase.clone(), seconds }).collect(),
+        notes: notes(run),
+        tasks,
+    }
+}
+
+/// What the reader must know about this run.
+fn notes(run: &Run) -> Vec<String> {
+    let recorded = run.tasks.iter().filter(|task| task.source.starts_with("recorded answer")).count();
+    vec![
+        "The expert reads simulator truth; its results are marked oracle.".into(),
+        "Replay applies the recorded commands without looking; it shows that the simulation is deterministic, \
+             not that a policy is good."
+            .into(),
+        format!(
+            "{recorded} of {} tasks are recorded answers of a language model; every task passed every rule.",
+            run.tasks.len()
+        ),
+    ]
+}
+
+fn section(
+    task: &Task,
+    attempts: Attempts,
+    run: &Run,
+    store: &EpisodeStore,
+    evaluations: &[EvaluationReport],
+) -> Result<TaskSection, RunError> {
+    let results = evaluations.iter().flat_map(|report| &report.results);
+    let mut section = TaskSection {
+        task: task.clone(),
+        scenario: None,
+        graph: graph_svg(task),
+        layout: None,
+        first_image: None,
+        last_image: None,
+        film: Vec::new(),
+        shown: attempts.shown,
+        attempts: attempts.rows,
+        results: results.filter(|result| result.task_id == task.id).cloned().collect(),
+    };
+    if let Some(result) = &section.shown {
+        let episode = store.read(&result.id).map_err(|error| RunError::broken("cannot read the episodes", error))?;
+        section.layout = Some(layout_svg(&pictures::layout_picture(&episode.scenario, Catalogue::builtin())?));
+        add_pictures(&mut section, &episode, run)?;
+        section.scenario = Some(episode.scenario);
+    }
+    Ok(section)
+}
+
+fn add_pictures(section: &mut TaskSection, episode: &Episode, run: &Run) -> Result<(), RunError> {
+    let stage = Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &panda(), &run.settings.sim)
+        .map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))?;
+    let mut painter = pictures::painter(&stage)?;
+    let mut ends = pictures::stills(&mut painter, episode, 2, PICTURE_WIDTH)?;
+    section.last_image = ends.pop();
+    section.first_image = ends.pop();
+    let strip = pictures::stills(&mut painter, episode, FILM_FRAMES, FILM_WIDTH)?;
+    let duration = episode.frames.last().map_or(0.0, |frame| frame.time_s);
+    section.film = strip
+        .into_iter()
+        .enumerate()
+        .map(|(index, jpeg)| FilmFrame { time_s: duration * index as f64 / (FILM_FRAMES - 1) as f64, jpeg })
+        .collect();
+    Ok(())
+}
