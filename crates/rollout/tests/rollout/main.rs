@@ -9,6 +9,7 @@ mod grasping;
 mod physics;
 mod policies;
 mod replaying;
+mod seeing;
 mod stepping;
 
 use std::sync::{Arc, OnceLock};
