@@ -17,6 +17,7 @@
 //! assert_ne!(Seed::new(7).fork("layout"), Seed::new(7).fork("grasp"));
 //! ```
 
+pub mod action;
 pub mod camera;
 pub mod document;
 pub mod episode;
@@ -37,6 +38,9 @@ pub mod verdict;
 
 pub use glam;
 
+pub use action::{
+    ActionFrame, ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec, RotationEncoding,
+};
 pub use camera::{Camera, CameraMount, Intrinsics};
 pub use document::{Document, DocumentError, Upgrade};
 pub use episode::{
@@ -48,9 +52,7 @@ pub use grasp::{Grasp, TriedGrasp};
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
-pub use policy::{
-    ActionChunk, ActionSpace, ActionSpec, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState,
-};
+pub use policy::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState};
 pub use pose::Pose;
 pub use robot::{Gripper, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario, Workspace};

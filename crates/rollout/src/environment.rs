@@ -245,6 +245,22 @@ impl Environment {
         })
     }
 
+    /// The command in force, native: the last one as applied; the robot's home before the first step.
+    ///
+    /// # Errors
+    /// Before the first reset.
+    pub fn command(&self) -> Result<Vec<f32>, RolloutError> {
+        self.session.as_ref().map(Session::last_command).ok_or(RolloutError::NotReset)
+    }
+
+    /// Arm joint positions, rad.
+    ///
+    /// # Errors
+    /// Before the first reset.
+    pub fn joint_positions(&self) -> Result<Vec<f64>, RolloutError> {
+        self.session.as_ref().map(|session| session.sim.joint_positions()).ok_or(RolloutError::NotReset)
+    }
+
     /// Control steps so far.
     pub fn frames(&self) -> &[Frame] {
         self.session.as_ref().map_or(&[], |session| &session.record.frames)
@@ -293,7 +309,7 @@ impl Session {
         state.push(self.sim.gripper_width());
         Observation {
             time_s: self.record.frames.len() as f64 / self.stage.control_rate_hz(),
-            state: [("observation.state".to_owned(), state)].into(),
+            state: [(Observation::STATE.to_owned(), state)].into(),
             ..Observation::default()
         }
     }

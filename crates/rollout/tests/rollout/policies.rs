@@ -1,7 +1,7 @@
 //! The loop against policies that stand still, break, ask for too much or never end.
 
 use genmanip_core::{
-    ActionChunk, ActionSpace, ActionSpec, CameraRequest, Ending, Episode, EpisodeStart, FailureCause, ImageChannels,
+    ActionChunk, ActionFrame, ActionSpace, CameraRequest, Ending, Episode, EpisodeStart, FailureCause, ImageChannels,
     Observation, Policy, PolicyError, PolicySpec, Seed,
 };
 use genmanip_rollout::policies::DoNothing;
@@ -19,15 +19,7 @@ struct Scripted {
 
 impl Scripted {
     fn new(reply: impl FnMut(&Observation) -> Result<ActionChunk, PolicyError> + Send + 'static) -> Self {
-        let spec = PolicySpec {
-            name: "scripted".into(),
-            cameras: Vec::new(),
-            state_keys: vec!["observation.state".into()],
-            action: ActionSpec::native(60.0),
-            rate_hz: 60.0,
-            execute_steps: 0,
-            privileged: false,
-        };
+        let spec = PolicySpec::native("scripted", 60.0);
         Self { spec, reply: Box::new(reply) }
     }
 
@@ -101,8 +93,11 @@ fn a_spec_that_cannot_be_served_is_refused() {
         (|spec| spec.rate_hz = 0.0, "rate 0 Hz"),
         (|spec| spec.rate_hz = f64::NAN, "rate NaN Hz"),
         (|spec| spec.rate_hz = -60.0, "rate -60 Hz"),
-        (|spec| spec.action.space = ActionSpace::EePose, "absolute joint positions"),
-        (|spec| spec.action.gripper = "open_01".into(), "gripper width in metres"),
+        (
+            |spec| (spec.action.space, spec.action.frame) = (ActionSpace::EePose, ActionFrame::EndEffector),
+            "frame of the action: expected world for ee_pose, got end_effector",
+        ),
+        (|spec| spec.action.gripper.binary_threshold = Some(f64::NAN), "expected a finite number, got NaN"),
         (|spec| spec.state_keys = vec!["observation.force".into()], "unknown state key `observation.force`"),
         (
             |spec| spec.cameras = vec![rgb("ceiling")],
@@ -129,9 +124,14 @@ fn a_policy_that_breaks_is_a_result() {
     let infinite = || vec![[&home()[..7], &[f32::INFINITY]].concat()];
     let cases: [(&str, Scripted, usize, &str); 7] = [
         ("no action", Scripted::always(Vec::new(), false), 0, "returned no action"),
-        ("NaN", Scripted::always(nan(), false), 1, "action for control step 1: command number 0 is NaN"),
-        ("infinite", Scripted::always(infinite(), true), 0, "command number 7 is inf"),
-        ("too short", Scripted::always(vec![vec![0.0; 7]], false), 0, "has 8 numbers (arm joint targets"),
+        ("NaN", Scripted::always(nan(), false), 1, "action for control step 1: number 0 of the action is NaN"),
+        ("infinite", Scripted::always(infinite(), true), 0, "number 7 of the action is inf"),
+        (
+            "too short",
+            Scripted::always(vec![vec![0.0; 7]], false),
+            0,
+            "expected 8 numbers (joint_position, gripper width_m), got 7",
+        ),
         ("too long", Scripted::always(vec![vec![0.0; 9]], false), 0, "got 9"),
         ("empty action", Scripted::always(vec![Vec::new()], true), 0, "got 0"),
         ("unsuited", Scripted::new(|_| Err(PolicyError::Unsuited("no such robot".into()))), 0, "no such robot"),

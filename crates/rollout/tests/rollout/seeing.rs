@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use genmanip_core::{
-    ActionChunk, ActionSpec, CameraRequest, EpisodeStart, ImageChannels, Observation, Policy, PolicyError, PolicySpec,
-    RgbdImage, Seed,
+    ActionChunk, CameraRequest, EpisodeStart, ImageChannels, Observation, Policy, PolicyError, PolicySpec, RgbdImage,
+    Seed,
 };
 use genmanip_rollout::images::Painter;
 use genmanip_rollout::{Environment, RolloutSettings, run_episode};
@@ -23,15 +23,7 @@ struct Onlooker {
 
 impl Policy for Onlooker {
     fn spec(&self) -> PolicySpec {
-        PolicySpec {
-            name: "onlooker".into(),
-            cameras: self.cameras.clone(),
-            state_keys: vec!["observation.state".into()],
-            action: ActionSpec::native(60.0),
-            rate_hz: 60.0,
-            execute_steps: 0,
-            privileged: false,
-        }
+        PolicySpec { cameras: self.cameras.clone(), ..PolicySpec::native("onlooker", 60.0) }
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
