@@ -97,6 +97,13 @@ pub struct Snapshot {
     record: Record,
 }
 
+impl Snapshot {
+    /// The simulation's complete state.
+    pub fn state(&self) -> &[f64] {
+        &self.state
+    }
+}
+
 #[derive(Debug)]
 struct Session {
     stage: Stage,

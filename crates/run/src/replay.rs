@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, panda};
-use genmanip_core::Episode;
+use genmanip_core::{Episode, RobotModel};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::{Stage, replay};
 use genmanip_sim::SimSettings;
@@ -54,11 +54,7 @@ pub fn check(
     progress.begin("replaying", ids.len());
     for id in &ids {
         let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
-        let episode: Episode = store.read(id).map_err(|error| failed(error.into()))?;
-        let scenario = Arc::new(episode.scenario.clone());
-        let stage = Stage::open(scenario, Catalogue::builtin(), &robot, &SimSettings::default()).map_err(|error| {
-            failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
-        })?;
+        let (stage, episode) = open(&store, id, &robot)?;
         if let Some(path) = strip {
             let path = if ids.len() == 1 { path.to_owned() } else { numbered(path, id) };
             inputs::write_file(&path, &pictures::film_strip(&stage, &episode, STRIP_FRAMES)?)?;
@@ -77,6 +73,26 @@ pub fn check(
     }
     progress.end();
     Ok(rows)
+}
+
+/// The recorded episodes at a path, each with its stage: an episode's folder, a store, or a run.
+///
+/// # Errors
+/// As [`check`].
+pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, RunError> {
+    let (store, ids) = locate(path)?;
+    let robot = panda();
+    ids.iter().map(|id| open(&store, id, &robot)).collect()
+}
+
+fn open(store: &EpisodeStore, id: &str, robot: &Arc<RobotModel>) -> Result<(Stage, Episode), RunError> {
+    let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
+    let episode: Episode = store.read(id).map_err(|error| failed(error.into()))?;
+    let scenario = Arc::new(episode.scenario.clone());
+    let stage = Stage::open(scenario, Catalogue::builtin(), robot, &SimSettings::default()).map_err(|error| {
+        failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
+    })?;
+    Ok((stage, episode))
 }
 
 /// The store and the recorded episodes meant by a path.
