@@ -78,7 +78,7 @@ pub struct EnvironmentArguments {
     #[arg(long, default_value_t = 10, value_parser = super::parse_count)]
     pub count: usize,
     /// Step through the episodes stored here instead: a run, its episodes, or one of them
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["seed", "count"])]
+    #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
 }
 
