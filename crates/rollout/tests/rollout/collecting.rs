@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use genmanip_core::{EpisodeResult, FailureCause, Policy, Seed, Task};
 use genmanip_data::EpisodeStore;

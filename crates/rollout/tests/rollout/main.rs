@@ -8,6 +8,7 @@ mod expert;
 mod grasping;
 mod physics;
 mod policies;
+mod red_pixel;
 mod replaying;
 mod seeing;
 mod stepping;
