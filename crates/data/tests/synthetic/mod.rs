@@ -3,8 +3,8 @@
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
     Camera, CameraMount, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper, Intrinsics, JointKind,
-    MassProperties, ObjectState, PlacedObject, Pose, RobotJoint, RobotLink, RobotModel, Scenario, SceneGraph, Seed,
-    Task, TaskKind, Workspace,
+    MassProperties, ObjectState, PlacedObject, Pose, RgbdImage, RobotJoint, RobotLink, RobotModel, Scenario,
+    SceneGraph, Seed, Task, TaskKind, Workspace,
 };
 use genmanip_data::{EpisodeStore, TrackRecorder, VideoSettings};
 

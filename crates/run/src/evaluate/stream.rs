@@ -109,3 +109,45 @@ impl Stream {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn identity(policy: &str) -> Identity {
+        Identity {
+            suite_hash: "00".into(),
+            policy: policy.into(),
+            cameras: None,
+            settings: serde_json::Value::Null,
+            keep_episodes: false,
+            engine: "mujoco".into(),
+            genmanip_version: "0".into(),
+        }
+    }
+
+    #[test]
+    fn results_are_continued_and_never_mixed() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().join("expert");
+        let result = EpisodeResult::from_json(include_str!("../../../core/testdata/result_1.json")).unwrap();
+        let again = EpisodeResult { id: "again".into(), ..result.clone() };
+        let stream = Stream::open(&folder, &identity("expert")).unwrap();
+        assert!(stream.known().is_empty());
+        stream.add(&result).unwrap();
+        drop(stream);
+        // A line that was being written when its writer was killed.
+        let path = folder.join("results.jsonl");
+        let whole = fs::read(&path).unwrap();
+        fs::write(&path, [&whole[..], &whole[..whole.len() / 2]].concat()).unwrap();
+        let stream = Stream::open(&folder, &identity("expert")).unwrap();
+        assert_eq!(stream.known(), std::slice::from_ref(&result));
+        stream.add(&again).unwrap();
+        drop(stream);
+        assert_eq!(Stream::open(&folder, &identity("expert")).unwrap().known(), [result, again]);
+        let other = Stream::open(&folder, &identity("another")).unwrap();
+        assert!(other.known().is_empty(), "results of another evaluation are not continued");
+        other.close().unwrap();
+        assert!(!folder.exists(), "nothing is left when nothing was kept");
+    }
+}
