@@ -10,6 +10,7 @@
 
 mod demo;
 mod mujoco;
+mod offline;
 mod problem;
 mod process;
 mod python;

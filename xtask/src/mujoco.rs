@@ -5,7 +5,7 @@
 
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
-use crate::{setup, sha256};
+use crate::{offline, sha256};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -114,7 +114,7 @@ fn accept_own(own: &Path, wheel: &Wheel) -> Result {
 
 /// The wheel file: put there by hand, or downloaded.
 fn fetch(workspace: &Workspace, wheel: &Wheel, aside: &Path) -> Result<PathBuf> {
-    if let Some(file) = find_wheel(&workspace.root.join(setup::HAND_PLACED), wheel) {
+    if let Some(file) = find_wheel(&workspace.root.join(offline::HAND_PLACED), wheel) {
         return Ok(file);
     }
     eprintln!("simulator: downloading MuJoCo {VERSION} (26 MB)");
@@ -130,7 +130,7 @@ fn fetch(workspace: &Workspace, wheel: &Wheel, aside: &Path) -> Result<PathBuf> 
             expected: String::new(),
             hint: String::new(),
         });
-        setup::offline(
+        offline::problem(
             "the simulator library could not be downloaded",
             &cause,
             &format!("python3 with pip, and a package index that has mujoco {VERSION}"),
@@ -138,7 +138,7 @@ fn fetch(workspace: &Workspace, wheel: &Wheel, aside: &Path) -> Result<PathBuf> 
                 "put the wheel mujoco-{VERSION}-cp311-cp311-*{}.whl into {}/,\n  or {} into third_party/mujoco/lib/,\n  \
                  or set {FOLDER_VARIABLE} to the folder of a MuJoCo {VERSION} that you have; then run it again",
                 wheel.platform,
-                setup::HAND_PLACED,
+                offline::HAND_PLACED,
                 wheel.library
             ),
         )
@@ -177,7 +177,7 @@ fn unpack(workspace: &Workspace, wheel: &Wheel, file: &Path, aside: &Path, folde
             hint: format!(
                 "do not use that file; empty {}/ and pip's cache (`python3 -m pip cache purge`) and try again, \
                  then ask who serves your package index",
-                setup::HAND_PLACED
+                offline::HAND_PLACED
             ),
         });
     }

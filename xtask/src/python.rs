@@ -1,8 +1,8 @@
 //! The small Python environment `.python/`: an independent reader judges the datasets we write.
 
+use crate::offline;
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
-use crate::setup;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -35,18 +35,18 @@ pub fn install(workspace: &Workspace) -> Result<PathBuf> {
     })?;
     let mut pip = workspace.command(&interpreter);
     pip.args(["-m", "pip", "install", "--quiet", "--only-binary=:all:", "--requirement", REQUIREMENTS]);
-    if workspace.root.join(setup::HAND_PLACED).is_dir() {
-        pip.args(["--find-links", setup::HAND_PLACED]);
+    if workspace.root.join(offline::HAND_PLACED).is_dir() {
+        pip.args(["--find-links", offline::HAND_PLACED]);
     }
     process::output(&mut pip).map_err(|cause| {
-        setup::offline(
+        offline::problem(
             "the packages of the dataset reader could not be installed",
             &cause,
             &names(&wanted).join(", "),
             &format!(
                 "put the wheels of {} for your Python into {}/ and run it again",
                 names(&wanted).join(", "),
-                setup::HAND_PLACED
+                offline::HAND_PLACED
             ),
         )
     })?;

@@ -1,13 +1,10 @@
 //! `cargo xtask setup`: what cargo cannot fetch, verified and put where the build and the tests look for it.
 
-use crate::problem::{OnPath, Problem, Result};
+use crate::problem::{OnPath, Result};
 use crate::process::Workspace;
 use crate::{mujoco, python};
 use std::fs::{self, File};
 use std::path::PathBuf;
-
-/// Wheels put here by hand are used instead of the network.
-pub const HAND_PLACED: &str = "third_party/wheels";
 
 /// Both parts; the second is tried even when the first fails, so that one run names everything that is missing.
 pub fn run(workspace: &Workspace) -> Result {
@@ -43,13 +40,4 @@ fn lock(workspace: &Workspace) -> Result<File> {
     let file = File::create(&path).on("write", &path)?;
     file.lock().on("lock", &path)?;
     Ok(file)
-}
-
-/// The ways on when a download was not possible.
-pub fn offline(what: &str, cause: &Problem, files: &str, place: &str) -> Problem {
-    Problem {
-        what: format!("{what}\n  because {}", cause.what),
-        expected: files.into(),
-        hint: format!("with a network: run `cargo xtask setup` again\nwithout: {place}"),
-    }
 }

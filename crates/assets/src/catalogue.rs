@@ -1,23 +1,28 @@
 //! The catalogue: cards for all objects, models on demand.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use genmanip_core::{ObjectCard, ObjectModel, PlacedObject, Seed};
+use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, Seed};
 
-use crate::AssetError;
 use crate::parts::Part;
 use crate::recipe::Recipe;
+use crate::record::Record;
+use crate::variant::{VARIED, variant};
+use crate::{AssetError, AssetSource};
+use serde_json::Value;
 
 const CARDS: &str = include_str!("../data/catalog.json");
 const RECIPES: &str = include_str!("../data/recipes.json");
 
-/// Objects by uid. Models are built when first asked for and kept.
+/// Objects by uid. Models are built when first asked for and kept; the hash maps are only looked up.
 #[derive(Debug)]
 pub struct Catalogue {
     cards: Vec<ObjectCard>,
     recipes: BTreeMap<String, Recipe>,
     models: Mutex<BTreeMap<String, Arc<ObjectModel>>>,
+    generated: Mutex<HashMap<AssetRef, Arc<ObjectModel>>>,
+    hashes: Mutex<HashMap<AssetRef, AssetHashes>>,
 }
 
 impl Catalogue {
@@ -36,7 +41,8 @@ impl Catalogue {
     /// [`AssetError::Data`] with the place of the mistake.
     pub fn from_json(cards: &str, recipes: &str) -> Result<Self, AssetError> {
         let recipes: BTreeMap<String, Recipe> = read("recipes", recipes)?;
-        let cards: Vec<ObjectCard> = read("cards", cards)?;
+        let records: Vec<Record> = read("cards", cards)?;
+        let cards: Vec<ObjectCard> = records.into_iter().map(Record::into_card).collect();
         for (uid, recipe) in &recipes {
             check_parts("recipes", uid, &recipe.parts)?;
             for link in &recipe.links {
@@ -46,7 +52,7 @@ impl Catalogue {
                 return Err(AssetError::Data { file: "recipes".into(), message: format!("{uid}: {message}") });
             }
         }
-        Ok(Self { cards, recipes, models: Mutex::new(BTreeMap::new()) })
+        Ok(Self { cards, recipes, models: Mutex::default(), generated: Mutex::default(), hashes: Mutex::default() })
     }
 
     /// All cards, by uid.
@@ -77,24 +83,20 @@ impl Catalogue {
         Ok(Arc::clone(model))
     }
 
-    /// The model of an object of a scenario, provided that its physics are the ones the scenario was made with.
-    ///
-    /// # Errors
-    /// As [`Catalogue::build`], and [`AssetError::Mismatch`] naming the field that differs.
-    pub fn instance(&self, placed: &PlacedObject) -> Result<Arc<ObjectModel>, AssetError> {
-        let model = self.build(&placed.uid)?;
-        let fields = [
-            ("family", placed.family.clone(), model.family.clone()),
-            ("seed", placed.seed.to_string(), model.seed.to_string()),
-            ("generator version", placed.generator_version.to_string(), model.generator_version.to_string()),
-            ("physics hash", placed.physics_hash.clone(), model.physics_hash()),
-        ];
-        for (what, expected, got) in fields {
-            if expected != got {
-                return Err(AssetError::Mismatch { uid: placed.uid.clone(), what, expected, got });
-            }
+    /// Another object of the family of a built-in one, [`variant`].
+    fn generate(&self, family: &str, params: &BTreeMap<String, Value>, seed: Seed) -> Result<ObjectModel, AssetError> {
+        let refused = |reason: String| AssetError::NotGenerated { family: family.to_owned(), reason };
+        let Some(of) = params.get(VARIED).and_then(Value::as_str).filter(|_| params.len() == 1) else {
+            return Err(refused(format!("expected the one parameter `{VARIED}`, the uid of a built-in object")));
+        };
+        let base = self.build(of)?;
+        if base.family != family {
+            return Err(refused(format!("object {of} is of family {}", base.family)));
         }
-        Ok(model)
+        if base.card.is_articulated {
+            return Err(refused(format!("object {of} is articulated, of which there are no variants")));
+        }
+        Ok(variant(&base, seed))
     }
 
     fn without_recipe(&self) -> Vec<String> {
@@ -123,6 +125,37 @@ impl Catalogue {
             .collect();
         scored.sort_by_key(|(score, _)| *score);
         scored.iter().take(3).map(|(_, card)| format!("{} ({})", card.uid, card.name)).collect()
+    }
+}
+
+impl AssetSource for Catalogue {
+    fn cards(&self) -> &[ObjectCard] {
+        &self.cards
+    }
+
+    fn model(&self, asset: &AssetRef) -> Result<Arc<ObjectModel>, AssetError> {
+        match asset {
+            AssetRef::Builtin { uid, .. } => self.build(uid),
+            AssetRef::Generated { family, params, seed, .. } => {
+                let mut generated = self.generated.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(model) = generated.get(asset) {
+                    return Ok(Arc::clone(model));
+                }
+                let model = Arc::new(self.generate(family, params, *seed)?);
+                generated.insert(asset.clone(), Arc::clone(&model));
+                Ok(model)
+            }
+            AssetRef::Imported { hash } => Err(AssetError::NotImported { hash: hash.clone() }),
+        }
+    }
+
+    fn hashes(&self, asset: &AssetRef) -> Result<AssetHashes, AssetError> {
+        if let Some(hashes) = self.hashes.lock().unwrap_or_else(PoisonError::into_inner).get(asset) {
+            return Ok(hashes.clone());
+        }
+        let hashes = self.model(asset)?.hashes();
+        self.hashes.lock().unwrap_or_else(PoisonError::into_inner).insert(asset.clone(), hashes.clone());
+        Ok(hashes)
     }
 }
 

@@ -22,16 +22,30 @@ pub enum AssetError {
         missing: Vec<String>,
     },
     /// A scenario was made with other physics than this version of the generator makes.
-    #[error("object {uid}: expected {what} {expected}, got {got}; the scenario was made by another generator version")]
+    #[error("object {id}: expected {what} {expected}, got {got}; the scenario was made with other assets")]
     Mismatch {
-        /// Uid of the object.
-        uid: String,
+        /// What the scenario calls the object.
+        id: String,
         /// Which field differs.
         what: &'static str,
         /// What the scenario names.
         expected: String,
-        /// What the catalogue makes.
+        /// What this program makes.
         got: String,
+    },
+    /// A family cannot make what a reference asks for.
+    #[error("family {family} cannot make an object: {reason}")]
+    NotGenerated {
+        /// Name of the family.
+        family: String,
+        /// Which parameter is missing or wrong.
+        reason: String,
+    },
+    /// Nothing reads objects from files yet.
+    #[error("no importer knows the files with hash {hash}; only built-in and generated objects can be used")]
+    NotImported {
+        /// Hash of the files.
+        hash: String,
     },
     /// Grasps that were tried with other physics than this version of the generator makes.
     #[error(

@@ -6,9 +6,11 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use genmanip_core::{Document, Grasp, ObjectModel, Pose, Seed, TriedGrasp};
+use genmanip_core::{
+    AssetRef, Document, DocumentError, Grasp, ObjectModel, Pose, RobotModel, Seed, TriedGrasp, Upgrade,
+};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::AssetError;
 
@@ -44,15 +46,84 @@ pub struct GraspProvenance {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectGrasps {
-    /// [`ObjectModel::physics_hash`] of the object when it was tried.
+    /// [`ObjectModel::physics_hash`] of the object when it was tried; `v1:` marks one of version 1.
     pub physics_hash: String,
     /// Object frame, those that held most often first.
     #[serde(with = "rows")]
     pub grasps: Vec<TriedGrasp>,
 }
 
+/// Tried grasps of whatever robots and objects there are, by the name of the robot and the physics of the object.
+///
+/// What a layout or the expert is given: it has no grasps of a robot or an object that were not tried with them.
+#[derive(Clone, Debug, Default)]
+pub struct GraspLibrary {
+    /// By robot and uid.
+    tried: BTreeMap<(String, String), ObjectGrasps>,
+    /// By robot and hash of the physics: the uid of the first object that has them.
+    alike: BTreeMap<(String, String), String>,
+}
+
+impl GraspLibrary {
+    /// The grasps of files; of several for the same robot and object the last one counts.
+    pub fn new(files: impl IntoIterator<Item = GraspFile>) -> Self {
+        let mut tried = BTreeMap::new();
+        for GraspFile { made_by, objects } in files {
+            tried.extend(objects.into_iter().map(|(uid, grasps)| ((made_by.robot.clone(), uid), grasps)));
+        }
+        let mut alike = BTreeMap::new();
+        for ((robot, uid), grasps) in &tried {
+            alike.entry((robot.clone(), grasps.physics_hash.clone())).or_insert_with(|| uid.clone());
+        }
+        Self { tried, alike }
+    }
+
+    /// The grasps that come with the program.
+    pub fn builtin() -> &'static Self {
+        static LIBRARY: OnceLock<GraspLibrary> = OnceLock::new();
+        LIBRARY.get_or_init(|| Self::new([GraspFile::builtin().clone()]))
+    }
+
+    /// The grasps that a robot's hand tried on an object, or on another one with the same physics, those that held most
+    /// often first; none of what it never tried.
+    ///
+    /// # Errors
+    /// [`AssetError::StaleGrasps`] when the robot tried an object of this uid with other physics.
+    pub fn of(&self, robot: &RobotModel, model: &ObjectModel) -> Result<&[TriedGrasp], AssetError> {
+        let of_uid = |uid: &str| self.tried.get(&(robot.name.clone(), uid.to_owned()));
+        // A variant of an object is not that object, although it may have its card.
+        let own = match &model.asset {
+            AssetRef::Builtin { uid, .. } => of_uid(uid),
+            AssetRef::Generated { .. } | AssetRef::Imported { .. } => None,
+        };
+        let known = match own {
+            Some(own) if !model.has_physics(&own.physics_hash) => return Err(stale(model, &own.physics_hash)),
+            Some(own) => Some(own),
+            None => self.alike.get(&(robot.name.clone(), model.physics_hash())).and_then(|uid| of_uid(uid)),
+        };
+        Ok(known.map_or(&[], |known| &known.grasps))
+    }
+}
+
+fn stale(model: &ObjectModel, expected: &str) -> AssetError {
+    AssetError::StaleGrasps { uid: model.card.uid.clone(), expected: expected.into(), got: model.physics_hash() }
+}
+
 impl Document for GraspFile {
-    const SCHEMA: &'static str = "genmanip.grasps/1";
+    const SCHEMA: &'static str = "genmanip.grasps/2";
+    const PREVIOUS: Option<Upgrade> = Some(Upgrade { schema: "genmanip.grasps/1", upgrade: mark_hashes });
+}
+
+/// Files of version 1 held physics hashes of version 1 without saying so.
+fn mark_hashes(file: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    let objects = file.get_mut("objects").and_then(Value::as_object_mut);
+    for object in objects.into_iter().flat_map(|objects| objects.values_mut()) {
+        let marked = object["physics_hash"].as_str().map(|digits| format!("v1:{digits}"));
+        if let Some(marked) = marked {
+            object["physics_hash"] = marked.into();
+        }
+    }
+    Ok(())
 }
 
 impl GraspFile {
@@ -71,10 +142,8 @@ impl GraspFile {
     /// [`AssetError::StaleGrasps`] when the object has changed since they were tried.
     pub fn of(&self, model: &ObjectModel) -> Result<Option<&[TriedGrasp]>, AssetError> {
         let Some(object) = self.objects.get(&model.card.uid) else { return Ok(None) };
-        let got = model.physics_hash();
-        if object.physics_hash != got {
-            let (uid, expected) = (model.card.uid.clone(), object.physics_hash.clone());
-            return Err(AssetError::StaleGrasps { uid, expected, got });
+        if !model.has_physics(&object.physics_hash) {
+            return Err(stale(model, &object.physics_hash));
         }
         Ok(Some(&object.grasps))
     }

@@ -28,8 +28,10 @@ mod link_builder;
 mod paint;
 mod parts;
 mod recipe;
+mod record;
 mod robot;
 mod solid;
+mod source;
 mod surface;
 mod variant;
 
@@ -38,7 +40,8 @@ mod tests;
 
 pub use catalogue::Catalogue;
 pub use error::AssetError;
-pub use grasps::{GraspFile, GraspProvenance, ObjectGrasps};
+pub use grasps::{GraspFile, GraspLibrary, GraspProvenance, ObjectGrasps};
 pub use handle::{HANDLE, handle_bounds};
 pub use robot::{panda, robot_from_json};
+pub use source::AssetSource;
 pub use variant::variant;

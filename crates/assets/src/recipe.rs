@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use crate::parts::{Part, assemble};
 
-/// Version of the physics that recipes and parts give; grows when pieces or inertia of any object change.
+/// Version of the built-in assets; grows when pieces or inertia of any object change.
 pub const GENERATOR_VERSION: u32 = 2;
 
 /// Name of the link that stands on the table.
@@ -90,8 +90,7 @@ impl Recipe {
         ObjectModel {
             card: card.clone(),
             family: self.family.clone(),
-            seed,
-            generator_version: GENERATOR_VERSION,
+            asset: card.asset.clone(),
             links,
             friction: self.friction,
             joint_states: self.states.iter().map(|state| self.joint_state(state)).collect(),

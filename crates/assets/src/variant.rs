@@ -1,10 +1,15 @@
 //! Further instances of an object's family: other proportions, size and weight from the same recipe.
 
-use genmanip_core::{MassProperties, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape, TriMesh, VisualPart};
+use crate::recipe::GENERATOR_VERSION;
+use genmanip_core::{AssetRef, MassProperties, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape, TriMesh, VisualPart};
 use glam::{DMat3, DQuat, DVec3};
 use rand::RngExt;
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
+
+/// Name of the parameter that says, by uid, of which built-in object something is a variant.
+pub(crate) const VARIED: &str = "of";
 
 /// Largest change of width, of height, and of what is long once more of length, as a share.
 const WIDTH_SPREAD: f64 = 0.15;
@@ -37,7 +42,12 @@ pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
         () => DVec3::new(width, width, height),
     };
     let mut changed = model.clone();
-    changed.seed = seed;
+    changed.asset = AssetRef::Generated {
+        family: model.family.clone(),
+        params: BTreeMap::from([(VARIED.to_owned(), model.card.uid.as_str().into())]),
+        seed,
+        version: GENERATOR_VERSION,
+    };
     changed.card.size_m = size * factors;
     changed.card.mass_kg *= factors.element_product() * density;
     changed.links = vec![ObjectLink {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
+use genmanip_run::policies;
 
 pub use lab::*;
 
@@ -53,12 +54,7 @@ pub enum Command {
     )]
     Collect(CollectArguments),
     /// Evaluate policies on the scenarios of a run, or on any scenario files
-    #[command(
-        after_help = "Examples:\n  genmanip evaluate out/run --policy expert --policy replay --policy do_nothing\n  \
-                      genmanip evaluate scenarios/ --policy do_nothing:seconds=2 --out out/still\n\n\
-                      Results are kept as they come: start again to continue. With --out, episodes are kept too;\n\
-                      genmanip replay OUT/evaluation/POLICY --strip film.jpg shows them, genmanip report OUT all."
-    )]
+    #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),
     /// Replay a recorded episode, or check that its commands lead to the identical final state
     #[command(after_help = "Example:\n  genmanip replay --check out/run/episodes")]
@@ -300,6 +296,17 @@ pub struct CollectArguments {
     pub keep_failed: bool,
 }
 
+/// The policies of the registry, and an example.
+fn evaluate_help() -> String {
+    let policies: String = policies::describe().lines().map(|line| format!("  {line}\n")).collect();
+    format!(
+        "Policies:\n{policies}\nExamples:\n  genmanip evaluate out/run --policy expert --policy replay\n  \
+         genmanip evaluate scenarios/ --policy do_nothing:seconds=2 --out out/still\n\n\
+         Results are kept as they come: start again to continue. With --out, episodes are kept too;\n\
+         genmanip replay OUT/evaluation/POLICY --strip film.jpg shows them, genmanip report OUT all."
+    )
+}
+
 fn parse_count(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 1..=1_000_000) => Ok(count),
@@ -350,8 +357,8 @@ pub struct EvaluateArguments {
     /// Folder of a run made by `collect`, or scenario files and folders of them
     #[arg(required = true, value_name = "RUN|SCENARIOS")]
     pub paths: Vec<PathBuf>,
-    /// Policies, as NAME or NAME:key=value,key=value: expert, replay, do_nothing [default: all]
-    #[arg(long = "policy")]
+    /// A policy, with arguments if it takes any; may be given several times [default: all of them]
+    #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
     pub policies: Vec<String>,
     /// Folder for the results and episodes of scenarios; a run keeps its own
     #[arg(long, value_name = "DIR")]

@@ -18,11 +18,14 @@
 //! ```
 
 pub mod action;
+pub mod asset;
 pub mod camera;
 pub mod document;
+mod document_error;
 pub mod episode;
 pub mod geometry;
 pub mod grasp;
+mod hash;
 pub mod image;
 pub mod json;
 pub mod mesh;
@@ -41,14 +44,17 @@ pub use glam;
 pub use action::{
     ActionFrame, ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec, RotationEncoding,
 };
+pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount, Intrinsics};
-pub use document::{Document, DocumentError, Upgrade};
+pub use document::{Document, Upgrade};
+pub use document_error::DocumentError;
 pub use episode::{
     AttemptOutcome, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun, ObjectState,
     StrayContact,
 };
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
+pub use hash::AssetHashes;
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};

@@ -3,16 +3,17 @@
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-use crate::{Aabb, Piece, Pose, Seed, VisualPart};
+use crate::{Aabb, AssetRef, Piece, Pose, VisualPart};
 
 /// What a person or a language model is told about an object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectCard {
-    /// Identifier in the catalogue; the only thing that decides which object is meant.
+    /// What people and files call the asset; its instances are named after it.
     pub uid: String,
+    /// The asset that the card describes.
+    pub asset: AssetRef,
     /// Short name, e.g. `Red Mug`.
     pub name: String,
     /// One sentence.
@@ -52,10 +53,8 @@ pub struct ObjectModel {
     pub card: ObjectCard,
     /// Family of the generator that made it, e.g. `mug`.
     pub family: String,
-    /// Seed of the generator.
-    pub seed: Seed,
-    /// Version of the generator; grows when its physics change.
-    pub generator_version: u32,
+    /// The asset, as precisely as can be: with the version and seed that were used.
+    pub asset: AssetRef,
     /// Bodies, parents first; a rigid object has exactly one.
     pub links: Vec<ObjectLink>,
     /// Sliding friction coefficient against a like surface.
@@ -193,62 +192,6 @@ impl ObjectModel {
             bounds.union(&Aabb::from_pieces(&(*world_from_object * object_from_link), &link.pieces))
         })
     }
-
-    /// Hash of everything physics depends on: collision pieces, mass, joints, friction. Looks do not count.
-    ///
-    /// Twelve hexadecimal digits; numbers enter rounded to a nanometre (nanokilogram, …),
-    /// so that the last bits of a platform's arithmetic do not matter.
-    pub fn physics_hash(&self) -> String {
-        let mut hasher = Sha256::new();
-        let mut text = format!("{} {}", self.card.uid, rounded(&[self.friction]));
-        for link in &self.links {
-            let m = &link.mass;
-            text += &format!(
-                "|{} {} {} {}",
-                link.name,
-                rounded(&[m.mass_kg]),
-                rounded(&m.center.to_array()),
-                rounded(&m.inertia.to_cols_array())
-            );
-            if let Some(joint) = &link.joint {
-                text += &format!(
-                    "~{} {:?} {} {} {}",
-                    joint.parent,
-                    joint.kind,
-                    rounded(&joint.parent_from_joint.position.to_array()),
-                    rounded(&joint.axis.to_array()),
-                    rounded(&[
-                        joint.range[0],
-                        joint.range[1],
-                        joint.damping,
-                        joint.friction_loss,
-                        joint.stiffness,
-                        joint.spring_reference
-                    ])
-                );
-            }
-            for piece in &link.pieces {
-                let pose = &piece.link_from_piece;
-                text += &format!(";{} {}", rounded(&pose.position.to_array()), rounded(&pose.to_wxyz_array()));
-                text += &match &piece.shape {
-                    crate::Shape::Box { half_extents } => format!("box{}", rounded(&half_extents.to_array())),
-                    crate::Shape::Sphere { radius } => format!("sphere{}", rounded(&[*radius])),
-                    crate::Shape::Ellipsoid { radii } => format!("ellipsoid{}", rounded(&radii.to_array())),
-                    crate::Shape::Cylinder { radius, half_height } => {
-                        format!("cylinder{}", rounded(&[*radius, *half_height]))
-                    }
-                    crate::Shape::Capsule { radius, half_length } => {
-                        format!("capsule{}", rounded(&[*radius, *half_length]))
-                    }
-                    crate::Shape::Hull { points } => {
-                        points.iter().fold(String::from("hull"), |text, point| text + &rounded(&point.to_array()))
-                    }
-                };
-            }
-        }
-        hasher.update(text.as_bytes());
-        hasher.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
-    }
 }
 
 impl Joint {
@@ -261,8 +204,4 @@ impl Joint {
             JointKind::Prismatic => Pose::from_position(self.axis * position),
         }
     }
-}
-
-fn rounded(values: &[f64]) -> String {
-    values.iter().fold(String::new(), |text, value| text + &format!("{},", (value * 1e9).round() as i64))
 }

@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Document, Pose, Seed, Task};
+use crate::upgrade;
+use crate::{AssetRef, Camera, Document, Pose, Seed, Task, Upgrade};
 
 /// A task with poses: everything an episode starts from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -14,7 +15,7 @@ pub struct Scenario {
     pub task: Task,
     /// Seed the layout was drawn from.
     pub seed: Seed,
-    /// Objects in the order of the task's nodes, distractors behind them.
+    /// Instances in the order of the task's nodes, distractors behind them.
     pub objects: Vec<PlacedObject>,
     /// Name of the robot.
     pub robot: String,
@@ -29,22 +30,28 @@ pub struct Scenario {
 }
 
 impl Document for Scenario {
-    const SCHEMA: &'static str = "genmanip.scenario/1";
+    const SCHEMA: &'static str = "genmanip.scenario/2";
+    const PREVIOUS: Option<Upgrade> = Some(upgrade::scenario::FROM_1);
 }
 
-/// An object of a scenario, named so that a change of its physics is noticed.
+/// An instance of a scenario, with hashes of its asset, so that a change of that is noticed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PlacedObject {
-    /// Uid in the catalogue.
-    pub uid: String,
-    /// Family of the generator.
-    pub family: String,
-    /// Seed of the generator.
-    pub seed: Seed,
-    /// Version of the generator.
-    pub generator_version: u32,
-    /// [`crate::ObjectModel::physics_hash`]; a mismatch is an error.
+    /// What the scene calls it, as in the task's graph.
+    pub id: String,
+    /// What it is made from.
+    pub asset: AssetRef,
+    /// Hash of its physics, [`crate::AssetHashes::physics`]; a mismatch is an error.
+    ///
+    /// The prefix says how it was made: `v2:` today, `v1:` in scenarios of version 1.
     pub physics_hash: String,
+    /// Hash of what else the judge uses, [`crate::AssetHashes::judging`]; a mismatch is an error.
+    /// Scenarios of version 1 have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judging_hash: Option<String>,
+    /// Hash of its looks, [`crate::AssetHashes::looks`]; a mismatch is only reported. Scenarios of version 1 have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub looks_hash: Option<String>,
     /// `world_from_object`.
     pub pose: Pose,
     /// Joint positions of an articulated object, in the order of its links.
@@ -68,8 +75,8 @@ impl Default for Workspace {
 }
 
 impl Scenario {
-    /// Index of an object.
-    pub fn index_of(&self, uid: &str) -> Option<usize> {
-        self.objects.iter().position(|object| object.uid == uid)
+    /// Index of an instance.
+    pub fn index_of(&self, id: &str) -> Option<usize> {
+        self.objects.iter().position(|object| object.id == id)
     }
 }

@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Document, ObjectCard};
+use crate::upgrade;
+use crate::{AssetRef, Document, ObjectCard, Upgrade};
 
 /// What is to be done, in a scene described by relations. Valid by construction: the validator in the
 /// `scene` crate is the only place that makes one from a language model's answer.
@@ -19,14 +20,18 @@ pub struct Task {
     pub goal: Goal,
     /// The scene before the robot moves.
     pub scene_graph: SceneGraph,
-    /// Cards of the objects in the scene, in the order of the graph's nodes.
+    /// Cards of the instances in the scene, one per node of the graph and in its order.
     pub objects: Vec<ObjectCard>,
+    /// Groups of instances of one asset that stand for each other in the goal: it holds when it holds for any of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub interchangeable: Vec<Vec<String>>,
     /// Where the task comes from, e.g. `recorded answer 001_long_horizon.json` or `rules`.
     pub source: String,
 }
 
 impl Document for Task {
-    const SCHEMA: &'static str = "genmanip.task/1";
+    const SCHEMA: &'static str = "genmanip.task/2";
+    const PREVIOUS: Option<Upgrade> = Some(upgrade::task::FROM_1);
 }
 
 /// The kinds of task.
@@ -79,11 +84,11 @@ pub struct Goal {
 pub enum Atom {
     /// `subject` stands in `relation` to `reference`.
     Relation {
-        /// Uid of the object that is placed.
+        /// Id of the instance that is placed.
         subject: String,
         /// The relation.
         relation: Relation,
-        /// Uid of the object it is placed against.
+        /// Id of the instance it is placed against.
         reference: String,
         /// Second reference of `between`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -91,7 +96,7 @@ pub enum Atom {
     },
     /// The object is in a named state.
     State {
-        /// Uid of the articulated object.
+        /// Id of the articulated instance.
         object: String,
         /// Name of the state.
         state: String,
@@ -133,11 +138,13 @@ pub struct SceneGraph {
     pub edges: Vec<GraphEdge>,
 }
 
-/// One object of the scene.
+/// One instance of the scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct GraphNode {
-    /// Uid.
-    pub uid: String,
+    /// What the scene calls it: the asset's uid where it occurs once, `001#2` for its second copy.
+    pub id: String,
+    /// What it is made from.
+    pub asset: AssetRef,
     /// State of an articulated object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub state: Option<String>,
@@ -146,11 +153,11 @@ pub struct GraphNode {
 /// One relation of the scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub struct GraphEdge {
-    /// Uid of the object.
+    /// Id of the instance.
     pub subject: String,
     /// The relation.
     pub relation: Relation,
-    /// Uid of the object it is related to.
+    /// Id of the instance it is related to.
     pub reference: String,
     /// Second reference of `between`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -169,15 +176,29 @@ impl GraphEdge {
     }
 }
 
+impl SceneGraph {
+    /// Index of an instance's node.
+    pub fn index_of(&self, id: &str) -> Option<usize> {
+        self.nodes.iter().position(|node| node.id == id)
+    }
+}
+
+impl GraphNode {
+    /// The first instance of what a card describes, in no named state.
+    pub fn of(card: &ObjectCard) -> Self {
+        Self { id: card.uid.clone(), asset: card.asset.clone(), state: None }
+    }
+}
+
 impl Task {
-    /// The card of an object in the scene.
-    pub fn card(&self, uid: &str) -> Option<&ObjectCard> {
-        self.objects.iter().find(|card| card.uid == uid)
+    /// The card of an instance in the scene.
+    pub fn card(&self, id: &str) -> Option<&ObjectCard> {
+        self.objects.get(self.scene_graph.index_of(id)?)
     }
 }
 
 impl Atom {
-    /// Uid of the object whose place or state is tested.
+    /// Id of the instance whose place or state is tested.
     pub fn subject(&self) -> &str {
         match self {
             Self::Relation { subject, .. } => subject,

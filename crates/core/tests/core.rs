@@ -2,8 +2,8 @@
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{
-    Aabb, Atom, AtomVerdict, Camera, Document, Ending, EpisodeResult, Intrinsics, Measurement, Piece, Pose, Scenario,
-    Seed, Shape, Task, Unit,
+    Aabb, AssetRef, Atom, AtomVerdict, Camera, Document, Ending, EpisodeResult, Intrinsics, Measurement, Piece, Pose,
+    Scenario, Seed, Shape, Task, Unit,
 };
 use proptest::prelude::*;
 
@@ -22,7 +22,36 @@ fn a_task_survives_the_file() {
     let task = Task::from_json(&task_text()).unwrap();
     assert_eq!(Task::from_json(&task.to_json()).unwrap(), task);
     assert_eq!(task.to_json(), Task::from_json(&task.to_json()).unwrap().to_json());
-    assert!(task.to_json().starts_with("{\n  \"schema\": \"genmanip.task/1\""));
+    assert!(task.to_json().starts_with("{\n  \"schema\": \"genmanip.task/2\""));
+}
+
+/// Version 1 knew uids only; what it did not say is filled in with what was fixed then.
+#[test]
+fn documents_of_version_1_open_and_name_instances_by_their_uid() {
+    let old = include_str!("../testdata/v1/task.json");
+    assert_eq!(Task::from_json(old).unwrap(), Task::from_json(&task_text()).unwrap());
+    let moved = {
+        let mut value: serde_json::Value = serde_json::from_str(old).unwrap();
+        value["objects"].as_array_mut().unwrap().rotate_left(1);
+        Task::from_value(value).unwrap()
+    };
+    assert_eq!(moved, Task::from_json(old).unwrap(), "cards were in any order");
+    check_refused(&old.replacen("\"uid\": \"027\"", "\"uid\": \"7\"", 1), "a card of object 7");
+
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/testdata/version_1");
+    let text = std::fs::read_to_string(folder.join("scenarios/001_long_horizon-000.json")).unwrap();
+    let scenario = Scenario::from_json(&text).unwrap();
+    for (node, placed) in scenario.task.scene_graph.nodes.iter().zip(&scenario.objects) {
+        assert_eq!((&node.id, &node.asset), (&placed.id, &AssetRef::builtin(&placed.id, 2)));
+        assert_eq!(placed.asset, node.asset);
+        assert_eq!(scenario.task.card(&node.id).unwrap().uid, node.id);
+        assert!(placed.physics_hash.starts_with("v1:") && placed.judging_hash.is_none());
+    }
+    assert_eq!(Scenario::from_json(&scenario.to_json()).unwrap(), scenario);
+    let variant = Scenario::from_json(&text.replacen("\"seed\": 30", "\"seed\": 31", 1)).unwrap();
+    assert!(matches!(&variant.objects[0].asset, AssetRef::Generated { family, .. } if family == "orange"));
+    let broken = Scenario::from_json(&text.replacen("\"seed\": 30", "\"seed\": \"\"", 1)).unwrap_err().to_string();
+    assert!(broken.contains("$.objects[0].seed"), "{broken}");
 }
 
 #[test]
@@ -30,7 +59,7 @@ fn broken_files_are_refused_with_the_place() {
     let good = task_text();
     check_refused("{", "line 1");
     check_refused("[]", "expected an object");
-    check_refused(&good.replace("genmanip.task/1", "genmanip.task/7"), "genmanip.task/7");
+    check_refused(&good.replace("genmanip.task/2", "genmanip.task/7"), "genmanip.task/7");
     check_refused(&good.replace("\"pick_and_place\"", "\"juggling\""), "$.kind");
     check_refused(&good.replace("\"relation\": \"top\"", "\"relation\": \"above\""), "$.goal");
     check_refused(&good.replace("0.072", "NaN"), "not JSON");

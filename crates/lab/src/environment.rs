@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{CameraRequest, Ending, Episode, ImageChannels, Seed, Task};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use genmanip_rollout::environment::Conclusion;
@@ -52,7 +52,7 @@ pub struct Measured {
 pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let settings = CollectSettings::default();
     let planner = inputs::planner(&settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let mut cases = Vec::new();
     progress.begin("collecting", tasks.len());
     for task in tasks {
@@ -62,7 +62,8 @@ pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Me
             let broke = |error: RolloutError| LabError::broken(format!("attempt {} broke", attempt.id()), error);
             let stage =
                 Stage::open(Arc::new(scenario), resources.catalogue, planner.robot(), &settings.sim).map_err(broke)?;
-            let mut expert = Expert::new(&stage, &planner, settings.expert.clone());
+            let mut expert = Expert::new(&stage, &planner, resources.grasps, settings.expert.clone())
+                .map_err(|error| broke(error.into()))?;
             let episode =
                 run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout).map_err(broke)?;
             cases.push((stage, episode));

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{EpisodeResult, Seed, StrayContact, Task};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
 use serde::Serialize;
@@ -80,7 +80,7 @@ pub struct Stray {
 pub fn measure(tasks: &[Task], tries: u64, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let settings = CollectSettings::default();
     let planner = inputs::planner(&settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
     let mut total = Yield::default();
     progress.begin("trying", tasks.len());

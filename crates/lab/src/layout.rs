@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Scenario, Seed, Task};
 use genmanip_layout::{LayoutAudit, LayoutError, LayoutSettings, Phase, audit, lay_out_observed, posed};
 use genmanip_motion::{Planner, PlannerSettings};
@@ -98,6 +98,9 @@ pub fn measure(tasks: &[Task], distractors: usize, seed: Seed, progress: &dyn Pr
                 let (objects, microseconds) = goal_verdict(&scenario)?;
                 verdicts.entry(objects).or_default().push(microseconds);
             }
+            Err(error) if error.is_defect() => {
+                return Err(LabError::broken(format!("laying out {} stopped", task.id), error));
+            }
             Err(error) => measured.refusals.push(Refusal { task: task.id.clone(), reason: error.to_string() }),
         }
         progress.advance();
@@ -129,7 +132,8 @@ fn timed(
         phases_s[phase as usize] += now - since;
         (phase, since) = (next, now);
     };
-    let outcome = lay_out_observed(task, Catalogue::builtin(), planner, seed, settings, &mut begin);
+    let outcome =
+        lay_out_observed(task, Catalogue::builtin(), planner, GraspLibrary::builtin(), seed, settings, &mut begin);
     begin(Phase::Preparing);
     (outcome, since)
 }
@@ -173,7 +177,7 @@ impl Measured {
             fault("the goal holds".into());
         }
         if let Some(reason) = &report.hidden {
-            fault(reason.clone());
+            fault(reason.to_string());
         }
         if report.drift_m.max(report.penetration_m) >= 1e-3 {
             let (drift, depth) = (millimetres(report.drift_m), millimetres(report.penetration_m));

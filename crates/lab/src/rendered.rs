@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
 use genmanip_core::{
     Atom, AtomVerdict, Camera, Pose, Relation, RgbdImage, RobotModel, Scenario, Seed, Task, Workspace,
 };
@@ -98,9 +98,16 @@ pub fn measure(tasks: &[Task], count: usize, seed: Seed, progress: &dyn Progress
     for (index, task) in (0..count).zip(tasks.iter().cycle()) {
         progress.advance();
         let seed = seed.fork_index(index as u64);
-        let Ok(scenario) = lay_out(task, Catalogue::builtin(), &planner, seed, &LayoutSettings::default()) else {
-            agreement.refused += 1;
-            continue;
+        let (catalogue, grasps) = (Catalogue::builtin(), GraspLibrary::builtin());
+        let scenario = match lay_out(task, catalogue, &planner, grasps, seed, &LayoutSettings::default()) {
+            Ok(scenario) => scenario,
+            Err(error) if error.is_defect() => {
+                return Err(LabError::broken(format!("laying out {} stopped", task.id), error));
+            }
+            Err(_) => {
+                agreement.refused += 1;
+                continue;
+            }
         };
         let initial = bench.posed(&scenario)?;
         let reached = after_moves(&initial, task, &bench.relations, seed);
@@ -122,9 +129,9 @@ impl Bench {
         let objects = scenario.objects.iter().map(|placed| {
             let model = Catalogue::builtin()
                 .instance(placed)
-                .map_err(|error| LabError::broken(format!("cannot build object {}", placed.uid), error))?;
+                .map_err(|error| LabError::broken(format!("cannot build object {}", placed.id), error))?;
             let joint_positions = placed.joint_positions.clone();
-            Ok(PosedObject { uid: placed.uid.clone(), model, pose: placed.pose, joint_positions })
+            Ok(PosedObject { id: placed.id.clone(), model, pose: placed.pose, joint_positions })
         });
         Ok(PosedScene::new(objects.collect::<Result<_, LabError>>()?, &mut self.shapes))
     }
@@ -148,7 +155,7 @@ impl Bench {
             .collect();
         let instances: Vec<u16> = (0..models.len()).map(|index| FIRST_OBJECT + index as u16).collect();
         let clouds = scene.objects().zip(clouds_of_views(&views, &instances));
-        Ok(CloudScene::new(clouds.filter_map(|(object, cloud)| Some((object.uid.clone(), cloud?)))))
+        Ok(CloudScene::new(clouds.filter_map(|(object, cloud)| Some((object.id.clone(), cloud?)))))
     }
 
     /// Every pair with every word, some triples, and the goal.
@@ -161,10 +168,10 @@ impl Bench {
         agreement: &mut Agreement,
     ) -> Result<(), LabError> {
         let clouds = self.clouds(scene)?;
-        let uids: Vec<&str> = scene.objects().map(|object| object.uid.as_str()).collect();
+        let ids: Vec<&str> = scene.objects().map(|object| object.id.as_str()).collect();
         agreement.scenes += 1;
-        agreement.unseen_objects += uids.iter().filter(|uid| clouds.index_of(uid).is_none()).count();
-        for atom in atoms(&uids, seed) {
+        agreement.unseen_objects += ids.iter().filter(|id| clouds.index_of(id).is_none()).count();
+        for atom in atoms(&ids, seed) {
             let Atom::Relation { relation, .. } = &atom else { continue };
             let kind = relation.name().to_owned();
             let told = |verdict: &AtomVerdict| verdict.explanation.clone();
@@ -174,19 +181,19 @@ impl Bench {
                 format!("{place}: {atom:?}: geometry {}; cloud {}", told(&exact), told(&seen))
             });
         }
-        for one in 0..uids.len() {
-            for other in (0..uids.len()).filter(|&other| other != one) {
+        for one in 0..ids.len() {
+            for other in (0..ids.len()).filter(|&other| other != one) {
                 let exact = genmanip_scene::relations::label_pair(scene, one, other, &self.relations);
-                let (Some(exact), Some(a), Some(b)) = (exact, clouds.index_of(uids[one]), clouds.index_of(uids[other]))
+                let (Some(exact), Some(a), Some(b)) = (exact, clouds.index_of(ids[one]), clouds.index_of(ids[other]))
                 else {
                     continue;
                 };
                 let seen = clouds.label_pair(a, b, &self.relations).and_then(|pair| pair.a_to_b);
                 let words = Relation::OF_PAIRS
-                    .map(|word| judge_atom(scene, &relation(uids[one], word, uids[other]), &self.relations));
+                    .map(|word| judge_atom(scene, &relation(ids[one], word, ids[other]), &self.relations));
                 let clear = words.iter().all(|verdict| is_clear(verdict, MARGIN_M));
                 agreement.note("label", clear, exact.a_to_b.is_some(), exact.a_to_b == seen, || {
-                    format!("{place}: {} to {}: geometry {:?}; cloud {seen:?}", uids[one], uids[other], exact.a_to_b)
+                    format!("{place}: {} to {}: geometry {:?}; cloud {seen:?}", ids[one], ids[other], exact.a_to_b)
                 });
             }
         }
@@ -244,10 +251,10 @@ fn relation(subject: &str, relation: Relation, reference: &str) -> Atom {
 }
 
 /// Every ordered pair with every word, and for every object one pair of others that it may be between.
-fn atoms(uids: &[&str], seed: Seed) -> Vec<Atom> {
+fn atoms(ids: &[&str], seed: Seed) -> Vec<Atom> {
     let mut atoms = Vec::new();
-    for (index, subject) in uids.iter().enumerate() {
-        let others: Vec<&str> = uids.iter().copied().filter(|other| other != subject).collect();
+    for (index, subject) in ids.iter().enumerate() {
+        let others: Vec<&str> = ids.iter().copied().filter(|other| other != subject).collect();
         atoms.extend(others.iter().flat_map(|other| Relation::OF_PAIRS.map(|word| relation(subject, word, other))));
         if others.len() >= 2 {
             let draw = (seed.fork("between").fork_index(index as u64).value() % others.len() as u64) as usize;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use genmanip_assets::AssetSource;
 use genmanip_core::{Atom, ObjectState, RobotModel, Scenario};
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
@@ -9,37 +10,39 @@ use genmanip_scene::relations::{
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError, SimSettings};
 
 use crate::LayoutSettings;
+use crate::rejection::{NamedObject, Rejection};
 use crate::visibility::hidden;
 
-/// How often a layout that is left alone is looked at, simulated seconds.
+/// How often a layout that is left alone is looked at, simulated seconds; chosen, long against a contact's vibration.
 const SPELL_S: f64 = 0.25;
-/// Part of the permitted drift that is not worth waiting for.
+/// Part of the permitted drift that is not worth waiting for; chosen, a tenth of a millimetre by default.
 const CREEP: f64 = 0.2;
-/// By how much things may be faster than a spell ago; what tips over is several times as fast.
+/// By how much things may be faster than a spell ago; chosen: what tips over is several times as fast, as the tests of
+/// things on their edge show.
 const STEADY: f64 = 1.5;
-/// Distance from its middle at which the turning of a thing is looked at, metres.
+/// Distance from its middle at which the turning of a thing is looked at, metres; chosen, half of a large object.
 const LEVER_M: f64 = 0.1;
 
 /// Lets the objects come to rest without a robot; the reason when they do not, or fall over.
-pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Result<(), String> {
+pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Result<(), Rejection> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let broken = |error: SimError| format!("physics refuses the layout: {error}");
+    let broken = |error: SimError| Rejection::Physics(error.to_string());
     let compiled = Scene::compile_without_robot(&objects, &SimSettings::default()).map_err(broken)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
     let report = sim.settle(&rest).map_err(broken)?;
-    let name = |index: usize| objects[index].model.card.name.as_str();
+    let named: Vec<NamedObject> = scene.objects().map(NamedObject::of).collect();
     if !report.settled {
-        return Err("objects do not come to rest".into());
+        return Err(Rejection::NoRest);
     }
     if let Some(index) = report.displacement.iter().position(|&shift| shift > settings.max_settle_shift_m) {
-        return Err(format!("{} slides or rolls while settling", name(index)));
+        return Err(Rejection::Slides(named[index].clone()));
     }
     if let Some(index) = report.rotation.iter().position(|&turn| turn > settings.max_settle_tilt_rad) {
-        return Err(format!("{} falls over while settling", name(index)));
+        return Err(Rejection::FallsOver(named[index].clone()));
     }
     if report.final_penetration > settings.max_penetration_m {
-        return Err("objects penetrate each other".into());
+        return Err(Rejection::Penetration);
     }
     for (index, state) in sim.object_states().into_iter().enumerate() {
         scene.set_pose(index, state.pose, &state.joint_positions);
@@ -50,9 +53,9 @@ pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Resul
 /// Leaves a settled layout alone for a while, without a robot; the reason when something starts to roll or tip.
 ///
 /// Ends early once nothing gets faster, and everything is so slow that the rest of the time would not bring it anywhere.
-pub(crate) fn leave_alone(scene: &PosedScene, settings: &LayoutSettings) -> Result<(), String> {
+pub(crate) fn leave_alone(scene: &PosedScene, settings: &LayoutSettings) -> Result<(), Rejection> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let broken = |error: SimError| format!("physics refuses the layout: {error}");
+    let broken = |error: SimError| Rejection::Physics(error.to_string());
     let compiled = Scene::compile_without_robot(&objects, &SimSettings::default()).map_err(broken)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let start = sim.object_states();
@@ -62,8 +65,9 @@ pub(crate) fn leave_alone(scene: &PosedScene, settings: &LayoutSettings) -> Resu
         sim.advance(steps(SPELL_S, &SimSettings::default())).map_err(broken)?;
         let now = sim.object_states();
         let drift_m = drift_m(&start, &now);
-        if let Some(index) = drift_m.iter().position(|&drift_m| drift_m > settings.max_drift_m) {
-            return Err(format!("{} does not stay where it lies", objects[index].model.card.name));
+        let drifts = scene.objects().zip(&drift_m).find(|&(_, &drift_m)| drift_m > settings.max_drift_m);
+        if let Some((object, _)) = drifts {
+            return Err(Rejection::Drifts(NamedObject::of(object)));
         }
         // What tips first turns about a point that may be where its origin is.
         let pace_m_s = now.iter().map(|object| object.speed.max(LEVER_M * object.angular_speed)).fold(0.0, f64::max);
@@ -98,7 +102,7 @@ fn steps(seconds: f64, settings: &SimSettings) -> u32 {
 
 pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
     SceneObject {
-        name: object.uid.clone(),
+        name: object.id.clone(),
         model: Arc::clone(&object.model),
         pose: object.pose,
         joint_positions: object.joint_positions.clone(),
@@ -119,20 +123,20 @@ pub struct LayoutAudit {
     /// Whether some alternative of the goal holds already.
     pub goal_holds: bool,
     /// Why some object of the task is not seen, when one is not.
-    pub hidden: Option<String>,
+    pub hidden: Option<Rejection>,
 }
 
 /// Judges a scenario, then leaves it alone for some simulated seconds, sleep off, and measures penetration and drift.
 ///
 /// # Errors
-/// When an object is unknown or physics refuses the scene.
+/// When an object is unknown, physics refuses the scene, or its pictures cannot be drawn.
 pub fn audit(
     scenario: &Scenario,
-    catalogue: &genmanip_assets::Catalogue,
+    assets: &dyn AssetSource,
     robot: &Arc<RobotModel>,
     seconds: f64,
 ) -> Result<LayoutAudit, AuditError> {
-    let scene = posed(scenario, catalogue, &mut ShapeCache::default())?;
+    let scene = posed(scenario, assets, &mut ShapeCache::default())?;
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
     let (penetration_m, drift_m) = left_alone(&objects, seconds)?;
     let drift_m = drift_m.into_iter().fold(0.0, f64::max);
@@ -145,7 +149,7 @@ pub fn audit(
         checked: verdicts.len(),
         failed: verdicts.into_iter().filter(|verdict| !verdict.holds).map(|verdict| verdict.atom).collect(),
         goal_holds: judge_goal(&scene, &task.goal, &Rest::default(), &relations).success,
-        hidden: hidden(&scene, task.scene_graph.nodes.len(), robot, &LayoutSettings::default()),
+        hidden: hidden(&scene, task.scene_graph.nodes.len(), robot, &LayoutSettings::default())?,
     })
 }
 
@@ -155,13 +159,13 @@ pub fn audit(
 /// When an object is unknown or its physics have changed.
 pub fn posed(
     scenario: &Scenario,
-    catalogue: &genmanip_assets::Catalogue,
+    assets: &dyn AssetSource,
     shapes: &mut ShapeCache,
 ) -> Result<PosedScene, genmanip_assets::AssetError> {
     let objects = scenario.objects.iter().map(|placed| {
         Ok(PosedObject {
-            uid: placed.uid.clone(),
-            model: catalogue.instance(placed)?,
+            id: placed.id.clone(),
+            model: assets.instance(placed)?,
             pose: placed.pose,
             joint_positions: placed.joint_positions.clone(),
         })
@@ -178,4 +182,7 @@ pub enum AuditError {
     /// Physics refuses the scene.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// What the cameras see cannot be drawn.
+    #[error(transparent)]
+    Render(#[from] genmanip_render::RenderError),
 }

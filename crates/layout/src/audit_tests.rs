@@ -3,25 +3,38 @@
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{ObjectModel, Pose};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
 
-use crate::LayoutSettings;
 use crate::audit::{leave_alone, left_alone, scene_object};
+use crate::{LayoutSettings, Rejection, visibility};
 
 /// One thing on the table, turned by an angle about the world's y axis.
 fn scene(model: &Arc<ObjectModel>, tilt_rad: f64) -> PosedScene {
     let turned = Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_y(tilt_rad) };
     let lowest = model.world_bounds(&turned, &vec![0.0; model.joint_count()]).min.z;
     let object = PosedObject {
-        uid: model.card.uid.clone(),
+        id: model.card.uid.clone(),
         pose: Pose { position: DVec3::new(0.45, 0.0, -lowest), ..turned },
         joint_positions: vec![0.0; model.joint_count()],
         model: Arc::clone(model),
     };
     PosedScene::new(vec![object], &mut ShapeCache::default())
+}
+
+/// A renderer that cannot draw leaves everything unseen: it is an error, never a layout that passes.
+#[test]
+fn what_cannot_be_drawn_does_not_count_as_seen() {
+    let model = Catalogue::builtin().build("046").unwrap();
+    let hidden = |scene: &PosedScene| visibility::hidden(scene, 1, &panda(), &LayoutSettings::default());
+    let mut scene = scene(&model, 0.0);
+    assert!(matches!(hidden(&scene), Ok(None)), "a cube in the middle of the table is seen");
+    scene.set_pose(0, Pose::from_position(DVec3::new(0.45, 0.0, -2.0)), &[]);
+    assert!(matches!(hidden(&scene), Ok(Some(Rejection::Unseen(object))) if object.id == "046"), "below the table");
+    scene.set_pose(0, Pose::from_position(DVec3::NAN), &[]);
+    assert!(hidden(&scene).is_err(), "what is nowhere cannot be drawn");
 }
 
 #[test]

@@ -52,6 +52,12 @@ impl Context<'_> {
     }
 
     /// Index of what the object stands on or lies in; `None` for the table.
+    /// What the scene calls an object: a node by its id, a distractor by its uid.
+    pub fn id(&self, object: usize) -> String {
+        let node = self.task.scene_graph.nodes.get(object);
+        node.map_or_else(|| self.models[object].card.uid.clone(), |node| node.id.clone())
+    }
+
     pub fn support_of(&self, object: usize) -> Option<usize> {
         self.steps.iter().find(|step| step.object == object)?.support.map(|(support, _)| support)
     }

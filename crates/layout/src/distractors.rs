@@ -1,18 +1,18 @@
 //! Objects that the task does not mention, chosen so that no instruction becomes ambiguous by them.
 
-use genmanip_core::{Atom, ObjectCard, Seed, Task, TaskKind};
+use genmanip_core::{AssetRef, Atom, ObjectCard, Seed, Task, TaskKind};
 use rand::RngExt;
 
-/// Largest extent of a distractor on the table, metres: it is to be in the picture, not in the way.
+/// Largest extent of a distractor on the table, metres; chosen: it is to be in the picture, not in the way.
 const LARGEST_M: f64 = 0.2;
 
-/// Uids of up to `count` different objects, in the order of drawing.
-pub(crate) fn draw(task: &Task, cards: &[ObjectCard], count: usize, seed: Seed) -> Vec<String> {
+/// Up to `count` different assets, in the order of drawing.
+pub(crate) fn draw(task: &Task, cards: &[ObjectCard], count: usize, seed: Seed) -> Vec<AssetRef> {
     let rng = &mut seed.fork("distractors").rng();
     let mut left: Vec<&ObjectCard> = cards.iter().filter(|card| is_harmless(card, task)).collect();
-    let mut drawn: Vec<String> = Vec::new();
+    let mut drawn: Vec<AssetRef> = Vec::new();
     while drawn.len() < count && !left.is_empty() {
-        drawn.push(left.remove(rng.random_range(0..left.len())).uid.clone());
+        drawn.push(left.remove(rng.random_range(0..left.len())).asset.clone());
     }
     drawn
 }
@@ -27,17 +27,18 @@ fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
             || other.name.eq_ignore_ascii_case(&card.name)
             || other.category.eq_ignore_ascii_case(&card.category)
     };
-    let in_goal = |uid: &str| task.goal.alternatives.iter().flatten().any(|atom| mentions(atom, uid));
+    let in_goal = |id: &str| task.goal.alternatives.iter().flatten().any(|atom| mentions(atom, id));
+    let mut nodes = task.scene_graph.nodes.iter().zip(known());
     let serves_the_need = task.kind == TaskKind::CommonSense
-        && known().any(|other| in_goal(&other.uid) && other.general_category == card.general_category);
+        && nodes.any(|(node, other)| in_goal(&node.id) && other.general_category == card.general_category);
     let said: Vec<String> = words(&task.instruction).collect();
     let described = descriptions(card).any(|word| said.contains(&word));
     let fits = card.size_m.truncate().max_element() <= LARGEST_M && !card.is_articulated;
     fits && !known().any(is_alike) && !serves_the_need && !described
 }
 
-fn mentions(atom: &Atom, uid: &str) -> bool {
-    atom.subject() == uid || crate::references(atom).any(|reference| reference == uid)
+fn mentions(atom: &Atom, id: &str) -> bool {
+    atom.subject() == id || crate::references(atom).any(|reference| reference == id)
 }
 
 /// Words by which people may call an object.

@@ -1,11 +1,11 @@
 //! Why a layout cannot be made.
 
-use std::collections::BTreeMap;
-use std::fmt;
-
 use genmanip_assets::AssetError;
 use genmanip_core::{Atom, PlacedObject};
+use genmanip_render::RenderError;
 use genmanip_scene::relations::Window;
+
+use crate::Rejections;
 
 /// Why a task has no layout.
 #[derive(Debug, thiserror::Error)]
@@ -14,19 +14,25 @@ pub enum LayoutError {
     #[error(transparent)]
     UnknownObject(#[from] AssetError),
     /// The graph names an object that is not among its nodes.
-    #[error("edge `{edge}` names {uid}, which is no node of the scene graph")]
+    #[error("edge `{edge}` names {id}, which is no node of the scene graph")]
     NotANode {
         /// The edge in words.
         edge: String,
         /// The object.
-        uid: String,
+        id: String,
     },
     /// Objects that stand on or lie in each other.
-    #[error("{} stand on each other in a circle", uids.join(", "))]
+    #[error("{} stand on each other in a circle", ids.join(", "))]
     SupportCircle {
         /// The objects that could not be ordered.
-        uids: Vec<String>,
+        ids: Vec<String>,
     },
+    /// Grasps of an object were tried with other physics than it has; a defect, not the task's fault.
+    #[error(transparent)]
+    StaleGrasps(AssetError),
+    /// The cameras' pictures cannot be drawn, so that nobody knows what they see; a defect, not the task's fault.
+    #[error("cannot tell what the cameras see")]
+    Render(#[from] RenderError),
     /// Every attempt was rejected.
     #[error("no layout for task {task} in {restarts} attempts: {rejections}")]
     Infeasible {
@@ -52,58 +58,9 @@ pub struct Unfinished {
     pub windows: Vec<(Atom, Window)>,
 }
 
-/// Counted reasons, the edges that conflict named.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Rejections {
-    reasons: BTreeMap<String, usize>,
-    edges: BTreeMap<Atom, usize>,
-}
-
-impl Rejections {
-    /// Counts a rejection.
-    pub fn count(&mut self, reason: impl Into<String>) {
-        *self.reasons.entry(reason.into()).or_default() += 1;
+impl LayoutError {
+    /// Whether something is broken, whatever the task: then other tasks and seeds will do no better.
+    pub fn is_defect(&self) -> bool {
+        matches!(self, Self::Render(_) | Self::StaleGrasps(_))
     }
-
-    /// Counts a rejection caused by one edge.
-    pub fn count_edge(&mut self, reason: &str, edge: &Atom) {
-        self.count(reason);
-        self.blame(edge);
-    }
-
-    /// Names an edge as one that stood in the way.
-    pub fn blame(&mut self, edge: &Atom) {
-        *self.edges.entry(edge.clone()).or_default() += 1;
-    }
-
-    /// Reasons with their counts, most frequent first.
-    pub fn reasons(&self) -> Vec<(&str, usize)> {
-        ranked(&self.reasons).into_iter().map(|(reason, count)| (reason.as_str(), count)).collect()
-    }
-
-    /// Edges that caused rejections, most frequent first.
-    pub fn conflicting_edges(&self) -> Vec<(&Atom, usize)> {
-        ranked(&self.edges)
-    }
-}
-
-impl fmt::Display for Rejections {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", list(self.reasons()))?;
-        if !self.edges.is_empty() {
-            write!(f, "; edges in conflict: {}", list(self.conflicting_edges()))?;
-        }
-        Ok(())
-    }
-}
-
-fn list<T: fmt::Display>(entries: Vec<(T, usize)>) -> String {
-    entries.iter().take(4).map(|(name, count)| format!("{name} ({count}×)")).collect::<Vec<_>>().join(", ")
-}
-
-/// Most frequent first, then in their order.
-fn ranked<K: Ord>(counts: &BTreeMap<K, usize>) -> Vec<(&K, usize)> {
-    let mut entries: Vec<_> = counts.iter().map(|(key, &count)| (key, count)).collect();
-    entries.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
-    entries
 }

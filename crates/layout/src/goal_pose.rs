@@ -23,11 +23,26 @@ pub struct GoalPose {
     pub bounds: Aabb,
 }
 
-/// Room between an object and the edge of what it is put on or into, metres.
+/// Room between an object and the edge of what it is put on or into, metres; chosen, more than the
+/// arm is off where it puts something.
 const EDGE_M: f64 = 0.01;
 
-/// Draws to see whether a later move still finds room.
+/// Draws to see whether a later move still finds room; chosen, a fifth of what the move itself gets.
 const LATER_DRAWS: usize = 120;
+
+/// Least freedom on a carrier along each axis, metres, and the share of a hollow's that is used; chosen, since hollows are
+/// boxes here and round in truth.
+const LEAST_SLACK_M: f64 = 0.003;
+const HOLLOW_USED: f64 = 0.8;
+
+/// Height above its carrier from which an object is let down, and what is left between the two, metres; chosen: any height
+/// above it will do, and what is left is less than a layout's drop.
+const ABOVE_M: f64 = 0.01;
+const LEFT_M: f64 = 0.0005;
+
+/// How far the top of another thing may be over an object's bottom and still count as below it, metres; chosen, more than
+/// contacts sink in.
+const BELOW_M: f64 = 0.002;
 
 /// How goal poses are searched.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,7 +61,16 @@ pub struct GoalPoseSettings {
 
 impl Default for GoalPoseSettings {
     fn default() -> Self {
-        Self { count: 10, draws: 600, margin_m: 0.012, clearance_m: 0.015 }
+        Self {
+            // Chosen: a pick looks at every grasp with each of them.
+            count: 10,
+            // A bound of the search, chosen.
+            draws: 600,
+            // Chosen: letting go and settling move things by a few millimetres.
+            margin_m: 0.012,
+            // Chosen: room for a finger beside the object, less than a layout keeps.
+            clearance_m: 0.015,
+        }
     }
 }
 
@@ -156,14 +180,14 @@ impl GoalSearch<'_> {
                 return false;
             };
             let center = point_over(posed, object, rotation, spread, rng);
-            after.set_pose(step.object, at(center, outer.max.z + 0.01), &object.joint_positions);
-            return let_down(after, step.object, carrier, 0.0005, self.relations);
+            after.set_pose(step.object, at(center, outer.max.z + ABOVE_M), &object.joint_positions);
+            return let_down(after, step.object, carrier, LEFT_M, self.relations);
         }
         let mut low = DVec2::new(self.workspace.x[0], self.workspace.y[0]) + half;
         let mut high = DVec2::new(self.workspace.x[1], self.workspace.y[1]) - half;
         for atom in &step.atoms {
             let Atom::Relation { relation, .. } = atom else { continue };
-            let anchor = |uid: &str| self.scene.bounds(self.scene.index_of(uid)?);
+            let anchor = |id: &str| self.scene.bounds(self.scene.index_of(id)?);
             let anchors: Vec<Aabb> = references(atom).filter_map(anchor).collect();
             if let (Relation::Between, [one, other]) = (relation, anchors.as_slice()) {
                 let [least, most] = between::free_window(one, other, bounds.size());
@@ -192,7 +216,7 @@ impl GoalSearch<'_> {
         let Some(bounds) = after.bounds(moved) else { return false };
         after.objects().enumerate().all(|(index, other)| {
             // Whatever lies wholly below the object is what its carrier stands on.
-            let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + 0.002);
+            let below = after.bounds(index).is_some_and(|other| other.max.z <= bounds.min.z + BELOW_M);
             if index == moved || Some(index) == support || (support.is_some() && below) {
                 return true;
             }
@@ -227,9 +251,9 @@ fn point_over(carrier: &PosedObject, object: &PosedObject, rotation: DQuat, spre
         true => Aabb::from_pieces(&top, &cavities),
         false => carrier.model.world_bounds(&top, &carrier.joint_positions),
     };
-    let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::splat(0.003));
+    let slack = (area.size().truncate() * 0.5 - half - DVec2::splat(EDGE_M)).max(DVec2::splat(LEAST_SLACK_M));
     let share = match is_hollow {
-        true => 0.8 * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)),
+        true => HOLLOW_USED * DVec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)),
         // Evenly over a disc, so that nothing stands on a corner that round things do not have.
         false => spread.sqrt() * DVec2::from_angle(rng.random_range(0.0..TAU)) * rng.random::<f64>().sqrt(),
     };

@@ -14,7 +14,7 @@ fn scene(carrier: &str, turn: f64, things: &[&str]) -> PosedScene {
         let bounds = model.world_bounds(&Pose::IDENTITY, &vec![0.0; model.joint_count()]);
         let place = if index == 0 { DVec3::new(0.45, 0.0, 0.0) } else { DVec3::new(0.0, 2.0 + index as f64, 0.0) };
         PosedObject {
-            uid: uid.into(),
+            id: uid.into(),
             pose: Pose::from_position_yaw(place - DVec3::Z * bounds.min.z, turn),
             joint_positions: vec![0.0; model.joint_count()],
             model,

@@ -23,21 +23,24 @@ mod network;
 mod order;
 mod placement;
 mod reach;
+mod rejection;
 mod settings;
 pub mod surroundings;
 mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
-pub use error::{LayoutError, Rejections, Unfinished};
+pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalPose, GoalPoseSettings, GoalSearch};
 pub use moves::{Move, moves, references};
 pub use reach::is_in_reach;
+pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::LayoutSettings;
 
 use context::{Context, GoalRoom};
-use genmanip_assets::Catalogue;
+use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{
-    Atom, Camera, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task, Workspace,
+    AssetHashes, Atom, Camera, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
+    TriedGrasp, Workspace,
 };
 use genmanip_motion::Planner;
 use genmanip_scene::relations::{
@@ -46,7 +49,8 @@ use genmanip_scene::relations::{
 };
 use placement::Partial;
 
-/// Whole layouts after which things stand parallel to the table's edges, which takes less room.
+/// Whole layouts after which things stand parallel to the table's edges, which takes less room; chosen, since
+/// things turned anyhow look more natural.
 const ALIGNED_AFTER: usize = 10;
 
 /// A part of the work on one layout, in their order within an attempt.
@@ -66,31 +70,35 @@ pub enum Phase {
     Seeing,
 }
 
-/// Lays a task out for the planner's robot.
+/// Lays a task out for the planner's robot; `grasps` are those that are tried before new ones are sampled.
 ///
 /// Same task, seed and settings: the same scenario, byte for byte.
 ///
 /// # Errors
-/// [`LayoutError::UnknownObject`] for a uid that is not in the catalogue; [`LayoutError::Infeasible`] when every
+/// [`LayoutError::UnknownObject`] for an asset that the source does not have; [`LayoutError::StaleGrasps`] and
+/// [`LayoutError::Render`] for defects, see [`LayoutError::is_defect`]; [`LayoutError::Infeasible`] when every
 /// bounded attempt was rejected, with the counted reasons and the edges that were hardest to satisfy.
 pub fn lay_out(
     task: &Task,
-    catalogue: &Catalogue,
+    assets: &dyn AssetSource,
     planner: &Planner,
+    grasps: &GraspLibrary,
     seed: Seed,
     settings: &LayoutSettings,
 ) -> Result<Scenario, LayoutError> {
-    lay_out_observed(task, catalogue, planner, seed, settings, &mut |_| ())
+    lay_out_observed(task, assets, planner, grasps, seed, settings, &mut |_| ())
 }
 
 /// [`lay_out`], telling whoever measures when each phase begins.
 ///
 /// # Errors
 /// As [`lay_out`].
+#[expect(clippy::too_many_arguments, reason = "input, what every layout has, seed, settings, and who measures")]
 pub fn lay_out_observed(
     task: &Task,
-    catalogue: &Catalogue,
+    assets: &dyn AssetSource,
     planner: &Planner,
+    grasps: &GraspLibrary,
     seed: Seed,
     settings: &LayoutSettings,
     begin: &mut dyn FnMut(Phase),
@@ -100,18 +108,20 @@ pub fn lay_out_observed(
         .scene_graph
         .nodes
         .iter()
-        .map(|node| catalogue.build(&node.uid).map_err(LayoutError::from))
+        .map(|node| assets.model(&node.asset).map_err(LayoutError::from))
         .collect::<Result<Vec<_>, _>>()?;
+    let tried = models.iter().map(|model| grasps.of(planner.robot(), model)).collect::<Result<Vec<_>, _>>();
+    let tried = tried.map_err(LayoutError::StaleGrasps)?;
     let relations = RelationSettings::default();
     let edges = indexed_edges(&task.scene_graph)?;
-    let uid = |index: usize| task.scene_graph.nodes[index].uid.clone();
+    let id = |index: usize| task.scene_graph.nodes[index].id.clone();
     let mut context = Context {
         task,
         joints: models.iter().enumerate().map(|(index, model)| initial_joints(task, index, model)).collect(),
-        moved: models.iter().map(|model| is_moved(task, &model.card.uid)).collect(),
+        moved: task.scene_graph.nodes.iter().map(|node| is_moved(task, &node.id)).collect(),
         goal_rooms: goal_rooms(task),
         goal_betweens: goal_betweens(task),
-        steps: order::steps(&edges, models.len(), uid)?,
+        steps: order::steps(&edges, models.len(), id)?,
         models,
         edges,
         settings,
@@ -124,13 +134,14 @@ pub fn lay_out_observed(
         begin(Phase::Placing);
         let attempt = seed.fork("layout").fork_index(restart as u64);
         let aligned = restart >= ALIGNED_AFTER;
-        let uids = distractors::draw(task, catalogue.cards(), settings.distractors, attempt);
-        let models = uids.iter().map(|uid| catalogue.build(uid)).collect::<Result<Vec<_>, _>>()?;
+        let drawn = distractors::draw(task, assets.cards(), settings.distractors, attempt);
+        let models = drawn.iter().map(|asset| assets.model(asset)).collect::<Result<Vec<_>, _>>()?;
         context.set_distractors(models);
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
-            Ok(mut scene) => match accept(&context, &mut scene, planner, attempt, &mut rejections, begin) {
-                Ok(()) => return Ok(scenario(task, seed, &scene, planner.robot())),
-                Err(reason) => {
+            Ok(mut scene) => match accept(&context, &mut scene, planner, &tried, attempt, &mut rejections, begin) {
+                Ok(()) => return scenario(task, seed, &scene, assets, planner.robot()),
+                Err(Refusal::Defect(error)) => return Err(error),
+                Err(Refusal::Rejected(reason)) => {
                     rejections.count(reason);
                     unaccepted += 1;
                     if unaccepted >= settings.max_unaccepted {
@@ -142,11 +153,25 @@ pub fn lay_out_observed(
         }
     }
     let furthest = match &furthest {
-        Some(partial) => unfinished(&context, partial),
-        None => without_conflicts(&mut context, seed, &rejections, &mut shapes),
+        Some(partial) => unfinished(&context, partial, assets),
+        None => without_conflicts(&mut context, seed, &rejections, &mut shapes, assets),
     };
     let furthest = furthest.map(Box::new);
     Err(LayoutError::Infeasible { task: task.id.clone(), restarts, rejections, furthest })
+}
+
+/// Why a placed layout is not kept.
+enum Refusal {
+    /// It is not good enough; another attempt may be.
+    Rejected(Rejection),
+    /// Nobody can tell.
+    Defect(LayoutError),
+}
+
+impl From<Rejection> for Refusal {
+    fn from(reason: Rejection) -> Self {
+        Self::Rejected(reason)
+    }
 }
 
 /// Settles a placed layout and validates everything; the reason when it cannot be kept.
@@ -154,14 +179,15 @@ fn accept(
     context: &Context,
     scene: &mut PosedScene,
     planner: &Planner,
+    tried: &[&[TriedGrasp]],
     seed: Seed,
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),
-) -> Result<(), String> {
+) -> Result<(), Refusal> {
     let Context { task, settings, relations, .. } = *context;
     let holds_goal = |scene: &PosedScene| judge_goal(scene, &task.goal, &Rest::default(), relations).success;
     if holds_goal(scene) {
-        return Err("the goal holds already".into());
+        return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Settling);
     audit::settle(scene, settings)?;
@@ -169,57 +195,60 @@ fn accept(
     let edges = judge_edges(scene, &task.scene_graph, relations);
     if let Some(verdict) = edges.iter().find(|verdict| !verdict.holds) {
         rejections.blame(&verdict.atom);
-        return Err("an edge does not hold after settling".into());
+        return Err(Rejection::EdgeLost.into());
     }
     if let Some(verdict) = judge_states(scene, &task.scene_graph, relations).iter().find(|verdict| !verdict.holds) {
-        return Err(format!("not so after settling: {}", verdict.atom));
+        return Err(Rejection::StateLost(verdict.atom.clone()).into());
     }
     if holds_goal(scene) {
-        return Err("the goal holds already".into());
+        return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    if let Some(reason) = reach::unreachable(task, scene, planner, relations, seed) {
-        return Err(reason);
+    if let Some(reason) = reach::unreachable(task, scene, planner, relations, tried, seed) {
+        return Err(reason.into());
     }
     begin(Phase::Seeing);
-    visibility::hidden(scene, task.scene_graph.nodes.len(), planner.robot(), settings).map_or(Ok(()), Err)?;
+    let hidden = visibility::hidden(scene, task.scene_graph.nodes.len(), planner.robot(), settings);
+    if let Some(reason) = hidden.map_err(|error| Refusal::Defect(error.into()))? {
+        return Err(reason.into());
+    }
     // Last, because it takes long and hardly ever refuses.
     begin(Phase::Settling);
-    audit::leave_alone(scene, settings)
+    Ok(audit::leave_alone(scene, settings)?)
 }
 
 /// The graph's edges with the indices of their objects among the nodes, subject first.
 fn indexed_edges(graph: &SceneGraph) -> Result<Vec<(Atom, Vec<usize>)>, LayoutError> {
-    let index_of = |uid: &String, edge: &Atom| {
-        let found = graph.nodes.iter().position(|node| node.uid == *uid);
-        found.ok_or_else(|| LayoutError::NotANode { edge: edge.to_string(), uid: uid.clone() })
+    let index_of = |id: &String, edge: &Atom| {
+        let found = graph.nodes.iter().position(|node| node.id == *id);
+        found.ok_or_else(|| LayoutError::NotANode { edge: edge.to_string(), id: id.clone() })
     };
     graph
         .edges
         .iter()
         .map(|edge| {
             let atom = edge.atom();
-            let uids = [&edge.subject, &edge.reference].into_iter().chain(&edge.second_reference);
-            let indices = uids.map(|uid| index_of(uid, &atom)).collect::<Result<Vec<_>, _>>()?;
+            let ids = [&edge.subject, &edge.reference].into_iter().chain(&edge.second_reference);
+            let indices = ids.map(|id| index_of(id, &atom)).collect::<Result<Vec<_>, _>>()?;
             Ok((atom, indices))
         })
         .collect()
 }
 
-fn is_moved(task: &Task, uid: &str) -> bool {
+fn is_moved(task: &Task, id: &str) -> bool {
     let atoms = || task.goal.alternatives.iter().flatten();
-    atoms().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == uid)
+    atoms().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id)
 }
 
 /// Where each alternative of the goal wants what it moves, as far as that is related to objects that stay.
 fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
-    let index_of = |uid: &str| task.scene_graph.nodes.iter().position(|node| node.uid == uid);
+    let index_of = |id: &str| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
         let mut rooms: Vec<GoalRoom> = Vec::new();
         for atom in atoms {
             let Atom::Relation { subject, relation, reference, .. } = atom else { continue };
             let moves =
-                |uid: &str| atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == uid);
+                |id: &str| atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id);
             let (Some(object), Some(anchor)) = (index_of(subject), index_of(reference)) else { continue };
             if moves(reference) || *relation == Relation::Between {
                 continue;
@@ -236,9 +265,9 @@ fn goal_rooms(task: &Task) -> Vec<Vec<GoalRoom>> {
 
 /// What each alternative of the goal wants between two objects that it does not move.
 fn goal_betweens(task: &Task) -> Vec<Vec<[usize; 3]>> {
-    let index_of = |uid: &str| task.scene_graph.nodes.iter().position(|node| node.uid == uid);
+    let index_of = |id: &str| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
-        let moves = |uid: &str| atoms.iter().any(|atom| atom.subject() == uid);
+        let moves = |id: &str| atoms.iter().any(|atom| atom.subject() == id);
         let wanted = atoms.iter().filter_map(|atom| match atom {
             Atom::Relation { subject, relation: Relation::Between, reference, second_reference: Some(second) }
                 if !moves(reference) && !moves(second) =>
@@ -274,6 +303,7 @@ fn without_conflicts(
     seed: Seed,
     rejections: &Rejections,
     shapes: &mut ShapeCache,
+    assets: &dyn AssetSource,
 ) -> Option<Unfinished> {
     let conflicts = rejections.conflicting_edges();
     let (worst, _) = conflicts.first()?;
@@ -288,11 +318,11 @@ fn without_conflicts(
     let seed = seed.fork("without conflicts");
     let scene = placement::place_all(context, seed, true, shapes, &mut Rejections::default()).ok()?;
     context.edges.clone_from(&edges);
-    unfinished(context, &Partial { scene, placed: (0..nodes).collect(), stuck: indices.first().copied() })
+    unfinished(context, &Partial { scene, placed: (0..nodes).collect(), stuck: indices.first().copied() }, assets)
 }
 
 /// What a failed attempt looked like when it got stuck.
-fn unfinished(context: &Context, partial: &Partial) -> Option<Unfinished> {
+fn unfinished(context: &Context, partial: &Partial, assets: &dyn AssetSource) -> Option<Unfinished> {
     let stuck = partial.stuck?;
     let objects: Vec<&PosedObject> = partial.scene.objects().collect();
     let size = partial.scene.bounds(stuck)?.size();
@@ -308,34 +338,41 @@ fn unfinished(context: &Context, partial: &Partial) -> Option<Unfinished> {
     });
     Some(Unfinished {
         windows: windows.collect(),
-        placed: partial.placed.iter().map(|&index| placed_object(objects[index])).collect(),
-        object: objects[stuck].uid.clone(),
+        placed: partial.placed.iter().filter_map(|&index| placed_object(objects[index], assets).ok()).collect(),
+        object: objects[stuck].id.clone(),
     })
 }
 
-fn scenario(task: &Task, seed: Seed, scene: &PosedScene, robot: &RobotModel) -> Scenario {
-    Scenario {
+fn scenario(
+    task: &Task,
+    seed: Seed,
+    scene: &PosedScene,
+    assets: &dyn AssetSource,
+    robot: &RobotModel,
+) -> Result<Scenario, LayoutError> {
+    Ok(Scenario {
         id: format!("{}-{seed}", task.id),
         task: task.clone(),
         seed,
-        objects: scene.objects().map(placed_object).collect(),
+        objects: scene.objects().map(|object| placed_object(object, assets)).collect::<Result<_, _>>()?,
         robot: robot.name.clone(),
         robot_home: robot.home.clone(),
         cameras: Camera::default_rig(),
         workspace: Workspace::default(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
-    }
+    })
 }
 
-fn placed_object(object: &PosedObject) -> PlacedObject {
-    let model: &ObjectModel = &object.model;
-    PlacedObject {
-        uid: model.card.uid.clone(),
-        family: model.family.clone(),
-        seed: model.seed,
-        generator_version: model.generator_version,
-        physics_hash: model.physics_hash(),
+fn placed_object(object: &PosedObject, assets: &dyn AssetSource) -> Result<PlacedObject, LayoutError> {
+    let asset = object.model.asset.clone();
+    let AssetHashes { physics, judging, looks } = assets.hashes(&asset)?;
+    Ok(PlacedObject {
+        id: object.id.clone(),
+        asset,
+        physics_hash: physics,
+        judging_hash: Some(judging),
+        looks_hash: Some(looks),
         pose: object.pose,
         joint_positions: object.joint_positions.clone(),
-    }
+    })
 }

@@ -66,7 +66,7 @@ fn moves_of(atoms: &[Atom], scene: &PosedScene) -> Option<Vec<Move>> {
 /// Whether one move has to be made before another.
 fn comes_first(one: &Move, other: &Move, scene: &PosedScene) -> bool {
     let places_against = |step: &Move, object: usize| {
-        step.object != object && step.atoms.iter().flat_map(references).any(|uid| scene.index_of(uid) == Some(object))
+        step.object != object && step.atoms.iter().flat_map(references).any(|id| scene.index_of(id) == Some(object))
     };
     match (one.state(), other.state()) {
         // A container is shut after it was filled, opened before; a laptop is shut before something is put on it.
@@ -93,7 +93,7 @@ fn opening(object: usize, scene: &PosedScene) -> Option<Atom> {
     let shut = states.iter().find(|state| shuts(&state.name))?;
     let is_shut = joint_changes(scene, object, &shut.name).is_empty();
     let open = states.iter().find(|state| !shuts(&state.name)).filter(|_| is_shut)?;
-    Some(Atom::State { object: posed.uid.clone(), state: open.name.clone() })
+    Some(Atom::State { object: posed.id.clone(), state: open.name.clone() })
 }
 
 /// Whether a move puts something into a container.

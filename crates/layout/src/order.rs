@@ -23,11 +23,11 @@ pub(crate) struct Step {
 /// `edges` are the graph's edges with the indices of their objects, subject first.
 ///
 /// # Errors
-/// [`LayoutError::SupportCircle`] with the indices that could not be ordered, as their uids by `uid`.
+/// [`LayoutError::SupportCircle`] with the indices that could not be ordered, as their ids by `id`.
 pub(crate) fn steps(
     edges: &[(Atom, Vec<usize>)],
     count: usize,
-    uid: impl Fn(usize) -> String,
+    id: impl Fn(usize) -> String,
 ) -> Result<Vec<Step>, LayoutError> {
     let relation = |atom: &Atom| match atom {
         Atom::Relation { relation, .. } => Some(*relation),
@@ -61,7 +61,7 @@ pub(crate) fn steps(
             .filter(|step| step.support.is_none_or(|(support, _)| placed.contains(&support)));
         let Some(next) = ready.max_by_key(|step| rank(step.object)) else {
             let left = (0..count).filter(|object| !placed.contains(object));
-            return Err(LayoutError::SupportCircle { uids: left.map(uid).collect() });
+            return Err(LayoutError::SupportCircle { ids: left.map(id).collect() });
         };
         placed.push(next.object);
         steps.push(next);

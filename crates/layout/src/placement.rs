@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, Pose, Relation, Seed, Unit, Workspace};
+use genmanip_core::{Aabb, Atom, ObjectCard, Pose, Relation, Seed, Unit, Workspace};
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, ShapeCache, contact_below, judge_atom, outlines_apart, placement_window,
 };
@@ -12,14 +12,36 @@ use rand::{Rng, RngExt};
 use crate::between;
 use crate::context::{Context, GoalRoom};
 use crate::draft::{Contradiction, Draft, Seat};
-use crate::error::Rejections;
 use crate::order::Step;
+use crate::rejection::{NamedObject, Rejection, Rejections};
 
-/// Free space around an object at its goal, metres.
+/// Free space around an object at its goal, metres; chosen, more than `GoalPoseSettings::clearance_m`, since here only
+/// bounds are compared.
 const GOAL_CLEARANCE_M: f64 = 0.02;
 
-/// How much farther things may be put down than taken, metres; the exact answer comes after settling.
+/// How much farther things may be put down than taken, metres; chosen, the exact answer comes after settling.
 const GOAL_REACH_M: f64 = 0.03;
+
+/// Height above its carrier from which an object is let down, metres; chosen, any height above it will do.
+const ABOVE_M: f64 = 0.01;
+
+/// Vertical distance from which things on different supports are above each other, metres; chosen, more than contacts
+/// sink in.
+const APART_M: f64 = 0.01;
+
+/// Of the mean width of two objects, how near their middles may be before their outlines surely overlap; chosen, half of
+/// what boxes side by side have.
+const OVERLAPPING: f64 = 0.25;
+
+/// What is kept beside the smallest gap for something that is still to stand between two others, metres; chosen.
+const BETWEEN_SPARE_M: f64 = 0.005;
+
+/// How often the search goes back to the last one that was in the way instead of any; chosen, so that it mostly changes
+/// little and does not go in circles.
+const BACK_TO_LAST: f64 = 0.6;
+
+/// Where an object waits until it is placed, metres along x; chosen, far from any table.
+const PARKED_M: f64 = -10.0;
 
 /// A layout under way.
 #[derive(Clone, Debug)]
@@ -43,7 +65,7 @@ pub(crate) fn place_all(
     let draft = match Draft::new(context, aligned, rng) {
         Ok(draft) => draft,
         Err(Contradiction(edges)) => {
-            rejections.count("the relations leave no room");
+            rejections.count(Rejection::RelationsLeaveNoRoom);
             edges.iter().for_each(|&edge| rejections.blame(&context.edges[edge].0));
             return Err(None);
         }
@@ -70,7 +92,7 @@ pub(crate) fn place_all(
         let retreat = search.retreat(rng);
         if failures > context.settings.max_retreats || retreat.is_none() {
             if let Some(stuck) = furthest.as_ref().and_then(|partial| partial.stuck) {
-                rejections.count(format!("no free place for {}", context.models[stuck].card.name));
+                rejections.count(Rejection::NoPlace(search.named(stuck)));
             }
             return Err(furthest);
         }
@@ -81,9 +103,9 @@ pub(crate) fn place_all(
 /// All objects in their initial states, far from the table and from each other.
 fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
     let objects = context.models.iter().enumerate().map(|(index, model)| PosedObject {
-        uid: model.card.uid.clone(),
+        id: context.id(index),
         model: Arc::clone(model),
-        pose: Pose::from_position(DVec3::new(-10.0 - index as f64, 0.0, 0.0)),
+        pose: Pose::from_position(DVec3::new(PARKED_M - index as f64, 0.0, 0.0)),
         joint_positions: context.joints[index].clone(),
     });
     PosedScene::new(objects.collect(), shapes)
@@ -103,7 +125,7 @@ impl Search<'_> {
     fn find_place(&mut self, step: &Step, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
         self.blockers.clear();
         let Some([low, high]) = self.window(step.object) else {
-            rejections.count("the relations leave no room");
+            rejections.count(Rejection::RelationsLeaveNoRoom);
             self.blame_relatives(step.object);
             return false;
         };
@@ -145,7 +167,7 @@ impl Search<'_> {
         let (context, object) = (self.context, step.object);
         let [least, most] = context.settings.reach_m;
         if context.moved[object] && !(least..=most).contains(&center.length()) {
-            rejections.count("out of reach");
+            rejections.count(Rejection::OutOfReach);
             self.blame_relatives(object);
             return false;
         }
@@ -176,7 +198,7 @@ impl Search<'_> {
                 if !seat.covered
                     && !let_down(&mut self.scene, object, carrier, context.settings.drop_m, context.relations)
                 {
-                    rejections.count("not above its carrier");
+                    rejections.count(Rejection::BesideItsCarrier);
                     self.blockers.push(carrier);
                     return false;
                 }
@@ -198,7 +220,7 @@ impl Search<'_> {
     }
 
     fn refuse(&mut self, object: usize, blocker: usize, rejections: &mut Rejections) -> bool {
-        rejections.count("too close to a neighbour");
+        rejections.count(Rejection::TooClose);
         // On a carrier it is the relations to it that leave no room.
         for step in self.context.steps.iter().filter(|step| step.object == object || step.object == blocker) {
             if let Some(edge) = step.support_edge {
@@ -216,7 +238,7 @@ impl Search<'_> {
         Some(if seat.covered {
             posed.pose.position.z + seat.area.min.z + self.context.settings.drop_m
         } else {
-            bounds.max.z + 0.01
+            bounds.max.z + ABOVE_M
         })
     }
 
@@ -233,7 +255,7 @@ impl Search<'_> {
                 return false;
             }
             // Things on different supports may be above each other.
-            if !beside && apart.z > 0.01 {
+            if !beside && apart.z > APART_M {
                 return false;
             }
             match scene {
@@ -242,7 +264,7 @@ impl Search<'_> {
                 None => {
                     let offset = (bounds.center() - theirs.center()).truncate().abs();
                     let shorter = |bounds: &Aabb| bounds.size().truncate().min_element();
-                    beside && offset.max_element() < 0.25 * (shorter(bounds) + shorter(&theirs))
+                    beside && offset.max_element() < OVERLAPPING * (shorter(bounds) + shorter(&theirs))
                 }
             }
         })
@@ -264,13 +286,14 @@ impl Search<'_> {
                 }
                 (Relation::Between, Some(&subject)) if subject == indices[0] && indices.len() == 3 => {
                     let stance = &self.draft.stances[subject];
-                    let gap = context.settings.min_gap_m + 0.005;
+                    let gap = context.settings.min_gap_m + BETWEEN_SPARE_M;
                     between::leaves_room(&self.scene, [indices[1], indices[2]], stance, gap, context)
                 }
                 _ => true,
             };
             if !holds {
-                rejections.count_edge("an edge cannot be satisfied", atom);
+                rejections.count(Rejection::EdgeUnsatisfied);
+                rejections.blame(atom);
                 self.blockers.extend(indices.iter().filter(|&&index| index != object));
                 return false;
             }
@@ -281,8 +304,7 @@ impl Search<'_> {
             let concerns = (one == object || other == object) && is_here(one) && is_here(other);
             let stance = &self.draft.stances[subject];
             if concerns && !between::leaves_room(&self.scene, [one, other], stance, GOAL_CLEARANCE_M, context) {
-                let name = &context.models[subject].card.name;
-                rejections.count(format!("no room for {name} between what the goal wants it between"));
+                rejections.count(Rejection::NoRoomBetween(self.named(subject)));
                 self.blockers.push(if one == object { other } else { one });
                 return false;
             }
@@ -298,8 +320,7 @@ impl Search<'_> {
             if room.anchors.iter().any(|(relation, _)| relation.is_support()) || self.is_free_somewhere(room, rng) {
                 continue;
             }
-            let name = &self.context.models[room.object].card.name;
-            rejections.count(format!("no room for {name} where the goal wants it"));
+            rejections.count(Rejection::NoRoomAtGoal(self.named(room.object)));
             self.blockers.extend(room.anchors.iter().map(|(_, anchor)| anchor));
             return false;
         }
@@ -337,6 +358,13 @@ impl Search<'_> {
         })
     }
 
+    fn named(&self, object: usize) -> NamedObject {
+        let context = self.context;
+        let node = context.task.scene_graph.nodes.get(object);
+        let ObjectCard { uid, name, .. } = &context.models[object].card;
+        NamedObject { id: node.map_or(uid, |node| &node.id).clone(), name: name.clone() }
+    }
+
     /// Whatever the object is tied to by relations stands in its way.
     fn blame_relatives(&mut self, object: usize) {
         let tied = |&other: &usize| {
@@ -357,7 +385,7 @@ impl Search<'_> {
             culprits = (0..self.placed.len()).collect();
         }
         let last = *culprits.last()?;
-        Some(if rng.random_bool(0.6) { last } else { culprits[rng.random_range(0..culprits.len())] })
+        Some(if rng.random_bool(BACK_TO_LAST) { last } else { culprits[rng.random_range(0..culprits.len())] })
     }
 }
 

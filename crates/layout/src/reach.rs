@@ -3,26 +3,28 @@
 use std::f64::consts::{FRAC_PI_4, PI};
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, Pose, Seed, Task, Workspace};
-use genmanip_motion::{Allowed, Planner, Surroundings};
+use genmanip_core::{Grasp, Pose, Seed, Task, TriedGrasp, Workspace};
+use genmanip_motion::{Allowed, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalPoseSettings, GoalSearch};
 use crate::moves::{Move, moves};
+use crate::rejection::{NamedObject, Rejection};
 use crate::surroundings;
 
-/// The reason when no alternative of the goal can be served.
+/// The reason when no alternative of the goal can be served; `tried` are the known grasps of each object.
 pub(crate) fn unreachable(
     task: &Task,
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
+    tried: &[&[TriedGrasp]],
     seed: Seed,
-) -> Option<String> {
+) -> Option<Rejection> {
     let mut reason = None;
     for alternative in moves(&task.goal, scene) {
-        match obstacle(&alternative, scene, planner, relations, seed) {
+        match obstacle(&alternative, scene, planner, relations, tried, seed) {
             None => return None,
             Some(obstacle) => reason = Some(obstacle),
         }
@@ -36,35 +38,43 @@ fn obstacle(
     scene: &PosedScene,
     planner: &Planner,
     relations: &RelationSettings,
+    tried: &[&[TriedGrasp]],
     seed: Seed,
-) -> Option<String> {
+) -> Option<Rejection> {
     let world = surroundings::world(scene, None);
     let nothing = Allowed::none();
-    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
+    let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
     let home = &planner.robot().home;
     let within_reach = |object: &PosedObject, candidates: &[Grasp]| {
-        !planner.reachable_grasps(&around, &object.uid, &object.pose, candidates, home, 1).is_empty()
+        !planner.reachable_grasps(&around, &object.id, &object.pose, candidates, home, 1).is_empty()
     };
     let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
     let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
     let mut after = scene.clone();
     steps.iter().enumerate().find_map(|(index, step)| {
         let object = scene.objects().nth(step.object)?;
-        let name = &object.model.card.name;
+        let named = || NamedObject::of(object);
         if let Some(state) = step.state() {
             let Some(joints) = turned(step.object, state, scene, planner) else {
-                return Some(format!("no way for the arm to bring {name} into the state {state}"));
+                return Some(Rejection::NoWayToState { object: named(), state: state.into() });
             };
             after.set_pose(step.object, object.pose, &joints);
             return None;
         }
         let generated = || surroundings::generated_grasps(planner, scene, step.object, seed.fork("reach"));
-        let can_be_grasped = surroundings::tried_grasps(planner, scene, step.object)
-            .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
+        let can_be_grasped = surroundings::tried_grasps(
+            planner,
+            scene,
+            step.object,
+            tried.get(step.object).copied().unwrap_or_default(),
+        )
+        .and_then(|tried| Ok(within_reach(object, &tried) || within_reach(object, &generated()?)));
         match can_be_grasped {
             Ok(true) => {}
-            Ok(false) => return Some(format!("{name} cannot be grasped where it lies")),
-            Err(error) => return Some(format!("{name} cannot be grasped: {error}")),
+            Ok(false) => return Some(Rejection::NoGrasp(named())),
+            Err(error) => {
+                return Some(Rejection::NoGraspGeometry { object: named(), reason: error.to_string() });
+            }
         }
         let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
         let usable = |goal: &Pose| is_in_reach(planner, goal.position + DVec3::Z * height);
@@ -76,7 +86,7 @@ fn obstacle(
             settings: &settings,
         };
         let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
-        let Some(place) = places.first() else { return Some(format!("no room for {name} where the goal wants it")) };
+        let Some(place) = places.first() else { return Some(Rejection::NoRoomAtGoal(named())) };
         after.set_pose(step.object, place.world_from_object, &object.joint_positions);
         None
     })

@@ -58,28 +58,45 @@ pub struct LayoutSettings {
 impl Default for LayoutSettings {
     fn default() -> Self {
         Self {
+            // Bounds of the search, chosen: a refusal takes seconds, not minutes.
             max_restarts: 60,
             max_unaccepted: 30,
             candidates_per_object: 60,
             max_retreats: 30,
+            // Chosen: room for a finger of the Panda.
             min_gap_m: 0.03,
+            // Chosen: carriers are small, and hands come from above there.
             min_gap_on_carrier_m: 0.01,
             distractors: 0,
+            // Chosen: twice the gap of others, so that a distractor is never in the way.
             distractor_gap_m: 0.06,
+            // Chosen: settling moves things by a few millimetres.
             relation_margin_m: 0.01,
+            // Chosen: the Panda reaches 0.855 m (its data sheet), less with the hand pointing down; nearer the arm folds.
             reach_m: [0.32, 0.70],
+            // Chosen: well inside the workspace and in the middle of the cameras' pictures.
             x_m: [0.26, 0.78],
             y_m: [-0.42, 0.42],
+            // Chosen: the workspace less 2 cm.
             wide_x_m: [0.22, 0.88],
             wide_y_m: [-0.48, 0.48],
+            // Chosen: what falls farther may roll; what starts nearer may start inside.
             drop_m: 0.002,
+            // Chosen: as in `SettleSettings`; what rolls longer is not at rest for a task either.
             settle_s: 2.0,
+            // Chosen: more than this and a relation would be another one.
             max_settle_shift_m: 0.03,
+            // Chosen: 34 degrees; fruit may roll into a bowl's middle, bottles must not fall.
             max_settle_tilt_rad: 0.6,
+            // Chosen: things balanced on their edge fall within it, see the tests of `audit`.
             stay_s: 2.0,
+            // Chosen: half of the millimetre that `lab layout` accepts of a returned layout.
             max_drift_m: 0.0005,
+            // Chosen: soft contacts of things at rest sink in by less.
             max_penetration_m: 0.001,
+            // Chosen: a patch of ten by ten pixels can still be pointed at by a prompt-based system.
             min_pixels: 100,
+            // Chosen: with less than a third in view a thing is hard to name.
             min_visible_share: 0.3,
         }
     }

@@ -1,27 +1,27 @@
 //! What the planner must keep clear of: the table and the objects where they are now.
 
-use genmanip_assets::GraspFile;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Grasp, ObjectModel, Piece, Seed, Shape};
-use genmanip_motion::{GeometryError, GraspTarget, Planner, World};
+use genmanip_core::{Grasp, ObjectModel, Piece, Seed, Shape, TriedGrasp};
+use genmanip_motion::{CollisionWorld, GeometryError, GraspTarget, Planner};
 use genmanip_scene::relations::PosedScene;
 
-/// Grasps that held in a smaller share of their trials are not used.
+/// Grasps that held in a smaller share of their trials are not used; chosen: of five trials, which bakes make, one may be
+/// lost.
 const SOUND: f64 = 0.8;
 
 /// Name of the table among the obstacles.
 pub const TABLE: &str = "table";
 
-/// The table and every object but one, exact pieces at their present poses, named by uid.
-pub fn world(scene: &PosedScene, without: Option<usize>) -> World {
-    let mut world = World::new();
+/// The table and every object but one, exact pieces at their present poses, named by id.
+pub fn world(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
+    let mut world = CollisionWorld::new();
     // Broad enough that the arm never reaches around it.
     let slab = Piece::at(DVec3::new(0.55, 0.0, -0.05), Shape::Box { half_extents: DVec3::new(0.45, 0.8, 0.05) });
     // The models' own pieces and finite poses are always accepted.
     let _ = world.add(TABLE, &[slab], &genmanip_core::Pose::IDENTITY);
     for (index, object) in scene.objects().enumerate() {
         if Some(index) != without {
-            let _ = world.add(&object.uid, &object.model.pieces(&object.joint_positions), &object.pose);
+            let _ = world.add(&object.id, &object.model.pieces(&object.joint_positions), &object.pose);
         }
     }
     world
@@ -47,14 +47,20 @@ fn surface(model: &ObjectModel, count: usize) -> Vec<(DVec3, DVec3)> {
     points
 }
 
-/// Grasps that held when they were tried in physics beforehand, those that fit where the object lies, best first, in its
-/// own frame; none of an object whose grasps were never tried.
+/// Of grasps that were tried on an object in physics beforehand, those that held and fit where the object lies, best
+/// first, in its own frame. `known` is what a [`GraspLibrary`](genmanip_assets::GraspLibrary) has of it.
 ///
 /// # Errors
 /// A piece of the object that is not finite or has no size.
-pub fn tried_grasps(planner: &Planner, scene: &PosedScene, object: usize) -> Result<Vec<Grasp>, GeometryError> {
-    let known = scene.objects().nth(object).and_then(|posed| GraspFile::builtin().of(&posed.model).ok().flatten());
-    let Some(known) = known else { return Ok(Vec::new()) };
+pub fn tried_grasps(
+    planner: &Planner,
+    scene: &PosedScene,
+    object: usize,
+    known: &[TriedGrasp],
+) -> Result<Vec<Grasp>, GeometryError> {
+    if known.is_empty() {
+        return Ok(Vec::new());
+    }
     let sound = known.iter().filter(|tried| tried.share() >= SOUND).map(|tried| &tried.grasp);
     with_target(planner, scene, object, |target| planner.fitting_grasps(target, sound))
 }

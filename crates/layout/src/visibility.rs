@@ -5,43 +5,51 @@ use std::sync::Arc;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, Pose, RobotModel};
 use genmanip_render::{
-    Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
+    Channels, Environment, FrameBuffers, RenderAssets, RenderError, RenderVariation, Renderer, ViewJob,
+    object_of_instance,
 };
 use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::LayoutSettings;
+use crate::rejection::{NamedObject, Rejection};
 
-/// Cameras of prompt-based systems, which must see the objects.
+/// Cameras of prompt-based systems, which must see the objects; chosen: those of the default cameras that stand still.
 const PROMPT_CAMERAS: [&str; 3] = ["overview", "left", "right"];
 
+/// Height to which what is not to be drawn is sent, metres; chosen, far below every picture.
+const AWAY_M: f64 = -50.0;
+
 /// The reason when some object is too small or too hidden in every prompt camera.
+///
+/// # Errors
+/// When a picture cannot be drawn: what nobody can see does not count as seen.
 pub(crate) fn hidden(
     scene: &PosedScene,
     task_objects: usize,
     robot: &Arc<RobotModel>,
     settings: &LayoutSettings,
-) -> Option<String> {
+) -> Result<Option<Rejection>, RenderError> {
     let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
-    let assets = RenderAssets::new(Arc::clone(robot), &models, &Environment::default()).ok()?;
+    let assets = RenderAssets::new(Arc::clone(robot), &models, &Environment::default())?;
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let cameras: Vec<Camera> =
         Camera::default_rig().into_iter().filter(|camera| PROMPT_CAMERAS.contains(&camera.name.as_str())).collect();
-    let away = Pose::from_position(DVec3::new(0.0, 0.0, -50.0));
+    let away = Pose::from_position(DVec3::Z * AWAY_M);
     // Everything, or one object alone on the table with the robot out of the way.
-    let mut ids = |alone: Option<usize>| -> Option<Vec<FrameBuffers>> {
+    let mut ids = |alone: Option<usize>| -> Result<Vec<FrameBuffers>, RenderError> {
         let poses = scene.objects().enumerate().map(|(index, object)| {
             let shown = alone.is_none_or(|alone| alone == index);
             (if shown { object.pose } else { away }, object.joint_positions.as_slice())
         });
-        let mut state = assets.frame_state(&robot.home, robot.gripper.max_width, poses).ok()?;
+        let mut state = assets.frame_state(&robot.home, robot.gripper.max_width, poses)?;
         if alone.is_some() {
             state.body_poses[..robot.links.len()].fill(away);
         }
         let jobs: Vec<ViewJob> =
             cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::GEOMETRY)).collect();
         let mut buffers = vec![FrameBuffers::default(); jobs.len()];
-        renderer.render(&jobs, &mut buffers).ok()?;
-        Some(buffers)
+        renderer.render(&jobs, &mut buffers)?;
+        Ok(buffers)
     };
     let counts = |pictures: &[FrameBuffers]| -> Vec<Vec<usize>> {
         pictures.iter().map(|picture| pixels_per_object(picture, models.len())).collect()
@@ -63,10 +71,10 @@ pub(crate) fn hidden(
             visible >= settings.min_pixels && visible as f64 >= settings.min_visible_share * whole as f64
         });
         if !seen {
-            return Some(format!("{} is not seen by any prompt camera", object.model.card.name));
+            return Ok(Some(Rejection::Unseen(NamedObject::of(object))));
         }
     }
-    None
+    Ok(None)
 }
 
 fn pixels_per_object(picture: &FrameBuffers, objects: usize) -> Vec<usize> {

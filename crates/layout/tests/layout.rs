@@ -4,9 +4,9 @@
 
 use std::sync::OnceLock;
 
-use genmanip_assets::{AssetError, Catalogue, panda};
-use genmanip_core::{Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
-use genmanip_layout::{LayoutError, LayoutSettings, audit, lay_out, moves};
+use genmanip_assets::{AssetError, AssetSource, Catalogue, GraspFile, GraspLibrary, panda};
+use genmanip_core::{AssetRef, Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
+use genmanip_layout::{LayoutError, LayoutSettings, Rejection, audit, lay_out, moves};
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_scene::answer::{RecordedAnswer, check_answer};
 use genmanip_scene::relations::{
@@ -36,13 +36,13 @@ fn task(id: &str) -> Task {
 }
 
 fn layout_of(task: &Task, seed: u64) -> Result<Scenario, LayoutError> {
-    lay_out(task, Catalogue::builtin(), planner(), Seed::new(seed), &LayoutSettings::default())
+    lay_out(task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(seed), &LayoutSettings::default())
 }
 
 /// The scenario as relations see it, from nothing but what is in its file.
 fn posed(scenario: &Scenario) -> PosedScene {
     let objects = scenario.objects.iter().map(|placed| PosedObject {
-        uid: placed.uid.clone(),
+        id: placed.id.clone(),
         model: Catalogue::builtin().instance(placed).unwrap(),
         pose: placed.pose,
         joint_positions: placed.joint_positions.clone(),
@@ -54,11 +54,12 @@ fn posed(scenario: &Scenario) -> PosedScene {
 fn check(scenario: &Scenario) {
     let (id, task, relations) = (&scenario.id, &scenario.task, RelationSettings::default());
     let scene = posed(scenario);
-    let uids = |scenario: &Scenario| scenario.objects.iter().map(|object| object.uid.clone()).collect::<Vec<_>>();
-    assert_eq!(uids(scenario), task.scene_graph.nodes.iter().map(|node| node.uid.clone()).collect::<Vec<_>>());
+    let ids = |scenario: &Scenario| scenario.objects.iter().map(|object| object.id.clone()).collect::<Vec<_>>();
+    assert_eq!(ids(scenario), task.scene_graph.nodes.iter().map(|node| node.id.clone()).collect::<Vec<_>>());
 
     let verdicts = judge_edges(&scene, &task.scene_graph, &relations);
-    assert!(verdicts.len() >= task.scene_graph.edges.len());
+    let edges: Vec<Atom> = task.scene_graph.edges.iter().map(GraphEdge::atom).collect();
+    assert_eq!(verdicts.iter().map(|verdict| verdict.atom.clone()).collect::<Vec<_>>(), edges, "{id}");
     for verdict in verdicts {
         assert!(verdict.holds, "{id}: {} does not hold: {}", verdict.atom, verdict.explanation);
     }
@@ -70,6 +71,8 @@ fn check(scenario: &Scenario) {
 
     let report = audit(scenario, Catalogue::builtin(), &panda(), 2.0).unwrap();
     assert!(report.penetration_m < 1e-3 && report.drift_m < 1e-3, "{id}: {report:?}");
+    let states = task.scene_graph.nodes.iter().filter(|node| node.state.is_some()).count();
+    assert_eq!((report.checked, report.failed.len()), (edges.len() + states, 0), "{id}: {report:?}");
 
     let workspace = scenario.workspace;
     for index in 0..scenario.objects.len() {
@@ -83,8 +86,8 @@ fn check(scenario: &Scenario) {
     }
     // Without a relation of support two objects stand apart, so that a finger fits between them.
     let support_of = |index: usize| {
-        let uid = &scenario.objects[index].uid;
-        let edge = task.scene_graph.edges.iter().find(|edge| edge.subject == *uid && edge.relation.is_support());
+        let id = &scenario.objects[index].id;
+        let edge = task.scene_graph.edges.iter().find(|edge| edge.subject == *id && edge.relation.is_support());
         edge.map(|edge| edge.reference.clone())
     };
     for a in 0..scenario.objects.len() {
@@ -126,7 +129,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_another_layout() {
 }
 
 fn node(uid: &str) -> GraphNode {
-    GraphNode { uid: uid.into(), state: None }
+    GraphNode { id: uid.into(), asset: AssetRef::builtin(uid, 2), state: None }
 }
 
 fn edge(subject: &str, relation: Relation, reference: &str) -> GraphEdge {
@@ -148,7 +151,8 @@ fn a_graph_without_room_is_refused_with_the_edges_in_conflict() {
     let nodes: Vec<&str> = ["047"].into_iter().chain(large).collect();
     let task = with_graph(&nodes, large.iter().map(|uid| edge(uid, Relation::Left, "047")).collect());
     let settings = LayoutSettings { max_restarts: 20, ..LayoutSettings::default() };
-    let error = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(1), &settings).unwrap_err();
+    let error =
+        lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(1), &settings).unwrap_err();
     let message = error.to_string();
     let LayoutError::Infeasible { task: id, restarts, rejections, .. } = error else { panic!("{message}") };
     assert_eq!((id.as_str(), restarts), (task.id.as_str(), 20));
@@ -157,7 +161,11 @@ fn a_graph_without_room_is_refused_with_the_edges_in_conflict() {
     for edge in &edges {
         assert!(edge.ends_with(" left 047"), "{edge} is not in conflict");
     }
-    assert!(rejections.reasons().iter().any(|(reason, count)| reason.starts_with("no free place for") && *count > 0));
+    let found_none = |(reason, count): &(&Rejection, usize)| match reason {
+        Rejection::NoPlace(object) => nodes.contains(&object.id.as_str()) && *count > 0,
+        _ => false,
+    };
+    assert!(rejections.reasons().iter().any(found_none), "{message}");
     assert!(message.contains("20 attempts") && message.contains("edges in conflict: "), "{message}");
     assert!(message.contains(&edges[0]) && message.len() < 800, "{message}");
 }
@@ -197,7 +205,8 @@ fn infeasible_graphs_name_the_edges_in_conflict() {
     let settings = LayoutSettings { max_restarts: 6, ..LayoutSettings::default() };
     for (name, nodes, edges, expected) in cases {
         let task = with_graph(nodes, edges);
-        let error = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(1), &settings).unwrap_err();
+        let error = lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(1), &settings)
+            .unwrap_err();
         let LayoutError::Infeasible { rejections, furthest, .. } = error else { panic!("{name}: {error}") };
         let named: Vec<String> = rejections.conflicting_edges().iter().map(|(edge, _)| edge.to_string()).collect();
         for wanted in expected {
@@ -214,16 +223,17 @@ fn distractors_mean_nothing_to_the_task_and_spoil_nothing() {
     for id in ["017_pick_and_place", "024_appearance", "016_common_sense"] {
         let task = task(id);
         let settings = LayoutSettings { distractors: 3, ..LayoutSettings::default() };
-        let scenario = lay_out(&task, Catalogue::builtin(), planner(), Seed::new(5), &settings).unwrap();
+        let scenario =
+            lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(5), &settings).unwrap();
         let (known, added) = scenario.objects.split_at(task.scene_graph.nodes.len());
         assert_eq!(added.len(), 3, "{id}");
         for placed in added {
-            let card = Catalogue::builtin().card(&placed.uid).unwrap();
+            let card = Catalogue::builtin().card(&placed.id).unwrap();
             assert!(
                 task.objects.iter().all(|other| other.name != card.name && other.category != card.category),
                 "{id}"
             );
-            assert!(known.iter().all(|other| other.uid != placed.uid), "{id}");
+            assert!(known.iter().all(|other| other.id != placed.id), "{id}");
         }
         let report = audit(&scenario, Catalogue::builtin(), &panda(), 2.0).unwrap();
         assert!(report.failed.is_empty() && !report.goal_holds && report.hidden.is_none(), "{id}: {report:?}");
@@ -257,6 +267,27 @@ fn what_is_wrong_with_a_graph_is_named() {
     let error = layout_of(&with_graph(&["101"], vec![]), 1).unwrap_err();
     let LayoutError::UnknownObject(AssetError::UnknownUid { got, near }) = error else { panic!("{error}") };
     assert_eq!((got.as_str(), near.len()), ("101", 1));
+}
+
+/// Grasps of other physics stop the work with the object's name; grasps of another robot are none, and are sampled.
+#[test]
+fn stale_grasps_are_a_defect_and_those_of_another_robot_are_not_used() {
+    let task = task("024_appearance");
+    let lay_out_with = |change: &dyn Fn(&mut GraspFile)| {
+        let mut file = GraspFile::builtin().clone();
+        change(&mut file);
+        let library = GraspLibrary::new([file]);
+        lay_out(&task, Catalogue::builtin(), planner(), &library, Seed::new(1), &LayoutSettings::default())
+    };
+    let known = lay_out_with(&|_| ()).unwrap();
+    let error = lay_out_with(&|file| file.objects.get_mut("047").unwrap().physics_hash = "v2:0".into()).unwrap_err();
+    assert!(error.is_defect() && matches!(error, LayoutError::StaleGrasps(_)), "{error:?}");
+    let message = error.to_string();
+    assert!(message.contains("object 047") && message.contains("genmanip grasps bake"), "{message}");
+    let sampled = lay_out_with(&|file| file.made_by.robot = "another arm".into()).unwrap();
+    let none = lay_out_with(&|file| file.objects.clear()).unwrap();
+    assert_eq!(sampled.to_json(), none.to_json());
+    assert_eq!(known.objects.len(), none.objects.len());
 }
 
 /// The audit measures what it says: a layout that was tampered with is found out.
@@ -301,7 +332,7 @@ fn a_shut_container_is_opened_before_it_is_filled() {
     ];
     for (name, relation, uid, joints, said, expected) in cases {
         let posed = [(uid, 0.0, joints), ("046", 0.3, Vec::new())].map(|(uid, y, joint_positions)| PosedObject {
-            uid: uid.into(),
+            id: uid.into(),
             model: Catalogue::builtin().build(uid).unwrap(),
             pose: Pose::from_position(glam::DVec3::new(0.5, y, 0.0)),
             joint_positions,

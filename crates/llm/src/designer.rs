@@ -3,16 +3,15 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
+use genmanip_chat::{CassetteChat, ChatModel, ChatRequest, Message, SettingsError};
 use genmanip_core::{ObjectCard, Seed, TaskKind};
 use genmanip_scene::answer::{AnswerReport, TaskRequest, check_answer};
 use serde_json::{Map, Value};
 
 use crate::outcome::{Designed, GenerationOutcome, Refusal, Round};
-use crate::prompt::object_list;
-use crate::{
-    ApiKey, CassetteChat, CassetteMode, ChatModel, ChatRequest, GenerationSettings, HttpChat, LlmSettings, Message,
-    PromptSet, SettingsError, sample_objects,
-};
+use crate::prompt::{PromptError, PromptSet};
+use crate::sampling::sample_objects;
+use crate::settings::{GenerationSettings, LlmSettings};
 
 /// Longest instruction, words.
 const MAX_WORDS: usize = 30;
@@ -34,8 +33,19 @@ pub fn generate(
     count: usize,
     seed: Seed,
     cards: &[ObjectCard],
-) -> Result<Vec<GenerationOutcome>, SettingsError> {
+) -> Result<Vec<GenerationOutcome>, DesignerError> {
     Ok(Designer::open(settings, seed)?.generate(kind, count, seed, cards, &|_| {}))
+}
+
+/// Why nothing can be asked for.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DesignerError {
+    /// Settings that cannot be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// A prompt file that cannot be used.
+    #[error(transparent)]
+    Prompt(#[from] PromptError),
 }
 
 /// A model together with the prompts and the rules for asking.
@@ -52,22 +62,17 @@ impl Designer {
     ///
     /// # Errors
     /// As [`generate`].
-    pub fn open(settings: &LlmSettings, seed: Seed) -> Result<Self, SettingsError> {
+    pub fn open(settings: &LlmSettings, seed: Seed) -> Result<Self, DesignerError> {
         settings.check()?;
-        let cassettes = settings.cassettes.clone();
-        if cassettes.mode == CassetteMode::Replay {
-            return Self::with_model(CassetteChat::<HttpChat>::replay(cassettes), settings);
-        }
-        let key = settings.server.api_key_env.as_deref().map(ApiKey::from_environment).transpose()?;
-        let server = HttpChat::new(settings.server.clone(), key.clone(), seed.fork("retries"))?;
-        Self::with_model(CassetteChat::new(server, cassettes, key), settings)
+        let model = CassetteChat::open(&settings.server, &settings.cassettes, seed.fork("retries"))?;
+        Self::with_model(model, settings)
     }
 
-    /// The same with any other model, for example [`crate::fake::ScriptedChat`].
+    /// The same with any other model, for example a [script](genmanip_chat::fake::ScriptedChat).
     ///
     /// # Errors
     /// When the settings or a prompt file are wrong.
-    pub fn with_model(model: impl ChatModel + 'static, settings: &LlmSettings) -> Result<Self, SettingsError> {
+    pub fn with_model(model: impl ChatModel + 'static, settings: &LlmSettings) -> Result<Self, DesignerError> {
         settings.check()?;
         Ok(Self {
             model: Box::new(model),
@@ -161,9 +166,7 @@ impl Designer {
             };
             let report = check_answer(&reply.text, request);
             conversation.messages.push(Message::assistant(self.quoted(&reply.text)));
-            conversation
-                .messages
-                .push(Message::user(self.prompts.repair.render(&[("violations", violations(&report).as_str())])));
+            conversation.messages.push(Message::user(self.prompts.repair_text(&violations(&report))));
             let AnswerReport { verdict, flaws, repairs, task, .. } = report;
             rounds.push(Round { key, reply, verdict, flaws, repairs });
             if let Some(task) = task {
@@ -175,16 +178,11 @@ impl Designer {
 
     fn question(&self, request: &TaskRequest) -> ChatRequest {
         let prompts = &self.prompts;
-        let kind = prompts.kinds.get(&request.kind).map_or("", |prompt| prompt.text.as_str());
         ChatRequest {
             model: self.model_name.clone(),
             messages: vec![
-                Message::system(prompts.system.render(&[("max_words", MAX_WORDS.to_string().as_str())])),
-                Message::user(prompts.request.render(&[
-                    ("objects", object_list(&request.offered).as_str()),
-                    ("min_objects", request.min_objects.to_string().as_str()),
-                    ("kind", kind),
-                ])),
+                Message::system(prompts.system_text(MAX_WORDS)),
+                Message::user(prompts.request_text(request.kind, request.min_objects, &request.offered)),
             ],
             reply_schema: Some(prompts.reply_schema(&request.offered)),
             parameters: self.parameters.clone(),

@@ -1,10 +1,12 @@
 //! What became of asking for a task: the task or the reasons against it, and every round on the way.
 
+use genmanip_chat::{ChatError, ChatReply, Ledger};
 use genmanip_core::{Document, Task, TaskKind};
 use genmanip_scene::answer::{Flaw, Repair, Verdict};
 use serde::{Deserialize, Serialize};
 
-use crate::{ChatError, ChatReply, Ledger, PromptStamp, SamplingError};
+use crate::prompt::PromptStamp;
+use crate::sampling::SamplingError;
 
 /// Everything about one request for a task; recording and replay give the same file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,7 +38,7 @@ impl Document for GenerationOutcome {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Round {
-    /// Content hash of the question, which is the name of its cassette.
+    /// Content hash of the request, whose beginning is the name of its cassette.
     pub key: String,
     /// The answer.
     pub reply: ChatReply,
@@ -106,6 +108,17 @@ impl GenerationOutcome {
         Some(text)
     }
 
+    /// What all rounds of some outcomes took.
+    pub fn ledger(outcomes: &[Self]) -> Ledger {
+        let mut ledger = Ledger::default();
+        for outcome in outcomes {
+            for round in &outcome.rounds {
+                ledger.add(&outcome.model, &round.reply);
+            }
+        }
+        ledger
+    }
+
     /// What to do about a refusal; empty if there is nothing to do.
     pub fn hint(&self) -> &'static str {
         match &self.result {
@@ -116,18 +129,5 @@ impl GenerationOutcome {
             }
             Designed::Refused(Refusal::NotAsked) | Designed::Task(_) => "",
         }
-    }
-}
-
-impl Ledger {
-    /// The sums over all rounds of some outcomes.
-    pub fn of(outcomes: &[GenerationOutcome]) -> Self {
-        let mut ledger = Self::default();
-        for outcome in outcomes {
-            for round in &outcome.rounds {
-                ledger.add(&outcome.model, &round.reply);
-            }
-        }
-        ledger
     }
 }

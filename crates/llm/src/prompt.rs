@@ -3,28 +3,13 @@
 //! A file begins with TOML between two lines `+++`; the rest is the text, in which `{{name}}` stands for an input.
 //! The built-in files lie in `prompts/`; a folder of the user's may replace any of them by a file of the same name.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
+use genmanip_chat::ReplySchema;
 use genmanip_core::{ObjectCard, TaskKind};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-
-use crate::ReplySchema;
-
-const BUILTIN: [(&str, &str); 10] = [
-    ("system.md", include_str!("../prompts/system.md")),
-    ("request.md", include_str!("../prompts/request.md")),
-    ("repair.md", include_str!("../prompts/repair.md")),
-    ("kind_pick_and_place.md", include_str!("../prompts/kind_pick_and_place.md")),
-    ("kind_spatial.md", include_str!("../prompts/kind_spatial.md")),
-    ("kind_appearance.md", include_str!("../prompts/kind_appearance.md")),
-    ("kind_common_sense.md", include_str!("../prompts/kind_common_sense.md")),
-    ("kind_long_horizon.md", include_str!("../prompts/kind_long_horizon.md")),
-    ("kind_articulated.md", include_str!("../prompts/kind_articulated.md")),
-    ("tosg_answer.schema.json", include_str!("../prompts/tosg_answer.schema.json")),
-];
 
 /// All prompts of the task designer.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,9 +21,26 @@ pub struct PromptSet {
     /// What was wrong with an answer. Input: `violations`.
     pub repair: Prompt,
     /// The paragraph on each kind of task.
-    pub kinds: BTreeMap<TaskKind, Prompt>,
+    pub kinds: KindPrompts,
     /// The answer's JSON Schema; `{{uids}}` and `{{states}}` in its enums stand for those of the offered objects.
     pub schema: Value,
+}
+
+/// The paragraph on each kind of task. No inputs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KindPrompts {
+    /// Of [`TaskKind::PickAndPlace`].
+    pub pick_and_place: Prompt,
+    /// Of [`TaskKind::Spatial`].
+    pub spatial: Prompt,
+    /// Of [`TaskKind::Appearance`].
+    pub appearance: Prompt,
+    /// Of [`TaskKind::CommonSense`].
+    pub common_sense: Prompt,
+    /// Of [`TaskKind::LongHorizon`].
+    pub long_horizon: Prompt,
+    /// Of [`TaskKind::Articulated`].
+    pub articulated: Prompt,
 }
 
 /// One prompt file.
@@ -115,39 +117,63 @@ impl PromptSet {
     /// # Errors
     /// Names the file and what is wrong with it.
     pub fn load(folder: Option<&Path>) -> Result<Self, PromptError> {
-        let text = |file: &str| match folder.map(|folder| folder.join(file)).filter(|path| path.exists()) {
-            Some(path) => std::fs::read_to_string(&path)
-                .map_err(|error| PromptError::File { message: error.to_string(), file: path.display().to_string() }),
-            None => Ok(BUILTIN
-                .iter()
-                .find(|(name, _)| *name == file)
-                .map(|(_, text)| (*text).to_owned())
-                .unwrap_or_default()),
-        };
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
             return Err(PromptError::File { message: "no such folder".into(), file: folder.display().to_string() });
         }
-        let prompt = |file: &str, inputs: &[&str]| Prompt::parse(file, &text(file)?, inputs);
-        let request = prompt("request.md", &["objects", "min_objects", "kind"])?;
-        let schema_file = request.head.output_schema.clone().unwrap_or_else(|| "tosg_answer.schema.json".into());
-        let kind = |kind: TaskKind| Ok((kind, prompt(&format!("kind_{}.md", kind.name()), &[])?));
+        let text = |(file, builtin): (&str, Option<&str>)| {
+            match folder.map(|folder| folder.join(file)).filter(|path| path.exists()) {
+                Some(path) => {
+                    std::fs::read_to_string(&path).map_err(|error| (error.to_string(), path.display().to_string()))
+                }
+                None => builtin.map(str::to_owned).ok_or_else(|| ("there is no such file".into(), file.to_owned())),
+            }
+            .map_err(|(message, file)| PromptError::File { message, file })
+        };
+        let prompt =
+            |(file, builtin): (&str, &str), inputs: &[&str]| Prompt::parse(file, &text((file, Some(builtin)))?, inputs);
+        let request = prompt(builtin!("request.md"), &["objects", "min_objects", "kind"])?;
+        let (builtin_file, builtin_schema) = builtin!("tosg_answer.schema.json");
+        let schema_file = request.head.output_schema.clone().unwrap_or_else(|| builtin_file.into());
+        let schema = text((&schema_file, (schema_file == builtin_file).then_some(builtin_schema)))?;
         Ok(Self {
-            system: prompt("system.md", &["max_words"])?,
-            repair: prompt("repair.md", &["violations"])?,
-            kinds: TaskKind::ALL.into_iter().map(kind).collect::<Result<_, _>>()?,
-            schema: serde_json::from_str(&text(&schema_file)?)
+            system: prompt(builtin!("system.md"), &["max_words"])?,
+            repair: prompt(builtin!("repair.md"), &["violations"])?,
+            kinds: KindPrompts {
+                pick_and_place: prompt(builtin!("kind_pick_and_place.md"), &[])?,
+                spatial: prompt(builtin!("kind_spatial.md"), &[])?,
+                appearance: prompt(builtin!("kind_appearance.md"), &[])?,
+                common_sense: prompt(builtin!("kind_common_sense.md"), &[])?,
+                long_horizon: prompt(builtin!("kind_long_horizon.md"), &[])?,
+                articulated: prompt(builtin!("kind_articulated.md"), &[])?,
+            },
+            schema: serde_json::from_str(&schema)
                 .map_err(|error| PromptError::File { message: error.to_string(), file: schema_file })?,
             request,
         })
     }
 
+    /// Standing instructions: role, format, conventions and rules. `max_words` bounds an instruction.
+    pub fn system_text(&self, max_words: usize) -> String {
+        self.system.render(&[("max_words", &max_words.to_string())])
+    }
+
+    /// The request for one task with the objects that are offered.
+    pub fn request_text(&self, kind: TaskKind, min_objects: usize, offered: &[ObjectCard]) -> String {
+        self.request.render(&[
+            ("objects", &object_list(offered)),
+            ("min_objects", &min_objects.to_string()),
+            ("kind", &self.kinds.of(kind).text),
+        ])
+    }
+
+    /// What is sent back after an answer that cannot be used; `violations` is one line each.
+    pub fn repair_text(&self, violations: &str) -> String {
+        self.repair.render(&[("violations", violations)])
+    }
+
     /// The prompts that a task of this kind is asked for with.
     pub fn stamps(&self, kind: TaskKind) -> Vec<PromptStamp> {
-        [Some(&self.system), Some(&self.request), self.kinds.get(&kind), Some(&self.repair)]
-            .into_iter()
-            .flatten()
-            .map(Prompt::stamp)
-            .collect()
+        [&self.system, &self.request, self.kinds.of(kind), &self.repair].map(Prompt::stamp).into()
     }
 
     /// The schema of an answer that may use these objects.
@@ -166,6 +192,28 @@ impl PromptSet {
     }
 }
 
+impl KindPrompts {
+    /// The one of a kind.
+    pub fn of(&self, kind: TaskKind) -> &Prompt {
+        match kind {
+            TaskKind::PickAndPlace => &self.pick_and_place,
+            TaskKind::Spatial => &self.spatial,
+            TaskKind::Appearance => &self.appearance,
+            TaskKind::CommonSense => &self.common_sense,
+            TaskKind::LongHorizon => &self.long_horizon,
+            TaskKind::Articulated => &self.articulated,
+        }
+    }
+}
+
+/// The name and the text of a file in `prompts/`; one that is missing does not compile.
+macro_rules! builtin {
+    ($file:literal) => {
+        ($file, include_str!(concat!("../prompts/", $file)))
+    };
+}
+use builtin;
+
 impl Prompt {
     fn parse(file: &str, content: &str, expected: &[&str]) -> Result<Self, PromptError> {
         let wrong = |message: &str| PromptError::Head { message: message.into(), file: file.into() };
@@ -174,6 +222,12 @@ impl Prompt {
         let (head, text) = rest.split_once("\n+++\n").ok_or_else(|| wrong("the second `+++` is missing"))?;
         let head: PromptHead = toml::from_str(head).map_err(|error| wrong(error.message()))?;
         let prompt = Self { head, text: text.trim_end().to_owned() };
+        if prompt.head.id.trim().is_empty() || prompt.head.version == 0 {
+            return Err(wrong("`id` must be a name and `version` at least 1"));
+        }
+        if prompt.text.trim().is_empty() {
+            return Err(wrong("there is no text below it"));
+        }
         let sorted = |names: &[String]| {
             let mut names = names.to_vec();
             names.sort();
@@ -194,13 +248,18 @@ impl Prompt {
     }
 
     /// The text with its inputs filled in, in one pass, so that braces in a value stay what they are.
-    pub(crate) fn render(&self, inputs: &[(&str, &str)]) -> String {
+    /// [`Prompt::parse`] has checked that there are no other placeholders; one would stay as it stands.
+    fn render(&self, inputs: &[(&str, &str)]) -> String {
         let mut pieces = self.text.split("{{");
         let mut text = pieces.next().unwrap_or_default().to_owned();
         for piece in pieces {
-            let (name, rest) = piece.split_once("}}").unwrap_or(("", piece));
-            text += inputs.iter().find(|(input, _)| *input == name).map_or("", |(_, value)| value);
-            text += rest;
+            match piece
+                .split_once("}}")
+                .and_then(|(name, rest)| Some((inputs.iter().find(|(input, _)| *input == name)?.1, rest)))
+            {
+                Some((value, rest)) => text.extend([value, rest]),
+                None => text.extend(["{{", piece]),
+            }
         }
         text
     }
@@ -216,7 +275,7 @@ impl Prompt {
 }
 
 /// The list of objects as the model sees it, one line each.
-pub(crate) fn object_list(offered: &[ObjectCard]) -> String {
+fn object_list(offered: &[ObjectCard]) -> String {
     let line = |card: &ObjectCard| {
         let yes = |value: bool| if value { "yes" } else { "no" };
         let states = if card.states.is_empty() { "none".to_owned() } else { card.states.join(", ") };

@@ -22,8 +22,8 @@ mod test_robot;
 
 pub use chain::{Chain, ModelError};
 pub use collision::{
-    Allowed, Attached, Checker, CollisionReport, GeometryError, Part, RobotError, RobotShape, SurfaceError, World,
-    triangulate,
+    Allowed, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, Part, RobotError, RobotShape,
+    SurfaceError, triangulate,
 };
 pub use depth::{DepthError, DepthSettings};
 pub use description::{DescriptionError, MeshFile, read_robot};
@@ -32,5 +32,5 @@ pub use grasp::{GraspSettings, GraspTarget, GraspWeights, Gripper, ReachSettings
 pub use ik::{IkSettings, InverseKinematics};
 pub use path::Path;
 pub use plan::{PlanError, PlanSettings, StraightSettings};
-pub use planner::{Planner, PlannerSettings, Surroundings};
+pub use planner::{Planner, PlannerSettings, PlanningScene};
 pub use timing::{MotionLimits, TimingSettings, Trajectory, parametrize};

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use genmanip_core::{Grasp, Pose, RgbdImage, RobotModel, Seed};
 use serde::{Deserialize, Serialize};
 
-use crate::collision::{Allowed, Attached, Checker, CollisionReport, GeometryError, RobotError, RobotShape, World};
+use crate::collision::{
+    Allowed, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, RobotError, RobotShape,
+};
 use crate::depth::{self, DepthError, DepthSettings};
 use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 use crate::grasp::{self, GraspSettings, GraspTarget, Gripper, ReachSettings};
@@ -38,9 +40,9 @@ pub struct PlannerSettings {
 
 /// What surrounds one motion: the world, what is carried, what may touch, and how far the gripper is open.
 #[derive(Clone, Copy, Debug)]
-pub struct Surroundings<'a> {
+pub struct PlanningScene<'a> {
     /// Obstacles.
-    pub world: &'a World,
+    pub world: &'a CollisionWorld,
     /// The object held by the gripper.
     pub attached: Option<&'a Attached>,
     /// Pairs that may touch.
@@ -53,10 +55,10 @@ pub struct Surroundings<'a> {
 ///
 /// ```no_run
 /// # use genmanip_core::{Pose, RobotModel, Seed};
-/// # use genmanip_motion::{Allowed, Planner, PlannerSettings, Surroundings, World};
-/// # fn go(robot: std::sync::Arc<RobotModel>, world: World, tcp: Pose) -> Result<(), Box<dyn std::error::Error>> {
+/// # use genmanip_motion::{Allowed, Planner, PlannerSettings, PlanningScene, CollisionWorld};
+/// # fn go(robot: std::sync::Arc<RobotModel>, world: CollisionWorld, tcp: Pose) -> Result<(), Box<dyn std::error::Error>> {
 /// let planner = Planner::new(robot.clone(), PlannerSettings::default())?;
-/// let around = Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: 0.08 };
+/// let around = PlanningScene { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: 0.08 };
 /// let goals = planner.ik(&tcp, &robot.home);
 /// let path = planner.plan_joint(&around, &robot.home, &goals, Seed::new(1))?;
 /// let trajectory = planner.time(&path, 1.0);
@@ -125,12 +127,12 @@ impl Planner {
     }
 
     /// Collision tests at a distance of `padding` metres (0: contact only).
-    pub fn checker<'a>(&'a self, around: &Surroundings<'a>, padding: f64) -> Checker<'a> {
+    pub fn checker<'a>(&'a self, around: &PlanningScene<'a>, padding: f64) -> Checker<'a> {
         Checker::new(&self.shape, around.world, around.attached, around.allowed, around.gripper_width, padding)
     }
 
     /// The worst contact or penetration at a configuration, if any.
-    pub fn check(&self, around: &Surroundings, config: &[f64]) -> Option<CollisionReport> {
+    pub fn check(&self, around: &PlanningScene, config: &[f64]) -> Option<CollisionReport> {
         self.checker(around, 0.0).check(config)
     }
 
@@ -144,11 +146,11 @@ impl Planner {
     /// Images that cannot be used, or that see nothing at all.
     pub fn world_seen(
         &self,
-        around: &Surroundings,
+        around: &PlanningScene,
         config: &[f64],
         name: &str,
         images: &[RgbdImage],
-    ) -> Result<World, DepthError> {
+    ) -> Result<CollisionWorld, DepthError> {
         let settings = &self.settings.depth;
         let points = depth::unexplained_points(&self.checker(around, 0.0), config, images, settings)?;
         let mut world = around.world.clone();
@@ -161,7 +163,7 @@ impl Planner {
     /// A short, smooth, collision-free path from `start` to one of `goals`.
     pub fn plan_joint(
         &self,
-        around: &Surroundings,
+        around: &PlanningScene,
         start: &[f64],
         goals: &[Vec<f64>],
         seed: Seed,
@@ -174,7 +176,7 @@ impl Planner {
     ///
     /// What the robot is close to at `start` it may stay close to; from everything else it keeps the padding, to the
     /// end: plan from the contact away, and reverse the path for a motion that ends there.
-    pub fn straight(&self, around: &Surroundings, start: &[f64], world_from_goal: &Pose) -> Result<Path, PlanError> {
+    pub fn straight(&self, around: &PlanningScene, start: &[f64], world_from_goal: &Pose) -> Result<Path, PlanError> {
         let mut checker = self.checker(around, self.settings.plan.padding);
         let settings = &self.settings;
         plan::straight_line(&mut checker, &self.ik, &settings.straight, &settings.plan, start, world_from_goal)

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::{LayoutSettings, lay_out};
@@ -44,9 +44,11 @@ pub struct CollectSettings {
 #[derive(Clone, Copy)]
 pub struct Resources<'a> {
     /// Objects.
-    pub catalogue: &'a Catalogue,
+    pub catalogue: &'a dyn AssetSource,
     /// The robot and how it is planned for; costly to make, so made once.
     pub planner: &'a Arc<Planner>,
+    /// Grasps that were tried beforehand.
+    pub grasps: &'a GraspLibrary,
 }
 
 /// One attempt to be made.
@@ -87,7 +89,8 @@ impl<'a> Attempt<'a> {
         resources: Resources,
         settings: &LayoutSettings,
     ) -> Result<Scenario, genmanip_layout::LayoutError> {
-        let scenario = lay_out(self.task, resources.catalogue, resources.planner, self.seed, settings)?;
+        let Resources { catalogue, planner, grasps } = resources;
+        let scenario = lay_out(self.task, catalogue, planner, grasps, self.seed, settings)?;
         Ok(Scenario { id: self.id(), ..scenario })
     }
 }
@@ -171,10 +174,11 @@ fn play(
 ) -> Result<Result<Episode, Box<EpisodeResult>>, RolloutError> {
     let scenario = match attempt.scenario(resources, &settings.layout) {
         Ok(scenario) => scenario,
+        Err(error) if error.is_defect() => return Err(error.into()),
         Err(error) => return Ok(Err(Box::new(not_laid_out(attempt, &error, settings)))),
     };
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot(), &settings.sim)?;
-    let mut expert = Expert::new(&stage, resources.planner, settings.expert.clone());
+    let mut expert = Expert::new(&stage, resources.planner, resources.grasps, settings.expert.clone())?;
     Ok(Ok(run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?))
 }
 

@@ -39,8 +39,8 @@ pub fn explain(
     let missing: Vec<&AtomVerdict> = verdict.best().into_iter().flatten().filter(|atom| !atom.holds).collect();
     let slips = slips(frames);
     let is_missing = |slip: &&Slip| {
-        let uid = stage.scenario.objects.get(slip.object).map(|object| object.uid.as_str());
-        missing.iter().any(|atom| Some(atom.atom.subject()) == uid)
+        let id = stage.scenario.objects.get(slip.object).map(|object| object.id.as_str());
+        missing.iter().any(|atom| Some(atom.atom.subject()) == id)
     };
     let slipped = |slip: &Slip| {
         let Slip { object, time_s, held_s, height_m, .. } = *slip;
@@ -104,7 +104,7 @@ pub fn slips(frames: &[Frame]) -> Vec<Slip> {
 fn disturbed(stage: &Stage, last: &Frame, settings: &RolloutSettings) -> Option<String> {
     let goal = &stage.scenario.task.goal;
     stage.scenario.objects.iter().zip(&last.objects).enumerate().find_map(|(index, (before, now))| {
-        let moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.uid);
+        let moved = goal.alternatives.iter().flatten().any(|atom| atom.subject() == before.id);
         let shift = before.pose.position.distance(now.pose.position);
         let up = |pose: &Pose| pose.transform_vector(DVec3::Z);
         let tilt = up(&before.pose).angle_between(up(&now.pose));

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use genmanip_assets::{AssetError, Catalogue};
+use genmanip_assets::{AssetError, AssetSource};
 use genmanip_core::{Camera, CameraRequest, ObjectModel, ObjectState, RobotModel, Scenario};
 use genmanip_render::{Environment, RenderAssets};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
@@ -38,6 +38,9 @@ pub enum RolloutError {
     /// The simulation refused or blew up.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// A layout failed for a reason that is not the task's.
+    #[error(transparent)]
+    Layout(#[from] genmanip_layout::LayoutError),
     /// The scenario names a robot that does not exist.
     #[error("scenario {scenario} wants robot `{got}`, expected `{expected}`")]
     UnknownRobot {
@@ -113,7 +116,7 @@ impl Stage {
     /// When an object is unknown or changed, or the physics engine refuses the scene.
     pub fn open(
         scenario: Arc<Scenario>,
-        catalogue: &Catalogue,
+        assets: &dyn AssetSource,
         robot: &Arc<RobotModel>,
         sim: &SimSettings,
     ) -> Result<Self, RolloutError> {
@@ -131,13 +134,13 @@ impl Stage {
                 got: scenario.robot_home.clone(),
             });
         }
-        let models = scenario.objects.iter().map(|placed| catalogue.instance(placed)).collect::<Result<Vec<_>, _>>()?;
+        let models = scenario.objects.iter().map(|placed| assets.instance(placed)).collect::<Result<Vec<_>, _>>()?;
         let objects: Vec<SceneObject> = scenario
             .objects
             .iter()
             .zip(&models)
             .map(|(placed, model)| SceneObject {
-                name: placed.uid.clone(),
+                name: placed.id.clone(),
                 model: Arc::clone(model),
                 pose: placed.pose,
                 joint_positions: placed.joint_positions.clone(),
@@ -145,7 +148,7 @@ impl Stage {
             .collect();
         let scene = Arc::new(Scene::compile(robot, &objects, sim)?);
         let posed = objects.into_iter().map(|object| PosedObject {
-            uid: object.name,
+            id: object.name,
             model: object.model,
             pose: object.pose,
             joint_positions: object.joint_positions,

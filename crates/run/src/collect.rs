@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::{Catalogue, GraspLibrary, panda};
 use genmanip_bench::text_table;
 use genmanip_core::{Document, EpisodeResult, Task, TaskKind};
 use genmanip_data::EpisodeStore;
@@ -66,7 +66,7 @@ pub fn collect(
     let folder = RunFolder::begin(path, run)?;
     let store = folder.store()?;
     let planner = inputs::planner(&run.settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
 
     let started = Instant::now();

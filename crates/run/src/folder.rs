@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use genmanip_core::{Document, Seed, Task};
+use genmanip_core::{Document, Seed, Task, Upgrade, upgrade};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::collect::CollectSettings;
 use serde::{Deserialize, Serialize};
@@ -40,7 +40,8 @@ pub struct Run {
 }
 
 impl Document for Run {
-    const SCHEMA: &'static str = "genmanip.run/1";
+    const SCHEMA: &'static str = "genmanip.run/2";
+    const PREVIOUS: Option<Upgrade> = Some(upgrade::run::FROM_1);
 }
 
 impl Run {

@@ -89,7 +89,7 @@ pub fn bake(
     let kept = if known.made_by == made_by { known.objects } else { BTreeMap::new() };
     let kept = kept
         .into_iter()
-        .filter(|(uid, object)| catalogue.build(uid).is_ok_and(|model| model.physics_hash() == object.physics_hash))
+        .filter(|(uid, object)| catalogue.build(uid).is_ok_and(|model| model.has_physics(&object.physics_hash)))
         .collect::<BTreeMap<_, _>>();
     let missing: Vec<Arc<ObjectModel>> =
         models.iter().filter(|model| !kept.contains_key(&model.card.uid)).map(Arc::clone).collect();

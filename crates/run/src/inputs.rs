@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::{AssetSource, Catalogue, panda};
 use genmanip_core::{Document, DocumentError, ObjectCard, Scenario, Seed, Task, TaskKind};
 use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
@@ -164,26 +164,26 @@ pub fn read_task(path: &Path) -> Result<Task, RunError> {
 /// A task document may come from anywhere: every object that goal and scene name must be a node with its card.
 fn check_objects(path: &Path, task: &Task) -> Result<(), RunError> {
     let graph = &task.scene_graph;
-    let refused = |place: &str, uid: &str, reason: &str| {
-        Err(RunError::input(format!("{}: at $.{place}: object `{uid}` {reason}", path.display()))
-            .with_hint("every object needs a node in scene_graph.nodes and its card in objects"))
+    let refused = |place: &str, id: &str, reason: &str| {
+        Err(RunError::input(format!("{}: at $.{place}: object `{id}` {reason}", path.display()))
+            .with_hint("every object needs a node in scene_graph.nodes and, at the same place, its card in objects"))
     };
     for (index, node) in graph.nodes.iter().enumerate() {
-        if graph.nodes[..index].iter().any(|other| other.uid == node.uid) {
-            return refused("scene_graph.nodes", &node.uid, "has two nodes");
+        if graph.nodes[..index].iter().any(|other| other.id == node.id) {
+            return refused("scene_graph.nodes", &node.id, "has two nodes");
         }
-        if task.card(&node.uid).is_none() {
-            return refused("scene_graph.nodes", &node.uid, "has no card");
+        if task.card(&node.id).is_none_or(|card| card.asset != node.asset) {
+            return refused("scene_graph.nodes", &node.id, "has no card");
         }
-        if Catalogue::builtin().card(&node.uid).is_none() {
-            return refused("scene_graph.nodes", &node.uid, "is not in the catalogue");
+        if let Err(error) = Catalogue::builtin().model(&node.asset) {
+            return refused("scene_graph.nodes", &node.id, &format!("cannot be made: {error}"));
         }
     }
     let atoms = || task.goal.alternatives.iter().flatten().cloned().map(|atom| ("goal", atom));
     for (place, atom) in atoms().chain(graph.edges.iter().map(|edge| ("scene_graph.edges", edge.atom()))) {
-        for uid in std::iter::once(atom.subject()).chain(references(&atom)) {
-            if !graph.nodes.iter().any(|node| node.uid == uid) {
-                return refused(place, uid, "is no node of the scene");
+        for id in std::iter::once(atom.subject()).chain(references(&atom)) {
+            if graph.index_of(id).is_none() {
+                return refused(place, id, "is no node of the scene");
             }
         }
     }

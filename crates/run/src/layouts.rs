@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::Svg;
 use genmanip_core::{Document, Seed, Task};
 use genmanip_layout::LayoutSettings;
@@ -55,7 +55,7 @@ pub fn lay_out(
     stop: &AtomicBool,
 ) -> Result<Vec<LaidOut>, RunError> {
     let planner = inputs::planner(&PlannerSettings::default())?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let attempts = Attempt::all(tasks, count, seed);
     progress.begin("laying out", attempts.len());
     let rows = in_parallel(&attempts, workers, stop, &|attempt| {
@@ -89,6 +89,7 @@ fn one(
             let picture = draw(&|| pictures::explained(&scenario, resources.catalogue))?;
             Ok(LaidOut { task: id, scenario: Some(path.display().to_string()), refused: None, picture })
         }
+        Err(error) if error.is_defect() => Err(RunError::broken(format!("laying out {} stopped", attempt.id()), error)),
         Err(error) => {
             let picture = draw(&|| pictures::explained_refusal(task, &error, resources.catalogue))?;
             Ok(LaidOut { task: id, scenario: None, refused: Some(error.to_string()), picture })

@@ -1,6 +1,6 @@
 //! Pictures of episodes and layouts: stills, film strips and drawings.
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::AssetSource;
 use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};
 use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
 use genmanip_core::glam::DVec2;
@@ -78,7 +78,7 @@ fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, R
 ///
 /// # Errors
 /// When an object is not in the catalogue.
-pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<LayoutPicture, RunError> {
+pub fn layout_picture(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<LayoutPicture, RunError> {
     let edges = scenario.task.scene_graph.edges.iter();
     Ok(LayoutPicture {
         workspace: scenario.workspace,
@@ -93,7 +93,7 @@ pub fn layout_picture(scenario: &Scenario, catalogue: &Catalogue) -> Result<Layo
 ///
 /// # Errors
 /// When an object is not in the catalogue.
-pub fn explained(scenario: &Scenario, catalogue: &Catalogue) -> Result<Svg, RunError> {
+pub fn explained(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<Svg, RunError> {
     Ok(explain_svg(&scenario.task, &layout_picture(scenario, catalogue)?, None))
 }
 
@@ -101,11 +101,11 @@ pub fn explained(scenario: &Scenario, catalogue: &Catalogue) -> Result<Svg, RunE
 ///
 /// # Errors
 /// When an object is not in the catalogue.
-pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue) -> Result<Svg, RunError> {
-    let name = |uid: &str| task.card(uid).map_or_else(|| uid.to_owned(), |card| card.name.clone());
+pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &dyn AssetSource) -> Result<Svg, RunError> {
+    let name = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.name.clone());
     let in_words = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
-            let second = second_reference.iter().map(|uid| format!(" and {}", name(uid)));
+            let second = second_reference.iter().map(|id| format!(" and {}", name(id)));
             format!("{} {} {}{}", name(subject), relation.name(), name(reference), second.collect::<String>())
         }
         Atom::State { object, state } => format!("{} is {state}", name(object)),
@@ -113,7 +113,7 @@ pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue
     let (mut refusal, mut placed, mut windows) = (Refusal::default(), Vec::new(), Vec::new());
     if let LayoutError::Infeasible { restarts, rejections, furthest, .. } = error {
         refusal.headline = format!("No layout in {restarts} attempts");
-        refusal.reasons = rejections.reasons().into_iter().map(|(reason, count)| (reason.to_owned(), count)).collect();
+        refusal.reasons = rejections.reasons().into_iter().map(|(reason, count)| (reason.to_string(), count)).collect();
         let edges = rejections.conflicting_edges().into_iter();
         refusal.conflicts_in_words = edges.map(|(atom, count)| (in_words(atom), count)).collect();
         refusal.conflicts = rejections.conflicting_edges().into_iter().map(|(atom, _)| atom.clone()).collect();
@@ -139,16 +139,16 @@ pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &Catalogue
 }
 
 /// Objects seen from above.
-fn footprints(objects: &[PlacedObject], catalogue: &Catalogue) -> Result<Vec<Footprint>, RunError> {
+fn footprints(objects: &[PlacedObject], catalogue: &dyn AssetSource) -> Result<Vec<Footprint>, RunError> {
     let mut shapes = ShapeCache::default();
     let footprint = |placed: &PlacedObject| {
         let model = catalogue
             .instance(placed)
-            .map_err(|error| RunError::broken(format!("cannot draw object {}", placed.uid), error))?;
+            .map_err(|error| RunError::broken(format!("cannot draw object {}", placed.id), error))?;
         let color = model.card.colors.first().map_or([128; 3], |word| color_of_word(word));
         let name = model.card.name.clone();
         let object = PosedObject {
-            uid: placed.uid.clone(),
+            id: placed.id.clone(),
             model,
             pose: placed.pose,
             joint_positions: placed.joint_positions.clone(),
@@ -156,7 +156,7 @@ fn footprints(objects: &[PlacedObject], catalogue: &Catalogue) -> Result<Vec<Foo
         let scene = PosedScene::new(vec![object], &mut shapes);
         let corners = |polygon: &[DVec2]| polygon.iter().map(|point| point.to_array()).collect();
         let polygons = scene.footprints(0).into_iter().map(corners).collect();
-        Ok(Footprint { uid: placed.uid.clone(), name, color, polygons })
+        Ok(Footprint { id: placed.id.clone(), name, color, polygons })
     };
     objects.iter().map(footprint).collect()
 }

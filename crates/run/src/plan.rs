@@ -3,7 +3,7 @@
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{ObjectModel, PlacedObject, Pose, Seed};
 use genmanip_layout::surroundings;
-use genmanip_motion::{Allowed, Path, PlanError, Planner, ReachableGrasp, Surroundings, World};
+use genmanip_motion::{Allowed, CollisionWorld, Path, PlanError, Planner, PlanningScene, ReachableGrasp};
 use genmanip_rollout::Stage;
 use serde::Serialize;
 
@@ -171,7 +171,7 @@ fn paths(
 ) -> Result<(Vec<Path>, f64), PlanError> {
     let world = surroundings::world(stage.start(), None);
     let nothing = Allowed::none();
-    let free = |width: f64| Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: width };
+    let free = |width: f64| PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: width };
     let (object, grasps) = match goal {
         Goal::Configurations(goals) => {
             let path = planner.plan_joint(&free(gripper_width_m), start, goals, seed)?;
@@ -192,14 +192,14 @@ fn paths(
 fn to_grasp(
     grasp: &ReachableGrasp,
     object: &str,
-    world: &World,
+    world: &CollisionWorld,
     planner: &Planner,
     start: &[f64],
-    free: &Surroundings,
+    free: &PlanningScene,
     seed: Seed,
 ) -> Result<Vec<Path>, PlanError> {
     let touching = Allowed::none().and_gripper(planner.robot(), object);
-    let beside = Surroundings { world, attached: None, allowed: &touching, gripper_width: grasp.opening };
+    let beside = PlanningScene { world, attached: None, allowed: &touching, gripper_width: grasp.opening };
     let approach = planner.straight(&beside, &grasp.config, &planner.tcp_pose(&grasp.pregrasp))?.reversed();
     let reach = planner.plan_joint(free, start, &[approach.start().to_vec()], seed)?;
     Ok(vec![reach, approach])
@@ -233,12 +233,12 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
     let scene = stage.start();
     let world = surroundings::world(scene, None);
     let nothing = Allowed::none();
-    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
+    let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: 0.0 };
     let candidates = surroundings::generated_grasps(planner, scene, index, seed)
         .map_err(|error| RunError::broken(format!("grasps of `{wanted}` cannot be sought"), error))?;
-    let (uid, pose) = (&scenario_object(stage, index).uid, scenario_object(stage, index).pose);
-    let grasps = planner.reachable_grasps(&around, uid, &pose, &candidates, start, GRASPS);
-    Ok(Goal::Grasp { object: uid.clone(), grasps })
+    let (id, pose) = (&scenario_object(stage, index).id, scenario_object(stage, index).pose);
+    let grasps = planner.reachable_grasps(&around, id, &pose, &candidates, start, GRASPS);
+    Ok(Goal::Grasp { object: id.clone(), grasps })
 }
 
 /// The tcp at a point, the hand pointing down.

@@ -6,6 +6,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use genmanip_assets::GraspLibrary;
 use genmanip_core::{Episode, Policy};
 use genmanip_motion::Planner;
 use genmanip_rollout::Stage;
@@ -42,7 +43,8 @@ pub const POLICIES: [PolicyEntry; 3] = [
 
 fn expert(_given: &Given) -> Result<Make, RunError> {
     Ok(Box::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
-        Ok(Box::new(Expert::new(episode.stage, episode.planner, episode.settings.expert.clone())))
+        let expert = Expert::new(episode.stage, episode.planner, episode.grasps, episode.settings.expert.clone());
+        Ok(Box::new(expert.map_err(|error| RunError::broken("the expert cannot be made", error))?))
     }))
 }
 
@@ -97,6 +99,8 @@ pub struct PolicyContext<'a> {
     pub recorded: Option<&'a Episode>,
     /// How the robot is planned for.
     pub planner: &'a Arc<Planner>,
+    /// Grasps that were tried beforehand.
+    pub grasps: &'a GraspLibrary,
     /// Settings of the run.
     pub settings: &'a CollectSettings,
 }

@@ -7,27 +7,7 @@ use genmanip_core::glam::DVec3;
 use mujoco_rs::wrappers::{MjData, MjModel};
 
 use crate::Scene;
-
-/// A body of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum BodyId {
-    /// The table's slab.
-    Table,
-    /// The ground beneath.
-    Floor,
-    /// A link of the robot.
-    Robot {
-        /// Index in the robot's links.
-        link: usize,
-    },
-    /// A link of an object.
-    Object {
-        /// Index in the scene's objects.
-        object: usize,
-        /// Index in the object's links.
-        link: usize,
-    },
-}
+use crate::body::BodyId;
 
 /// One contact point.
 #[derive(Clone, Copy, Debug, PartialEq)]

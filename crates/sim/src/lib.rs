@@ -10,11 +10,13 @@
 //! Deliberately absent: rendering, sensors, welds, mocap bodies, and the engine's sleeping of resting bodies
 //! (sleep is not part of the saved state and hides contacts).
 
+mod body;
 mod contact;
 mod drive;
 mod error;
 mod mjcf;
 mod scene;
+mod scene_object;
 mod settings;
 mod settle;
 mod sim;
@@ -22,9 +24,11 @@ mod sim;
 mod tests;
 mod xml;
 
-pub use contact::{BodyId, ContactReport};
+pub use body::BodyId;
+pub use contact::ContactReport;
 pub use error::SimError;
-pub use scene::{Scene, SceneObject};
+pub use scene::Scene;
+pub use scene_object::SceneObject;
 pub use settings::SimSettings;
 pub use settle::{SettleReport, SettleSettings};
 pub use sim::Sim;

@@ -3,25 +3,13 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::{ObjectModel, Pose, RobotModel};
+use genmanip_core::RobotModel;
 use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
 use mujoco_rs::wrappers::MjModel;
 
-use crate::contact::BodyId;
+use crate::body::BodyId;
+use crate::scene_object::SceneObject;
 use crate::{ENGINE, SimError, SimSettings, engine_version, mjcf};
-
-/// An object and where it starts.
-#[derive(Clone, Debug)]
-pub struct SceneObject {
-    /// Name, unique in the scene; the uid in scenarios.
-    pub name: String,
-    /// The model.
-    pub model: Arc<ObjectModel>,
-    /// `world_from_object`.
-    pub pose: Pose,
-    /// A position per joint, in the order of the links; empty for a rigid object.
-    pub joint_positions: Vec<f64>,
-}
 
 /// A robot and objects on the table, compiled for the physics engine.
 ///

@@ -6,7 +6,8 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Frame, ObjectState, Pose};
 use mujoco_rs::wrappers::{MjData, MjModel, MjtState};
 
-use crate::contact::{BodyId, ContactReport, Finger, TouchTally, contacts};
+use crate::body::BodyId;
+use crate::contact::{ContactReport, Finger, TouchTally, contacts};
 use crate::drive::{applied_command, lerp, next_setpoint};
 use crate::scene::RobotIndex;
 use crate::{Scene, SimError};

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DVec3};
-use genmanip_core::{MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape};
+use genmanip_core::{AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape};
 
 use crate::drive::{lerp, setpoint_from_width};
 use crate::xml::Element;
@@ -66,6 +66,7 @@ fn wedge(pieces: Vec<Piece>) -> ObjectModel {
     ObjectModel {
         card: ObjectCard {
             uid: "wedge".into(),
+            asset: AssetRef::builtin("wedge", 1),
             name: "Wedge".into(),
             description: String::new(),
             category: String::new(),
@@ -81,8 +82,7 @@ fn wedge(pieces: Vec<Piece>) -> ObjectModel {
             can_grasp: true,
         },
         family: "test".into(),
-        seed: Seed::new(0),
-        generator_version: 1,
+        asset: AssetRef::builtin("wedge", 1),
         links: vec![ObjectLink { name: "body".into(), joint: None, visual: vec![], pieces, cavity: vec![], mass }],
         friction: 0.5,
         joint_states: vec![],

@@ -2,6 +2,8 @@
 //!
 //! The dependency rule is read from the table in ARCHITECTURE.md itself, so the page cannot drift from the code.
 
+mod circles;
+mod imports;
 mod manifest;
 mod structure;
 mod table;
@@ -52,6 +54,7 @@ pub fn check(root: &Path) -> Result<Vec<Violation>> {
     let mut found = table::check(&table, &crates, &manifest::shared(text_of(&files, "Cargo.toml")?));
     found.extend(manifest::check_run_path(&crates));
     found.extend(structure::check(&files, &exceptions));
+    found.extend(circles::check(&files));
     found.extend(text::check(&files));
     found.sort_by(|a, b| a.place.cmp(&b.place));
     Ok(found)

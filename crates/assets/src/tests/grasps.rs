@@ -1,6 +1,6 @@
-use genmanip_core::{Document, Seed};
+use genmanip_core::{AssetRef, Document, Seed};
 
-use crate::{AssetError, Catalogue, GraspFile, variant};
+use crate::{AssetError, Catalogue, GraspFile, GraspLibrary, panda, variant};
 
 #[test]
 fn the_grasps_that_come_with_the_program_are_fresh_and_plausible() {
@@ -44,6 +44,43 @@ fn stale_grasps_are_refused_and_unknown_objects_have_none() {
     let mut nameless = (*mug).clone();
     nameless.card.uid = "no such thing".into();
     assert_eq!(GraspFile::builtin().of(&nameless).unwrap(), None);
+}
+
+/// What a robot is given: its own grasps of unchanged objects, an error for changed ones, and nothing of another robot.
+#[test]
+fn a_library_gives_out_what_this_robot_tried_on_this_object() {
+    let (robot, mug) = (panda(), Catalogue::builtin().build("001").unwrap());
+    let library = GraspLibrary::builtin();
+    let known = &GraspFile::builtin().objects["001"].grasps;
+    assert!(!known.is_empty() && library.of(&robot, &mug).unwrap() == known);
+
+    let mut changed = (*mug).clone();
+    changed.friction += 0.1;
+    let error = library.of(&robot, &changed).unwrap_err();
+    assert!(matches!(&error, AssetError::StaleGrasps { uid, .. } if uid == "001"), "{error}");
+    assert!(error.to_string().contains("genmanip grasps bake"), "{error}");
+
+    let mut other = (*robot).clone();
+    other.name = "another arm".into();
+    assert_eq!(library.of(&other, &mug), Ok(&[][..]), "grasps of another hand");
+    assert_eq!(library.of(&other, &changed), Ok(&[][..]));
+    assert_eq!(library.of(&robot, &variant(&mug, Seed::new(1))), Ok(&[][..]), "a variant is another thing");
+    let shelf = Catalogue::builtin().build("057").unwrap();
+    assert_eq!(library.of(&robot, &shelf), Ok(&[][..]), "never tried");
+
+    // What nobody tried has the grasps of what has the same physics.
+    let mut twin = (*mug).clone();
+    twin.asset = AssetRef::Builtin { uid: "twin".into(), version: 1 };
+    assert!(library.of(&robot, &twin).unwrap() == known);
+
+    // Of files for several robots each gets its own.
+    let mut theirs = GraspFile::builtin().clone();
+    theirs.made_by.robot.clone_from(&other.name);
+    theirs.objects.retain(|uid, _| uid == "046");
+    let both = GraspLibrary::new([GraspFile::builtin().clone(), theirs]);
+    let cube = Catalogue::builtin().build("046").unwrap();
+    assert!(both.of(&other, &mug) == Ok(&[][..]) && !both.of(&other, &cube).unwrap().is_empty());
+    assert!(both.of(&robot, &mug).unwrap() == known);
 }
 
 #[test]

@@ -1,11 +1,11 @@
 //! Every object of the catalogue against its card.
 
-use genmanip_core::{Aabb, ObjectModel, Piece, PlacedObject, Pose, Shape};
+use genmanip_core::{Aabb, AssetRef, ObjectModel, Piece, PlacedObject, Pose, Shape};
 use glam::{DMat3, DVec3};
 
 use super::{largest_over_directions, separation, uncovered};
 use crate::solid::{Moments, Solid};
-use crate::{AssetError, Catalogue};
+use crate::{AssetError, AssetSource, Catalogue};
 
 /// Runs a check on every object that has a generator and reports all that fail.
 fn check_all(check: impl Fn(&ObjectModel) -> Vec<String>) {
@@ -283,23 +283,35 @@ fn a_scenario_of_other_physics_is_refused() {
     let catalogue = Catalogue::builtin();
     let model = catalogue.build("019").unwrap();
     let placed = PlacedObject {
-        uid: "019".into(),
-        family: model.family.clone(),
-        seed: model.seed,
-        generator_version: model.generator_version,
+        id: "019#2".into(),
+        asset: model.asset.clone(),
         physics_hash: model.physics_hash(),
+        judging_hash: Some(model.judging_hash()),
+        looks_hash: Some(model.looks_hash()),
         pose: Pose::IDENTITY,
         joint_positions: Vec::new(),
     };
     assert!(std::sync::Arc::ptr_eq(&catalogue.instance(&placed).unwrap(), &model));
     for (changed, expected) in [
-        (PlacedObject { physics_hash: "0".into(), ..placed.clone() }, "physics hash"),
-        (PlacedObject { generator_version: 9, ..placed.clone() }, "generator version"),
-        (PlacedObject { family: "mug".into(), ..placed.clone() }, "family"),
+        (PlacedObject { physics_hash: "v2:0".into(), ..placed.clone() }, "physics hash"),
+        (PlacedObject { physics_hash: "v1:0".into(), ..placed.clone() }, "physics hash"),
+        (PlacedObject { judging_hash: Some("v2:0".into()), ..placed.clone() }, "judging hash"),
+        (PlacedObject { asset: AssetRef::builtin("019", 9), ..placed.clone() }, "asset"),
     ] {
         let error = catalogue.instance(&changed).unwrap_err();
         assert!(matches!(error, AssetError::Mismatch { what, .. } if what == expected), "{error}");
+        assert!(error.to_string().contains("019#2"), "{error}");
     }
+    let old = PlacedObject {
+        physics_hash: format!("v1:{}", model.physics_hash_v1()),
+        judging_hash: None,
+        looks_hash: None,
+        ..placed.clone()
+    };
+    assert!(catalogue.instance(&old).is_ok(), "scenarios of version 1 are checked by their own hash");
+    let repainted = PlacedObject { looks_hash: Some("v2:0".into()), ..placed.clone() };
+    assert!(catalogue.instance(&repainted).is_ok(), "looks refuse nothing");
+    assert_eq!(catalogue.changed_looks(&[placed, old, repainted]).unwrap(), ["019#2"]);
 }
 
 #[test]
@@ -316,6 +328,7 @@ fn broken_data_is_an_error_with_its_place() {
     let card = |size: &str| {
         Catalogue::builtin().cards().first().map(|card| {
             let mut value = serde_json::to_value(card).unwrap();
+            value.as_object_mut().unwrap().remove("asset");
             value["size_m"] = serde_json::from_str(size).unwrap();
             serde_json::json!([value]).to_string()
         })

@@ -74,7 +74,7 @@ pub(crate) struct Panel {
 
 struct Node {
     lines: Vec<String>,
-    uid: String,
+    id: String,
     dot: [u8; 3],
     state: Option<String>,
     moved: bool,
@@ -85,18 +85,18 @@ impl Panel {
     pub fn start(task: &Task, conflicts: &[Atom]) -> Self {
         let atoms: Vec<&Atom> = task.goal.alternatives.iter().flatten().collect();
         let nodes = task.scene_graph.nodes.iter().map(|node| {
-            Node::new(task, &node.uid, node.state.clone(), atoms.iter().any(|atom| atom.subject() == node.uid))
+            Node::new(task, &node.id, node.state.clone(), atoms.iter().any(|atom| atom.subject() == node.id))
         });
         let edges = &task.scene_graph.edges;
         let mut panel = Self::build("START".into(), false, nodes.collect(), edges);
-        let index = |uid: &str| task.scene_graph.nodes.iter().position(|node| node.uid == uid);
+        let index = |id: &str| task.scene_graph.index_of(id);
         let in_conflict = |from: usize, to: usize, label: &str| {
             conflicts.iter().any(|atom| match atom {
                 Atom::Relation { subject, relation, reference, second_reference } => {
                     let ends = [Some(reference), second_reference.as_ref()];
                     index(subject) == Some(from)
                         && relation.name() == label
-                        && ends.into_iter().flatten().any(|uid| index(uid) == Some(to))
+                        && ends.into_iter().flatten().any(|id| index(id) == Some(to))
                 }
                 Atom::State { .. } => false,
             })
@@ -113,7 +113,7 @@ impl Panel {
             (_, 0) => "GOAL · ALTERNATIVE A".into(),
             (_, index) => format!("OR · ALTERNATIVE {}", letter(index)),
         };
-        let mut uids: Vec<&str> = Vec::new();
+        let mut ids: Vec<&str> = Vec::new();
         let mut edges = Vec::new();
         for atom in atoms {
             let mentioned: Vec<&String> = match atom {
@@ -128,24 +128,24 @@ impl Panel {
                     [subject, reference].into_iter().chain(second_reference).collect()
                 }
             };
-            for uid in mentioned {
-                if !uids.contains(&uid.as_str()) {
-                    uids.push(uid);
+            for id in mentioned {
+                if !ids.contains(&id.as_str()) {
+                    ids.push(id);
                 }
             }
         }
-        let nodes = uids.into_iter().map(|uid| {
+        let nodes = ids.into_iter().map(|id| {
             let state = atoms.iter().find_map(|atom| match atom {
-                Atom::State { object, state } if object == uid => Some(state.clone()),
+                Atom::State { object, state } if object == id => Some(state.clone()),
                 _ => None,
             });
-            Node::new(task, uid, state, atoms.iter().any(|atom| atom.subject() == uid))
+            Node::new(task, id, state, atoms.iter().any(|atom| atom.subject() == id))
         });
         Self::build(heading, true, nodes.collect(), &edges)
     }
 
     fn build(heading: String, is_goal: bool, nodes: Vec<Node>, edges: &[GraphEdge]) -> Self {
-        let index = |uid: &str| nodes.iter().position(|node| node.uid == uid);
+        let index = |id: &str| nodes.iter().position(|node| node.id == id);
         let mut links: Vec<Link> = Vec::new();
         for edge in edges {
             let (Some(from), Some(to)) = (index(&edge.subject), index(&edge.reference)) else { continue };
@@ -231,12 +231,12 @@ impl Panel {
 }
 
 impl Node {
-    fn new(task: &Task, uid: &str, state: Option<String>, moved: bool) -> Self {
-        let card = task.card(uid);
+    fn new(task: &Task, id: &str, state: Option<String>, moved: bool) -> Self {
+        let card = task.card(id);
         let word = card.and_then(|card| card.colors.first()).map_or("", String::as_str);
         Self {
-            lines: wrap(card.map_or(uid, |card| card.name.as_str()), NAME_SIZE, 92.0, 3),
-            uid: uid.into(),
+            lines: wrap(card.map_or(id, |card| card.name.as_str()), NAME_SIZE, 92.0, 3),
+            id: id.into(),
             dot: color_of_word(word),
             state,
             moved,

@@ -40,7 +40,7 @@ pub struct PlaceWindow {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
     /// Uid, to which the edges refer.
-    pub uid: String,
+    pub id: String,
     /// Name to write.
     pub name: String,
     /// Colour, sRGB.
@@ -251,7 +251,7 @@ impl PlanScene {
         order.sort_by(|a, b| (b.1.width * b.1.height).total_cmp(&(a.1.width * a.1.height)));
         let objects = order.iter().map(|(footprint, _)| (outlines(footprint, view), footprint.color)).collect();
 
-        let index = |uid: &str| order.iter().position(|(footprint, _)| footprint.uid == uid);
+        let index = |id: &str| order.iter().position(|(footprint, _)| footprint.id == id);
         let (mut wires, mut roles) = (Vec::new(), Vec::new());
         let mut carried: Vec<Option<String>> = vec![None; order.len()];
         for DrawnEdge { edge, role } in &picture.edges {

@@ -1,5 +1,5 @@
 use genmanip_core::{
-    Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Task, TaskKind, Workspace, glam,
+    AssetRef, Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Task, TaskKind, Workspace, glam,
 };
 use proptest::prelude::*;
 
@@ -10,6 +10,7 @@ use super::svg::{Area, text_width, wrap};
 fn card(uid: &str, name: &str) -> ObjectCard {
     ObjectCard {
         uid: uid.into(),
+        asset: AssetRef::builtin(uid, 1),
         name: name.into(),
         description: String::new(),
         category: String::new(),
@@ -39,10 +40,11 @@ fn task(names: &[&str], edges: Vec<GraphEdge>, alternatives: Vec<Vec<Atom>>) -> 
         goal: Goal { alternatives },
         scene_graph: SceneGraph {
             description: String::new(),
-            nodes: uids.iter().map(|uid| GraphNode { uid: uid.clone(), state: None }).collect(),
+            nodes: uids.iter().map(|uid| GraphNode::of(&card(uid, uid))).collect(),
             edges,
         },
         objects: uids.iter().zip(names).map(|(uid, name)| card(uid, name)).collect(),
+        interchangeable: Vec::new(),
         source: "test".into(),
     }
 }
@@ -66,8 +68,8 @@ fn check_panel(panel: &Panel) {
 
 /// Share of directed edges that are drawn the way they are meant.
 fn faithful(task: &Task, panel: &Panel) -> f64 {
-    let center = |uid: &str| {
-        let at = task.scene_graph.nodes.iter().position(|node| node.uid == uid).unwrap();
+    let center = |id: &str| {
+        let at = task.scene_graph.index_of(id).unwrap();
         panel.boxes[at].center()
     };
     let right = |edge: &&GraphEdge| {
@@ -142,7 +144,7 @@ fn odd_graphs_are_drawn_too() {
 fn what_is_not_finite_or_far_away_does_not_spoil_a_layout() {
     let square = |x: f64, y: f64| vec![[x, y], [x + 0.1, y], [x + 0.1, y + 0.1], [x, y + 0.1]];
     let footprint =
-        |uid: &str, polygons| Footprint { uid: uid.into(), name: uid.into(), color: [200, 60, 50], polygons };
+        |uid: &str, polygons| Footprint { id: uid.into(), name: uid.into(), color: [200, 60, 50], polygons };
     let picture = LayoutPicture {
         workspace: Workspace::default(),
         footprints: vec![
@@ -221,7 +223,7 @@ proptest! {
         let footprints = seats.iter().enumerate().map(|(index, seat)| {
             let (x, y) = (0.28 + (seat % 4) as f64 * 0.17, -0.4 + (seat / 4) as f64 * 0.2);
             Footprint {
-                uid: format!("u{index}"),
+                id: format!("u{index}"),
                 name: ["Red Mug", "Terracotta Deep Plate", "Pear"][index % 3].into(),
                 color: [200, 60, 50],
                 polygons: vec![vec![[x, y], [x + 0.09, y + 0.02], [x + 0.07, y + 0.1], [x - 0.02, y + 0.08]]],

@@ -137,9 +137,9 @@ fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
     ]
 }
 
-/// A condition with names instead of uids.
+/// A condition with names instead of ids.
 fn atom_markup(task: &Task, atom: &Atom) -> String {
-    let name = |uid: &str| format!("<b>{}</b>", escape(task.card(uid).map_or(uid, |card| card.name.as_str())));
+    let name = |id: &str| format!("<b>{}</b>", escape(task.card(id).map_or(id, |card| card.name.as_str())));
     match atom {
         Atom::State { object, state } => format!("{} is <em>{}</em>", name(object), escape(state)),
         Atom::Relation { subject, relation, reference, second_reference } => {

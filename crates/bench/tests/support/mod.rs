@@ -58,7 +58,7 @@ pub fn layout_picture(task: &Task) -> LayoutPicture {
             [at[0] + x * turn.cos() - y * turn.sin(), at[1] + x * turn.sin() + y * turn.cos()]
         });
         Footprint {
-            uid: card.uid.clone(),
+            id: card.uid.clone(),
             name: card.name.clone(),
             color: color_of_word(&card.colors[0]),
             polygons: vec![outline.collect()],

@@ -103,7 +103,7 @@ pub fn show(arguments: &ShowArguments, printer: &Printer) -> Result<ExitStatus, 
 }
 
 fn in_words(task: &Task) -> String {
-    let name = |uid: &str| task.card(uid).map_or_else(|| uid.to_owned(), |card| card.name.clone());
+    let name = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.name.clone());
     let mut text = format!("{} ({})\n  {}\n\ngoal\n", task.id, task.kind.name(), task.instruction);
     for (index, atoms) in task.goal.alternatives.iter().enumerate() {
         let atoms: Vec<String> = atoms.iter().map(|atom| with_names(atom, &name)).collect();
@@ -115,7 +115,7 @@ fn in_words(task: &Task) -> String {
     }
     for node in &task.scene_graph.nodes {
         let state = node.state.as_ref().map(|state| format!(", {state}")).unwrap_or_default();
-        text += &format!("  {} {}{state}\n", node.uid, name(&node.uid));
+        text += &format!("  {} {}{state}\n", node.id, name(&node.id));
     }
     text
 }
@@ -124,7 +124,7 @@ fn with_names(atom: &genmanip_core::Atom, name: &dyn Fn(&str) -> String) -> Stri
     use genmanip_core::Atom;
     match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
-            let second = second_reference.as_ref().map(|uid| format!(" and {}", name(uid))).unwrap_or_default();
+            let second = second_reference.as_ref().map(|id| format!(" and {}", name(id))).unwrap_or_default();
             format!("{} {} {}{second}", name(subject), relation.name(), name(reference))
         }
         Atom::State { object, state } => format!("{} is {state}", name(object)),

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use genmanip_assets::Catalogue;
 use genmanip_bench::text_table;
+use genmanip_chat::CassetteMode;
 use genmanip_core::{Document, Seed, Task, TaskKind};
-use genmanip_llm::{CassetteMode, Designer, GenerationOutcome, LlmSettings};
+use genmanip_llm::{Designer, GenerationOutcome, LlmSettings};
 use genmanip_run::{Progress, inputs};
 use genmanip_scene::designer::{DesignSettings, design_each};
 use serde::Serialize;

@@ -2,7 +2,6 @@
 
 use std::fs::{self, File};
 use std::io::Write;
-use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
@@ -107,9 +106,10 @@ fn show_puts_a_task_in_words_and_draws_its_graph() {
     assert!(svg.starts_with("<svg") && svg.contains("Puzzle Cube"), "{svg}");
 }
 
-/// Whatever 100 MB hold, and however they are named, there is one message, soon.
+/// Whatever a file holds that is too large, and however it is named, there is one message, and only its head is read:
+/// nobody can read a terabyte in a test.
 #[test]
-fn a_hundred_megabytes_of_garbage_are_refused_at_once() {
+fn a_terabyte_of_garbage_is_refused_by_its_head() {
     let folder = tempfile::tempdir().unwrap();
     let fillings: [(&str, &[u8]); 3] =
         [("letters", b"x"), ("braces", b"{\"a\":["), ("binary", &[0, 159, 146, 150, 255])];
@@ -119,8 +119,9 @@ fn a_hundred_megabytes_of_garbage_are_refused_at_once() {
         for _ in 0..100 {
             file.write_all(&chunk).unwrap();
         }
+        // The rest is a hole, which takes no room on the disk.
+        file.set_len(1 << 40).unwrap();
         drop(file);
-        let started = Instant::now();
         for verb in [["task", "check"], ["task", "show"], ["export", "--mjcf"]] {
             let outcome = genmanip(folder.path(), &[verb[0], verb[1], "big.json"]);
             outcome.assert_refused(&["big.json is larger than", "hint:"]);
@@ -130,6 +131,5 @@ fn a_hundred_megabytes_of_garbage_are_refused_at_once() {
         let judged = genmanip(folder.path(), &["task", "check", "big.json", "--objects", "001,002", "--json"]).json(1);
         assert_eq!(judged[0]["flaws"], json!(["too_large"]), "{name}");
         assert!(judged.to_string().len() < 2000, "{name}");
-        assert!(started.elapsed() < Duration::from_secs(5), "{name}: {:?}", started.elapsed());
     }
 }

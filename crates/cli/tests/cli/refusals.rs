@@ -24,11 +24,11 @@ fn workplace() -> tempfile::TempDir {
     write("words.json", b"Sure! Here is your task.");
     write("list.json", b"[1, 2]");
     write("old_task.json", br#"{"schema": "genmanip.task/0"}"#);
-    write("half_task.json", br#"{"schema": "genmanip.task/1", "id": "half"}"#);
+    write("half_task.json", br#"{"schema": "genmanip.task/2", "id": "half"}"#);
     let task = scenario["task"].clone();
     let changed_task = |name: &str, change: &dyn Fn(&mut Value)| {
         let mut changed = task.clone();
-        changed["schema"] = "genmanip.task/1".into();
+        changed["schema"] = "genmanip.task/2".into();
         change(&mut changed);
         write(name, changed.to_string().as_bytes());
     };
@@ -43,15 +43,15 @@ fn workplace() -> tempfile::TempDir {
     fs::copy(example("021_spatial"), folder.path().join("021.json")).unwrap();
     fs::create_dir(folder.path().join("empty")).unwrap();
     let at = |x: &str| {
-        format!(r#"{{"schema": "genmanip.scenario/1", "objects": [{{"pose": {{"position_m": [{x}, 0, 0]}}}}]}}"#)
+        format!(r#"{{"schema": "genmanip.scenario/2", "objects": [{{"pose": {{"position_m": [{x}, 0, 0]}}}}]}}"#)
     };
     write("nan.json", at("NaN").as_bytes());
     write("huge.json", at("1e999").as_bytes());
     changed("null.json", &|s| s["objects"][0]["pose"]["position_m"][2] = Value::Null);
     changed("turn.json", &|s| s["objects"][1]["pose"]["orientation_wxyz"] = json!([0, 0, 0, 0]));
-    changed("newer.json", &|s| s["schema"] = "genmanip.scenario/2".into());
-    changed("stranger.json", &|s| s["objects"][0]["uid"] = "101".into());
-    changed("other_physics.json", &|s| s["objects"][0]["physics_hash"] = "0".repeat(64).into());
+    changed("newer.json", &|s| s["schema"] = "genmanip.scenario/3".into());
+    changed("stranger.json", &|s| s["objects"][0]["asset"]["uid"] = "101".into());
+    changed("other_physics.json", &|s| s["objects"][0]["physics_hash"] = format!("v2:{}", "0".repeat(16)).into());
     changed("other_robot.json", &|s| s["robot"] = "ur5".into());
     changed("short_home.json", &|s| s["robot_home"] = json!([0.0, 0.1]));
     changed("wrong_joints.json", &|s| s["objects"][0]["joint_positions"] = json!([0.5]));

@@ -1,5 +1,47 @@
-//! How documents of the version before become today's, one module per kind of document.
+//! How documents of the version before become documents of the present version.
 //!
-//! What an older version did not say is filled in with what was fixed when it was current.
+//! What the older version did not say is filled in with what was fixed when it was current, never with today's default;
+//! so every constant here is frozen.
 
 pub mod result;
+pub mod run;
+pub mod scenario;
+pub mod task;
+
+use serde_json::{Map, Value};
+
+use crate::DocumentError;
+
+/// Builds the error for something that a document of the older version must have.
+fn lacks(path: &str, expected: &str) -> DocumentError {
+    DocumentError::Invalid { path: path.into(), message: format!("expected {expected}") }
+}
+
+/// The object under a key.
+fn object<'m>(
+    map: &'m mut Map<String, Value>,
+    key: &str,
+    path: &str,
+) -> Result<&'m mut Map<String, Value>, DocumentError> {
+    map.get_mut(key).and_then(Value::as_object_mut).ok_or_else(|| lacks(&format!("{path}.{key}"), "an object"))
+}
+
+/// The objects of the list under a key.
+fn objects<'m>(
+    map: &'m mut Map<String, Value>,
+    key: &str,
+    path: &str,
+) -> Result<Vec<&'m mut Map<String, Value>>, DocumentError> {
+    let place = format!("{path}.{key}");
+    let items = map.get_mut(key).and_then(Value::as_array_mut).ok_or_else(|| lacks(&place, "a list"))?;
+    items
+        .iter_mut()
+        .enumerate()
+        .map(|(index, item)| item.as_object_mut().ok_or_else(|| lacks(&format!("{place}[{index}]"), "an object")))
+        .collect()
+}
+
+/// The text under a key.
+fn text(map: &Map<String, Value>, key: &str, path: &str) -> Result<String, DocumentError> {
+    map.get(key).and_then(Value::as_str).map(String::from).ok_or_else(|| lacks(&format!("{path}.{key}"), "a text"))
+}

@@ -2,8 +2,8 @@
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
-    Camera, CameraMount, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper, Intrinsics, JointKind,
-    MassProperties, ObjectState, PlacedObject, Pose, RgbdImage, RobotJoint, RobotLink, RobotModel, Scenario,
+    AssetRef, Camera, CameraMount, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper, Intrinsics,
+    JointKind, MassProperties, ObjectState, PlacedObject, Pose, RgbdImage, RobotJoint, RobotLink, RobotModel, Scenario,
     SceneGraph, Seed, Task, TaskKind, Workspace,
 };
 use genmanip_data::{EpisodeStore, TrackRecorder, VideoSettings};
@@ -57,11 +57,11 @@ fn wiggle(seed: usize, index: usize) -> f64 {
 
 pub fn scenario(number: usize) -> Scenario {
     let placed = |uid: &str, x: f64| PlacedObject {
-        uid: uid.into(),
-        family: "mug".into(),
-        seed: Seed::new(number as u64),
-        generator_version: 1,
-        physics_hash: "0".repeat(64),
+        id: uid.into(),
+        asset: AssetRef::builtin(uid, number as u32),
+        physics_hash: format!("v2:{}", "0".repeat(16)),
+        judging_hash: None,
+        looks_hash: None,
         pose: Pose::from_position_yaw(DVec3::new(x, 0.1, 0.0), 0.3),
         joint_positions: Vec::new(),
     };
@@ -74,6 +74,7 @@ pub fn scenario(number: usize) -> Scenario {
             goal: Goal::default(),
             scene_graph: SceneGraph::default(),
             objects: Vec::new(),
+            interchangeable: Vec::new(),
             source: "made up".into(),
         },
         seed: Seed::new(7),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, Material, Piece, Pose, RgbdImage, RobotModel, Seed, TriMesh, VisualPart};
-use genmanip_motion::{Allowed, DepthSettings, Path, Planner, Surroundings, World, triangulate};
+use genmanip_motion::{Allowed, CollisionWorld, DepthSettings, Path, Planner, PlanningScene, triangulate};
 use genmanip_render::{Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use serde::Serialize;
 
@@ -84,8 +84,9 @@ impl DepthTally {
         self.depth.problems += 1;
         let (seen, perceive_s) = timed(|| perceive(planner));
         let seen = seen.map_err(no_cloud)?;
-        let touches =
-            |world: &World, state: &[f64]| planner.checker(&around(world, &allowed), 0.0).check(state).is_some();
+        let touches = |world: &CollisionWorld, state: &[f64]| {
+            planner.checker(&around(world, &allowed), 0.0).check(state).is_some()
+        };
         if touches(&seen, start) || touches(&seen, &problem.goal) {
             self.depth.start_or_goal_in_cloud += 1;
             return Ok(());
@@ -104,7 +105,7 @@ impl DepthTally {
             Ok(path) => {
                 self.depth.solved += 1;
                 let pixels = perceive(&self.close).map_err(no_cloud)?;
-                let touches = |world: &World| is_touched_by(planner, &around(world, &allowed), &path);
+                let touches = |world: &CollisionWorld| is_touched_by(planner, &around(world, &allowed), &path);
                 self.depth.touching_cloud += usize::from(touches(&seen));
                 self.depth.touching_seen_surfaces += usize::from(touches(&pixels));
                 self.depth.touching_anything += usize::from(touches(&problem.world));
@@ -124,12 +125,12 @@ impl DepthTally {
     }
 }
 
-fn around<'a>(world: &'a World, allowed: &'a Allowed) -> Surroundings<'a> {
-    Surroundings { world, attached: None, allowed, gripper_width: OPEN }
+fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed) -> PlanningScene<'a> {
+    PlanningScene { world, attached: None, allowed, gripper_width: OPEN }
 }
 
 /// Whether a state of the path, every 0.02 rad, one of its corners, or what the robot is told to do touches anything.
-fn is_touched_by(planner: &Planner, around: &Surroundings, path: &Path) -> bool {
+fn is_touched_by(planner: &Planner, around: &PlanningScene, path: &Path) -> bool {
     let (exact, trajectory) = (planner.checker(around, 0.0), planner.time(path, 1.0));
     states(path).iter().chain(path.waypoints()).chain(&trajectory.configs).any(|state| exact.check(state).is_some())
 }

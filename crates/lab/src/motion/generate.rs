@@ -5,7 +5,7 @@
 
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use genmanip_core::{Pose, Seed};
-use genmanip_motion::{Allowed, Planner, Surroundings};
+use genmanip_motion::{Allowed, Planner, PlanningScene};
 use rand::{Rng, RngExt};
 
 use super::OPEN;
@@ -69,7 +69,7 @@ fn chain(planner: &Planner, scene: &Scene, rng: &mut impl Rng, problems: &mut Ve
     let world = world(&scene.obstacles).map_err(|error| LabError::broken("a scene cannot be built", error))?;
     let allowed = Allowed::none();
     let checker =
-        planner.checker(&Surroundings { world: &world, attached: None, allowed: &allowed, gripper_width: OPEN }, 0.0);
+        planner.checker(&PlanningScene { world: &world, attached: None, allowed: &allowed, gripper_width: OPEN }, 0.0);
     let ready = Pose::new(READY, DQuat::from_rotation_x(std::f64::consts::PI));
     let is_free = |config: &Vec<f64>| checker.check(config).is_none();
     let Some(mut start) = planner.ik(&ready, &planner.robot().home).into_iter().find(is_free) else { return Ok(()) };

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use genmanip_core::{RobotModel, Seed};
-use genmanip_motion::{Allowed, Path, Planner, PlannerSettings, Surroundings, Trajectory};
+use genmanip_motion::{Allowed, Path, Planner, PlannerSettings, PlanningScene, Trajectory};
 use serde::Serialize;
 
 use crate::LabError;
@@ -197,7 +197,7 @@ fn problems(source: &Source, planner: &Planner, seed: Seed) -> Result<Vec<Proble
 impl Tally {
     fn solve(&mut self, planner: &Planner, index: usize, problem: &Problem, seed: Seed) {
         let allowed = Allowed::none();
-        let around = Surroundings { world: &problem.world, attached: None, allowed: &allowed, gripper_width: OPEN };
+        let around = PlanningScene { world: &problem.world, attached: None, allowed: &allowed, gripper_width: OPEN };
         let goals = std::slice::from_ref(&problem.goal);
         let (planned, seconds) = timed(|| planner.plan_joint(&around, &problem.start, goals, seed));
         self.plan_ms.push(seconds * 1e3);

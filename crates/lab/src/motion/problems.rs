@@ -4,7 +4,7 @@ use std::path::Path;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Piece, Pose, Shape};
-use genmanip_motion::{GeometryError, World};
+use genmanip_motion::{CollisionWorld, GeometryError};
 use serde::{Deserialize, Serialize};
 
 use crate::LabError;
@@ -52,9 +52,9 @@ pub enum Form {
 pub struct Problem {
     pub start: Vec<f64>,
     pub goal: Vec<f64>,
-    pub world: World,
+    pub world: CollisionWorld,
     /// Only the tables: boxes whose top is the plane z = 0.
-    pub tables: World,
+    pub tables: CollisionWorld,
     /// All obstacles, placed in the world.
     pub pieces: Vec<Piece>,
 }
@@ -100,8 +100,8 @@ impl Obstacle {
 }
 
 /// Obstacles named by their index, in the robot's base frame.
-pub fn world(obstacles: &[Obstacle]) -> Result<World, GeometryError> {
-    let mut world = World::new();
+pub fn world(obstacles: &[Obstacle]) -> Result<CollisionWorld, GeometryError> {
+    let mut world = CollisionWorld::new();
     for (index, obstacle) in obstacles.iter().enumerate() {
         world.add(&format!("obstacle {index}"), &[obstacle.piece()], &Pose::IDENTITY)?;
     }

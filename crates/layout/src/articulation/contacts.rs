@@ -29,19 +29,21 @@ pub struct JointContact {
     pub awkwardness: f64,
 }
 
-/// Where the arm points by nature when it works on a table: down and a little forward.
+/// Where the arm points by nature when it works on a table: down and a little forward; chosen, about the hand at home.
 const NATURAL: DVec3 = DVec3::new(0.35, 0.0, -0.94);
-/// Room between the pads and a handle on both sides together, metres.
+/// Room between the pads and a handle on both sides together, metres; chosen.
 const FINGER_ROOM_M: f64 = 0.016;
-/// How much narrower than the handle the width is that is commanded while holding, metres; the less, the gentler.
+/// How much narrower than the handle the width is that is commanded while holding, metres; the less, the gentler; chosen.
 const SQUEEZE_M: f64 = 0.006;
-/// The same where the handle is to turn between the pads: a firm grip would lift the whole object instead.
+/// The same where the handle is to turn between the pads: a firm grip would lift the whole object instead; chosen.
 const PIVOT_SQUEEZE_M: f64 = 0.0015;
-/// Reach of a closed finger's side and tip from the tcp: half a pad's breadth, both fingers' backs, the tip, metres.
+/// Distance of a closed finger's side, back and tip from the tcp, metres: half a pad's breadth, both fingers' depth, and
+/// the tip; from the colliders of the Panda's fingers in `assets`.
 const SIDE_M: f64 = 0.0105;
 const BACK_M: f64 = 0.025;
 const TIP_M: f64 = 0.009;
-/// Points of the surface that are looked at for a push, and how many of them are kept.
+/// Points of the surface that are looked at for a push, and how many of them are kept; bounds of
+/// the search, chosen.
 const PUSH_POINTS: usize = 160;
 const PUSHES: usize = 10;
 

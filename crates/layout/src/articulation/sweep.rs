@@ -1,7 +1,7 @@
 //! The way of the arm while it moves a joint.
 
 use genmanip_core::{Failure, FailureCause, JointKind, Pose};
-use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
+use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedObject, PosedScene};
 use glam::{DQuat, DVec3};
 
@@ -9,8 +9,15 @@ use super::contacts::of_link;
 use super::{JointChange, JointContact, JointSettings, Motion};
 use crate::surroundings;
 
-/// Distance between robot and object while it is moved, but for the gap at the contact itself, metres.
+/// Distance between robot and object while it is moved, but for the gap at the contact itself, metres; chosen, since the
+/// hand is meant to be this near.
 const CONTACT_M: f64 = 0.0005;
+
+/// Fewest and most states tested along a joint; chosen: short ways need a middle, long ones must end.
+const STEPS: [usize; 2] = [3, 60];
+
+/// Least distance of a contact from a joint's axis that is reckoned with, metres; chosen, so that nothing is divided by 0.
+const LEAST_LEVER_M: f64 = 1e-3;
 
 /// A contact with an arm that can follow it.
 #[derive(Clone, Debug)]
@@ -34,7 +41,7 @@ pub struct Sweeper<'a> {
     object: &'a PosedObject,
     change: &'a JointChange,
     /// Everything but the object.
-    others: World,
+    others: CollisionWorld,
 }
 
 impl<'a> Sweeper<'a> {
@@ -137,14 +144,14 @@ impl<'a> Sweeper<'a> {
     }
 
     /// The object's surroundings and itself, joint at a position.
-    pub fn world_at(&self, position: f64) -> World {
+    pub fn world_at(&self, position: f64) -> CollisionWorld {
         let mut world = self.others.clone();
         let mut object = self.object.clone();
         if let Some(value) = object.joint_positions.get_mut(self.change.joint) {
             *value = position;
         }
         // The models' own pieces and finite poses are always accepted.
-        let _ = world.add(&object.uid, &object.model.pieces(&object.joint_positions), &object.pose);
+        let _ = world.add(&object.id, &object.model.pieces(&object.joint_positions), &object.pose);
         world
     }
 
@@ -152,18 +159,18 @@ impl<'a> Sweeper<'a> {
     pub fn velocity(&self, sweep: &JointSweep) -> (DVec3, f64) {
         let point = sweep.contact.world_from_tcp.transform_point(sweep.contact.tool_point);
         let velocity = Motion::of(self.object, self.change, sweep.target).map(|motion| motion.velocity(point));
-        velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(1e-3)))
+        velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(LEAST_LEVER_M)))
     }
 
     /// Positions on the way with the world at each, the present one first.
-    fn worlds(&self, motion: &Motion, target: f64) -> Vec<(f64, World)> {
+    fn worlds(&self, motion: &Motion, target: f64) -> Vec<(f64, CollisionWorld)> {
         let size = self.object.model.world_bounds(&Pose::IDENTITY, &self.object.joint_positions).size().max_element();
         let total = (target - self.change.from).abs();
         let steps = match motion.kind {
             JointKind::Prismatic => total / self.settings.step_m,
             JointKind::Revolute => (total / self.settings.step_rad).max(total * size / self.settings.step_m / 2.0),
         };
-        let steps = (steps.ceil() as usize).clamp(3, 60);
+        let steps = (steps.ceil() as usize).clamp(STEPS[0], STEPS[1]);
         (0..=steps)
             .map(|step| {
                 let by = (target - self.change.from) * step as f64 / steps as f64;
@@ -173,7 +180,7 @@ impl<'a> Sweeper<'a> {
     }
 
     /// Straight to the contact along the fingers.
-    fn approach(&self, contact: &JointContact, config: &[f64], world: &World) -> Option<Path> {
+    fn approach(&self, contact: &JointContact, config: &[f64], world: &CollisionWorld) -> Option<Path> {
         let nothing = Allowed::none();
         let back = contact.world_from_tcp.transform_vector(DVec3::NEG_Z) * self.settings.approach_m;
         let before = Pose { position: contact.world_from_tcp.position + back, ..contact.world_from_tcp };
@@ -185,7 +192,7 @@ impl<'a> Sweeper<'a> {
         motion: &Motion,
         contact: &JointContact,
         config: &[f64],
-        worlds: &[(f64, World)],
+        worlds: &[(f64, CollisionWorld)],
         tally: &mut Tally,
     ) -> bool {
         let end = worlds.last().map_or(0.0, |(by, _)| *by) + beyond(motion, contact);
@@ -200,7 +207,7 @@ impl<'a> Sweeper<'a> {
         }
         let nothing = Allowed::none();
         let roomy = self.planner.checker(&around(&self.others, &nothing, contact), self.settings.room_m);
-        let is_free = |(config, (_, world)): (&Vec<f64>, &(f64, World))| {
+        let is_free = |(config, (_, world)): (&Vec<f64>, &(f64, CollisionWorld))| {
             self.planner.checker(&around(world, &nothing, contact), CONTACT_M).is_free(config)
         };
         way.iter().all(|config| roomy.is_free(config)) && way.iter().zip(worlds).skip(1).all(is_free)
@@ -215,14 +222,14 @@ struct Tally {
     possible: usize,
 }
 
-fn around<'a>(world: &'a World, allowed: &'a Allowed, contact: &JointContact) -> Surroundings<'a> {
-    Surroundings { world, attached: None, allowed, gripper_width: contact.open_width }
+fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed, contact: &JointContact) -> PlanningScene<'a> {
+    PlanningScene { world, attached: None, allowed, gripper_width: contact.open_width }
 }
 
 /// By how much farther than the joint the hand is sent: a push first closes the gap, and presses no more at the end.
 fn beyond(motion: &Motion, contact: &JointContact) -> f64 {
     let (_, lever) = motion.velocity(contact.world_from_tcp.transform_point(contact.tool_point));
-    contact.gap_m / lever.max(1e-3) * motion.sign
+    contact.gap_m / lever.max(LEAST_LEVER_M) * motion.sign
 }
 
 /// Pose of the tcp when the joint has moved `by`.

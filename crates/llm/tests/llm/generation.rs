@@ -3,11 +3,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use genmanip_chat::fake::{Behaviour, FakeServer, ScriptedChat};
+use genmanip_chat::{ChatError, ChatModel, ChatReply, ChatRequest, Role};
 use genmanip_core::{Document, ObjectCard, Seed, Task, TaskKind};
-use genmanip_llm::fake::{Behaviour, FakeServer, ScriptedChat};
 use genmanip_llm::{
-    ChatModel, ChatReply, ChatRequest, Designed, Designer, GenerationOutcome, Ledger, LlmSettings, PromptSet, Refusal,
-    Role, SamplingSettings, generate, sample_objects,
+    Designed, Designer, GenerationOutcome, LlmSettings, PromptSet, Refusal, SamplingSettings, generate, sample_objects,
 };
 use genmanip_scene::answer::Verdict;
 use serde_json::{Value, json};
@@ -66,8 +66,8 @@ fn violations_are_fed_back() {
     let last = script.seen().pop().unwrap();
     let roles: Vec<Role> = last.messages.iter().map(|message| message.role).collect();
     assert_eq!(roles, [Role::System, Role::User, Role::Assistant, Role::User, Role::Assistant, Role::User]);
-    assert!(last.messages[3].text.contains("no_json"), "{}", last.messages[3].text);
-    assert!(last.messages[5].text.contains("unknown_uid"), "{}", last.messages[5].text);
+    assert!(last.messages[3].text().contains("no_json"), "{}", last.messages[3].text());
+    assert!(last.messages[5].text().contains("unknown_uid"), "{}", last.messages[5].text());
     assert_eq!(Task::from_json(&outcome.task().unwrap().to_json()).unwrap(), *outcome.task().unwrap());
 }
 
@@ -81,7 +81,7 @@ fn rounds_and_quotations_are_bounded() {
     let outcome = designer.design(&recorded_answers()[0].1.request("x", &catalogue()).unwrap());
     assert!(matches!(outcome.result, Designed::Refused(Refusal::Invalid)));
     assert_eq!(outcome.rounds.len(), 2);
-    let quoted = &script.seen()[1].messages[2].text;
+    let quoted = script.seen()[1].messages[2].text();
     assert!(quoted.len() < 1100 && quoted.ends_with("left out here)"), "{} bytes", quoted.len());
     insta::assert_snapshot!(outcome.refusal().unwrap());
 }
@@ -143,7 +143,7 @@ fn generation_does_not_depend_on_the_number_of_workers() {
     }
     let instructions: BTreeSet<&str> = one.iter().map(|outcome| outcome.task().unwrap().instruction.as_str()).collect();
     assert_eq!(instructions.len(), 12);
-    let ledger = Ledger::of(&one);
+    let ledger = GenerationOutcome::ledger(&one);
     let usage = &ledger.models["scripted"];
     assert_eq!((usage.answers, usage.requests, usage.prompt_tokens), (12, 12, 1200));
 }
@@ -212,7 +212,7 @@ fn the_prompt() {
     let designer = Designer::with_model(Shared(Arc::clone(&script)), &settings).unwrap();
     designer.design(&recorded_answers()[2].1.request("x", &catalogue()).unwrap());
     let messages = &script.seen()[0].messages;
-    insta::assert_snapshot!(format!("{}\n\n---- user ----\n\n{}", messages[0].text, messages[1].text));
+    insta::assert_snapshot!(format!("{}\n\n---- user ----\n\n{}", messages[0].text(), messages[1].text()));
 }
 
 /// The schema keeps to the subset that strict servers take, and lets every sound recorded answer through.
@@ -276,7 +276,7 @@ fn conflict(schema: &Value, value: &Value, path: &str) -> Option<String> {
 pub struct Shared(pub Arc<ScriptedChat>);
 
 impl ChatModel for Shared {
-    fn chat(&self, request: &ChatRequest) -> Result<ChatReply, genmanip_llm::ChatError> {
+    fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
         self.0.chat(request)
     }
 }

@@ -1,4 +1,5 @@
-use genmanip_llm::{CassetteMode, LlmSettings};
+use genmanip_chat::CassetteMode;
+use genmanip_llm::LlmSettings;
 
 /// The settings that the guide shows are read as it says.
 #[test]

@@ -1,16 +1,16 @@
-//! The client against a real server on loopback, generation against recorded answers, cassettes and secrets.
+//! Generation against recorded answers over a server on loopback and from cassettes, prompts and settings.
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod cassettes;
-mod client;
 mod generation;
 mod guide;
+mod prompts;
 mod secrets;
 
-use genmanip_core::{ObjectCard, Seed};
-use genmanip_llm::fake::FakeServer;
-use genmanip_llm::{ChatRequest, HttpChat, LlmSettings, Message, ReplySchema, ServerSettings};
+use genmanip_chat::ServerSettings;
+use genmanip_core::ObjectCard;
+use genmanip_llm::LlmSettings;
 use genmanip_scene::answer::RecordedAnswer;
 
 /// The recorded answers belong to the crate that judges them.
@@ -50,22 +50,4 @@ fn impatient(base_url: String) -> LlmSettings {
         ..ServerSettings::default()
     };
     LlmSettings { server, ..LlmSettings::default() }
-}
-
-fn client(server: &FakeServer) -> HttpChat {
-    HttpChat::new(impatient(server.base_url()).server, None, Seed::new(1)).unwrap()
-}
-
-fn question(text: &str) -> ChatRequest {
-    ChatRequest {
-        model: "scripted".into(),
-        messages: vec![Message::system("Answer."), Message::user(text)],
-        reply_schema: None,
-        parameters: serde_json::Map::new(),
-    }
-}
-
-fn structured_question() -> ChatRequest {
-    let schema = serde_json::json!({"type": "object", "properties": {}, "additionalProperties": false});
-    ChatRequest { reply_schema: Some(ReplySchema { name: "empty".into(), schema }), ..question("?") }
 }

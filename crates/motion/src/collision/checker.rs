@@ -10,7 +10,7 @@ use super::fast_piece::FastPiece;
 use super::placed_obstacle::{PlacedObstacle, PlacedPiece};
 use super::probe::Solid;
 use super::robot_shape::RobotShape;
-use super::world::{Allowed, Attached, World};
+use super::world::{Allowed, Attached, CollisionWorld};
 
 /// Two things that are too close.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +61,7 @@ impl<'a> Checker<'a> {
     /// Prepares tests that keep `padding` metres from everything that is not allowed to touch.
     pub fn new(
         robot: &'a RobotShape,
-        world: &'a World,
+        world: &'a CollisionWorld,
         attached: Option<&'a Attached>,
         allowed: &Allowed,
         gripper_width: f64,

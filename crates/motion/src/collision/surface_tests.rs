@@ -15,8 +15,8 @@ const RADIUS_M: f64 = 0.004;
 
 /// The same surface twice: as one obstacle, and as one convex piece per facet.
 struct Twins {
-    surface: World,
-    pieces: World,
+    surface: CollisionWorld,
+    pieces: CollisionWorld,
 }
 
 fn within(rng: &mut impl Rng, low: DVec3, high: DVec3) -> DVec3 {
@@ -37,7 +37,7 @@ fn clouds(rng: &mut impl Rng) -> Twins {
         points.extend((0..30).map(|_| corner + a * rng.random_range(0.0..1.0) + b * rng.random_range(0.0..1.0)));
     }
     let pieces: Vec<Piece> = points.iter().map(|point| Piece::at(*point, Shape::Sphere { radius: RADIUS_M })).collect();
-    let mut twins = Twins { surface: World::new(), pieces: World::new() };
+    let mut twins = Twins { surface: CollisionWorld::new(), pieces: CollisionWorld::new() };
     twins.surface.add_points("seen", &points, RADIUS_M).unwrap();
     twins.pieces.add("seen", &pieces, &Pose::IDENTITY).unwrap();
     twins
@@ -55,7 +55,7 @@ fn meshes(rng: &mut impl Rng) -> Twins {
     // A hull needs four corners; here two of them are the same.
     let hull = |c: &[DVec3]| Piece::at(DVec3::ZERO, Shape::Hull { points: vec![c[0], c[1], c[2], c[2]] });
     let pieces: Vec<Piece> = corners.chunks_exact(3).map(hull).collect();
-    let mut twins = Twins { surface: World::new(), pieces: World::new() };
+    let mut twins = Twins { surface: CollisionWorld::new(), pieces: CollisionWorld::new() };
     twins.surface.add_mesh("seen", &corners, &triangles, &pose).unwrap();
     twins.pieces.add("seen", &pieces, &pose).unwrap();
     twins
@@ -139,7 +139,7 @@ fn only_the_points_near_the_start_are_excused() {
     let beside = tcp.position + DVec3::new(0.0, 0.0, 0.0374 - 0.005);
     let wall = (0..1600).map(|k| DVec3::new(0.2 + 0.015 * f64::from(k % 40), 0.25, 0.02 * f64::from(k / 40)));
     let points: Vec<DVec3> = wall.chain([beside]).collect();
-    let mut world = World::new();
+    let mut world = CollisionWorld::new();
     world.add_points("seen", &points, RADIUS_M).unwrap();
     let allowed = Allowed::none();
     let mut checker = Checker::new(&shape, &world, None, &allowed, 0.08, 0.003);
@@ -208,7 +208,7 @@ fn only_points_prove_contact() {
 fn clones_of_a_world_share_its_surfaces() {
     let mut world = clouds(&mut Seed::new(13).rng()).surface;
     let copy = world.clone();
-    let surface = |world: &World| world.obstacles[0].surface.clone().unwrap();
+    let surface = |world: &CollisionWorld| world.obstacles[0].surface.clone().unwrap();
     assert!(Arc::ptr_eq(&surface(&world), &surface(&copy)));
     assert!(PlacedObstacle::new(&world.obstacles[0]).pieces.is_empty());
     world.add("seen", &[Piece::at(DVec3::ZERO, Shape::Sphere { radius: 0.1 })], &Pose::IDENTITY).unwrap();
@@ -229,7 +229,7 @@ fn surfaces_that_make_no_sense_are_refused() {
         (&[a], f64::NAN, "the points of seen should have a radius above 0 and up to 1 m, got NaN m"),
         (&vec![a; (1 << 20) + 1], 0.01, "seen has 1048577 points; at most 1048576 are taken, so thin it out"),
     ];
-    let mut world = World::new();
+    let mut world = CollisionWorld::new();
     for (points, radius, message) in clouds {
         assert_eq!(world.add_points("seen", points, radius).unwrap_err().to_string(), message);
     }

@@ -12,7 +12,7 @@ fn ball(radius: f64) -> Piece {
     Piece::at(DVec3::ZERO, Shape::Sphere { radius })
 }
 
-fn check(world: &World, attached: Option<&Attached>, allowed: &Allowed, padding: f64) -> Option<String> {
+fn check(world: &CollisionWorld, attached: Option<&Attached>, allowed: &Allowed, padding: f64) -> Option<String> {
     let robot = test_panda();
     let shape = RobotShape::new(&robot).unwrap();
     let checker = Checker::new(&shape, world, attached, allowed, 0.08, padding);
@@ -23,7 +23,7 @@ fn check(world: &World, attached: Option<&Attached>, allowed: &Allowed, padding:
 
 #[test]
 fn home_is_free_above_a_table() {
-    let mut world = World::new();
+    let mut world = CollisionWorld::new();
     world.add("table", &[slab()], &Pose::from_position(DVec3::new(0.55, 0.0, 0.0))).unwrap();
     assert_eq!(check(&world, None, &Allowed::none(), 0.003), None);
 }
@@ -32,7 +32,7 @@ fn home_is_free_above_a_table() {
 fn reports_name_the_worst_pair_and_its_distance() {
     let robot = test_panda();
     let tcp = robot.tcp_pose(&robot.home);
-    let mut world = World::new();
+    let mut world = CollisionWorld::new();
     // The hand is 66 mm deep and ends 37.4 mm behind the tcp; a ball in the middle of the grasp touches nothing yet.
     world.add("ball", &[ball(0.02)], &tcp).unwrap();
     assert_eq!(check(&world, None, &Allowed::none(), 0.003), None);
@@ -45,7 +45,7 @@ fn reports_name_the_worst_pair_and_its_distance() {
 
 #[test]
 fn carried_objects_collide_but_may_rest_on_what_is_allowed() {
-    let mut world = World::new();
+    let mut world = CollisionWorld::new();
     let robot = test_panda();
     let tcp = robot.tcp_pose(&robot.home);
     let board = Piece::at(DVec3::ZERO, Shape::Box { half_extents: DVec3::new(0.05, 0.05, 0.02) });
@@ -62,7 +62,7 @@ fn relaxing_accepts_closeness_but_not_penetration() {
     let shape = RobotShape::new(&robot).unwrap();
     let tcp = robot.tcp_pose(&robot.home);
     for (radius, free) in [(0.0364, true), (0.039, false)] {
-        let mut world = World::new();
+        let mut world = CollisionWorld::new();
         world.add("ball", &[ball(radius)], &tcp).unwrap();
         let mut checker = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.003);
         assert!(!checker.is_free(&robot.home));
@@ -81,7 +81,7 @@ fn what_was_apart_may_come_close_but_not_touch() {
     let robot = test_panda();
     let shape = RobotShape::new(&robot).unwrap();
     let tcp = robot.tcp_pose(&robot.home);
-    let mut world = World::new();
+    let mut world = CollisionWorld::new();
     world.add("ball", &[ball(0.02)], &tcp).unwrap();
     let gap = Checker::new(&shape, &world, None, &Allowed::none(), 0.08, 0.02).check(&robot.home).unwrap().distance;
     world.add("ball", &[ball(0.02 + gap - 4e-5)], &tcp).unwrap();
@@ -110,7 +110,7 @@ fn edges_are_free_exactly_when_their_states_are() {
     let held = Attached::new("apple", &[ball(0.035)], &Pose::from_position(DVec3::Z * 0.02)).unwrap();
     let (mut free, mut blocked) = (0, 0);
     for _ in 0..60 {
-        let mut world = World::new();
+        let mut world = CollisionWorld::new();
         world.add("table", &[slab()], &Pose::from_position(DVec3::new(0.55, 0.0, 0.0))).unwrap();
         for index in 0..8 {
             let mut draw = |low: f64, high: f64| rng.random_range(low..high);
@@ -222,11 +222,11 @@ fn lane_sines_are_precise() {
 #[test]
 fn bad_geometry_is_refused() {
     let flat = Piece::at(DVec3::ZERO, Shape::Box { half_extents: DVec3::new(0.1, 0.0, 0.1) });
-    let error = World::new().add("plank", &[ball(0.1), flat], &Pose::IDENTITY).unwrap_err();
+    let error = CollisionWorld::new().add("plank", &[ball(0.1), flat], &Pose::IDENTITY).unwrap_err();
     assert_eq!(
         error.to_string(),
         "collision piece 1 of plank: sizes must be positive and finite, got Box { half_extents: DVec3(0.1, 0.0, 0.1) }"
     );
     let nowhere = Pose::from_position(DVec3::NAN);
-    assert!(World::new().add("ghost", &[ball(0.1)], &nowhere).is_err());
+    assert!(CollisionWorld::new().add("ghost", &[ball(0.1)], &nowhere).is_err());
 }

@@ -19,16 +19,16 @@ use crate::rigid::Rigid;
 ///
 /// ```
 /// use genmanip_core::{Piece, Pose, Shape, glam::DVec3};
-/// use genmanip_motion::World;
+/// use genmanip_motion::CollisionWorld;
 ///
-/// let mut world = World::new();
+/// let mut world = CollisionWorld::new();
 /// let slab = Piece::at(DVec3::new(0.0, 0.0, -0.02), Shape::Box { half_extents: DVec3::new(0.5, 0.5, 0.02) });
 /// world.add("table", &[slab], &Pose::from_position(DVec3::new(0.55, 0.0, 0.0)))?;
 /// assert_eq!(world.names().collect::<Vec<_>>(), ["table"]);
 /// # Ok::<(), genmanip_motion::GeometryError>(())
 /// ```
 #[derive(Clone, Debug, Default)]
-pub struct World {
+pub struct CollisionWorld {
     pub(crate) obstacles: Vec<Obstacle>,
 }
 
@@ -61,7 +61,7 @@ pub struct Allowed {
     pairs: Vec<(Part, String)>,
 }
 
-impl World {
+impl CollisionWorld {
     /// A world without obstacles.
     pub fn new() -> Self {
         Self::default()

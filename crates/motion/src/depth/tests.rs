@@ -2,7 +2,7 @@ use genmanip_core::{Camera, Intrinsics, Piece, Pose, RgbdImage, Seed, Shape, gla
 
 use super::pixels::{Grid, View};
 use crate::test_robot::test_panda;
-use crate::{Allowed, Planner, PlannerSettings, Surroundings, World};
+use crate::{Allowed, CollisionWorld, Planner, PlannerSettings, PlanningScene};
 
 const BALL: (DVec3, f64) = (DVec3::new(0.55, 0.0, 0.12), 0.1);
 
@@ -29,9 +29,9 @@ fn picture(camera: &Camera, balls: &[(DVec3, f64)]) -> Vec<f32> {
     (0..k.width * k.height).map(depth).collect()
 }
 
-fn tables() -> World {
+fn tables() -> CollisionWorld {
     let slab = Piece::at(DVec3::Z * -0.02, Shape::Box { half_extents: DVec3::new(1.5, 1.5, 0.02) });
-    let mut world = World::new();
+    let mut world = CollisionWorld::new();
     world.add("table", &[slab], &Pose::IDENTITY).unwrap();
     world
 }
@@ -44,7 +44,7 @@ fn image(camera: &Camera, depth_m: &[f32]) -> RgbdImage {
 fn paths_go_around_what_is_seen() {
     let planner = Planner::new(test_panda(), PlannerSettings::default()).unwrap();
     let (camera, tables, allowed) = (camera(), tables(), Allowed::none());
-    let around = |world| Surroundings { world, attached: None, allowed: &allowed, gripper_width: 0.08 };
+    let around = |world| PlanningScene { world, attached: None, allowed: &allowed, gripper_width: 0.08 };
     let home = planner.robot().home.clone();
     let side = |y: f64| {
         let down = genmanip_core::glam::DQuat::from_rotation_x(std::f64::consts::PI);
@@ -62,7 +62,7 @@ fn paths_go_around_what_is_seen() {
     // The straight way runs through the ball; the path keeps clear of the half that was seen.
     let straight = planner.plan_joint(&around(&tables), &start, std::slice::from_ref(&goal), Seed::new(1)).unwrap();
     let path = planner.plan_joint(&around(&seen), &start, &[goal], Seed::new(1)).unwrap();
-    let mut truth = World::new();
+    let mut truth = CollisionWorld::new();
     truth.add("ball", &[Piece::at(BALL.0, Shape::Sphere { radius: BALL.1 })], &Pose::IDENTITY).unwrap();
     let touches =
         |path: &crate::Path| path.states(0.02).iter().any(|state| planner.check(&around(&truth), state).is_some());
@@ -121,7 +121,7 @@ fn pixels_fall_into_the_cells_of_their_points() {
 fn images_that_make_no_sense_are_refused() {
     let planner = Planner::new(test_panda(), PlannerSettings::default()).unwrap();
     let (camera, tables, allowed) = (camera(), tables(), Allowed::none());
-    let around = Surroundings { world: &tables, attached: None, allowed: &allowed, gripper_width: 0.08 };
+    let around = PlanningScene { world: &tables, attached: None, allowed: &allowed, gripper_width: 0.08 };
     let home = planner.robot().home.clone();
     let depth_m = picture(&camera, &[BALL]);
     let good = image(&camera, &depth_m);

@@ -14,7 +14,7 @@ mod tree;
 use genmanip_core::{Gripper, Pose, RobotModel, Seed, glam::DVec3};
 use rand::RngExt;
 
-use crate::collision::{Allowed, Checker, RobotShape, World};
+use crate::collision::{Allowed, Checker, CollisionWorld, RobotShape};
 pub use error::DescriptionError;
 
 /// Most links of a robot.
@@ -124,7 +124,7 @@ pub fn read_robot(
 /// Pairs of links that touch at every sampled configuration: their hulls overlap by construction.
 fn always_touching(robot: &RobotModel) -> Result<Vec<(usize, usize)>, DescriptionError> {
     let shape = RobotShape::new(robot)?;
-    let (world, allowed) = (World::new(), Allowed::none());
+    let (world, allowed) = (CollisionWorld::new(), Allowed::none());
     let checker = Checker::new(&shape, &world, None, &allowed, 0.0, 0.0);
     let mut rng = Seed::new(0).fork("links that always touch").rng();
     let mut always: Option<Vec<(usize, usize)>> = None;

@@ -4,7 +4,7 @@ use genmanip_core::{Seed, glam::DVec3};
 use rand::RngExt;
 
 use super::*;
-use crate::{IkSettings, InverseKinematics, Planner, PlannerSettings, Surroundings};
+use crate::{IkSettings, InverseKinematics, Planner, PlannerSettings, PlanningScene};
 
 /// Six joints like those of many industrial arms, one of them with another axis, plus a rail and a tool.
 const ARM: &str = r#"<robot name="six">
@@ -77,8 +77,8 @@ fn another_arm_is_read_and_moved() {
             assert!(column.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-7), "{column:?} {expected:?}");
         }
     }
-    let (world, allowed) = (World::new(), Allowed::none());
-    let around = Surroundings { world: &world, attached: None, allowed: &allowed, gripper_width: 0.0 };
+    let (world, allowed) = (CollisionWorld::new(), Allowed::none());
+    let around = PlanningScene { world: &world, attached: None, allowed: &allowed, gripper_width: 0.0 };
     let (start, goal) = (vec![0.0; 6], vec![1.5, 0.5, 0.5, 1.0, -0.5, 1.0]);
     let path = planner.plan_joint(&around, &start, &[goal], Seed::new(1)).unwrap();
     assert!(path.states(0.02).iter().all(|state| planner.check(&around, state).is_none()));

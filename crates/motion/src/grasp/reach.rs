@@ -3,7 +3,7 @@
 use genmanip_core::{Grasp, Pose};
 use glam::DVec3;
 
-use crate::planner::{Planner, Surroundings};
+use crate::planner::{Planner, PlanningScene};
 
 /// A grasp with the arm configurations to carry it out.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,7 +28,7 @@ impl Planner {
     /// The straight way between pre-grasp and grasp is not tested here: see [`Planner::straight`].
     pub fn reachable_grasps(
         &self,
-        around: &Surroundings,
+        around: &PlanningScene,
         target: &str,
         world_from_object: &Pose,
         candidates: &[Grasp],
@@ -50,7 +50,7 @@ impl Planner {
 
 fn carry_out(
     planner: &Planner,
-    around: &Surroundings,
+    around: &PlanningScene,
     target: &str,
     world_from_object: &Pose,
     grasp: Grasp,
@@ -61,7 +61,7 @@ fn carry_out(
     let world_from_tcp = *world_from_object * grasp.pose;
     let world_from_pregrasp = world_from_tcp * Pose::from_position(DVec3::Z * -settings.approach);
     let touching = around.allowed.clone().and_gripper(planner.robot(), target);
-    let at_grasp = Surroundings { allowed: &touching, gripper_width: opening, ..*around };
+    let at_grasp = PlanningScene { allowed: &touching, gripper_width: opening, ..*around };
     let mut solutions = planner.ik_each(&world_from_tcp, reference).take(settings.configurations).peekable();
     solutions.peek()?;
     let checker = planner.checker(&at_grasp, settings.padding);

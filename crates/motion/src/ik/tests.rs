@@ -1,5 +1,3 @@
-use std::time::Instant;
-
 use genmanip_core::{Pose, Seed, glam::DVec3};
 use rand::{Rng, RngExt};
 
@@ -36,10 +34,8 @@ fn every_reachable_pose_is_solved_exactly() {
 fn ten_thousand_reachable_poses_are_solved_exactly() {
     let (chain, ik) = solver();
     let home = test_panda().home.clone();
-    let start = Instant::now();
     let mut rng = Seed::new(2).rng();
     check_poses(&chain, &ik, &home, 10_000, &mut rng);
-    assert!(start.elapsed().as_secs() < 60);
 }
 
 fn check_poses(chain: &Chain, ik: &InverseKinematics, home: &[f64], count: usize, rng: &mut impl Rng) {

@@ -1,7 +1,7 @@
 use genmanip_core::{Piece, Pose, Seed, Shape, glam::DVec3};
 
 use crate::test_robot::test_panda;
-use crate::{Allowed, PlanError, Planner, PlannerSettings, Surroundings, World};
+use crate::{Allowed, CollisionWorld, PlanError, Planner, PlannerSettings, PlanningScene};
 
 fn planner() -> Planner {
     Planner::new(test_panda(), PlannerSettings::default()).unwrap()
@@ -12,8 +12,8 @@ fn cuboid(center: DVec3, size: DVec3) -> Piece {
 }
 
 /// A table and a wall across the straight way between the two sides.
-fn walled() -> World {
-    let mut world = World::new();
+fn walled() -> CollisionWorld {
+    let mut world = CollisionWorld::new();
     world.add("table", &[cuboid(DVec3::new(0.55, 0.0, -0.02), DVec3::new(0.7, 1.0, 0.04))], &Pose::IDENTITY).unwrap();
     world.add("wall", &[cuboid(DVec3::new(0.55, 0.0, 0.2), DVec3::new(0.3, 0.03, 0.4))], &Pose::IDENTITY).unwrap();
     world
@@ -23,8 +23,8 @@ fn down(position: DVec3) -> Pose {
     Pose::new(position, genmanip_core::glam::DQuat::from_rotation_x(std::f64::consts::PI))
 }
 
-fn around<'a>(world: &'a World, allowed: &'a Allowed) -> Surroundings<'a> {
-    Surroundings { world, attached: None, allowed, gripper_width: 0.08 }
+fn around<'a>(world: &'a CollisionWorld, allowed: &'a Allowed) -> PlanningScene<'a> {
+    PlanningScene { world, attached: None, allowed, gripper_width: 0.08 }
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn a_way_too_narrow_for_the_arm_exhausts_the_search() {
     let planner = Planner::new(test_panda(), settings).unwrap();
     let turned = |angle: f64| vec![angle, 0.6, 0.0, -2.0, 0.0, 0.8, 0.8];
     let (start, goal) = (turned(1.6), turned(-1.6));
-    let mut world = World::new();
+    let mut world = CollisionWorld::new();
     // A wall through the base with a slot 0.2 m wide and 0.7 m high for the shoulder.
     let plates = [
         ("ahead", DVec3::new(0.85, 0.0, 0.5), DVec3::new(1.5, 0.02, 3.0)),

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DVec3, Vec2, Vec3};
 use genmanip_core::{
-    Camera, Gripper, Intrinsics, JointKind, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel, Pose,
-    RobotJoint, RobotLink, RobotModel, Seed, Texture, TriMesh, VisualPart,
+    AssetRef, Camera, Gripper, Intrinsics, JointKind, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel,
+    Pose, RobotJoint, RobotLink, RobotModel, Texture, TriMesh, VisualPart,
 };
 
 use crate::assets::{Part, RenderAssets};
@@ -62,6 +62,7 @@ pub fn object(uid: &str, mesh: TriMesh, material: Material) -> Arc<ObjectModel> 
     Arc::new(ObjectModel {
         card: ObjectCard {
             uid: text(),
+            asset: AssetRef::builtin(uid, 1),
             name: text(),
             description: text(),
             category: text(),
@@ -77,8 +78,7 @@ pub fn object(uid: &str, mesh: TriMesh, material: Material) -> Arc<ObjectModel> 
             can_grasp: true,
         },
         family: text(),
-        seed: Seed::new(0),
-        generator_version: 1,
+        asset: AssetRef::builtin(uid, 1),
         links: vec![ObjectLink {
             name: text(),
             joint: None,

@@ -4,7 +4,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, JointKind, Pose, Seed};
 use genmanip_layout::articulation::{JointSweep, Sweeper, joint_changes};
 use genmanip_layout::{Move, surroundings};
-use genmanip_motion::{Allowed, Path, Surroundings};
+use genmanip_motion::{Allowed, Path, PlanningScene};
 use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, commands, pick::grasp_direction};
@@ -45,7 +45,7 @@ pub(super) fn plan(
     sweeper.search(arm, &mut |sweep| {
         let contact = &sweep.contact;
         let around =
-            Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: contact.open_width };
+            PlanningScene { world: &occupied, attached: None, allowed: &nothing, gripper_width: contact.open_width };
         let start = sweep.approach.start().to_vec();
         let reach = planner.plan_joint(&around, arm, &[start], seed.fork("reach")).ok()?;
         let turning = turn(expert, &sweeper, sweep)?;
@@ -130,7 +130,7 @@ pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, ar
     }
     let world = surroundings::world(scene, None);
     let nothing = Allowed::none();
-    let around = Surroundings { world: &world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
+    let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
     let tcp = planner.tcp_pose(arm);
     let back = backward(scene, turning, &tcp);
     let out =

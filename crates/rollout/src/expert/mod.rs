@@ -15,13 +15,14 @@ pub use settings::ExpertSettings;
 
 use std::sync::Arc;
 
+use genmanip_assets::{AssetError, GraspLibrary};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{
     Aabb, ActionChunk, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, Pose,
-    PrivilegedState, Seed,
+    PrivilegedState, Seed, TriedGrasp,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, surroundings};
-use genmanip_motion::{Allowed, Path, Planner, Surroundings, World};
+use genmanip_motion::{Allowed, CollisionWorld, Path, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use rand::seq::SliceRandom;
@@ -37,6 +38,8 @@ const FINGERS_M_S: f64 = 0.08;
 pub struct Expert {
     stage: Stage,
     planner: Arc<Planner>,
+    /// Per object, its grasps that were tried beforehand.
+    tried: Vec<Vec<TriedGrasp>>,
     settings: ExpertSettings,
     seed: Seed,
     /// Alternatives not yet given up, the current one last.
@@ -76,10 +79,20 @@ struct Hand {
 }
 
 impl Expert {
-    /// An expert for the episodes of one stage.
-    pub fn new(stage: &Stage, planner: &Arc<Planner>, settings: ExpertSettings) -> Self {
+    /// An expert for the episodes of one stage; `grasps` are those that are tried before new ones are sampled.
+    ///
+    /// # Errors
+    /// [`AssetError::StaleGrasps`] when grasps of an object of the stage were tried with other physics.
+    pub fn new(
+        stage: &Stage,
+        planner: &Arc<Planner>,
+        grasps: &GraspLibrary,
+        settings: ExpertSettings,
+    ) -> Result<Self, AssetError> {
         let planner = Arc::clone(planner);
-        Self {
+        let tried = stage.models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
+        Ok(Self {
+            tried: tried.collect::<Result<_, AssetError>>()?,
             planner,
             stage: stage.clone(),
             settings,
@@ -91,7 +104,12 @@ impl Expert {
             phase: Phase::Free,
             upright: Vec::new(),
             last_failure: None,
-        }
+        })
+    }
+
+    /// Grasps of an object that were tried beforehand.
+    fn tried(&self, object: usize) -> &[TriedGrasp] {
+        self.tried.get(object).map_or(&[], Vec::as_slice)
     }
 
     /// Places for an object where every atom of its move would hold.
@@ -222,7 +240,7 @@ impl Expert {
         let world = surroundings::world(scene, None);
         let open = self.stage.robot.gripper.max_width;
         // The fingers open at home, where nothing is in their way.
-        let around = Surroundings { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
+        let around = PlanningScene { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };
         let home = std::slice::from_ref(&self.stage.robot.home);
         match self.planner.plan_joint(&around, arm, home, self.seed.fork("home")) {
             Ok(path) => {
@@ -236,10 +254,10 @@ impl Expert {
 
     /// A free motion of the empty hand during which the fingers go to another opening; when there is no room for
     /// that on the way, they do so first.
-    fn reach(&self, world: &World, path: &Path, from: f64, to: f64) -> Vec<Vec<f32>> {
+    fn reach(&self, world: &CollisionWorld, path: &Path, from: f64, to: f64) -> Vec<Vec<f32>> {
         let nothing = Allowed::none();
         let room = |width: f64| {
-            let around = Surroundings { world, attached: None, allowed: &nothing, gripper_width: width };
+            let around = PlanningScene { world, attached: None, allowed: &nothing, gripper_width: width };
             let checker = self.planner.checker(&around, 0.0);
             path.states(0.05).iter().all(|state| checker.is_free(state))
         };

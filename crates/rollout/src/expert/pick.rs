@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
 use genmanip_layout::{GoalPose, Move, is_in_reach, surroundings};
-use genmanip_motion::{Allowed, Attached, GeometryError, PlanError, Surroundings, World};
+use genmanip_motion::{Allowed, Attached, CollisionWorld, GeometryError, PlanError, PlanningScene};
 use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, commands};
@@ -33,8 +33,8 @@ struct Candidate {
 
 /// What is in the way of a pick: everything, and everything but the object itself.
 struct Worlds {
-    occupied: World,
-    free: World,
+    occupied: CollisionWorld,
+    free: CollisionWorld,
 }
 
 /// Plans a pick, or says what stood in the way.
@@ -92,7 +92,7 @@ fn candidates(
     let name = expert.stage.name(step.object);
     let (planner, settings) = (&expert.planner, &expert.settings);
     let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
-    let tried = surroundings::tried_grasps(planner, scene, step.object).map_err(flawed)?;
+    let tried = surroundings::tried_grasps(planner, scene, step.object, expert.tried(step.object)).map_err(flawed)?;
     // What has no volume has no grasps.
     let generated = || surroundings::generated_grasps(planner, scene, step.object, seed).unwrap_or_default();
     let mut grasps = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
@@ -110,10 +110,10 @@ fn candidates(
         // In a ring or beside a rim there may be room for the opening that the grasp was tested with and no more.
         let beside = |open_width: f64, config: &[f64]| {
             let around =
-                Surroundings { world: &worlds.occupied, attached: None, allowed: &nothing, gripper_width: open_width };
+                PlanningScene { world: &worlds.occupied, attached: None, allowed: &nothing, gripper_width: open_width };
             planner.checker(&around, settings.object_clearance_m).is_free(config)
         };
-        let around = Surroundings { world: &worlds.free, attached: None, allowed: &nothing, gripper_width: wide };
+        let around = PlanningScene { world: &worlds.free, attached: None, allowed: &nothing, gripper_width: wide };
         let checker = planner.checker(&around, clearance_m);
         let configs = planner.ik(&(object.pose * grasp.pose), arm);
         if configs.is_empty() {
@@ -125,7 +125,7 @@ fn candidates(
             continue;
         };
         let Some(open_width) = [wide, planner.opening(&grasp)].into_iter().find(|&width| beside(width, &config)) else {
-            obstacles.push(object.uid.clone());
+            obstacles.push(object.id.clone());
             continue;
         };
         let is_free_at = |goal: &GoalPose, height_m: f64| {
@@ -188,7 +188,7 @@ fn motions(
     let Some(object) = scene.objects().nth(step.object) else { return Ok(Vec::new()) };
     let nothing = Allowed::none();
     // The object itself is an obstacle too: the open fingers must come in around it.
-    let open = Surroundings { world: &worlds.occupied, attached: None, allowed: &nothing, gripper_width: *open_width };
+    let open = PlanningScene { world: &worlds.occupied, attached: None, allowed: &nothing, gripper_width: *open_width };
 
     let world_from_tcp = planner.tcp_pose(config);
     let before = Pose {
@@ -196,8 +196,8 @@ fn motions(
         ..world_from_tcp
     };
     // Wide things leave the fingers less room than motions keep elsewhere, but they are not to be touched either.
-    let around_it = nothing.clone().and_gripper(planner.robot(), &object.uid);
-    let beside = Surroundings { allowed: &around_it, ..open };
+    let around_it = nothing.clone().and_gripper(planner.robot(), &object.id);
+    let beside = PlanningScene { allowed: &around_it, ..open };
     let straight = planner.straight(&open, config, &before).or_else(|problem| {
         let path = planner.straight(&beside, config, &before)?;
         let exact = planner.checker(&open, settings.object_clearance_m);
@@ -208,10 +208,10 @@ fn motions(
 
     let lifted = Pose { position: world_from_tcp.position + DVec3::Z * settings.lift_m, ..world_from_tcp };
     let pieces = object.model.pieces(&object.joint_positions);
-    let attached = Attached::new(&object.uid, &pieces, &grasp.pose.inverse())
+    let attached = Attached::new(&object.id, &pieces, &grasp.pose.inverse())
         .map_err(|error| PlanError::Unreachable { what: error.to_string() })?;
     let holding =
-        Surroundings { world: &worlds.free, attached: Some(&attached), allowed: &nothing, gripper_width: grasp.width };
+        PlanningScene { world: &worlds.free, attached: Some(&attached), allowed: &nothing, gripper_width: grasp.width };
     let lift = planner.straight(&holding, config, &lifted)?;
 
     let mut commands = expert.reach(&worlds.occupied, &reach, width, *open_width);

@@ -3,7 +3,7 @@
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Pose, Seed};
 use genmanip_layout::{GoalPose, Move, surroundings};
-use genmanip_motion::{Allowed, Attached, PlanError, Surroundings, World};
+use genmanip_motion::{Allowed, Attached, CollisionWorld, PlanError, PlanningScene};
 use genmanip_scene::relations::PosedScene;
 
 use super::{Expert, Hand, commands};
@@ -76,7 +76,7 @@ fn motions(
     hand: &Hand,
     goal: &GoalPose,
     height: f64,
-    free: &World,
+    free: &CollisionWorld,
     seed: Seed,
 ) -> Result<Vec<Vec<f32>>, PlanError> {
     let (planner, settings) = (&expert.planner, &expert.settings);
@@ -84,10 +84,10 @@ fn motions(
     let Some(held) = scene.objects().nth(object) else { return Ok(Vec::new()) };
     let pieces = held.model.pieces(&held.joint_positions);
     let tcp_from_object = tcp_from_object(expert, scene, object, hand);
-    let attached = Attached::new(&held.uid, &pieces, &tcp_from_object).map_err(unusable)?;
+    let attached = Attached::new(&held.id, &pieces, &tcp_from_object).map_err(unusable)?;
     let nothing = Allowed::none();
     let carrying =
-        Surroundings { world: free, attached: Some(&attached), allowed: &nothing, gripper_width: hand.width };
+        PlanningScene { world: free, attached: Some(&attached), allowed: &nothing, gripper_width: hand.width };
 
     let raised = |by: f64| Pose { position: goal.world_from_object.position + DVec3::Z * by, ..goal.world_from_object };
     let tcp_at = |world_from_object: Pose| world_from_object * tcp_from_object.inverse();
@@ -98,9 +98,9 @@ fn motions(
 
     // Once let go, the object is an obstacle.
     let mut occupied = free.clone();
-    occupied.add(&held.uid, &pieces, &raised(height)).map_err(unusable)?;
-    let opened = Surroundings { world: &occupied, attached: None, allowed: &nothing, gripper_width: hand.open_width };
-    let hand_alone = Surroundings { world: free, ..opened };
+    occupied.add(&held.id, &pieces, &raised(height)).map_err(unusable)?;
+    let opened = PlanningScene { world: &occupied, attached: None, allowed: &nothing, gripper_width: hand.open_width };
+    let hand_alone = PlanningScene { world: free, ..opened };
     let checker = planner.checker(&hand_alone, settings.hand_clearances_m[0]);
     let back = release.transform_vector(DVec3::NEG_Z) * settings.approach_m;
     let retreated = Pose { position: release.position + back, ..release };

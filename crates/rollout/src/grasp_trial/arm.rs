@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, Piece, Pose, RobotModel, Seed, Shape};
-use genmanip_motion::{Allowed, CloudGrasp, Surroundings, World};
+use genmanip_motion::{Allowed, CloudGrasp, CollisionWorld, PlanningScene};
 use genmanip_sim::{Scene, Sim};
 use rand::RngExt;
 use serde::Serialize;
@@ -107,14 +107,14 @@ pub(super) fn carry_out_one(
 /// What the arm has to avoid.
 struct Around {
     /// The things as they are: the arm starts where it touches none.
-    things: World,
+    things: CollisionWorld,
     /// What the cameras saw of them.
-    seen: World,
+    seen: CollisionWorld,
 }
 
 impl Around {
     fn new(table: &Table, points: &[DVec3]) -> Self {
-        let mut seen = World::new();
+        let mut seen = CollisionWorld::new();
         if !points.is_empty() {
             // A camera's points, which are finite, are always accepted.
             let _ = seen.add_points(SEEN, points, SEEN_RADIUS_M);
@@ -128,8 +128,8 @@ const SEEN: &str = "seen";
 const SEEN_RADIUS_M: f64 = 0.003;
 
 /// Table and neighbours, for starting the arm where it touches nothing.
-fn neighbours(table: &Table) -> World {
-    let mut world = World::new();
+fn neighbours(table: &Table) -> CollisionWorld {
+    let mut world = CollisionWorld::new();
     let slab = Piece::at(DVec3::new(0.55, 0.0, -0.05), Shape::Box { half_extents: DVec3::new(0.45, 0.8, 0.05) });
     // Finite poses and the models' own pieces are always accepted.
     let _ = world.add("table", &[slab], &Pose::IDENTITY);
@@ -148,7 +148,7 @@ fn motion(trials: &GraspTrials, around: &Around, grasp: &Grasp) -> Option<Motion
     // The sampler has found room for the hand.
     let hand = Allowed::none().and_gripper(planner.robot(), SEEN);
     let checker =
-        |world, allowed| planner.checker(&Surroundings { world, attached: None, allowed, gripper_width: wide }, 0.0);
+        |world, allowed| planner.checker(&PlanningScene { world, attached: None, allowed, gripper_width: wide }, 0.0);
     let (start, arm) = (checker(&around.things, &nothing), checker(&around.seen, &hand));
     [grasp.clone(), grasp.flipped()].iter().find_map(|grasp| {
         planner.ik_each(&grasp.pose, home).take(4).find_map(|config| {

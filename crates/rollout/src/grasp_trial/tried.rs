@@ -87,7 +87,7 @@ pub fn tried_grasps(
 ) -> Result<Vec<TriedGrasp>, TrialError> {
     let table = Table::with_one(Arc::clone(model), &trials.sim)?;
     let object = PosedObject {
-        uid: model.card.uid.clone(),
+        id: model.card.uid.clone(),
         model: Arc::clone(model),
         pose: table.poses[0],
         joint_positions: Vec::new(),

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
+use genmanip_assets::GraspLibrary;
 use genmanip_core::{EpisodeResult, FailureCause, Policy, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::LayoutSettings;
@@ -16,7 +17,7 @@ use genmanip_rollout::images::ImageSettings;
 use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
 use genmanip_rollout::{RolloutError, Stage};
 
-use crate::{TASKS, resources, task};
+use crate::{TASKS, planner, resources, task};
 
 fn tasks() -> Vec<Task> {
     TASKS[1..].iter().map(|id| task(id)).collect()
@@ -111,7 +112,7 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
     for (name, solves) in [("expert", true), ("replay", true), ("do_nothing", false)] {
         let make = |stage: &Stage, _: &Case| -> Result<Box<dyn Policy>, RolloutError> {
             Ok(match name {
-                "expert" => Box::new(Expert::new(stage, resources().planner, settings.expert.clone())),
+                "expert" => Box::new(Expert::new(stage, planner(), GraspLibrary::builtin(), settings.expert.clone())?),
                 "replay" => Box::new(OpenLoopReplay::of(&recorded)),
                 _ => Box::new(DoNothing { duration_s: 5.0 }),
             })

@@ -74,8 +74,8 @@ fn the_cause_follows_from_what_was_seen() {
     assert!(slipped.evidence.starts_with(stage.name(object)) && slipped.evidence.contains(" slipped at "), "{slipped}");
 
     let goal = &stage.scenario.task.goal;
-    let is_moved = |uid: &str| goal.alternatives.iter().flatten().any(|atom| atom.subject() == uid);
-    let bystander = stage.scenario.objects.iter().position(|object| !is_moved(&object.uid)).unwrap();
+    let is_moved = |id: &str| goal.alternatives.iter().flatten().any(|atom| atom.subject() == id);
+    let bystander = stage.scenario.objects.iter().position(|object| !is_moved(&object.id)).unwrap();
     let mut pushed = episode.frames.clone();
     pushed.last_mut().unwrap().objects[bystander].pose.position.x += 0.08;
     let pushed = explained(&pushed, None);
@@ -117,7 +117,7 @@ fn the_hardest_stray_contact_is_the_one_in_the_frames() {
             );
             let lately = |frame: &&Frame| (contact.time_s - 1.0..=contact.time_s).contains(&frame.time_s);
             let held = episode.frames.iter().filter(lately).rev().find_map(|frame| frame.grasped);
-            let is_touched = |object: usize| contact.other.starts_with(&stage.scenario.objects[object].uid);
+            let is_touched = |object: usize| contact.other.starts_with(&stage.scenario.objects[object].id);
             assert_eq!(contact.let_go, held.is_some_and(is_touched), "{contact}");
         }
     }

@@ -65,7 +65,7 @@ fn an_episode_is_a_function_of_its_seed() {
 /// A task about the state of one object alone on the table.
 fn joint_task(uid: &str, from: &str, to: &str) -> Task {
     let card = Catalogue::builtin().card(uid).unwrap().clone();
-    let node = GraphNode { uid: uid.into(), state: Some(from.into()) };
+    let node = GraphNode { state: Some(from.into()), ..GraphNode::of(&card) };
     Task {
         id: format!("{uid}-{from}-{to}"),
         kind: TaskKind::Articulated,
@@ -73,6 +73,7 @@ fn joint_task(uid: &str, from: &str, to: &str) -> Task {
         goal: Goal { alternatives: vec![vec![Atom::State { object: uid.into(), state: to.into() }]] },
         scene_graph: SceneGraph { description: String::new(), nodes: vec![node], edges: Vec::new() },
         objects: vec![card],
+        interchangeable: Vec::new(),
         source: "test".into(),
     }
 }
@@ -81,8 +82,9 @@ fn joint_task(uid: &str, from: &str, to: &str) -> Task {
 #[test]
 fn it_fills_a_drawer_and_shuts_it() {
     let mut task = joint_task("057", "top_open", "closed");
-    task.objects.push(Catalogue::builtin().card("046").unwrap().clone());
-    task.scene_graph.nodes.push(GraphNode { uid: "046".into(), state: None });
+    let cube = Catalogue::builtin().card("046").unwrap().clone();
+    task.scene_graph.nodes.push(GraphNode::of(&cube));
+    task.objects.push(cube);
     task.goal.alternatives[0].push(relation("046", Relation::In, "057"));
     let stage = stage(scenario(&task));
     let episode =
@@ -101,8 +103,9 @@ fn it_lets_go_low_in_a_deep_box() {
     let mut task = joint_task("052", "none", "none");
     task.scene_graph.nodes[0].state = None;
     for uid in ["026", "040"] {
-        task.objects.push(Catalogue::builtin().card(uid).unwrap().clone());
-        task.scene_graph.nodes.push(GraphNode { uid: uid.into(), state: None });
+        let card = Catalogue::builtin().card(uid).unwrap().clone();
+        task.scene_graph.nodes.push(GraphNode::of(&card));
+        task.objects.push(card);
     }
     task.goal.alternatives = vec![vec![relation("040", Relation::Top, "052"), relation("026", Relation::Top, "052")]];
     let stage = stage(scenario(&task));

@@ -15,7 +15,7 @@ mod stepping;
 
 use std::sync::{Arc, OnceLock};
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::{Catalogue, GraspLibrary, panda};
 use genmanip_core::{Episode, Scenario, Seed, Task};
 use genmanip_layout::LayoutSettings;
 use genmanip_motion::{Planner, PlannerSettings};
@@ -42,7 +42,7 @@ fn planner() -> &'static Arc<Planner> {
 }
 
 fn resources() -> Resources<'static> {
-    Resources { catalogue: Catalogue::builtin(), planner: planner() }
+    Resources { catalogue: Catalogue::builtin(), planner: planner(), grasps: GraspLibrary::builtin() }
 }
 
 fn scenario(task: &Task) -> Scenario {
@@ -55,7 +55,7 @@ fn stage(scenario: Scenario) -> Stage {
 }
 
 fn expert(stage: &Stage) -> Expert {
-    Expert::new(stage, planner(), ExpertSettings::default())
+    Expert::new(stage, planner(), GraspLibrary::builtin(), ExpertSettings::default()).unwrap()
 }
 
 /// An episode of the expert for each of [`TASKS`], with its stage; made once.

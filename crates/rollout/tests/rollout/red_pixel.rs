@@ -3,7 +3,7 @@
 use genmanip_assets::Catalogue;
 use genmanip_core::glam::{DMat3, DQuat, DVec2, DVec3};
 use genmanip_core::{
-    ActionChunk, ActionSpace, ActionSpec, Atom, CameraRequest, EpisodeStart, Failure, FailureCause, Goal,
+    ActionChunk, ActionSpace, ActionSpec, Atom, CameraRequest, EpisodeStart, Failure, FailureCause, Goal, GraphNode,
     GripperEncoding, GripperSpec, ImageChannels, Observation, Policy, PolicyError, PolicySpec, Relation,
     RotationEncoding, SceneGraph, Seed, Task, TaskKind,
 };
@@ -162,25 +162,27 @@ impl Way {
 
 /// A red cube and a cutting board.
 fn task() -> Task {
-    let card = |uid: &str| Catalogue::builtin().card(uid).unwrap().clone();
-    let mut task = crate::task("024_appearance");
-    task.id = "red_cube_on_board".into();
-    task.kind = TaskKind::PickAndPlace;
-    task.instruction = "Put the red cube on the cutting board.".into();
-    task.objects = vec![card("046"), card("014")];
-    task.scene_graph =
-        SceneGraph { nodes: task.scene_graph.nodes[..2].to_vec(), edges: Vec::new(), ..task.scene_graph };
-    for (node, uid) in task.scene_graph.nodes.iter_mut().zip(["046", "014"]) {
-        (node.uid, node.state) = (uid.into(), None);
-    }
+    let objects = ["046", "014"].map(|uid| Catalogue::builtin().card(uid).unwrap().clone());
     let on = Atom::Relation {
         subject: "046".into(),
         relation: Relation::On,
         reference: "014".into(),
         second_reference: None,
     };
-    task.goal = Goal { alternatives: vec![vec![on]] };
-    task
+    Task {
+        id: "red_cube_on_board".into(),
+        kind: TaskKind::PickAndPlace,
+        instruction: "Put the red cube on the cutting board.".into(),
+        goal: Goal { alternatives: vec![vec![on]] },
+        scene_graph: SceneGraph {
+            description: String::new(),
+            nodes: objects.iter().map(GraphNode::of).collect(),
+            edges: Vec::new(),
+        },
+        objects: objects.to_vec(),
+        interchangeable: Vec::new(),
+        source: "test".into(),
+    }
 }
 
 #[test]

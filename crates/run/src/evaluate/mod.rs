@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::{EvaluationReport, StatisticsSettings, text_table};
 use genmanip_core::{Document, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
@@ -91,7 +91,7 @@ fn one(
 ) -> Result<Option<EvaluationReport>, RunError> {
     let label = suite.label(policy.label());
     let planner = inputs::planner(&suite.settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner };
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let identity = Identity::of(suite, policy, options.keep_episodes);
     let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity)).transpose()?;
     let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());
@@ -114,8 +114,13 @@ fn one(
             error => RolloutError::Spec { policy: policy.label().into(), reason: error.to_string() },
         };
         let recorded = suite.recorded(&case.id)?;
-        let context =
-            PolicyContext { stage, recorded: recorded.as_ref(), planner: &planner, settings: &suite.settings };
+        let context = PolicyContext {
+            stage,
+            recorded: recorded.as_ref(),
+            planner: &planner,
+            grasps: resources.grasps,
+            settings: &suite.settings,
+        };
         policy.make(&context).map_err(refuse)
     };
     let finished = |outcome: &Result<EpisodeResult, NotRun>| -> Result<(), Stopped> {

@@ -95,13 +95,13 @@ fn violations(task: &Task, request: &TaskRequest) -> Vec<String> {
     rule((1..=30).contains(&words), "instruction of 1 to 30 words");
     let nodes = &task.scene_graph.nodes;
     let state_of: BTreeMap<&str, Option<&str>> =
-        nodes.iter().map(|node| (node.uid.as_str(), node.state.as_deref())).collect();
+        nodes.iter().map(|node| (node.id.as_str(), node.state.as_deref())).collect();
     rule(state_of.len() == nodes.len(), "one node per object");
     rule(nodes.len() >= request.min_objects, "enough nodes");
     let known_state = |uid: &str, state: &str| card(uid).is_some_and(|card| card.states.iter().any(|own| own == state));
     for node in nodes {
-        rule(card(&node.uid).is_some(), "offered");
-        rule(node.state.as_deref().is_none_or(|state| known_state(&node.uid, state)), "state of the object");
+        rule(card(&node.id).is_some(), "offered");
+        rule(node.state.as_deref().is_none_or(|state| known_state(&node.id, state)), "state of the object");
     }
     let fact =
         |subject: &String, relation: Relation, reference: &String| (subject.clone(), relation, reference.clone());
@@ -191,7 +191,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         if state.as_ref().is_some_and(|state| !card.states.contains(state)) {
             return None;
         }
-        nodes.push(GraphNode { uid, state });
+        nodes.push(GraphNode { state, ..GraphNode::of(card) });
     }
     let mut edges = Vec::new();
     for edge in graph["edges"].as_array()? {
@@ -226,12 +226,11 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         }
         alternatives.push(atoms);
     }
-    let placed =
-        nodes.iter().all(|node| edges.iter().any(|edge| [&edge.subject, &edge.reference].contains(&&node.uid)));
-    let distinct = nodes.iter().map(|node| &node.uid).collect::<BTreeSet<_>>().len() == nodes.len();
+    let placed = nodes.iter().all(|node| edges.iter().any(|edge| [&edge.subject, &edge.reference].contains(&&node.id)));
+    let distinct = nodes.iter().map(|node| &node.id).collect::<BTreeSet<_>>().len() == nodes.len();
     let instruction = answer["instruction"].as_str()?.trim().to_owned();
     let description = graph["description"].as_str()?.trim().to_owned();
-    let objects = nodes.iter().filter_map(|node| request.offered.iter().find(|card| card.uid == node.uid).cloned());
+    let objects = nodes.iter().filter_map(|node| request.offered.iter().find(|card| card.uid == node.id).cloned());
     let task = Task {
         id: request.id.clone(),
         kind: request.kind,
@@ -239,6 +238,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         goal: Goal { alternatives },
         objects: objects.collect(),
         scene_graph: SceneGraph { description, nodes, edges },
+        interchangeable: Vec::new(),
         source: request.source.clone(),
     };
     (shaped && distinct).then_some((task, placed && names_fit))

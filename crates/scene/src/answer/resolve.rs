@@ -90,7 +90,9 @@ impl Draft {
         let nodes = self
             .nodes
             .iter()
-            .map(|node| Some(GraphNode { uid: uid(node.object)?, state: node.state.clone() }))
+            .map(|node| {
+                Some(GraphNode { state: node.state.clone(), ..GraphNode::of(request.offered.get(node.object)?) })
+            })
             .collect::<Option<Vec<_>>>()?;
         Some(Task {
             id: request.id.clone(),
@@ -99,6 +101,7 @@ impl Draft {
             goal: Goal { alternatives },
             scene_graph: SceneGraph { description: self.description, nodes, edges: edges.collect::<Option<Vec<_>>>()? },
             objects: self.nodes.iter().filter_map(|node| request.offered.get(node.object).cloned()).collect(),
+            interchangeable: Vec::new(),
             source: request.source.clone(),
         })
     }

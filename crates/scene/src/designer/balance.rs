@@ -47,7 +47,7 @@ impl Balance {
 
     /// How many more of it there should be by now.
     pub fn lack(&self, relation: Relation, settings: &DesignSettings) -> f64 {
-        settings.relation_quota(relation) * self.total() as f64 - self.of(relation) as f64
+        settings.relation_quotas.of(relation) * self.total() as f64 - self.of(relation) as f64
     }
 }
 

@@ -24,6 +24,7 @@ pub(super) fn pass(scene: &Scene, draft: &Draft, kind: TaskKind, id: &str) -> Re
         },
         scene_graph: scene.graph(draft.description.clone()),
         objects: offered.clone(),
+        interchangeable: Vec::new(),
         source: "rules".into(),
     };
     let request = TaskRequest {
@@ -82,7 +83,7 @@ pub fn as_answer(task: &Task) -> Value {
     let nodes: Vec<Value> = graph
         .nodes
         .iter()
-        .map(|node| json!({"obj_uid": node.uid, "state": node.state.as_deref().unwrap_or("none")}))
+        .map(|node| json!({"obj_uid": node.id, "state": node.state.as_deref().unwrap_or("none")}))
         .collect();
     json!({
         "instruction": task.instruction,

@@ -38,7 +38,7 @@ use studio::Studio;
 
 pub use gate::as_answer;
 pub use report::{DesignReport, Occurrence, measure};
-pub use settings::DesignSettings;
+pub use settings::{DesignSettings, RelationQuotas};
 
 /// Why there is no task.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -120,7 +120,7 @@ pub fn measure(
         report.kinds.insert(kind.name().into(), Occurrence { count, quota });
     }
     for relation in Relation::ALL {
-        let quota = settings.relation_quota(relation) * balance.total() as f64;
+        let quota = settings.relation_quotas.of(relation) * balance.total() as f64;
         report.relations.insert(relation.name().into(), Occurrence { count: balance.of(relation), quota });
     }
     let deviation = |occurrence: &Occurrence| (occurrence.count as f64 / occurrence.quota.max(1e-9) - 1.0).abs();

@@ -225,7 +225,7 @@ impl<'a> Scene<'a> {
                 .cards
                 .iter()
                 .zip(&self.states)
-                .map(|(card, state)| GraphNode { uid: card.uid.clone(), state: state.clone() })
+                .map(|(card, state)| GraphNode { state: state.clone(), ..GraphNode::of(card) })
                 .collect(),
             edges: self
                 .edges

@@ -12,9 +12,8 @@ pub struct DesignSettings {
     pub objects: [usize; 2],
     /// Designs tried per task before it is given up.
     pub max_draws: usize,
-    /// Share of each relation among all edges and goal conditions of a batch, in the order
-    /// front, back, left, right, near, top, on, in, between; their sum is 1.
-    pub relation_quotas: [f64; 9],
+    /// Share of each relation among all edges and goal conditions of a batch.
+    pub relation_quotas: RelationQuotas,
     /// How many occurrences of a relation chance may outweigh.
     pub chance: f64,
     /// Share of tasks whose goal has alternatives, where the kind allows them.
@@ -30,8 +29,7 @@ impl Default for DesignSettings {
         Self {
             objects: [3, 10],
             max_draws: 400,
-            //                front back  left  right near  top   on    in    between
-            relation_quotas: [0.14, 0.14, 0.16, 0.16, 0.10, 0.09, 0.06, 0.09, 0.06],
+            relation_quotas: RelationQuotas::default(),
             chance: 3.0,
             disjunctions: 0.2,
             area_m: [0.47, 0.78],
@@ -40,9 +38,78 @@ impl Default for DesignSettings {
     }
 }
 
-impl DesignSettings {
-    /// Share of a relation among all edges and goal conditions.
-    pub fn relation_quota(&self, relation: Relation) -> f64 {
-        Relation::ALL.iter().position(|known| *known == relation).map_or(0.0, |index| self.relation_quotas[index])
+/// A share per relation; their sum is 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RelationQuotas {
+    /// Farther from the robot.
+    pub front: f64,
+    /// Nearer to the robot.
+    pub back: f64,
+    /// To the robot's left.
+    pub left: f64,
+    /// To the robot's right.
+    pub right: f64,
+    /// Close in the plane.
+    pub near: f64,
+    /// Resting on or lying in.
+    pub top: f64,
+    /// Resting on.
+    pub on: f64,
+    /// Lying in.
+    pub r#in: f64,
+    /// Between two others.
+    pub between: f64,
+}
+
+impl RelationQuotas {
+    /// Share of a relation. A new relation does not compile until it has a share here.
+    pub fn of(&self, relation: Relation) -> f64 {
+        match relation {
+            Relation::Front => self.front,
+            Relation::Back => self.back,
+            Relation::Left => self.left,
+            Relation::Right => self.right,
+            Relation::Near => self.near,
+            Relation::Top => self.top,
+            Relation::On => self.on,
+            Relation::In => self.r#in,
+            Relation::Between => self.between,
+        }
+    }
+}
+
+impl Default for RelationQuotas {
+    fn default() -> Self {
+        // Chosen: directions most, since most edges of a table are neighbours; `on` and `between` least, since few
+        // objects can be stood on or between others.
+        Self {
+            front: 0.14,
+            back: 0.14,
+            left: 0.16,
+            right: 0.16,
+            near: 0.10,
+            top: 0.09,
+            on: 0.06,
+            r#in: 0.09,
+            between: 0.06,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quotas_are_shares_of_all_relations() {
+        let quotas = RelationQuotas::default();
+        let sum: f64 = Relation::ALL.iter().map(|&relation| quotas.of(relation)).sum();
+        assert!((sum - 1.0).abs() < 1e-12, "{sum}");
+        // The names are those of the relations, and no relation is missing from `ALL`.
+        let table = serde_json::to_value(quotas).unwrap();
+        let names: Vec<&str> = Relation::ALL.map(Relation::name).to_vec();
+        assert!(names.iter().all(|name| table[name].as_f64() > Some(0.0)), "{table}");
+        assert_eq!(table.as_object().map(serde_json::Map::len), Some(names.len()));
     }
 }

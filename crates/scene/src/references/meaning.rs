@@ -66,7 +66,7 @@ impl<'c> Listener<'c> {
             }
             Command::Change { object, part, action } => {
                 let card = self.one(object)?;
-                let node = self.graph.nodes.iter().find(|node| node.uid == card.uid);
+                let node = self.graph.nodes.iter().find(|node| node.id == card.uid);
                 let now = node.and_then(|node| node.state.as_deref());
                 let state = changed(card, *part, *action, now)
                     .ok_or_else(|| Mismatch::Unreadable { phrase: format!("{action:?} {}", text(object)) })?;

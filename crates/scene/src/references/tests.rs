@@ -19,11 +19,11 @@ fn scene(facts: &[&str]) -> (Vec<ObjectCard>, SceneGraph) {
         for uid in words.iter().filter(|word| word.chars().all(|c| c.is_ascii_digit())) {
             if cards.iter().all(|card| card.uid != **uid) {
                 cards.push(card(uid));
-                graph.nodes.push(GraphNode { uid: (*uid).into(), state: None });
+                graph.nodes.push(GraphNode::of(&card(uid)));
             }
         }
         if let [uid, state] = words.as_slice() {
-            graph.nodes.iter_mut().find(|node| node.uid == *uid).unwrap().state = Some((*state).into());
+            graph.nodes.iter_mut().find(|node| node.id == *uid).unwrap().state = Some((*state).into());
             continue;
         }
         graph.edges.push(GraphEdge {
@@ -162,7 +162,7 @@ fn spoilt_tasks_are_found() {
                 reference: other(&edge.reference),
                 second_reference: edge.second_reference.as_ref().map(other),
             }));
-            twin.scene_graph.nodes.push(GraphNode { uid: "999".into(), state: None });
+            twin.scene_graph.nodes.push(GraphNode::of(&card));
             twin.objects.push(card);
             spoilt.push((4, twin));
         }

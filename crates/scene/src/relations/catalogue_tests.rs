@@ -3,7 +3,11 @@
 use genmanip_assets::Catalogue;
 use genmanip_core::Pose;
 use glam::DVec3;
+use parry3d_f64::math::{Pose as Placing, Vector};
+use parry3d_f64::query;
+use parry3d_f64::shape::ConvexPolyhedron;
 
+use super::shape::outline_points;
 use super::*;
 
 /// Puts the first object with its base at a place relative to the second, which stands on the table.
@@ -16,7 +20,7 @@ fn scene(upper: &str, lower: &str, offset: DVec3) -> PosedScene {
     let posed = |uid: &str, position: DVec3| {
         let model = catalogue.build(uid).unwrap();
         let joint_positions = vec![0.0; model.joint_count()];
-        PosedObject { uid: uid.into(), model, pose: Pose::from_position(position), joint_positions }
+        PosedObject { id: uid.into(), model, pose: Pose::from_position(position), joint_positions }
     };
     let anchor = DVec3::new(0.5, 0.0, 0.0);
     let objects = vec![posed(upper, anchor + offset), posed(lower, anchor)];
@@ -53,15 +57,49 @@ fn neighbours_on_the_table() {
     assert_eq!(label("023", "010", DVec3::new(0.0, -0.2, 0.0)).a_to_b, Some(Label::Right));
 }
 
+/// The pieces of an object in the world as polyhedra; the roundest are a millimetre too small.
+fn polyhedra(scene: &PosedScene, index: usize) -> Vec<ConvexPolyhedron> {
+    let body = &scene.bodies[index];
+    let of_piece = |piece: &super::scene::WorldPiece| {
+        let corners = outline_points(body.shape_of(piece)).into_iter().map(|corner| {
+            let corner = piece.world_from_piece.transform_point(corner);
+            Vector::new(corner.x, corner.y, corner.z)
+        });
+        ConvexPolyhedron::from_convex_hull(&corners.collect::<Vec<_>>()).unwrap()
+    };
+    body.pieces.iter().map(of_piece).collect()
+}
+
+/// Whether two objects touch when the first one is lowered, as a collision library sees it that the judges do not ask.
+fn touches(scene: &PosedScene, lowered_m: f64) -> bool {
+    let (upper, lower) = (polyhedra(scene, 0), polyhedra(scene, 1));
+    let down = Placing::from_translation(Vector::new(0.0, 0.0, -lowered_m));
+    upper
+        .iter()
+        .any(|a| lower.iter().any(|b| query::distance(&down, a, &Placing::IDENTITY, b).unwrap().distance == 0.0))
+}
+
 #[test]
-fn single_quantities_are_those_of_the_pair() {
+fn a_contact_is_where_a_fall_ends() {
+    const TOLERANCE_M: f64 = 0.0015;
     let settings = RelationSettings::default();
-    for offset in [DVec3::Z * 0.1, DVec3::Z * 0.02, DVec3::new(0.1, 0.0, 0.05), DVec3::new(0.3, 0.2, 0.0)] {
-        for [upper, lower] in [["033", "005"], ["044", "052"], ["046", "048"]] {
+    let mut met = 0;
+    for offset in [DVec3::Z * 0.3, DVec3::Z * 0.12, DVec3::new(0.02, -0.015, 0.2), DVec3::new(0.3, 0.2, 0.3)] {
+        for [upper, lower] in [["033", "005"], ["044", "052"], ["046", "048"], ["003", "009"]] {
             let scene = scene(upper, lower, offset);
             let pair = measure_pair(&scene, 0, 1, &settings).unwrap();
             assert_eq!(contact_below(&scene, 0, 1, &settings), pair.a_over_b, "{upper} {lower} {offset}");
             assert_eq!(planar_gap(&scene, 0, 1), Some(pair.gap_m), "{upper} {lower} {offset}");
+            let Some(contact) = pair.a_over_b else {
+                let heights = (0..60).map(|step| f64::from(step) * 0.01);
+                let mut falls = heights.filter(|&lowered_m| touches(&scene, lowered_m));
+                assert_eq!(falls.next(), None, "{upper} falls past {lower} at {offset}");
+                continue;
+            };
+            met += 1;
+            assert!(!touches(&scene, contact.gap_m - TOLERANCE_M), "{upper} {lower} {offset}: stopped too late");
+            assert!(touches(&scene, contact.gap_m + TOLERANCE_M), "{upper} {lower} {offset}: stopped too early");
         }
     }
+    assert_eq!(met, 12, "all but those beside each other");
 }

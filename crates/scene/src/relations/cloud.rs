@@ -14,9 +14,10 @@ use std::sync::OnceLock;
 use genmanip_core::{Aabb, Atom, AtomVerdict, Goal, GoalVerdict};
 use glam::{DVec2, DVec3};
 
+use super::contact::Contact;
 use super::extent::{Extent, Scene, supported};
 use super::judge::{judge, judge_alternatives};
-use super::pair::{Contact, PairVerdict, label_extents};
+use super::pair::{PairVerdict, label_extents};
 use super::requirement::Requirement;
 use super::{RelationSettings, Rest};
 use crate::clouds::{Cloud, spread_directions};

@@ -35,7 +35,7 @@ fn object(name: &str, spread: f64, rng: &mut impl Rng) -> PosedObject {
     let place = DVec3::new(0.5 + rng.random_range(-spread..spread), rng.random_range(-spread..spread), 0.0);
     let turn = DQuat::from_rotation_z(rng.random_range(0.0..TAU));
     let joint_positions = vec![0.0; model.joint_count()];
-    PosedObject { uid: name.into(), model, pose: Pose::new(place, turn), joint_positions }
+    PosedObject { id: name.into(), model, pose: Pose::new(place, turn), joint_positions }
 }
 
 /// Three objects of the catalogue: the first dropped onto, into or beside the second.

@@ -1,10 +1,30 @@
-//! The vertical gap between two convex bodies.
+//! Where one object would first touch another if it fell: the vertical gap between two convex bodies.
 //!
 //! How far body A can fall until it touches body B is where a vertical line enters the Minkowski difference A − B.
 //! The line is followed by portal refinement (Snethen, "XenoCollide", Game Programming Gems 7): a triangle of support
 //! points around the line is pushed outwards until the body does not reach beyond it.
 
 use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::RelationSettings;
+
+/// The place where one object would first touch another if it fell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Contact {
+    /// Vertical gap there, m; negative when the upper object is below.
+    pub gap_m: f64,
+    /// Height of the upper object's middle above the middle of the link it would touch, m.
+    pub rise_m: f64,
+}
+
+impl Contact {
+    /// Whether the upper object rests on the lower one.
+    pub fn rests(&self, settings: &RelationSettings) -> bool {
+        (-settings.sinking_m..=settings.touching_gap_m).contains(&self.gap_m) && self.rise_m > 0.0
+    }
+}
 
 /// The gap is known to this accuracy, metres.
 const ACCURACY: f64 = 1e-6;

@@ -4,7 +4,7 @@ use genmanip_core::Aabb;
 use glam::DVec3;
 
 use super::RelationSettings;
-use super::pair::Contact;
+use super::contact::Contact;
 use super::requirement::Requirement;
 use crate::planar::Polygon;
 

@@ -2,8 +2,9 @@
 
 use genmanip_core::{Atom, AtomVerdict, Goal, GoalVerdict, Relation, SceneGraph, Unit};
 
+use super::contact::Contact;
 use super::extent::{Extent, Scene};
-use super::pair::{Contact, PairGeometry, measure};
+use super::pair::{PairGeometry, measure};
 use super::requirement::{Requirement, SINKING, better, verdict};
 use super::{PosedScene, RelationSettings};
 
@@ -27,7 +28,7 @@ impl Rest {
 
 /// Judges one condition on objects at rest.
 ///
-/// A uid that is not in the scene is a condition that does not hold, and the explanation says so.
+/// An id that is not in the scene is a condition that does not hold, and the explanation says so.
 pub fn judge_atom(scene: &PosedScene, atom: &Atom, settings: &RelationSettings) -> AtomVerdict {
     judge(scene, atom, &Rest::default(), settings)
 }
@@ -59,23 +60,21 @@ pub fn judge_edges(scene: &PosedScene, graph: &SceneGraph, settings: &RelationSe
 
 /// Judges the state of every node of an initial graph that has one, in its order.
 pub fn judge_states(scene: &PosedScene, graph: &SceneGraph, settings: &RelationSettings) -> Vec<AtomVerdict> {
-    let atoms = graph
-        .nodes
-        .iter()
-        .filter_map(|node| Some(Atom::State { object: node.uid.clone(), state: node.state.clone()? }));
+    let atoms =
+        graph.nodes.iter().filter_map(|node| Some(Atom::State { object: node.id.clone(), state: node.state.clone()? }));
     atoms.map(|atom| judge_atom(scene, &atom, settings)).collect()
 }
 
 /// Judges one condition, whatever the extents are known from.
 pub(super) fn judge(scene: &impl Scene, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
-    let (uids, word): (Vec<&str>, &str) = match atom {
+    let (ids, word): (Vec<&str>, &str) = match atom {
         Atom::State { object, state } => (vec![object], state),
         Atom::Relation { subject, relation, reference, second_reference } => (
             std::iter::once(subject).chain([reference]).chain(second_reference).map(String::as_str).collect(),
             relation.name(),
         ),
     };
-    let Some(indices) = uids.iter().map(|uid| scene.find(uid)).collect::<Option<Vec<_>>>() else {
+    let Some(indices) = ids.iter().map(|id| scene.find(id)).collect::<Option<Vec<_>>>() else {
         return verdict(atom, word, vec![Requirement::fact("in the scene", false)]);
     };
     let bodies: Vec<_> = indices.iter().filter_map(|&index| scene.extent(index)).collect();

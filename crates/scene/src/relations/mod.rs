@@ -35,10 +35,9 @@ mod tests;
 mod window;
 
 pub use cloud::CloudScene;
+pub use contact::Contact;
 pub use judge::{Rest, judge_atom, judge_edges, judge_goal, judge_states};
-pub use pair::{
-    Contact, Label, PairGeometry, PairVerdict, contact_below, label_pair, measure_pair, outlines_apart, planar_gap,
-};
+pub use pair::{Label, PairGeometry, PairVerdict, contact_below, label_pair, measure_pair, outlines_apart, planar_gap};
 pub use requirement::is_clear;
 pub use scene::{PosedObject, PosedScene};
 pub use settings::RelationSettings;

@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::contact::Contact;
 use super::extent::{Extent, Scene};
 use super::{PosedScene, RelationSettings};
 
@@ -85,15 +86,6 @@ pub struct PairGeometry {
     pub offset: DVec3,
 }
 
-/// The place where one object would first touch another if it fell.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Contact {
-    /// Vertical gap there; negative when the upper object is below.
-    pub gap_m: f64,
-    /// Height of the upper object's middle above the middle of the link it would touch.
-    pub rise_m: f64,
-}
-
 /// Measures and labels two objects of a scene; `None` for an index out of range.
 pub fn label_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationSettings) -> Option<PairVerdict> {
     label_extents(scene, a, b, settings)
@@ -172,13 +164,6 @@ fn label(pair: &PairGeometry, settings: &RelationSettings) -> Option<Label> {
         one_of(pair.offset.x > 0.0, Label::Front, Label::Back)
     } else {
         Some(Label::Near)
-    }
-}
-
-impl Contact {
-    /// Whether the upper object rests on the lower one.
-    pub fn rests(&self, settings: &RelationSettings) -> bool {
-        (-settings.sinking_m..=settings.touching_gap_m).contains(&self.gap_m) && self.rise_m > 0.0
     }
 }
 

@@ -3,9 +3,8 @@
 use genmanip_core::{Aabb, Pose};
 use glam::DVec3;
 
-use super::contact::vertical_gap;
+use super::contact::{Contact, vertical_gap};
 use super::extent::{Extent, Scene, supported};
-use super::pair::Contact;
 use super::requirement::Requirement;
 use super::scene::Body;
 use super::solid::Solid;
@@ -15,8 +14,8 @@ use super::{PosedScene, RelationSettings};
 impl Scene for PosedScene {
     type Extent = Body;
 
-    fn find(&self, uid: &str) -> Option<usize> {
-        self.index_of(uid)
+    fn find(&self, id: &str) -> Option<usize> {
+        self.index_of(id)
     }
 
     fn extent(&self, index: usize) -> Option<&Body> {

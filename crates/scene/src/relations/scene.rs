@@ -11,8 +11,8 @@ use crate::planar::Polygon;
 /// An object at its pose.
 #[derive(Clone, Debug)]
 pub struct PosedObject {
-    /// Uid.
-    pub uid: String,
+    /// What the scene calls it.
+    pub id: String,
     /// What it is.
     pub model: Arc<ObjectModel>,
     /// `world_from_object`.
@@ -79,8 +79,8 @@ impl PosedScene {
     }
 
     /// Index of an object.
-    pub fn index_of(&self, uid: &str) -> Option<usize> {
-        self.bodies.iter().position(|body| body.object.uid == uid)
+    pub fn index_of(&self, id: &str) -> Option<usize> {
+        self.bodies.iter().position(|body| body.object.id == id)
     }
 
     /// Moves one object; the geometry of the others is kept. An index out of range changes nothing.
@@ -205,6 +205,12 @@ impl Body {
             let hull = Polygon::hull(pieces.iter().flat_map(|polygon| polygon.corners.iter().copied()).collect());
             Footprint { pieces, hull }
         })
+    }
+
+    /// Whether the projections have been asked for.
+    #[cfg(test)]
+    pub fn is_outlined(&self) -> bool {
+        self.footprint.get().is_some()
     }
 
     fn outline_of(&self, piece: &WorldPiece) -> Polygon {

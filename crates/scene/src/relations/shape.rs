@@ -1,9 +1,9 @@
 //! What the judges need to know about an object model, prepared once.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
-use genmanip_core::{ObjectLink, ObjectModel, Pose, Seed, Shape};
+use genmanip_core::{AssetRef, ObjectLink, ObjectModel, Pose, Seed, Shape};
 use glam::DVec3;
 use rand::RngExt;
 
@@ -37,10 +37,10 @@ pub(super) struct LinkShape {
     pub cavity: Vec<Solid>,
 }
 
-/// Shapes by object and generator, so that each model is prepared once.
+/// Shapes by asset, so that each model is prepared once; only looked up, never iterated over.
 #[derive(Debug)]
 pub struct ShapeCache {
-    shapes: BTreeMap<(String, Seed, u32), Arc<ObjectShape>>,
+    shapes: HashMap<AssetRef, Arc<ObjectShape>>,
     samples: usize,
 }
 
@@ -54,14 +54,13 @@ impl Default for ShapeCache {
 impl ShapeCache {
     /// A cache that samples each object with about so many points.
     pub fn with_samples(samples: usize) -> Self {
-        Self { shapes: BTreeMap::new(), samples }
+        Self { shapes: HashMap::new(), samples }
     }
 
     /// The shape of a model.
     pub fn get(&mut self, model: &Arc<ObjectModel>) -> Arc<ObjectShape> {
-        let key = (model.card.uid.clone(), model.seed, model.generator_version);
         let samples = self.samples;
-        Arc::clone(self.shapes.entry(key).or_insert_with(|| Arc::new(ObjectShape::new(model, samples))))
+        Arc::clone(self.shapes.entry(model.asset.clone()).or_insert_with(|| Arc::new(ObjectShape::new(model, samples))))
     }
 }
 

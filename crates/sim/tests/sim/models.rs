@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
-    Aabb, Joint, JointKind, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape,
+    Aabb, AssetRef, Joint, JointKind, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape,
 };
 
 /// `w`ide (y) × `d`eep (x) × `h`igh.
@@ -88,6 +88,7 @@ fn body(name: &str, mass_kg: f64, joint: Option<Joint>, pieces: Vec<Piece>) -> O
 fn model(name: &str, size_m: DVec3, mass_kg: f64, friction: f64, links: Vec<ObjectLink>) -> ObjectModel {
     let card = ObjectCard {
         uid: name.into(),
+        asset: AssetRef::builtin(name, 1),
         name: name.into(),
         description: String::new(),
         category: String::new(),
@@ -105,8 +106,7 @@ fn model(name: &str, size_m: DVec3, mass_kg: f64, friction: f64, links: Vec<Obje
     ObjectModel {
         card,
         family: "test".into(),
-        seed: Seed::new(0),
-        generator_version: 1,
+        asset: AssetRef::builtin(name, 1),
         links,
         friction,
         joint_states: vec![],

@@ -1,4 +1,4 @@
-//! A chat-completions server on a free loopback port, with a script of good and bad behaviour.
+//! A server on a free loopback port that speaks all dialects, with a script of good and bad behaviour.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -11,14 +11,14 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 /// Largest request that is read, bytes.
-const MAX_REQUEST_BYTES: usize = 16 << 20;
+const MAX_REQUEST_BYTES: usize = 64 << 20; // twice what the default settings let a client send
 /// A client that does not read or write for so long is left alone.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// What to do with one request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Behaviour {
-    /// A completion with this text.
+    /// An ordinary answer with this text, in the dialect whose path was asked for.
     Answer(String),
     /// A status with headers and a body.
     Status(u16, Vec<(String, String)>, String),
@@ -73,12 +73,22 @@ struct Shared {
     stopped: AtomicBool,
 }
 
-/// The body of an ordinary completion.
+/// The body of an ordinary chat completion, as OpenAI's dialect has it.
 pub fn completion(text: &str) -> String {
     json!({
         "id": "fake", "object": "chat.completion", "created": 0, "model": "fake-server",
         "choices": [{"index": 0, "finish_reason": "stop", "message": {"role": "assistant", "content": text}}],
         "usage": {"prompt_tokens": 100, "completion_tokens": 10, "total_tokens": 110},
+    })
+    .to_string()
+}
+
+/// The body of an ordinary message, as Anthropic's dialect has it.
+fn message(text: &str) -> String {
+    json!({
+        "id": "fake", "type": "message", "role": "assistant", "model": "fake-server",
+        "content": [{"type": "text", "text": text}], "stop_reason": "end_turn", "stop_sequence": null,
+        "usage": {"input_tokens": 100, "output_tokens": 10},
     })
     .to_string()
 }
@@ -157,7 +167,7 @@ fn serve(stream: TcpStream, shared: &Shared) -> io::Result<()> {
         request.index = seen.len();
         seen.push(request.clone());
     }
-    behave((shared.behaviour)(&request), stream, shared)
+    behave((shared.behaviour)(&request), &request, stream, shared)
 }
 
 fn read_request(reader: &mut impl BufRead) -> io::Result<SeenRequest> {
@@ -180,10 +190,13 @@ fn read_request(reader: &mut impl BufRead) -> io::Result<SeenRequest> {
     Ok(SeenRequest { index: 0, target, headers, body: serde_json::from_slice(&body).unwrap_or_default() })
 }
 
-fn behave(behaviour: Behaviour, mut stream: TcpStream, shared: &Shared) -> io::Result<()> {
+fn behave(behaviour: Behaviour, request: &SeenRequest, mut stream: TcpStream, shared: &Shared) -> io::Result<()> {
     let json = "application/json";
     match behaviour {
-        Behaviour::Answer(text) => respond(&mut stream, shared, 200, &[("content-type", json)], &completion(&text)),
+        Behaviour::Answer(text) => {
+            let body = if request.target.ends_with("/messages") { message(&text) } else { completion(&text) };
+            respond(&mut stream, shared, 200, &[("content-type", json)], &body)
+        }
         Behaviour::Body(content_type, body) => {
             respond(&mut stream, shared, 200, &[("content-type", content_type.as_str())], &body)
         }
@@ -194,7 +207,7 @@ fn behave(behaviour: Behaviour, mut stream: TcpStream, shared: &Shared) -> io::R
         }
         Behaviour::Slow(wait, then) => {
             std::thread::sleep(wait);
-            behave(*then, stream, shared)
+            behave(*then, request, stream, shared)
         }
         Behaviour::CutOff(body) => {
             let more = body.len() + 1000;

@@ -1,8 +1,8 @@
 use std::time::{Duration, Instant};
 
+use genmanip_chat::fake::{Behaviour, FakeServer, completion};
+use genmanip_chat::{ChatError, ChatModel, HttpChat, ServerSettings, Structure};
 use genmanip_core::Seed;
-use genmanip_llm::fake::{Behaviour, FakeServer, completion};
-use genmanip_llm::{ChatError, ChatModel, HttpChat, ServerSettings, Structure};
 
 use crate::{client, impatient, question, structured_question};
 
@@ -26,7 +26,7 @@ fn slow(seconds: f64) -> Behaviour {
 /// Asks a server with this script: `Ok(text)`, or the error with its causes; and how many requests that took.
 fn ask(script: Vec<Behaviour>, change: impl Fn(&mut ServerSettings)) -> (Result<String, ChatError>, usize) {
     let server = FakeServer::scripted(script).unwrap();
-    let mut settings = impatient(server.base_url()).server;
+    let mut settings = impatient(server.base_url());
     change(&mut settings);
     let result = HttpChat::new(settings, None, Seed::new(1)).unwrap().chat(&question("?"));
     (result.map(|reply| reply.text), server.seen().len())
@@ -106,7 +106,7 @@ fn a_server_is_given_the_time_it_asks_for() {
 fn a_flood_is_cut_off_early() {
     for announced in [true, false] {
         let server = FakeServer::scripted(vec![Behaviour::Flood { bytes: 1 << 30, announced }]).unwrap();
-        let mut settings = impatient(server.base_url()).server;
+        let mut settings = impatient(server.base_url());
         settings.max_body_bytes = 1 << 20;
         let error = HttpChat::new(settings, None, Seed::new(1)).unwrap().chat(&question("?")).unwrap_err();
         assert!(matches!(error, ChatError::TooLarge { limit_bytes: 1_048_576, .. }), "{error}");
@@ -118,7 +118,7 @@ fn a_flood_is_cut_off_early() {
 #[test]
 fn nobody_listens() {
     let free = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap().local_addr().unwrap();
-    let settings = impatient(format!("http://{free}/v1")).server;
+    let settings = impatient(format!("http://{free}/v1"));
     let begin = Instant::now();
     let error = HttpChat::new(settings, None, Seed::new(1)).unwrap().chat(&question("?")).unwrap_err();
     assert!(matches!(error, ChatError::Unreachable { .. }), "{error}");
@@ -131,7 +131,7 @@ fn nobody_listens() {
 #[test]
 fn https_with_a_server_that_speaks_none() {
     let server = FakeServer::scripted([Behaviour::HangUp]).unwrap();
-    let settings = impatient(server.base_url().replace("http:", "https:")).server;
+    let settings = impatient(server.base_url().replace("http:", "https:"));
     let error = HttpChat::new(settings, None, Seed::new(1)).unwrap().chat(&question("?")).unwrap_err();
     assert!(error.to_string().contains("https://127.0.0.1"), "{error}");
     assert!(server.seen().iter().all(|request| request.body.is_null()), "nothing was sent in the clear");

@@ -7,11 +7,17 @@ use std::time::Duration;
 use genmanip_core::Seed;
 use serde_json::Value;
 
+use crate::dialect::{Wire, error_message, refuses_structure};
+use crate::error::{ChatError, SettingsError, shortened};
+use crate::message::Role;
+use crate::model::ChatModel;
+use crate::reply::{ChatReply, Structure};
+use crate::request::ChatRequest;
 use crate::retry::{backoff_s, retry_after_s};
-use crate::wire::{error_message, refuses_structure, reply, request_body, shortened};
-use crate::{ApiKey, ChatError, ChatModel, ChatReply, ChatRequest, ServerSettings, SettingsError, Structure};
+use crate::secret::ApiKey;
+use crate::settings::ServerSettings;
 
-/// An OpenAI-compatible server: OpenAI, vLLM, llama.cpp, Ollama, LM Studio, gateways.
+/// A server that speaks one of the dialects.
 ///
 /// Redirects are refused, so that a key is never carried elsewhere.
 /// System proxies (`HTTPS_PROXY`, `NO_PROXY`) are used, except for a server on this machine.
@@ -58,14 +64,18 @@ impl HttpChat {
                 .unversioned_rustls_crypto_provider(provider);
             config = config.tls_config(tls.build());
         }
-        let url = format!("{}/chat/completions", settings.base_url.trim_end_matches('/'));
+        let url = format!("{}{}", settings.base_url.trim_end_matches('/'), settings.dialect.wire().path());
         let first = Structure::ALL.iter().position(|one| *one == settings.structure).unwrap_or(0);
         Ok(Self { agent: config.build().new_agent(), structure: AtomicUsize::new(first), settings, key, jitter, url })
     }
 
     /// Asks with one form of structured output, as often as patience allows.
     fn ask(&self, request: &ChatRequest, structure: Structure, attempts: &mut u32) -> Result<ChatReply, ChatError> {
-        let body = request_body(request, structure).to_string();
+        let body = self.wire().request_body(request, structure).to_string();
+        let (size_bytes, limit_bytes) = (body.len() as u64, self.settings.max_request_bytes);
+        if size_bytes > limit_bytes {
+            return Err(ChatError::RequestTooLarge { size_bytes, limit_bytes });
+        }
         let jitter = request.fork(self.jitter);
         let mut retry = 0;
         loop {
@@ -94,8 +104,8 @@ impl HttpChat {
     fn try_once(&self, body: &str, structure: Structure) -> Result<ChatReply, Failure> {
         let mut request =
             self.agent.post(&self.url).content_type("application/json").header("accept", "application/json");
-        if let Some(key) = &self.key {
-            request = request.header("authorization", key.bearer());
+        for (name, value) in self.wire().headers(self.key.as_ref()) {
+            request = request.header(name, value);
         }
         let response = request.send(body).map_err(|error| self.failure(error))?;
         let header = |name: &str| response.headers().get(name).and_then(|value| value.to_str().ok());
@@ -120,7 +130,25 @@ impl HttpChat {
             }
             Failure::lasting(ChatError::NotJson { url, content_type, beginning: beginning() })
         })?;
-        reply(&value, structure, &self.url).map_err(Failure::lasting)
+        self.wire().reply(&value, structure, &self.url).map_err(Failure::lasting)
+    }
+
+    fn wire(&self) -> &'static dyn Wire {
+        self.settings.dialect.wire()
+    }
+
+    fn check_images(&self, request: &ChatRequest) -> Result<(), ChatError> {
+        let limit_bytes = self.settings.max_image_bytes;
+        for (message, image) in request.images() {
+            if request.messages[message].role != Role::User {
+                return Err(ChatError::MisplacedImage { message });
+            }
+            let size_bytes = image.bytes().len() as u64;
+            if size_bytes > limit_bytes {
+                return Err(ChatError::ImageTooLarge { message, size_bytes, limit_bytes });
+            }
+        }
+        Ok(())
     }
 
     /// Reads at most the allowed number of bytes; dropping the rest closes the connection.
@@ -176,8 +204,10 @@ impl HttpChat {
 impl ChatModel for HttpChat {
     /// Asks with the strictest structured output the server is known to take, then with looser ones.
     fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
-        let first = self.structure.load(Ordering::Relaxed);
-        let forms = if request.reply_schema.is_some() { &Structure::ALL[first..] } else { &[Structure::Plain][..] };
+        self.check_images(request)?;
+        let first = if request.reply_schema.is_some() { self.structure.load(Ordering::Relaxed) } else { usize::MAX };
+        let strictest = Structure::ALL.get(first).copied().unwrap_or(Structure::Plain);
+        let forms = self.wire().structures().iter().filter(|structure| **structure >= strictest);
         let mut attempts = 0;
         let mut refusal = None;
         for structure in forms {

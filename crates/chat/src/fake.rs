@@ -4,7 +4,10 @@
 
 use std::sync::Mutex;
 
-use crate::{ChatError, ChatModel, ChatReply, ChatRequest, Structure};
+use crate::error::ChatError;
+use crate::model::ChatModel;
+use crate::reply::{ChatReply, Structure};
+use crate::request::ChatRequest;
 
 mod server;
 pub use server::{Behaviour, FakeServer, SeenRequest, completion};
@@ -12,11 +15,9 @@ pub use server::{Behaviour, FakeServer, SeenRequest, completion};
 /// Gives prepared answers in order, whatever is asked, and remembers what was.
 ///
 /// ```
-/// use genmanip_llm::{ChatModel, ChatRequest, Message, fake::ScriptedChat};
+/// use genmanip_chat::{ChatModel, ChatRequest, Message, fake::ScriptedChat};
 /// let model = ScriptedChat::new(["first", "second"]);
-/// let request = ChatRequest {
-///     model: "any".into(), messages: vec![Message::user("?")], reply_schema: None, parameters: Default::default(),
-/// };
+/// let request = ChatRequest::new("any", vec![Message::user("?")]);
 /// assert_eq!(model.chat(&request).unwrap().text, "first");
 /// assert_eq!(model.chat(&request).unwrap().text, "second");
 /// assert!(model.chat(&request).is_err());

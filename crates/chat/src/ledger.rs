@@ -1,10 +1,11 @@
-//! What was asked, counted in tokens and money.
+//! What was asked, counted in answers, tokens and money.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::ChatReply;
+use crate::error::SettingsError;
+use crate::reply::ChatReply;
 
 /// What a model's tokens cost, from the user's settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,6 +18,20 @@ pub struct Price {
     /// Currency of both.
     #[serde(default = "dollars")]
     pub currency: String,
+}
+
+impl Price {
+    /// Checks what the types do not say.
+    ///
+    /// # Errors
+    /// Names the table `prices` when a price is negative or no number.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        let is_price = |amount: f64| amount >= 0.0;
+        if is_price(self.input_per_million) && is_price(self.output_per_million) {
+            return Ok(());
+        }
+        Err(SettingsError::Invalid { field: "prices", expected: "prices of 0 or more".into() })
+    }
 }
 
 fn dollars() -> String {
@@ -112,7 +127,7 @@ impl std::fmt::Display for Cost {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Structure, Usage};
+    use crate::reply::{Structure, Usage};
 
     fn reply(attempts: u32, usage: Option<(u64, u64)>) -> ChatReply {
         ChatReply {

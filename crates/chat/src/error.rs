@@ -76,6 +76,30 @@ pub enum ChatError {
         /// In the server's words, or `none`.
         finish_reason: String,
     },
+    /// An image where servers take none; nothing was sent.
+    #[error("expected images in messages of the user only, got one in message {message}")]
+    MisplacedImage {
+        /// Index of the message, from 0.
+        message: usize,
+    },
+    /// An image that the settings do not allow; nothing was sent.
+    #[error("the image in message {message} has {size_bytes} bytes, more than the limit of {limit_bytes}")]
+    ImageTooLarge {
+        /// Index of the message, from 0.
+        message: usize,
+        /// Size of the file.
+        size_bytes: u64,
+        /// The limit.
+        limit_bytes: u64,
+    },
+    /// A request that the settings do not allow; nothing was sent.
+    #[error("the request has {size_bytes} bytes, images included, more than the limit of {limit_bytes}")]
+    RequestTooLarge {
+        /// Size of the body.
+        size_bytes: u64,
+        /// The limit.
+        limit_bytes: u64,
+    },
     /// The model declined.
     #[error("the model declined: {message}")]
     Declined {
@@ -100,7 +124,7 @@ pub enum ChatError {
         /// The answer that asked.
         last: Box<ChatError>,
     },
-    /// A question that was never recorded.
+    /// A request that was never recorded.
     #[error("no cassette {key} in {folder}{}", nearest.as_ref().map_or_else(String::new, |near| format!("; nearest is {near}")))]
     CassetteMiss {
         /// Content hash of the request.
@@ -142,9 +166,18 @@ impl std::fmt::Display for NearestCassette {
 }
 
 impl ChatError {
-    /// Whether other questions will probably fail for the same reason.
-    pub(crate) fn is_service_trouble(&self) -> bool {
-        !matches!(self, Self::NoText { .. } | Self::Declined { .. } | Self::CassetteMiss { .. } | Self::Cassette { .. })
+    /// Whether other requests will probably fail for the same reason.
+    pub fn is_service_trouble(&self) -> bool {
+        !matches!(
+            self,
+            Self::NoText { .. }
+                | Self::MisplacedImage { .. }
+                | Self::ImageTooLarge { .. }
+                | Self::RequestTooLarge { .. }
+                | Self::Declined { .. }
+                | Self::CassetteMiss { .. }
+                | Self::Cassette { .. }
+        )
     }
 
     /// What to do about it.
@@ -164,9 +197,14 @@ impl ChatError {
             Self::Status { .. } => "the server has trouble of its own; try again later",
             Self::TooLarge { .. } => "this is no chat completion, or `max_body_bytes` is too small",
             Self::NotJson { .. } | Self::NotACompletion { .. } => {
-                "`base_url` must be that of an OpenAI-compatible server, usually ending in `/v1`"
+                "`base_url` must be that of a server that speaks `dialect`, with most ending in `/v1`"
             }
             Self::NoText { .. } => "a model that thinks at length needs a larger token limit in `parameters`",
+            Self::MisplacedImage { .. } => "say it in words there, or move the image into the user's message",
+            Self::ImageTooLarge { .. } => "scale the image down, or raise `max_image_bytes` if the server takes it",
+            Self::RequestTooLarge { .. } => {
+                "send fewer or smaller images, or raise `max_request_bytes` if the server takes it"
+            }
             Self::Declined { .. } => "ask another model",
             Self::GaveUp { last, .. } => last.hint(),
             Self::WaitTooLong { .. } => "run later or with fewer `workers`; `max_retry_after_s` is the limit",
@@ -205,7 +243,34 @@ pub enum SettingsError {
     /// The variable holds no key.
     #[error("the API key must be 8 to 4096 visible ASCII characters; a server that wants none needs no `api_key_env`")]
     BadKey,
-    /// A prompt file that cannot be used.
-    #[error(transparent)]
-    Prompt(#[from] crate::PromptError),
+}
+
+/// Bytes that are neither a PNG nor a JPEG file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected a PNG or JPEG file, got {size_bytes} bytes beginning {beginning:?} in hexadecimal")]
+pub struct ImageError {
+    /// How many bytes.
+    pub size_bytes: u64,
+    /// The first eight of them, in hexadecimal.
+    pub beginning: String,
+}
+
+impl ImageError {
+    /// What to do about it.
+    pub fn hint(&self) -> &'static str {
+        "encode the picture as PNG or JPEG first, and give the bytes of the file, not base64"
+    }
+}
+
+/// The first characters of a text on one line.
+pub(crate) fn shortened(text: &str, longest: usize) -> String {
+    let mut words = String::new();
+    for (count, letter) in text.trim().chars().enumerate() {
+        if count == longest {
+            words.push('…');
+            break;
+        }
+        words.push(if letter.is_control() { ' ' } else { letter });
+    }
+    words
 }

@@ -1,24 +1,49 @@
-//! Recorded exchanges, found again by the content of the question.
+//! Recorded exchanges, found again by the content of the request.
 //!
 //! One JSON file per exchange, made to be read: `<first 24 digits of the key>.json`.
-//! A cassette holds what was asked and what was answered; addresses, headers and keys are never part of either.
+//! A cassette holds what was asked and what was answered, of an image its format, size and hash; addresses, headers
+//! and keys are never part of it.
 
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use genmanip_core::Document;
+use genmanip_core::{Document, Seed};
 use serde::{Deserialize, Serialize};
 
+use crate::error::{ChatError, SettingsError};
+use crate::http::HttpChat;
+use crate::model::ChatModel;
 use crate::nearest::nearest;
-use crate::{ApiKey, CassetteSettings, ChatError, ChatModel, ChatReply, ChatRequest};
+use crate::reply::ChatReply;
+use crate::request::{ChatRequest, RecordedRequest};
+use crate::secret::ApiKey;
+use crate::settings::ServerSettings;
 
 /// Largest file that is read as a cassette, bytes.
 const MAX_CASSETTE_BYTES: u64 = 32 << 20;
-/// Most cassettes that are compared with a question that has none.
+/// Most cassettes that are compared with a request that has none.
 const MAX_COMPARED: usize = 2_000;
 
-/// What to do with a question.
+/// Recording and replaying.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CassetteSettings {
+    /// Whether to ask the server, to record it, or to do without it.
+    pub mode: CassetteMode,
+    /// Where cassettes are, one JSON file per exchange.
+    pub folder: PathBuf,
+    /// Written into each new cassette: who answered, and why it was recorded.
+    pub note: String,
+}
+
+impl Default for CassetteSettings {
+    fn default() -> Self {
+        Self { mode: CassetteMode::Live, folder: "cassettes".into(), note: String::new() }
+    }
+}
+
+/// What to do with a request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CassetteMode {
@@ -28,7 +53,7 @@ pub enum CassetteMode {
     /// Answer from the cassette if there is one; otherwise ask and record. An interrupted recording goes on
     /// where it stopped; delete the folder to record afresh.
     Record,
-    /// Answer from the cassette; a question without one is an error, and nothing is ever asked.
+    /// Answer from the cassette; a request without one is an error, and nothing is ever asked.
     Replay,
 }
 
@@ -42,7 +67,7 @@ pub struct Cassette {
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
     /// What was asked.
-    pub request: ChatRequest,
+    pub request: RecordedRequest,
     /// What was answered.
     pub reply: ChatReply,
 }
@@ -59,6 +84,24 @@ pub struct CassetteChat<M> {
     key: Option<ApiKey>,
 }
 
+impl CassetteChat<HttpChat> {
+    /// The server of the settings with its cassettes; replaying needs neither a key nor a server.
+    /// `jitter` spreads the waits between retries.
+    ///
+    /// # Errors
+    /// Names the setting that makes no sense, or the variable that holds no key.
+    pub fn open(server: &ServerSettings, cassettes: &CassetteSettings, jitter: Seed) -> Result<Self, SettingsError> {
+        server.check()?;
+        let cassettes = cassettes.clone();
+        if cassettes.mode == CassetteMode::Replay {
+            return Ok(Self::replay(cassettes));
+        }
+        let key = server.api_key_env.as_deref().map(ApiKey::from_environment).transpose()?;
+        let server = HttpChat::new(server.clone(), key.clone(), jitter)?;
+        Ok(Self::new(server, cassettes, key))
+    }
+}
+
 impl<M: ChatModel> CassetteChat<M> {
     /// `model` is asked in the modes live and record. `key` is what must never get into a file.
     pub fn new(model: M, settings: CassetteSettings, key: Option<ApiKey>) -> Self {
@@ -71,10 +114,10 @@ impl<M: ChatModel> CassetteChat<M> {
         Self { model: None, settings, key: None }
     }
 
-    fn record(&self, key: String, request: &ChatRequest, reply: &ChatReply) -> Result<(), ChatError> {
+    fn record(&self, key: String, request: RecordedRequest, reply: &ChatReply) -> Result<(), ChatError> {
         let path = path_of(&self.settings.folder, &key);
         let note = self.settings.note.clone();
-        let text = Cassette { key, note, request: request.clone(), reply: reply.clone() }.to_json();
+        let text = Cassette { key, note, request, reply: reply.clone() }.to_json();
         if self.key.as_ref().is_some_and(|secret| secret.is_in(&text)) {
             return Err(failed("the exchange holds the API key, so it is not recorded", &path));
         }
@@ -89,7 +132,8 @@ impl<M: ChatModel> ChatModel for CassetteChat<M> {
             (Some(model), CassetteMode::Record) => Some(model),
             _ => None,
         };
-        let key = request.key();
+        let recorded = RecordedRequest::from(request);
+        let key = recorded.key();
         let path = path_of(&self.settings.folder, &key);
         match (path.exists(), model) {
             (true, _) => {
@@ -97,16 +141,16 @@ impl<M: ChatModel> ChatModel for CassetteChat<M> {
                 if cassette.key == key {
                     Ok(cassette.reply)
                 } else {
-                    Err(failed("the cassette is of another question", &path))
+                    Err(failed("the cassette is of another request", &path))
                 }
             }
             (false, Some(model)) => {
                 let reply = model.chat(request)?;
-                self.record(key, request, &reply)?;
+                self.record(key, recorded, &reply)?;
                 Ok(reply)
             }
             (false, None) => Err(ChatError::CassetteMiss {
-                nearest: nearest(request, &all_in(&self.settings.folder)),
+                nearest: nearest(&recorded, &all_in(&self.settings.folder)),
                 folder: self.settings.folder.display().to_string(),
                 key,
             }),
@@ -132,8 +176,8 @@ pub fn read(path: &Path) -> Result<Cassette, ChatError> {
     Ok(cassette)
 }
 
-/// All readable cassettes of a folder by file name, a bounded number.
-fn all_in(folder: &Path) -> Vec<(String, Cassette)> {
+/// The requests of all readable cassettes of a folder by file name, a bounded number.
+fn all_in(folder: &Path) -> Vec<(String, RecordedRequest)> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)
         .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
         .unwrap_or_default();
@@ -141,7 +185,7 @@ fn all_in(folder: &Path) -> Vec<(String, Cassette)> {
     paths.sort();
     paths.truncate(MAX_COMPARED);
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
-    paths.iter().filter_map(|path| Some((name(path)?, read(path).ok()?))).collect()
+    paths.iter().filter_map(|path| Some((name(path)?, read(path).ok()?.request))).collect()
 }
 
 fn path_of(folder: &Path, key: &str) -> PathBuf {

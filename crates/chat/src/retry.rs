@@ -3,7 +3,7 @@
 use genmanip_core::Seed;
 use rand::RngExt;
 
-use crate::ServerSettings;
+use crate::settings::ServerSettings;
 
 /// Wait before retry number `retry` (from 0), seconds: doubles each time up to a limit, then shortened by up to a
 /// half at random, so that many clients do not come back at once ("equal jitter").

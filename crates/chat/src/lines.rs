@@ -25,18 +25,3 @@ pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<
         Text::Lines(lines) => lines.join("\n"),
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use crate::Message;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn any_text_survives(text in "(.|\n|\r){0,40}") {
-            let message = Message::user(text);
-            let json = serde_json::to_string(&message).unwrap();
-            prop_assert_eq!(serde_json::from_str::<Message>(&json).unwrap(), message);
-        }
-    }
-}

@@ -1,6 +1,6 @@
 //! The API key: read from the environment, sent in one header, and shown nowhere.
 
-use crate::SettingsError;
+use crate::error::SettingsError;
 
 /// A key that prints as `ApiKey(hidden)` and can clean texts that others have put it into.
 #[derive(Clone, PartialEq, Eq)]
@@ -31,9 +31,9 @@ impl ApiKey {
         }
     }
 
-    /// The value of the `Authorization` header.
-    pub(crate) fn bearer(&self) -> String {
-        format!("Bearer {}", self.0)
+    /// The value of the header that carries the key: the name of the scheme, if any, and the key.
+    pub(crate) fn after(&self, scheme: &str) -> String {
+        format!("{scheme}{}", self.0)
     }
 
     /// The text with every occurrence of the key replaced; servers like to quote what they were sent.

@@ -1,0 +1,178 @@
+//! OpenAI's chat completions: OpenAI, vLLM, llama.cpp, Ollama, LM Studio, gateways.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::{Map, Value, json};
+
+use super::{Wire, error_message, model_name, without_thoughts};
+use crate::error::{ChatError, shortened};
+use crate::message::{Message, Part};
+use crate::reply::{ChatReply, Structure, Usage};
+use crate::request::ChatRequest;
+use crate::secret::ApiKey;
+
+/// `POST {base_url}/chat/completions`.
+pub(crate) struct OpenAi;
+
+impl Wire for OpenAi {
+    fn path(&self) -> &'static str {
+        "/chat/completions"
+    }
+
+    fn headers(&self, key: Option<&ApiKey>) -> Vec<(&'static str, String)> {
+        key.map(|key| ("authorization", key.after("Bearer "))).into_iter().collect()
+    }
+
+    fn structures(&self) -> &'static [Structure] {
+        &Structure::ALL
+    }
+
+    fn reserved(&self) -> &'static [&'static str] {
+        &["model", "messages", "response_format", "stream", "n"]
+    }
+
+    fn request_body(&self, request: &ChatRequest, structure: Structure) -> Value {
+        let message = |message: &Message| json!({"role": message.role, "content": content(message)});
+        let messages: Vec<Value> = request.messages.iter().map(message).collect();
+        let mut body = Map::new();
+        body.insert("model".into(), request.model.clone().into());
+        body.insert("messages".into(), messages.into());
+        body.extend(request.parameters.clone());
+        if let Some(format) = response_format(request, structure) {
+            body.insert("response_format".into(), format);
+        }
+        body.into()
+    }
+
+    /// Accepts what servers do: content as a string or as a list of text parts, nothing but `reasoning_content`,
+    /// thoughts in `<think>…</think>` before the answer, token counts or none.
+    fn reply(&self, body: &Value, structure: Structure, url: &str) -> Result<ChatReply, ChatError> {
+        let missing = |path: &str, expected: &str| ChatError::NotACompletion {
+            url: url.into(),
+            path: path.into(),
+            expected: expected.into(),
+        };
+        if let Some(message) = error_message(body) {
+            // Some gateways report failures with status 200.
+            return Err(ChatError::Status { status: 200, message, url: url.into() });
+        }
+        let choices = body.get("choices").and_then(Value::as_array).ok_or_else(|| missing("$.choices", "a list"))?;
+        let choice = choices.first().ok_or_else(|| missing("$.choices[0]", "an answer"))?;
+        let message = choice
+            .get("message")
+            .and_then(Value::as_object)
+            .ok_or_else(|| missing("$.choices[0].message", "an object"))?;
+        let finish_reason = choice.get("finish_reason").and_then(Value::as_str).map(|reason| shortened(reason, 100));
+        if let Some(words) = message.get("refusal").and_then(Value::as_str).filter(|words| !words.is_empty()) {
+            return Err(ChatError::Declined { message: shortened(words, 300) });
+        }
+        let said = message.get("content").and_then(text_of_content).filter(|text| !text.trim().is_empty());
+        let thought = || message.get("reasoning_content").and_then(Value::as_str).map(String::from);
+        let text = said.or_else(thought).map(|text| without_thoughts(&text).to_owned()).unwrap_or_default();
+        if text.trim().is_empty() {
+            return Err(ChatError::NoText { finish_reason: finish_reason.unwrap_or_else(|| "none".into()) });
+        }
+        Ok(ChatReply {
+            text,
+            model: model_name(body),
+            finish_reason,
+            usage: body.get("usage").and_then(usage),
+            structure,
+            attempts: 0,
+        })
+    }
+}
+
+/// A single text as a string, which every server takes; anything else as a list of typed parts.
+fn content(message: &Message) -> Value {
+    match &message.parts[..] {
+        [Part::Text(text)] => text.clone().into(),
+        parts => parts.iter().map(part).collect(),
+    }
+}
+
+fn part(part: &Part) -> Value {
+    match part {
+        Part::Text(text) => json!({"type": "text", "text": text}),
+        Part::Image(image) => {
+            let url = format!("data:{};base64,{}", image.media_type().name(), STANDARD.encode(image.bytes()));
+            json!({"type": "image_url", "image_url": {"url": url}})
+        }
+    }
+}
+
+fn response_format(request: &ChatRequest, structure: Structure) -> Option<Value> {
+    let schema = request.reply_schema.as_ref()?;
+    match structure {
+        Structure::JsonSchema => Some(json!({
+            "type": "json_schema",
+            "json_schema": {"name": schema.name, "strict": true, "schema": schema.schema},
+        })),
+        Structure::JsonObject => Some(json!({"type": "json_object"})),
+        Structure::Plain => None,
+    }
+}
+
+fn text_of_content(content: &Value) -> Option<String> {
+    match content {
+        Value::String(text) => Some(text.clone()),
+        Value::Array(parts) => {
+            Some(parts.iter().filter_map(|part| part.get("text").and_then(Value::as_str)).collect::<String>())
+        }
+        _ => None,
+    }
+}
+
+fn usage(value: &Value) -> Option<Usage> {
+    let count = |name: &str| value.get(name).and_then(Value::as_u64);
+    Some(Usage { prompt_tokens: count("prompt_tokens")?, completion_tokens: count("completion_tokens")? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(body: &str) -> Result<String, String> {
+        let body = serde_json::from_str(body).unwrap();
+        OpenAi.reply(&body, Structure::Plain, "http://x").map(|reply| reply.text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn answers_in_the_shapes_that_servers_send() {
+        for (body, expected) in [
+            (r#"{"choices":[{"message":{"content":"hi"}}]}"#, "hi"),
+            (r#"{"choices":[{"message":{"content":[{"type":"text","text":"h"},{"text":"i"}]}}]}"#, "hi"),
+            (r#"{"choices":[{"message":{"content":null,"reasoning_content":"hi"}}]}"#, "hi"),
+            (r#"{"choices":[{"message":{"content":"<think>{ no }</think>\n\nhi"}}]}"#, "hi"),
+            (r#"{"choices":[{"message":{"content":"hi","refusal":null}}],"error":null}"#, "hi"),
+        ] {
+            assert_eq!(check(body).as_deref(), Ok(expected), "{body}");
+        }
+        for (body, part) in [
+            (r#"[]"#, "$.choices"),
+            (r#"{"choices":[]}"#, "$.choices[0]"),
+            (r#"{"choices":[{}]}"#, "$.choices[0].message"),
+            (r#"{"choices":[{"message":{"content":" "},"finish_reason":"length"}]}"#, "length"),
+            (r#"{"choices":[{"message":{"content":null,"refusal":"I will not"}}]}"#, "I will not"),
+            (r#"{"error":{"message":"no such model"}}"#, "no such model"),
+            (r#"{"error":"busy"}"#, "busy"),
+            (r#"{"detail":[{"loc":["body"]}]}"#, "loc"),
+        ] {
+            let error = check(body).unwrap_err();
+            assert!(error.contains(part), "{body}: {error}");
+        }
+    }
+
+    #[test]
+    fn tokens_are_counted_only_when_both_numbers_are_there() {
+        for (usage_text, expected) in [
+            (r#"{"prompt_tokens":3,"completion_tokens":4}"#, Some((3, 4))),
+            (r#"{"prompt_tokens":3}"#, None),
+            (r#"{"prompt_tokens":-3,"completion_tokens":"4"}"#, None),
+            ("null", None),
+        ] {
+            let value: Value = serde_json::from_str(usage_text).unwrap();
+            assert_eq!(usage(&value).map(|u| (u.prompt_tokens, u.completion_tokens)), expected, "{usage_text}");
+        }
+    }
+}

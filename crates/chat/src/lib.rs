@@ -1,0 +1,47 @@
+//! Conversations with language models: what is sent and received, recorded and counted, whatever they are about.
+//!
+//! - [`ChatModel`] answers a [`ChatRequest`], whose messages consist of texts and images.
+//! - [`HttpChat`] asks a server in its [`Dialect`]: limits on time, size and retries, structured output with a fallback.
+//! - [`CassetteChat`] records exchanges and replays them, found by the content of the request.
+//! - [`Ledger`] counts answers, requests, tokens and cost.
+//! - [`fake`] has a scripted model and a loopback server that misbehaves on request.
+//!
+//! The API key is read from the environment, sent in one header, and is in no file, error or debug text.
+//!
+//! ```
+//! use genmanip_chat::{ChatModel, ChatRequest, Message, fake::ScriptedChat};
+//!
+//! let model = ScriptedChat::new(["Bonjour."]);
+//! let request = ChatRequest::new("any", vec![Message::system("Answer in French."), Message::user("Good morning.")]);
+//! assert_eq!(model.chat(&request).unwrap().text, "Bonjour.");
+//! ```
+
+mod cassette;
+mod dialect;
+mod error;
+pub mod fake;
+mod http;
+mod ledger;
+mod lines;
+mod message;
+mod model;
+mod nearest;
+mod recorded;
+mod reply;
+mod request;
+mod retry;
+mod secret;
+mod settings;
+
+pub use cassette::{Cassette, CassetteChat, CassetteMode, CassetteSettings, read as read_cassette};
+pub use dialect::Dialect;
+pub use error::{ChatError, ImageError, NearestCassette, SettingsError};
+pub use http::HttpChat;
+pub use ledger::{Cost, Ledger, ModelUsage, Price};
+pub use message::{Image, MediaType, Message, Part, Role};
+pub use model::ChatModel;
+pub use recorded::{RecordedImage, RecordedMessage, RecordedPart, RecordedText};
+pub use reply::{ChatReply, Structure, Usage};
+pub use request::{ChatRequest, RecordedRequest, ReplySchema};
+pub use secret::ApiKey;
+pub use settings::{ServerSettings, from_toml};

@@ -1,0 +1,48 @@
+//! Scenarios of version 1: objects were named by uid and generator, and hashed with their uid.
+
+use serde_json::{Map, Value, json};
+
+use super::{lacks, object, objects, task, text};
+use crate::{DocumentError, Seed, Upgrade};
+
+/// From `genmanip.scenario/1`.
+pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.scenario/1", upgrade: from_1 };
+
+fn from_1(scenario: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    task::from_1(object(scenario, "task", "$")?)?;
+    instances(scenario)
+}
+
+/// Objects become instances of assets.
+fn instances(scenario: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    for (index, placed) in objects(scenario, "objects", "$")?.into_iter().enumerate() {
+        let path = format!("$.objects[{index}]");
+        let (uid, hash) = (text(placed, "uid", &path)?, text(placed, "physics_hash", &path)?);
+        let asset = asset(placed, &uid, &path)?;
+        for gone in ["uid", "family", "seed", "generator_version"] {
+            placed.shift_remove(gone);
+        }
+        placed.insert("id".into(), uid.into());
+        placed.insert("asset".into(), asset);
+        placed.insert("physics_hash".into(), format!("v1:{hash}").into());
+    }
+    Ok(())
+}
+
+/// The catalogue's own object, or a variant of it where the seed is not the catalogue's.
+fn asset(placed: &Map<String, Value>, uid: &str, path: &str) -> Result<Value, DocumentError> {
+    let number = |key: &str| {
+        placed.get(key).and_then(Value::as_u64).ok_or_else(|| lacks(&format!("{path}.{key}"), "a whole number"))
+    };
+    let (seed, version) = (number("seed")?, number("generator_version")?);
+    if Seed::new(seed) == catalogue_seed(uid) {
+        return Ok(json!({"source": "builtin", "uid": uid, "version": version}));
+    }
+    let family = text(placed, "family", path)?;
+    Ok(json!({"source": "generated", "family": family, "params": {"of": uid}, "seed": seed, "version": version}))
+}
+
+/// The seed with which the catalogue of that time built an object.
+fn catalogue_seed(uid: &str) -> Seed {
+    uid.parse().map_or_else(|_| Seed::new(0).fork(uid), Seed::new)
+}

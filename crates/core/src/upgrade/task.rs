@@ -1,0 +1,41 @@
+//! Tasks of version 1: an asset occurred once at most, and its uid was its name in the scene as well.
+
+use serde_json::{Map, Value, json};
+
+use super::{lacks, object, objects, text};
+use crate::{DocumentError, Upgrade};
+
+/// From `genmanip.task/1`.
+pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.task/1", upgrade: from_1 };
+
+/// Version of the built-in objects while tasks of version 1, which do not say it, were made.
+const BUILTIN_VERSION: u32 = 2;
+
+/// Gives every node and card its asset, and brings the cards into the order of the nodes.
+pub(super) fn from_1(task: &mut Map<String, Value>) -> Result<(), DocumentError> {
+    let mut uids = Vec::new();
+    let graph = object(task, "scene_graph", "$")?;
+    for (index, node) in objects(graph, "nodes", "$.scene_graph")?.into_iter().enumerate() {
+        let uid = text(node, "uid", &format!("$.scene_graph.nodes[{index}]"))?;
+        let state = node.get("state").cloned();
+        *node = Map::from_iter([("id".to_owned(), uid.as_str().into()), ("asset".to_owned(), builtin(&uid))]);
+        node.extend(state.map(|state| ("state".to_owned(), state)));
+        uids.push(uid);
+    }
+    for (index, card) in objects(task, "objects", "$")?.into_iter().enumerate() {
+        let uid = text(card, "uid", &format!("$.objects[{index}]"))?;
+        card.insert("asset".into(), builtin(&uid));
+    }
+    // Cards were found by their uid, now they are found by their place.
+    let cards = task.get_mut("objects").and_then(Value::as_array_mut).map(std::mem::take).unwrap_or_default();
+    let of = |uid: &String| cards.iter().find(|card| card["uid"] == uid.as_str()).cloned();
+    let sorted = uids.iter().enumerate().map(|(index, uid)| {
+        of(uid).ok_or_else(|| lacks(&format!("$.scene_graph.nodes[{index}]"), &format!("a card of object {uid}")))
+    });
+    task.insert("objects".into(), Value::Array(sorted.collect::<Result<_, _>>()?));
+    Ok(())
+}
+
+pub(super) fn builtin(uid: &str) -> Value {
+    json!({"source": "builtin", "uid": uid, "version": BUILTIN_VERSION})
+}

@@ -1,0 +1,95 @@
+//! A run through the library alone, as a program that is not the command line makes it.
+
+#![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use genmanip_core::Seed;
+use genmanip_rollout::collect::CollectSettings;
+use genmanip_run::collect::{Collected, collect};
+use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate};
+use genmanip_run::report::gather;
+use genmanip_run::{PolicyFactory, Progress, Run, RunError, Silent, inputs, replay};
+
+const TASK: &str = "024_appearance";
+
+/// Counts what it hears, and raises a flag once enough is done.
+struct Listener<'a> {
+    done: AtomicUsize,
+    begun: Mutex<Vec<(String, usize)>>,
+    stop_after: usize,
+    stop: &'a AtomicBool,
+}
+
+impl<'a> Listener<'a> {
+    fn new(stop_after: usize, stop: &'a AtomicBool) -> Self {
+        Self { done: AtomicUsize::new(0), begun: Mutex::default(), stop_after, stop }
+    }
+}
+
+impl Progress for Listener<'_> {
+    fn begin(&self, what: &str, total: usize) {
+        self.begun.lock().unwrap().push((what.into(), total));
+    }
+
+    fn advance(&self) {
+        if self.done.fetch_add(1, Ordering::Relaxed) + 1 == self.stop_after {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn end(&self) {}
+
+    fn note(&self, _text: &str) {}
+}
+
+fn run(episodes: usize) -> Run {
+    let path = PathBuf::from(format!("{}/../../examples/tasks/{TASK}.json", env!("CARGO_MANIFEST_DIR")));
+    let tasks = inputs::read_tasks(&[path]).unwrap();
+    Run::new(tasks, episodes, CollectSettings::default(), Seed::new(3))
+}
+
+fn collected(folder: &Path, run: &Run, progress: &dyn Progress, stop: &AtomicBool) -> Collected {
+    collect(folder, run, 1, progress, stop).unwrap()
+}
+
+/// Told to stop after the first of two attempts, continued, evaluated with an argument, replayed, gathered for the page.
+#[test]
+fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, run) = (folder.path().join("run"), run(2));
+
+    let stop = AtomicBool::new(false);
+    let first = collected(&folder, &run, &Listener::new(1, &stop), &stop);
+    assert_eq!((first.interrupted, first.is_met(), first.finished, first.attempts), (true, false, 1, 2));
+    let never = AtomicBool::new(false);
+    let second = collected(&folder, &run, &Silent, &never);
+    assert_eq!((second.interrupted, second.finished, second.rows.len()), (false, 2, 1));
+    assert_eq!((second.rows[0].attempts, &second.dataset), (2, &None), "no images, no dataset");
+    let other = Run { seed: Seed::new(4), ..run.clone() };
+    let refused = collect(&folder, &other, 1, &Silent, &never).unwrap_err();
+    assert!(matches!(refused, RunError::AnotherRun { .. }), "{refused:?}");
+
+    let still = [PolicyFactory::resolve("do_nothing:seconds=0.5").unwrap()];
+    let options = EvaluateOptions { out: Some(folder.clone()), keep_episodes: false, workers: 1 };
+    let suite = Suite::of_run(&folder).unwrap();
+    let (stop, listener) = (AtomicBool::new(false), Listener::new(0, &never));
+    assert!(evaluate(&suite, &still, &options, &Listener::new(1, &stop), &stop).unwrap().is_empty(), "stopped");
+    let reports = evaluate(&suite, &still, &options, &listener, &never).unwrap();
+    assert_eq!((reports.len(), reports[0].results.len(), reports[0].summary.success.value), (1, 2, 0.0));
+    assert!(folder.join("evaluation/do_nothing_seconds=0.5.json").is_file());
+    assert_eq!(*listener.begun.lock().unwrap(), [("do_nothing_seconds=0.5".to_owned(), 1)], "the other was done");
+
+    let replayed = replay::check(&folder, true, None, &Silent).unwrap();
+    assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical), "{replayed:?}");
+
+    let input = gather(&folder, &Silent).unwrap();
+    let [section] = &input.tasks[..] else { panic!("{} sections", input.tasks.len()) };
+    let ids: Vec<&str> = section.attempts.iter().map(|attempt| attempt.id.as_str()).collect();
+    assert_eq!(ids, [format!("{TASK}-000"), format!("{TASK}-001")]);
+    let shown = section.shown.as_ref().unwrap();
+    assert!(shown.success && shown.id == ids[0], "the first verified attempt is shown, not {}", shown.id);
+    assert_eq!((section.film.len(), section.scenario.as_ref().map(|s| s.id.as_str())), (12, Some(ids[0])));
+}
