@@ -60,7 +60,9 @@ pub use hash::AssetHashes;
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use interchange::{InterchangeError, MOST_ALTERNATIVES, MOST_INTERCHANGEABLE};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
-pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
+pub use object::{
+    Annotations, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Room,
+};
 pub use policy::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState};
 pub use pose::Pose;
 pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};

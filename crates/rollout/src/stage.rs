@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use genmanip_assets::{AssetError, AssetSource};
-use genmanip_core::{Camera, CameraRequest, Goal, ObjectModel, ObjectState, RobotModel, Scenario};
+use genmanip_core::{Camera, CameraRequest, Goal, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario};
 use genmanip_render::RenderAssets;
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError};
@@ -25,6 +25,8 @@ pub struct Stage {
     pub scene: Arc<Scene>,
     /// How relations are judged, as the scenario's world says.
     pub relations: RelationSettings,
+    /// What people call its objects.
+    names: Vec<String>,
     /// The scene at the start as relations see it; its shapes are shared by all later ones.
     posed: PosedScene,
     /// Meshes to draw, collected when the first image is asked for and shared by all images of the stage.
@@ -144,7 +146,13 @@ impl Stage {
         let posed = PosedScene::new(posed.collect(), &scenario.world.surfaces, &mut ShapeCache::default());
         let relations = scenario.world.relations;
         let goal = Arc::new(scenario.task.judged_goal().into_owned());
-        Ok(Self { goal, scenario, models, robot: Arc::clone(robot), scene, relations, posed, drawn: Arc::default() })
+        let name = |(placed, model): (&PlacedObject, &Arc<ObjectModel>)| match placed.id == model.card.uid {
+            true => model.card.name.clone(),
+            false => scenario.task.name_of(&placed.id),
+        };
+        let names = scenario.objects.iter().zip(&models).map(name).collect();
+        let drawn = Arc::default();
+        Ok(Self { goal, names, scenario, models, robot: Arc::clone(robot), scene, relations, posed, drawn })
     }
 
     /// The scene at the start, as relations see it.
@@ -213,6 +221,6 @@ impl Stage {
 
     /// Name of an object for people.
     pub fn name(&self, object: usize) -> &str {
-        self.models.get(object).map_or("?", |model| &model.card.name)
+        self.names.get(object).map_or("?", String::as_str)
     }
 }

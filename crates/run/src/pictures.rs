@@ -106,7 +106,7 @@ pub fn explained_refusal(
     world: &World,
     catalogue: &dyn AssetSource,
 ) -> Result<Svg, RunError> {
-    let name = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.name.clone());
+    let name = |id: &str| task.name_of(id);
     let in_words = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
             let second = second_reference.iter().map(|id| format!(" and {}", name(id)));

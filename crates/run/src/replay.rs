@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::Episode;
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::{Stage, replay};
@@ -53,6 +53,10 @@ pub fn check(
     for id in &ids {
         let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
         let (stage, episode) = open(&store, id)?;
+        let changed = Catalogue::builtin().changed_looks(&episode.scenario.objects).unwrap_or_default();
+        if !changed.is_empty() {
+            progress.note(&format!("{id}: {} looks otherwise than when it was recorded", changed.join(", ")));
+        }
         if let Some(path) = strip {
             let path = if ids.len() == 1 { path.to_owned() } else { numbered(path, id) };
             inputs::write_file(&path, &pictures::film_strip(&stage, &episode, STRIP_FRAMES)?)?;

@@ -5,8 +5,7 @@
 //! The graph is read off a sketch on the table, so it can be laid out.
 //! Then the finished scene is looked at to find words that single out each object, and the sentence is filled in.
 //!
-//! Words are data: `data/designer/things.json` says what things are called and what may lie in what, `looks.json`
-//! how they look, `knowledge.json` what everyday needs ask for, `handling.json` how states are changed and
+//! Words are data: `data/designer/things.json` says what kinds of things are called and what may lie in what, `knowledge.json` what everyday needs ask for, `handling.json` how states are changed and
 //! `phrases.json` holds the sentences.
 //!
 //! The last gate is not the designer's own: every task is written in the exchange format and read by
