@@ -11,6 +11,26 @@ pub enum AssetError {
         /// Uids and names that look alike, best first.
         near: Vec<String>,
     },
+    /// No such robot.
+    #[error("no robot is called \"{got}\"; near misses: {}; there are {}", if near.is_empty() { "none".into() } else { near.join(", ") }, known.join(", "))]
+    UnknownRobot {
+        /// What was asked for.
+        got: String,
+        /// Names that look alike.
+        near: Vec<String>,
+        /// All names.
+        known: Vec<String>,
+    },
+    /// A world was made for another version of its robot.
+    #[error("world field {field}: expected {expected}, got {got}; the world was made for another version of its robot")]
+    RobotMismatch {
+        /// Which field of the world differs.
+        field: &'static str,
+        /// What the world says.
+        expected: String,
+        /// What the robot has.
+        got: String,
+    },
     /// The card exists, the generator does not know the object yet.
     #[error("object {uid} ({name}) has no generator yet; without one are {}", missing.join(", "))]
     NotYetGenerated {

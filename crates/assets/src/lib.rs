@@ -30,10 +30,12 @@ mod parts;
 mod recipe;
 mod record;
 mod robot;
+pub mod robots;
 mod solid;
 mod source;
 mod surface;
 mod variant;
+pub mod worlds;
 
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use genmanip_core::{Gripper, MassProperties, Pose, RobotJoint, RobotLink, RobotModel, Seed};
+use genmanip_core::{Drives, Gripper, MassProperties, Pose, Reach, RobotJoint, RobotLink, RobotModel, Seed};
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
 
@@ -17,6 +17,12 @@ use crate::parts::{Part, assemble};
 /// as in the maker's robot description.
 /// The fingers' largest acceleration and jerk are not published; ours keep the planner honest about closing times.
 /// Shapes are our own, within a few millimetres of the robot's outline.
+///
+/// Drives: gains are about critical for the arm's inertia; the rotors' inertia is that of MuJoCo Menagerie's Panda.
+/// Of 146 test picks (8-73 mm, 12-700 g) all hold from 25 N of grip on and some slip 10 mm with 15 N; it is 40 N.
+/// The width drive reaches full force from 5 mm of squeeze on and aims 10 mm beyond closed.
+/// Reach: 0.855 m is the maker's; 0.32-0.70 m is where the hand pointing down takes things off a table.
+/// The wrist camera sits in front of the hand, tilted so that the pads are at the lower edge of the picture.
 ///
 /// # Panics
 /// Never in a tested build: the data file is compiled in.
@@ -63,6 +69,9 @@ pub fn robot_from_json(text: &str) -> Result<RobotModel, AssetError> {
             pad_size: data.pad_size,
         },
         home: data.home,
+        drives: data.drives,
+        reach: data.reach,
+        hand_from_wrist_camera: data.wrist_camera.map(WristCameraData::pose),
         never_colliding: data.never_colliding,
     })
 }
@@ -79,7 +88,30 @@ struct RobotData {
     max_force: f64,
     pad_size: DVec3,
     home: Vec<f64>,
+    #[serde(default)]
+    reach: Option<Reach>,
+    #[serde(default)]
+    wrist_camera: Option<WristCameraData>,
+    #[serde(default)]
+    drives: Option<Drives>,
     never_colliding: Vec<(usize, usize)>,
+}
+
+/// A camera beside the hand, its picture's upper edge towards +x of the hand.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WristCameraData {
+    /// Of the optical frame in the hand's frame.
+    position: DVec3,
+    /// From looking along the approach direction towards the pads.
+    tilt_deg: f64,
+}
+
+impl WristCameraData {
+    fn pose(self) -> Pose {
+        let (sin, cos) = self.tilt_deg.to_radians().sin_cos();
+        Pose::from_axes(self.position, DVec3::Y, DVec3::new(-cos, 0.0, -sin), DVec3::new(-sin, 0.0, cos))
+    }
 }
 
 #[derive(Deserialize)]

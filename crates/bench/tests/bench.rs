@@ -163,10 +163,7 @@ fn scenario(task: &Task, number: u64) -> Scenario {
         task: task.clone(),
         seed: Seed::new(number),
         objects: Vec::new(),
-        robot: "panda".into(),
-        robot_home: vec![0.0; 7],
-        cameras: Vec::new(),
-        workspace: Workspace::default(),
+        world: World::from_json(include_str!("../../core/testdata/world.json")).unwrap(),
         genmanip_version: "0.1.0".into(),
     }
 }

@@ -212,6 +212,9 @@ pub struct LayoutArguments {
     /// Layouts per task
     #[arg(long, default_value_t = 1, value_parser = parse_count)]
     pub count: usize,
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
     /// Seed
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -282,6 +285,9 @@ pub struct CollectArguments {
     /// Attempts per task, each on its own layout
     #[arg(long, default_value_t = 2, value_parser = parse_count)]
     pub episodes: usize,
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
     /// Seed
     #[arg(long, default_value_t = 0)]
     pub seed: u64,

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Pose;
+use crate::world::Reserved;
 
 /// A camera: where it is and what it sees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -20,6 +21,12 @@ pub struct Camera {
     pub mount_from_camera: Pose,
     /// Projection.
     pub intrinsics: Intrinsics,
+    /// Place kept for lens distortion; this version draws undistorted pictures and refuses one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Reserved>,
+    /// Place kept for the model of a sensor and its noise; this version refuses one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<Reserved>,
 }
 
 /// What a camera is fixed to.
@@ -52,16 +59,21 @@ pub struct Intrinsics {
 impl Camera {
     /// A camera fixed in the world at `eye`, looking at `target`, image upright against world +z.
     pub fn looking_at(name: &str, eye: DVec3, target: DVec3, intrinsics: Intrinsics) -> Self {
+        Self::new(name, CameraMount::World, Self::pose_looking_at(eye, target), intrinsics)
+    }
+
+    /// A camera without distortion.
+    pub fn new(name: &str, mount: CameraMount, mount_from_camera: Pose, intrinsics: Intrinsics) -> Self {
+        Self { name: name.into(), mount, mount_from_camera, intrinsics, distortion: None, sensor: None }
+    }
+
+    /// Pose of an optical frame at `eye` that looks at `target`, image upright against +z.
+    pub fn pose_looking_at(eye: DVec3, target: DVec3) -> Pose {
         let forward = (target - eye).normalize();
         let up_hint = if forward.cross(DVec3::Z).length() < 1e-6 { DVec3::X } else { DVec3::Z };
         let right = forward.cross(up_hint).normalize();
         let down = forward.cross(right);
-        Self {
-            name: name.into(),
-            mount: CameraMount::World,
-            mount_from_camera: Pose::from_axes(eye, right, down, forward),
-            intrinsics,
-        }
+        Pose::from_axes(eye, right, down, forward)
     }
 
     /// `world_from_camera`, given the pose of the hand.
@@ -71,32 +83,6 @@ impl Camera {
             CameraMount::Hand => *world_from_hand * self.mount_from_camera,
         }
     }
-
-    /// The five default cameras of the benchmark: `overview`, `left`, `right` for prompt-based systems,
-    /// `static` and `wrist` for data and policies; all 512×288.
-    pub fn default_rig() -> Vec<Self> {
-        let wide = Intrinsics::from_vertical_fov(512, 288, 42_f64.to_radians());
-        let table = DVec3::new(0.46, 0.0, 0.16);
-        let tilt = 20_f64.to_radians();
-        vec![
-            Self::looking_at("overview", DVec3::new(1.52, 0.0, 1.05), table, wide),
-            Self::looking_at("left", DVec3::new(0.85, 1.12, 0.85), table, wide),
-            Self::looking_at("right", DVec3::new(0.85, -1.12, 0.85), table, wide),
-            Self::looking_at("static", DVec3::new(1.46, 0.55, 0.93), DVec3::new(0.46, 0.02, 0.15), wide),
-            Self {
-                name: "wrist".into(),
-                mount: CameraMount::Hand,
-                // In front of the hand, tilted so that the pads are at the lower edge of the image.
-                mount_from_camera: Pose::from_axes(
-                    DVec3::new(0.075, 0.0, 0.02),
-                    DVec3::Y,
-                    DVec3::new(-tilt.cos(), 0.0, -tilt.sin()),
-                    DVec3::new(-tilt.sin(), 0.0, tilt.cos()),
-                ),
-                intrinsics: Intrinsics::from_vertical_fov(512, 288, 58_f64.to_radians()),
-            },
-        ]
-    }
 }
 
 impl Intrinsics {
@@ -104,6 +90,27 @@ impl Intrinsics {
     pub fn from_vertical_fov(width: u32, height: u32, vertical_fov: f64) -> Self {
         let f = f64::from(height) / 2.0 / (vertical_fov / 2.0).tan();
         Self { width, height, fx: f, fy: f, cx: (f64::from(width) - 1.0) / 2.0, cy: (f64::from(height) - 1.0) / 2.0 }
+    }
+
+    /// As [`Intrinsics::from_vertical_fov`], from the horizontal field of view in radians.
+    pub fn from_horizontal_fov(width: u32, height: u32, horizontal_fov: f64) -> Self {
+        let f = f64::from(width) / 2.0 / (horizontal_fov / 2.0).tan();
+        Self { fx: f, fy: f, ..Self::from_vertical_fov(width, height, 1.0) }
+    }
+
+    /// Vertical field of view, rad.
+    pub fn vertical_fov(&self) -> f64 {
+        2.0 * (f64::from(self.height) / 2.0 / self.fy).atan()
+    }
+
+    /// Horizontal field of view, rad.
+    pub fn horizontal_fov(&self) -> f64 {
+        2.0 * (f64::from(self.width) / 2.0 / self.fx).atan()
+    }
+
+    /// Intrinsics of a camera that can be bought, by the name of its preset; see [`PRESETS`].
+    pub fn preset(name: &str) -> Option<Self> {
+        PRESETS.iter().find(|preset| preset.name == name).map(CameraPreset::intrinsics)
     }
 
     /// Pixel of a point in the camera's frame; `None` behind the camera.
@@ -137,5 +144,95 @@ impl Intrinsics {
             cx: (self.cx + 0.5) * sx - 0.5,
             cy: (self.cy + 0.5) * sy - 0.5,
         }
+    }
+}
+
+/// A camera that can be bought, as a pinhole with square pixels.
+///
+/// Colour and depth of one device are two presets: they see different fields.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraPreset {
+    /// Name on the command line and in world files, e.g. `d435`.
+    pub name: &'static str,
+    /// What it stands for.
+    pub what: &'static str,
+    /// Pixels per row and rows.
+    pub size_px: [u32; 2],
+    /// Horizontal field of view, degrees.
+    pub horizontal_fov_deg: f64,
+    /// Where the field of view comes from.
+    pub source: &'static str,
+}
+
+const REALSENSE: &str =
+    "Intel RealSense Product Family D400 Series datasheet, 337029, field of view at 16:9, +-3 degrees";
+
+/// Known cameras.
+pub const PRESETS: [CameraPreset; 8] = [
+    CameraPreset {
+        name: "d415",
+        what: "RealSense D415, colour",
+        size_px: [1280, 720],
+        horizontal_fov_deg: 69.4,
+        source: REALSENSE,
+    },
+    CameraPreset {
+        name: "d415_depth",
+        what: "RealSense D415, depth",
+        size_px: [1280, 720],
+        horizontal_fov_deg: 65.0,
+        source: REALSENSE,
+    },
+    CameraPreset {
+        name: "d435",
+        what: "RealSense D435, colour",
+        size_px: [1280, 720],
+        horizontal_fov_deg: 69.4,
+        source: REALSENSE,
+    },
+    CameraPreset {
+        name: "d435_depth",
+        what: "RealSense D435, depth",
+        size_px: [1280, 720],
+        horizontal_fov_deg: 87.0,
+        source: REALSENSE,
+    },
+    CameraPreset {
+        name: "droid_exterior",
+        what: "exterior camera of DROID, a ZED 2 at HD720",
+        size_px: [1280, 720],
+        // 2 atan(640 / 528)
+        horizontal_fov_deg: 100.96,
+        source: "focal length of rectified ZED 2 pictures at HD720, about 528 px (2.1 mm lens, 4 um binned pixels)",
+    },
+    CameraPreset {
+        name: "droid_wrist",
+        what: "wrist camera of DROID, a ZED Mini at HD720",
+        size_px: [1280, 720],
+        // 2 atan(640 / 700)
+        horizontal_fov_deg: 84.87,
+        source: "Stereolabs, \"What is the camera focal length and field of view?\": ZED Mini, HD720, 700 px",
+    },
+    CameraPreset {
+        name: "paper",
+        what: "the paper's camera: 1280x720, focal length 640 px",
+        size_px: [1280, 720],
+        horizontal_fov_deg: 90.0,
+        source: "camera1 of the released GenManip: focal length 5 mm, aperture 10 x 5.625 mm",
+    },
+    CameraPreset {
+        name: "paper_small",
+        what: "the paper's pictures as models get them: 1280x720 resized to 512x288",
+        size_px: [512, 288],
+        horizontal_fov_deg: 90.0,
+        source: "camera1 of the released GenManip; the released exporter resizes to 512x288",
+    },
+];
+
+impl CameraPreset {
+    /// Its projection.
+    pub fn intrinsics(&self) -> Intrinsics {
+        let [width, height] = self.size_px;
+        Intrinsics::from_horizontal_fov(width, height, self.horizontal_fov_deg.to_radians())
     }
 }

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, upgrade};
+use crate::{Document, GoalVerdict, Pose, Scenario, Seed, Upgrade, WorldHashes, upgrade};
 
 /// The world at one control step and the command in force during the following interval.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,6 +102,10 @@ pub struct EpisodeResult {
     /// Who touched what in that contact; `None` when there was none.
     #[serde(default)]
     pub stray_contact: Option<StrayContact>,
+    /// Hashes of the world's parts, its robot included; results of older versions and attempts without a layout have
+    /// none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub world_hashes: Option<WorldHashes>,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
     /// Version of this program.

@@ -121,18 +121,18 @@ fn hexadecimal(bytes: &[u8]) -> String {
 
 /// Canonical bytes on their way into a hash.
 #[derive(Default)]
-struct Canonical(Sha256);
+pub(crate) struct Canonical(Sha256);
 
 impl Canonical {
-    fn finish(self) -> String {
+    pub(crate) fn finish(self) -> String {
         format!("v2:{}", hexadecimal(&self.0.finalize()[..8]))
     }
 
-    fn whole(&mut self, value: u64) {
+    pub(crate) fn whole(&mut self, value: u64) {
         self.0.update(value.to_le_bytes());
     }
 
-    fn numbers(&mut self, values: &[f64]) {
+    pub(crate) fn numbers(&mut self, values: &[f64]) {
         for value in values {
             self.0.update(((value * PARTS).round() as i64).to_le_bytes());
         }
@@ -145,21 +145,21 @@ impl Canonical {
         }
     }
 
-    fn text(&mut self, text: &str) {
+    pub(crate) fn text(&mut self, text: &str) {
         self.whole(text.len() as u64);
         self.0.update(text.as_bytes());
     }
 
-    fn list<T>(&mut self, items: &[T], mut write: impl FnMut(&mut Self, &T)) {
+    pub(crate) fn list<T>(&mut self, items: &[T], mut write: impl FnMut(&mut Self, &T)) {
         self.whole(items.len() as u64);
         items.iter().for_each(|item| write(self, item));
     }
 
-    fn vector(&mut self, vector: &DVec3) {
+    pub(crate) fn vector(&mut self, vector: &DVec3) {
         self.numbers(&vector.to_array());
     }
 
-    fn pose(&mut self, pose: &Pose) {
+    pub(crate) fn pose(&mut self, pose: &Pose) {
         self.vector(&pose.position);
         let turn = pose.to_wxyz_array();
         let first = turn.iter().map(|value| (value * PARTS).round()).find(|value| *value != 0.0);
@@ -212,7 +212,7 @@ impl Canonical {
         self.list(&state.nominal, |bytes, position| bytes.numbers(&[*position]));
     }
 
-    fn piece(&mut self, piece: &Piece) {
+    pub(crate) fn piece(&mut self, piece: &Piece) {
         self.pose(&piece.link_from_piece);
         let mut kind = |number: u64, sizes: &[f64]| {
             self.whole(number);

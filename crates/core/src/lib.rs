@@ -37,6 +37,7 @@ pub mod seed;
 pub mod task;
 pub mod upgrade;
 pub mod verdict;
+pub mod world;
 
 pub use glam;
 
@@ -59,8 +60,12 @@ pub use policy::{
     PrivilegedState,
 };
 pub use pose::Pose;
-pub use robot::{Gripper, RobotJoint, RobotLink, RobotModel};
-pub use scenario::{PlacedObject, Scenario, Workspace};
+pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
+pub use scenario::{PlacedObject, Scenario};
 pub use seed::Seed;
 pub use task::{Atom, Goal, GraphEdge, GraphNode, Relation, SceneGraph, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
+pub use world::{
+    Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World, WorldDifference, WorldFault, WorldFile,
+    WorldHashes, WorldPart, WorldRobot,
+};

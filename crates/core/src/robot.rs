@@ -1,7 +1,9 @@
 //! Robots: a serial arm with a parallel gripper.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
+use crate::hash::Canonical;
 use crate::{JointKind, MassProperties, Piece, Pose, VisualPart};
 
 /// An arm with a two-finger gripper, as the simulator, the planner and the renderer need it.
@@ -22,6 +24,12 @@ pub struct RobotModel {
     pub gripper: Gripper,
     /// Arm joint positions at the start of an episode.
     pub home: Vec<f64>,
+    /// How its motors are driven and what its surfaces grip like; `None` for a robot that is only planned for.
+    pub drives: Option<Drives>,
+    /// How far it gets; `None` where nobody measured it.
+    pub reach: Option<Reach>,
+    /// Where a wrist camera sits by default, optical axes in the hand's frame.
+    pub hand_from_wrist_camera: Option<Pose>,
     /// Pairs of links that are never tested against each other (neighbours and pairs that cannot meet).
     pub never_colliding: Vec<(usize, usize)>,
 }
@@ -81,7 +89,98 @@ pub struct Gripper {
     pub pad_size: DVec3,
 }
 
+/// How a robot's motors are driven, and friction of its surfaces.
+///
+/// The contact values hold thin and heavy objects by friction alone; they were tuned on scripted picks
+/// (see `crates/sim/tests/sim`), starting from MuJoCo Menagerie's Panda.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drives {
+    /// Position gains of the arm joints, base to hand, N·m/rad; the last one holds for all further joints.
+    pub arm_kp: Vec<f64>,
+    /// Velocity gains, N·m·s/rad, about critical for the arm's inertia; the last one holds for all further joints.
+    pub arm_kv: Vec<f64>,
+    /// Inertia of a motor's rotor seen at the joint, kg·m².
+    pub arm_armature: f64,
+    /// Viscous friction of an arm joint, N·m·s/rad.
+    pub arm_damping: f64,
+    /// Largest grip force, sum over both fingers, N; at most the hand's limit.
+    pub grip_force_n: f64,
+    /// Stiffness of the width drive, N per metre of opening.
+    pub grip_kp: f64,
+    /// How far beyond closed a commanded width of 0 aims, m, so that thin things are held with full force.
+    pub grip_overclose_m: f64,
+    /// Inertia of the finger drive seen at one finger, kg.
+    pub finger_armature: f64,
+    /// Viscous friction of a finger, N·s/m. Times a physics step it must stay well below the inertia:
+    /// the integrator adds it after the contacts are solved, and more makes the grip chatter and creep.
+    pub finger_damping: f64,
+    /// Friction of the pads: sliding (1), turning (m), rolling (m); it overrides the object's.
+    pub pad_friction: [f64; 3],
+    /// Sliding friction of the robot's hull, the pads apart.
+    pub hull_friction: f64,
+}
+
+/// How far a robot gets.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reach {
+    /// Farthest point from the base's axis that the maker publishes, metres; for drawings.
+    pub max_m: f64,
+    /// Nearest and farthest distance from the base's axis at which it takes things off a table from above, metres.
+    pub from_above_m: [f64; 2],
+}
+
 impl RobotModel {
+    /// Hash of everything physics depends on: links, pieces, inertia, joints, gripper, drives.
+    /// Neither looks nor the home posture count; the latter stands in the world.
+    ///
+    /// Canonical bytes as of [`crate::AssetHashes`].
+    pub fn physics_hash(&self) -> String {
+        let mut bytes = Canonical::default();
+        bytes.text(&self.name);
+        bytes.whole(self.hand as u64);
+        bytes.pose(&self.hand_from_tcp);
+        bytes.list(&self.links, |bytes, link| {
+            bytes.whole(link.parent.map_or(0, |parent| parent as u64 + 1));
+            bytes.pose(&link.parent_from_link);
+            bytes.numbers(&[link.mass.mass_kg]);
+            bytes.vector(&link.mass.center);
+            bytes.numbers(&link.mass.inertia.to_cols_array());
+            bytes.list(&link.pieces, Canonical::piece);
+            bytes.list(link.joint.as_slice(), |bytes, joint| {
+                bytes.whole(match joint.kind {
+                    JointKind::Revolute => 0,
+                    JointKind::Prismatic => 1,
+                });
+                bytes.vector(&joint.axis);
+                bytes.numbers(&[joint.lower, joint.upper, joint.max_velocity, joint.max_effort]);
+            });
+        });
+        bytes.list(&self.gripper.fingers, |bytes, finger| bytes.whole(*finger as u64));
+        bytes.numbers(&[self.gripper.max_width, self.gripper.max_force]);
+        bytes.list(&self.never_colliding, |bytes, &(a, b)| {
+            bytes.whole(a as u64);
+            bytes.whole(b as u64);
+        });
+        bytes.list(self.drives.as_slice(), |bytes, drives| {
+            bytes.list(&drives.arm_kp, |bytes, gain| bytes.numbers(&[*gain]));
+            bytes.list(&drives.arm_kv, |bytes, gain| bytes.numbers(&[*gain]));
+            bytes.numbers(&[
+                drives.arm_armature,
+                drives.arm_damping,
+                drives.grip_force_n,
+                drives.grip_kp,
+                drives.grip_overclose_m,
+                drives.finger_armature,
+                drives.finger_damping,
+                drives.hull_friction,
+            ]);
+            bytes.numbers(&drives.pad_friction);
+        });
+        bytes.finish()
+    }
+
     /// Number of arm joints (the fingers do not count).
     pub fn arm_dof(&self) -> usize {
         self.home.len()

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::upgrade;
-use crate::{AssetRef, Camera, Document, Pose, Seed, Task, Upgrade};
+use crate::{AssetRef, Document, Pose, Seed, Task, Upgrade, World};
 
 /// A task with poses: everything an episode starts from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -17,14 +17,8 @@ pub struct Scenario {
     pub seed: Seed,
     /// Instances in the order of the task's nodes, distractors behind them.
     pub objects: Vec<PlacedObject>,
-    /// Name of the robot.
-    pub robot: String,
-    /// Arm joint positions at the start.
-    pub robot_home: Vec<f64>,
-    /// Cameras.
-    pub cameras: Vec<Camera>,
-    /// Usable area of the table.
-    pub workspace: Workspace,
+    /// Everything around them: surfaces, robot, cameras, and how things move and are judged.
+    pub world: World,
     /// Version of the program that made it.
     pub genmanip_version: String,
 }
@@ -57,21 +51,6 @@ pub struct PlacedObject {
     /// Joint positions of an articulated object, in the order of its links.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_positions: Vec<f64>,
-}
-
-/// The part of the table that may be used; the table top is at z = 0.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Workspace {
-    /// Nearest and farthest x.
-    pub x: [f64; 2],
-    /// Rightmost and leftmost y.
-    pub y: [f64; 2],
-}
-
-impl Default for Workspace {
-    fn default() -> Self {
-        Self { x: [0.2, 0.9], y: [-0.5, 0.5] }
-    }
 }
 
 impl Scenario {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
-use genmanip_core::{EpisodeResult, Seed, StrayContact, Task};
+use genmanip_core::{EpisodeResult, Seed, StrayContact, Task, World};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
 use serde::Serialize;
 
@@ -77,9 +77,15 @@ pub struct Stray {
 ///
 /// # Errors
 /// When an attempt broke; one that fails is a result.
-pub fn measure(tasks: &[Task], tries: u64, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
-    let settings = CollectSettings::default();
-    let planner = inputs::planner(&settings.planner)?;
+pub fn measure(
+    tasks: &[Task],
+    world: &World,
+    tries: u64,
+    seed: Seed,
+    progress: &dyn Progress,
+) -> Result<Measured, LabError> {
+    let settings = CollectSettings::in_world(world.clone());
+    let planner = inputs::planner(world, &settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
     let mut total = Yield::default();

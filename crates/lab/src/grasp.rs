@@ -5,12 +5,11 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use genmanip_assets::{Catalogue, panda};
-use genmanip_core::Seed;
-use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_assets::Catalogue;
+use genmanip_core::{Seed, World};
+use genmanip_motion::PlannerSettings;
 use genmanip_rollout::grasp_trial::{Class, Ending, GraspTrials, Pick, Trial, View, ViewSettings};
-use genmanip_run::Progress;
-use genmanip_sim::SimSettings;
+use genmanip_run::{Progress, inputs};
 use serde::Serialize;
 
 use crate::LabError;
@@ -90,7 +89,12 @@ pub struct CpuTimes {
 ///
 /// # Errors
 /// When the file cannot be written or a trial broke; a grasp that does not hold is a result.
-pub fn measure(arguments: &GraspArguments, seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> {
+pub fn measure(
+    arguments: &GraspArguments,
+    world: &Arc<World>,
+    seed: Seed,
+    progress: &dyn Progress,
+) -> Result<Report, LabError> {
     let GraspArguments { view, pick, ref classes, .. } = *arguments;
     let mut out = match &arguments.out {
         None => None,
@@ -99,13 +103,12 @@ pub fn measure(arguments: &GraspArguments, seed: Seed, progress: &dyn Progress) 
             Some(std::io::BufWriter::new(file))
         }
     };
-    let planner = Planner::new(panda(), PlannerSettings::default())
-        .map_err(|error| LabError::broken("the robot cannot be planned for", error))?;
+    let planner = inputs::planner(world, &PlannerSettings::default())?;
     let trials = GraspTrials {
         catalogue: Catalogue::builtin(),
-        planner: Arc::new(planner),
-        robot: panda(),
-        sim: SimSettings::default(),
+        planner,
+        robot: inputs::robot(world)?,
+        world: Arc::clone(world),
         view: ViewSettings::default(),
     };
     progress.begin("trials", classes.len() * arguments.count as usize);

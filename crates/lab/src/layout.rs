@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
-use genmanip_core::{Scenario, Seed, Task};
+use genmanip_core::{Scenario, Seed, Task, World};
 use genmanip_layout::{LayoutAudit, LayoutError, LayoutSettings, Phase, audit, lay_out_observed, posed};
 use genmanip_motion::{Planner, PlannerSettings};
-use genmanip_scene::relations::{RelationSettings, Rest, ShapeCache, judge_goal};
+use genmanip_scene::relations::{Rest, ShapeCache, judge_goal};
 use serde::Serialize;
 
 use crate::LabError;
@@ -78,8 +78,14 @@ pub struct Refusal {
 ///
 /// # Errors
 /// When a layout cannot be audited; a task that cannot be laid out is a result.
-pub fn measure(tasks: &[Task], distractors: usize, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
-    let planner = inputs::planner(&PlannerSettings::default())?;
+pub fn measure(
+    tasks: &[Task],
+    world: &World,
+    distractors: usize,
+    seed: Seed,
+    progress: &dyn Progress,
+) -> Result<Measured, LabError> {
+    let planner = inputs::planner(world, &PlannerSettings::default())?;
     let catalogue = Catalogue::builtin();
     let settings = LayoutSettings { distractors, ..LayoutSettings::default() };
     let mut measured = Measured { seed: seed.value(), tasks: tasks.len(), ..Measured::default() };
@@ -88,11 +94,11 @@ pub fn measure(tasks: &[Task], distractors: usize, seed: Seed, progress: &dyn Pr
     progress.begin("laying out", tasks.len());
     for (index, task) in tasks.iter().enumerate() {
         let seed = seed.fork("lab layout").fork_index(index as u64);
-        let (outcome, seconds) = timed(task, &planner, seed, &settings, &mut phases_s);
+        let (outcome, seconds) = timed(task, world, &planner, seed, &settings, &mut phases_s);
         cpu_ms.push(seconds * 1e3);
         match outcome {
             Ok(scenario) => {
-                let report = audit(&scenario, catalogue, planner.robot(), ALONE_S)
+                let report = audit(&scenario, catalogue, planner.robot(), &settings, ALONE_S)
                     .map_err(|error| LabError::broken(format!("cannot audit the layout of {}", task.id), error))?;
                 measured.add(task, &report);
                 let (objects, microseconds) = goal_verdict(&scenario)?;
@@ -120,6 +126,7 @@ pub fn measure(tasks: &[Task], distractors: usize, seed: Seed, progress: &dyn Pr
 /// One layout with its processor time, that of its phases added up.
 fn timed(
     task: &Task,
+    world: &World,
     planner: &Planner,
     seed: Seed,
     settings: &LayoutSettings,
@@ -132,8 +139,16 @@ fn timed(
         phases_s[phase as usize] += now - since;
         (phase, since) = (next, now);
     };
-    let outcome =
-        lay_out_observed(task, Catalogue::builtin(), planner, GraspLibrary::builtin(), seed, settings, &mut begin);
+    let outcome = lay_out_observed(
+        task,
+        Catalogue::builtin(),
+        world,
+        planner,
+        GraspLibrary::builtin(),
+        seed,
+        settings,
+        &mut begin,
+    );
     begin(Phase::Preparing);
     (outcome, since)
 }
@@ -142,7 +157,7 @@ fn timed(
 fn goal_verdict(scenario: &Scenario) -> Result<(usize, f64), LabError> {
     let scene = posed(scenario, Catalogue::builtin(), &mut ShapeCache::default());
     let mut scene = scene.map_err(|error| LabError::broken(format!("cannot pose {}", scenario.id), error))?;
-    let settings = RelationSettings::default();
+    let settings = scenario.world.relations;
     let mut clock = cpu_clock();
     for (index, placed) in scenario.objects.iter().enumerate() {
         scene.set_pose(index, placed.pose, &placed.joint_positions);

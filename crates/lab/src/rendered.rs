@@ -4,15 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
-use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RobotModel, Scenario, Seed, Task, Workspace};
+use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RobotModel, Scenario, Seed, Task, World};
 use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves};
 use genmanip_motion::PlannerSettings;
-use genmanip_render::{
-    Channels, Environment, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob,
-};
+use genmanip_render::{Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use genmanip_scene::observed::{DepthView, clouds_of_views};
 use genmanip_scene::relations::{
-    CloudScene, PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, is_clear, judge_atom, judge_goal,
+    CloudScene, PosedObject, PosedScene, Rest, ShapeCache, is_clear, judge_atom, judge_goal,
 };
 use serde::Serialize;
 
@@ -20,9 +18,6 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_bench::text_table;
 use genmanip_run::{Progress, inputs};
-
-/// The cameras of prompt-based systems, whose views are fused.
-const CAMERAS: [&str; 3] = ["overview", "left", "right"];
 
 /// A case counts when every measured quantity is farther than this from its threshold, metres.
 const MARGIN_M: f64 = 0.01;
@@ -72,7 +67,7 @@ pub struct Agreement {
 struct Bench {
     robot: Arc<RobotModel>,
     cameras: Vec<Camera>,
-    relations: RelationSettings,
+    world: Arc<World>,
     shapes: ShapeCache,
 }
 
@@ -80,12 +75,18 @@ struct Bench {
 ///
 /// # Errors
 /// When a scene cannot be drawn.
-pub fn measure(tasks: &[Task], count: usize, seed: Seed, progress: &dyn Progress) -> Result<Agreement, LabError> {
-    let planner = inputs::planner(&PlannerSettings::default())?;
+pub fn measure(
+    tasks: &[Task],
+    world: &Arc<World>,
+    count: usize,
+    seed: Seed,
+    progress: &dyn Progress,
+) -> Result<Agreement, LabError> {
+    let planner = inputs::planner(world, &PlannerSettings::default())?;
     let mut bench = Bench {
         robot: Arc::clone(planner.robot()),
-        cameras: Camera::default_rig().into_iter().filter(|camera| CAMERAS.contains(&camera.name.as_str())).collect(),
-        relations: RelationSettings::default(),
+        cameras: world.prompt_cameras().into_iter().cloned().collect(),
+        world: Arc::clone(world),
         shapes: ShapeCache::default(),
     };
     let seed = seed.fork("rendered relations");
@@ -97,7 +98,7 @@ pub fn measure(tasks: &[Task], count: usize, seed: Seed, progress: &dyn Progress
         progress.advance();
         let seed = seed.fork_index(index as u64);
         let (catalogue, grasps) = (Catalogue::builtin(), GraspLibrary::builtin());
-        let scenario = match lay_out(task, catalogue, &planner, grasps, seed, &LayoutSettings::default()) {
+        let scenario = match lay_out(task, catalogue, world, &planner, grasps, seed, &LayoutSettings::default()) {
             Ok(scenario) => scenario,
             Err(error) if error.is_defect() => {
                 return Err(LabError::broken(format!("laying out {} stopped", task.id), error));
@@ -108,7 +109,7 @@ pub fn measure(tasks: &[Task], count: usize, seed: Seed, progress: &dyn Progress
             }
         };
         let initial = bench.posed(&scenario)?;
-        let reached = after_moves(&initial, task, &bench.relations, seed);
+        let reached = after_moves(&initial, task, &bench.world, seed);
         for (scene, moment) in std::iter::once((&initial, "before")).chain(reached.iter().map(|scene| (scene, "after")))
         {
             let start = clock();
@@ -131,14 +132,14 @@ impl Bench {
             let joint_positions = placed.joint_positions.clone();
             Ok(PosedObject { id: placed.id.clone(), model, pose: placed.pose, joint_positions })
         });
-        Ok(PosedScene::new(objects.collect::<Result<_, LabError>>()?, &mut self.shapes))
+        Ok(PosedScene::new(objects.collect::<Result<_, LabError>>()?, &self.world.surfaces, &mut self.shapes))
     }
 
     /// Draws a scene with the robot at home and makes a cloud of each object.
     fn clouds(&self, scene: &PosedScene) -> Result<CloudScene, LabError> {
         let drawn = |error| LabError::broken("cannot draw the scene", error);
         let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
-        let assets = RenderAssets::new(Arc::clone(&self.robot), &models, &Environment::default()).map_err(drawn)?;
+        let assets = RenderAssets::new(Arc::clone(&self.robot), &models, Some(&self.world)).map_err(drawn)?;
         let poses = scene.objects().map(|object| (object.pose, object.joint_positions.as_slice()));
         let state = assets.frame_state(&self.robot.home, self.robot.gripper.max_width, poses).map_err(drawn)?;
         let jobs: Vec<ViewJob> =
@@ -178,7 +179,8 @@ impl Bench {
             let Atom::Relation { relation, .. } = &atom else { continue };
             let kind = relation.name().to_owned();
             let told = |verdict: &AtomVerdict| verdict.explanation.clone();
-            let (exact, seen) = (judge_atom(scene, &atom, &self.relations), clouds.judge_atom(&atom, &self.relations));
+            let (exact, seen) =
+                (judge_atom(scene, &atom, &self.world.relations), clouds.judge_atom(&atom, &self.world.relations));
             let clear = is_clear(&exact, MARGIN_M);
             agreement.note(&kind, clear, exact.holds, exact.holds == seen.holds, || {
                 format!("{place}: {atom:?}: geometry {}; cloud {}", told(&exact), told(&seen))
@@ -186,22 +188,22 @@ impl Bench {
         }
         for one in 0..ids.len() {
             for other in (0..ids.len()).filter(|&other| other != one) {
-                let exact = genmanip_scene::relations::label_pair(scene, one, other, &self.relations);
+                let exact = genmanip_scene::relations::label_pair(scene, one, other, &self.world.relations);
                 let (Some(exact), Some(a), Some(b)) = (exact, clouds.index_of(ids[one]), clouds.index_of(ids[other]))
                 else {
                     continue;
                 };
-                let seen = clouds.label_pair(a, b, &self.relations).and_then(|pair| pair.a_to_b);
+                let seen = clouds.label_pair(a, b, &self.world.relations).and_then(|pair| pair.a_to_b);
                 let words = Relation::OF_PAIRS
-                    .map(|word| judge_atom(scene, &relation(ids[one], word, ids[other]), &self.relations));
+                    .map(|word| judge_atom(scene, &relation(ids[one], word, ids[other]), &self.world.relations));
                 let clear = words.iter().all(|verdict| is_clear(verdict, MARGIN_M));
                 agreement.note("label", clear, exact.a_to_b.is_some(), exact.a_to_b == seen, || {
                     format!("{place}: {} to {}: geometry {:?}; cloud {seen:?}", ids[one], ids[other], exact.a_to_b)
                 });
             }
         }
-        let exact = judge_goal(scene, &task.goal, &Rest::default(), &self.relations);
-        let seen = clouds.judge_goal(&task.goal, &Rest::default(), &self.relations);
+        let exact = judge_goal(scene, &task.goal, &Rest::default(), &self.world.relations);
+        let seen = clouds.judge_goal(&task.goal, &Rest::default(), &self.world.relations);
         let clear = exact.alternatives.iter().flatten().all(|verdict| is_clear(verdict, MARGIN_M));
         agreement.note(
             "goal",
@@ -234,11 +236,12 @@ impl Agreement {
 }
 
 /// The scene with the objects where the first alternative of the goal wants them; `None` when no place was found.
-fn after_moves(scene: &PosedScene, task: &Task, relations: &RelationSettings, seed: Seed) -> Option<PosedScene> {
+fn after_moves(scene: &PosedScene, task: &Task, world: &World, seed: Seed) -> Option<PosedScene> {
     let mut after = scene.clone();
     let steps = moves(&task.goal, scene).into_iter().next()?;
     let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
-    let (workspace, settings) = (&Workspace::default(), &GoalPoseSettings { count: 1, ..GoalPoseSettings::default() });
+    let (workspace, relations) = (&world.workspace, &world.relations);
+    let settings = &GoalPoseSettings { count: 1, ..GoalPoseSettings::default() };
     for (index, step) in steps.iter().enumerate() {
         let object = after.objects().nth(step.object)?.clone();
         let search = GoalSearch { scene: &after, upright: &upright, workspace, relations, settings };

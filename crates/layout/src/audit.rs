@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
-use genmanip_core::{Atom, ObjectState, RobotModel, Scenario};
-use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
-};
-use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError, SimSettings};
+use genmanip_core::{Atom, ObjectState, RobotModel, Scenario, World};
+use genmanip_scene::relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
+use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
 
 use crate::LayoutSettings;
 use crate::rejection::{NamedObject, Rejection};
@@ -24,10 +22,10 @@ const STEADY: f64 = 1.5;
 const LEVER_M: f64 = 0.1;
 
 /// Lets the objects come to rest without a robot; the reason when they do not, or fall over.
-pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Result<(), Rejection> {
+pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Rejection> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
     let broken = |error: SimError| Rejection::Physics(error.to_string());
-    let compiled = Scene::compile_without_robot(&objects, &SimSettings::default()).map_err(broken)?;
+    let compiled = Scene::compile_without_robot(world, &objects).map_err(broken)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
     let report = sim.settle(&rest).map_err(broken)?;
@@ -53,16 +51,16 @@ pub(crate) fn settle(scene: &mut PosedScene, settings: &LayoutSettings) -> Resul
 /// Leaves a settled layout alone for a while, without a robot; the reason when something starts to roll or tip.
 ///
 /// Ends early once nothing gets faster, and everything is so slow that the rest of the time would not bring it anywhere.
-pub(crate) fn leave_alone(scene: &PosedScene, settings: &LayoutSettings) -> Result<(), Rejection> {
+pub(crate) fn leave_alone(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Rejection> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
     let broken = |error: SimError| Rejection::Physics(error.to_string());
-    let compiled = Scene::compile_without_robot(&objects, &SimSettings::default()).map_err(broken)?;
+    let compiled = Scene::compile_without_robot(world, &objects).map_err(broken)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let start = sim.object_states();
     let mut before_m_s = 0.0;
     let spells = (settings.stay_s / SPELL_S).ceil() as u32;
     for spell in 1..=spells {
-        sim.advance(steps(SPELL_S, &SimSettings::default())).map_err(broken)?;
+        sim.advance(steps(SPELL_S, world)).map_err(broken)?;
         let now = sim.object_states();
         let drift_m = drift_m(&start, &now);
         let drifts = scene.objects().zip(&drift_m).find(|&(_, &drift_m)| drift_m > settings.max_drift_m);
@@ -82,12 +80,11 @@ pub(crate) fn leave_alone(scene: &PosedScene, settings: &LayoutSettings) -> Resu
 }
 
 /// Penetration at the start, and how far each object's origin moves in this time, sleep off; metres.
-pub(crate) fn left_alone(objects: &[SceneObject], seconds: f64) -> Result<(f64, Vec<f64>), SimError> {
-    let settings = SimSettings::default();
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(objects, &settings)?));
+pub(crate) fn left_alone(world: &World, objects: &[SceneObject], seconds: f64) -> Result<(f64, Vec<f64>), SimError> {
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, objects)?));
     let penetration_m = sim.penetration();
     let before = sim.object_states();
-    sim.advance(steps(seconds, &settings))?;
+    sim.advance(steps(seconds, world))?;
     Ok((penetration_m, drift_m(&before, &sim.object_states())))
 }
 
@@ -96,8 +93,8 @@ fn drift_m(before: &[ObjectState], after: &[ObjectState]) -> Vec<f64> {
     before.iter().zip(after).map(|(from, to)| from.pose.position.distance(to.pose.position)).collect()
 }
 
-fn steps(seconds: f64, settings: &SimSettings) -> u32 {
-    (seconds * f64::from(settings.physics_rate_hz)).round() as u32
+fn steps(seconds: f64, world: &World) -> u32 {
+    (seconds * f64::from(world.physics.physics_rate_hz)).round() as u32
 }
 
 pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
@@ -134,22 +131,23 @@ pub fn audit(
     scenario: &Scenario,
     assets: &dyn AssetSource,
     robot: &Arc<RobotModel>,
+    settings: &LayoutSettings,
     seconds: f64,
 ) -> Result<LayoutAudit, AuditError> {
     let scene = posed(scenario, assets, &mut ShapeCache::default())?;
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let (penetration_m, drift_m) = left_alone(&objects, seconds)?;
+    let (penetration_m, drift_m) = left_alone(&scenario.world, &objects, seconds)?;
     let drift_m = drift_m.into_iter().fold(0.0, f64::max);
-    let (task, relations) = (&scenario.task, RelationSettings::default());
-    let mut verdicts = judge_edges(&scene, &task.scene_graph, &relations);
-    verdicts.extend(judge_states(&scene, &task.scene_graph, &relations));
+    let (task, relations) = (&scenario.task, &scenario.world.relations);
+    let mut verdicts = judge_edges(&scene, &task.scene_graph, relations);
+    verdicts.extend(judge_states(&scene, &task.scene_graph, relations));
     Ok(LayoutAudit {
         penetration_m,
         drift_m,
         checked: verdicts.len(),
         failed: verdicts.into_iter().filter(|verdict| !verdict.holds).map(|verdict| verdict.atom).collect(),
-        goal_holds: judge_goal(&scene, &task.judged_goal(), &Rest::default(), &relations).success,
-        hidden: hidden(&scene, task.scene_graph.nodes.len(), robot, &LayoutSettings::default())?,
+        goal_holds: judge_goal(&scene, &task.judged_goal(), &Rest::default(), relations).success,
+        hidden: hidden(&scene, &scenario.world, task.scene_graph.nodes.len(), robot, settings)?,
     })
 }
 
@@ -170,7 +168,11 @@ pub fn posed(
             joint_positions: placed.joint_positions.clone(),
         })
     });
-    Ok(PosedScene::new(objects.collect::<Result<Vec<_>, genmanip_assets::AssetError>>()?, shapes))
+    Ok(PosedScene::new(
+        objects.collect::<Result<Vec<_>, genmanip_assets::AssetError>>()?,
+        &scenario.world.surfaces,
+        shapes,
+    ))
 }
 
 /// Why a scenario cannot be audited.

@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
+use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, panda};
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{ObjectModel, Pose};
@@ -21,14 +22,15 @@ fn scene(model: &Arc<ObjectModel>, tilt_rad: f64) -> PosedScene {
         joint_positions: vec![0.0; model.joint_count()],
         model: Arc::clone(model),
     };
-    PosedScene::new(vec![object], &mut ShapeCache::default())
+    PosedScene::new(vec![object], &default_world().surfaces, &mut ShapeCache::default())
 }
 
 /// A renderer that cannot draw leaves everything unseen: it is an error, never a layout that passes.
 #[test]
 fn what_cannot_be_drawn_does_not_count_as_seen() {
     let model = Catalogue::builtin().build("046").unwrap();
-    let hidden = |scene: &PosedScene| visibility::hidden(scene, 1, &panda(), &LayoutSettings::default());
+    let hidden =
+        |scene: &PosedScene| visibility::hidden(scene, &default_world(), 1, &panda(), &LayoutSettings::default());
     let mut scene = scene(&model, 0.0);
     assert!(matches!(hidden(&scene), Ok(None)), "a cube in the middle of the table is seen");
     scene.set_pose(0, Pose::from_position(DVec3::new(0.45, 0.0, -2.0)), &[]);
@@ -48,9 +50,9 @@ fn what_ends_early_would_have_stayed() {
     for tilt_rad in [0.0, FRAC_PI_2, balance - 1e-2, balance + 1e-3, balance - 1e-4, balance + 1e-5, balance - 1e-5] {
         let scene = scene(&model, tilt_rad);
         let objects: Vec<_> = scene.objects().map(scene_object).collect();
-        let (_, drift_m) = left_alone(&objects, settings.stay_s).unwrap();
+        let (_, drift_m) = left_alone(&default_world(), &objects, settings.stay_s).unwrap();
         let stays = drift_m[0] <= settings.max_drift_m;
-        assert_eq!(leave_alone(&scene, &settings).is_ok(), stays, "at {tilt_rad} rad: {drift_m:?} m");
+        assert_eq!(leave_alone(&scene, &default_world(), &settings).is_ok(), stays, "at {tilt_rad} rad: {drift_m:?} m");
         if stays { stayed += 1 } else { tipped += 1 }
     }
     assert!(stayed >= 2 && tipped >= 3, "{stayed} stayed, {tipped} tipped");

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Atom, Goal, ObjectModel, Relation, Task};
+use genmanip_core::{Atom, Goal, ObjectModel, Relation, Task, World};
 use genmanip_scene::relations::RelationSettings;
 
 use crate::LayoutSettings;
@@ -27,6 +27,9 @@ pub(crate) struct Context<'a> {
     /// Per alternative of the goal: what it wants between two objects that stay, subject first.
     pub goal_betweens: Vec<Vec<[usize; 3]>>,
     pub settings: &'a LayoutSettings,
+    pub world: &'a World,
+    /// Nearest and farthest distance of a moved object from the robot's axis, metres.
+    pub reach_m: [f64; 2],
     pub relations: &'a RelationSettings,
 }
 

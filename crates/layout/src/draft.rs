@@ -90,7 +90,11 @@ impl Draft {
 
     fn bound(&mut self, context: &Context, wide: bool) {
         let settings = context.settings;
-        let [area_x, area_y] = if wide { [settings.wide_x_m, settings.wide_y_m] } else { [settings.x_m, settings.y_m] };
+        let workspace = context.world.workspace;
+        let area = match wide {
+            true => workspace.within(settings.wide_x_m, settings.wide_y_m),
+            false => workspace.within(settings.x_m, settings.y_m),
+        };
         let mut both = |a: usize, b: usize, x: [f64; 2], y: [f64; 2], edge: Option<usize>| {
             self.x.bound(a, b, x, edge);
             self.y.bound(a, b, y, edge);
@@ -107,11 +111,11 @@ impl Draft {
                 }
                 None => {
                     let inside = |[low, high]: [f64; 2], half: f64| [low + half, high - half];
-                    both(ORIGIN, step.object + 1, inside(area_x, half.x), inside(area_y, half.y), None);
+                    both(ORIGIN, step.object + 1, inside(area.x, half.x), inside(area.y, half.y), None);
                 }
             }
             if context.moved[step.object] {
-                let most = settings.reach_m[1];
+                let most = context.reach_m[1];
                 both(ORIGIN, step.object + 1, [0.0, most], [-most, most], None);
             }
         }
@@ -119,8 +123,8 @@ impl Draft {
         let rooms = self.alternative.map_or(&[][..], |index| &context.goal_rooms[index]);
         for (number, room) in rooms.iter().enumerate() {
             let at = context.models.len() + number + 1;
-            let (size, far) = (self.stances[room.object].bounds.size(), settings.reach_m[1]);
-            let Workspace { x, y } = Workspace::default();
+            let (size, far) = (self.stances[room.object].bounds.size(), context.reach_m[1]);
+            let Workspace { x, y } = workspace;
             let half = size * 0.5;
             both(ORIGIN, at, [x[0] + half.x, far.min(x[1] - half.x)], [y[0] + half.y, y[1] - half.y], None);
             for &(relation, anchor) in &room.anchors {

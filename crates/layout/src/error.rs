@@ -13,6 +13,16 @@ pub enum LayoutError {
     /// An object is not in the catalogue or cannot be built.
     #[error(transparent)]
     UnknownObject(#[from] AssetError),
+    /// The planner is for another robot than the world's.
+    #[error("world field {field}: expected {expected}, the planner has {got}")]
+    OtherRobot {
+        /// Which field of the world differs.
+        field: &'static str,
+        /// What the world says.
+        expected: String,
+        /// What the planner's robot has.
+        got: String,
+    },
     /// The graph names an object that is not among its nodes.
     #[error("edge `{edge}` names {id}, which is no node of the scene graph")]
     NotANode {

@@ -1,8 +1,9 @@
 //! Places for several things on one carrier, drawn over many seeds.
 
 use genmanip_assets::Catalogue;
+use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Atom, Pose, Relation, Seed, Workspace};
+use genmanip_core::{Atom, Pose, Relation, Seed};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, ShapeCache, judge_atom, measure_pair};
 
 use crate::{GoalPoseSettings, GoalSearch, Move};
@@ -21,7 +22,7 @@ fn scene(carrier: &str, turn: f64, things: &[&str]) -> PosedScene {
         }
     };
     let uids = [carrier].into_iter().chain(things.iter().copied());
-    PosedScene::new(uids.enumerate().map(posed).collect(), &mut ShapeCache::default())
+    PosedScene::new(uids.enumerate().map(posed).collect(), &default_world().surfaces, &mut ShapeCache::default())
 }
 
 /// Puts the things one after the other onto or into the carrier, each knowing which are still to come.
@@ -45,7 +46,7 @@ fn check(carrier: &str, relation: Relation, things: &[&str]) {
             let search = GoalSearch {
                 scene: &now,
                 upright: &upright,
-                workspace: &Workspace::default(),
+                workspace: &default_world().workspace,
                 relations: &relations,
                 settings: &settings,
             };

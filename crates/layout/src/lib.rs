@@ -20,12 +20,12 @@ mod goal_pose;
 mod goal_pose_tests;
 mod moves;
 mod network;
+pub mod obstacles;
 mod order;
 mod placement;
 mod reach;
 mod rejection;
 mod settings;
-pub mod surroundings;
 mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
@@ -38,13 +38,12 @@ pub use settings::LayoutSettings;
 use context::{Context, GoalRoom};
 use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{
-    AssetHashes, Atom, Camera, Goal, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
-    TriedGrasp, Workspace,
+    AssetHashes, Atom, Goal, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
+    TriedGrasp, Workspace, World,
 };
 use genmanip_motion::Planner;
 use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, Rest, ShapeCache, judge_edges, judge_goal, judge_states,
-    placement_window,
+    PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states, placement_window,
 };
 use placement::Partial;
 use reach::ReachCheck;
@@ -81,12 +80,13 @@ pub enum Phase {
 pub fn lay_out(
     task: &Task,
     assets: &dyn AssetSource,
+    world: &World,
     planner: &Planner,
     grasps: &GraspLibrary,
     seed: Seed,
     settings: &LayoutSettings,
 ) -> Result<Scenario, LayoutError> {
-    lay_out_observed(task, assets, planner, grasps, seed, settings, &mut |_| ())
+    lay_out_observed(task, assets, world, planner, grasps, seed, settings, &mut |_| ())
 }
 
 /// [`lay_out`], telling whoever measures when each phase begins.
@@ -97,6 +97,7 @@ pub fn lay_out(
 pub fn lay_out_observed(
     task: &Task,
     assets: &dyn AssetSource,
+    world: &World,
     planner: &Planner,
     grasps: &GraspLibrary,
     seed: Seed,
@@ -110,9 +111,9 @@ pub fn lay_out_observed(
         .iter()
         .map(|node| assets.model(&node.asset).map_err(LayoutError::from))
         .collect::<Result<Vec<_>, _>>()?;
+    check_robot(world, planner.robot())?;
     let tried = models.iter().map(|model| grasps.of(planner.robot(), model)).collect::<Result<Vec<_>, _>>();
     let tried = tried.map_err(LayoutError::StaleGrasps)?;
-    let relations = RelationSettings::default();
     let edges = indexed_edges(&task.scene_graph)?;
     let id = |index: usize| task.scene_graph.nodes[index].id.clone();
     let goal = task.judged_goal();
@@ -127,7 +128,9 @@ pub fn lay_out_observed(
         models,
         edges,
         settings,
-        relations: &relations,
+        world,
+        reach_m: reach_m(world, planner.robot()),
+        relations: &world.relations,
     };
     let (mut rejections, mut furthest, mut shapes) = (Rejections::default(), None, ShapeCache::default());
     let (mut restarts, mut unaccepted) = (0, 0);
@@ -141,7 +144,7 @@ pub fn lay_out_observed(
         context.set_distractors(models);
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
             Ok(mut scene) => match accept(&context, &mut scene, planner, &tried, attempt, &mut rejections, begin) {
-                Ok(()) => return scenario(task, seed, &scene, assets, planner.robot()),
+                Ok(()) => return scenario(task, seed, &scene, assets, world),
                 Err(Refusal::Defect(error)) => return Err(error),
                 Err(Refusal::Rejected(reason)) => {
                     rejections.count(reason);
@@ -186,13 +189,13 @@ fn accept(
     rejections: &mut Rejections,
     begin: &mut dyn FnMut(Phase),
 ) -> Result<(), Refusal> {
-    let Context { task, goal, settings, relations, .. } = *context;
+    let Context { task, goal, settings, world, relations, .. } = *context;
     let holds_goal = |scene: &PosedScene| judge_goal(scene, goal, &Rest::default(), relations).success;
     if holds_goal(scene) {
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Settling);
-    audit::settle(scene, settings)?;
+    audit::settle(scene, world, settings)?;
     begin(Phase::Judging);
     let edges = judge_edges(scene, &task.scene_graph, relations);
     if let Some(verdict) = edges.iter().find(|verdict| !verdict.holds) {
@@ -206,18 +209,40 @@ fn accept(
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    let reach = ReachCheck { scene, planner, relations, grasp: &settings.grasp, tried, seed };
+    let reach = ReachCheck { scene, world, planner, grasp: &settings.grasp, tried, seed };
     if let Some(reason) = reach.unreachable(goal) {
         return Err(reason.into());
     }
     begin(Phase::Seeing);
-    let hidden = visibility::hidden(scene, task.scene_graph.nodes.len(), planner.robot(), settings);
+    let hidden = visibility::hidden(scene, world, task.scene_graph.nodes.len(), planner.robot(), settings);
     if let Some(reason) = hidden.map_err(|error| Refusal::Defect(error.into()))? {
         return Err(reason.into());
     }
     // Last, because it takes long and hardly ever refuses.
     begin(Phase::Settling);
-    Ok(audit::leave_alone(scene, settings)?)
+    Ok(audit::leave_alone(scene, world, settings)?)
+}
+
+/// Whether the planner is for the robot of the world, starting where the world says.
+fn check_robot(world: &World, robot: &RobotModel) -> Result<(), LayoutError> {
+    let wanted = &world.robot;
+    let differs =
+        |field: &'static str, expected: String, got: String| Err(LayoutError::OtherRobot { field, expected, got });
+    if wanted.name != robot.name {
+        return differs("robot.name", wanted.name.clone(), robot.name.clone());
+    }
+    if wanted.home != robot.home {
+        return differs("robot.home", format!("{:?}", wanted.home), format!("{:?}", robot.home));
+    }
+    Ok(())
+}
+
+/// Nearest and farthest distance of a moved object from the robot's axis, metres; all of the workspace for a robot of
+/// which nobody knows it.
+fn reach_m(world: &World, robot: &RobotModel) -> [f64; 2] {
+    let Workspace { x, y } = world.workspace;
+    let corner = x[0].abs().max(x[1].abs()).hypot(y[0].abs().max(y[1].abs()));
+    robot.reach.map_or([0.0, corner], |reach| reach.from_above_m)
 }
 
 /// The graph's edges with the indices of their objects among the nodes, subject first.
@@ -351,17 +376,14 @@ fn scenario(
     seed: Seed,
     scene: &PosedScene,
     assets: &dyn AssetSource,
-    robot: &RobotModel,
+    world: &World,
 ) -> Result<Scenario, LayoutError> {
     Ok(Scenario {
         id: format!("{}-{seed}", task.id),
         task: task.clone(),
         seed,
         objects: scene.objects().map(|object| placed_object(object, assets)).collect::<Result<_, _>>()?,
-        robot: robot.name.clone(),
-        robot_home: robot.home.clone(),
-        cameras: Camera::default_rig(),
-        workspace: Workspace::default(),
+        world: world.clone(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     })
 }

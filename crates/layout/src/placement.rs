@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Aabb, Atom, ObjectCard, Pose, Relation, Seed, Unit, Workspace};
+use genmanip_core::{Aabb, Atom, ObjectCard, Pose, Relation, Seed, Unit};
 use genmanip_scene::relations::{
     PosedObject, PosedScene, RelationSettings, ShapeCache, contact_below, judge_atom, outlines_apart, placement_window,
 };
@@ -108,7 +108,7 @@ fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
         pose: Pose::from_position(DVec3::new(PARKED_M - index as f64, 0.0, 0.0)),
         joint_positions: context.joints[index].clone(),
     });
-    PosedScene::new(objects.collect(), shapes)
+    PosedScene::new(objects.collect(), &context.world.surfaces, shapes)
 }
 
 struct Search<'a> {
@@ -165,7 +165,7 @@ impl Search<'_> {
     /// it stands there then.
     fn fits(&mut self, step: &Step, center: DVec2, rejections: &mut Rejections) -> bool {
         let (context, object) = (self.context, step.object);
-        let [least, most] = context.settings.reach_m;
+        let [least, most] = context.reach_m;
         if context.moved[object] && !(least..=most).contains(&center.length()) {
             rejections.count(Rejection::OutOfReach);
             self.blame_relatives(object);
@@ -330,7 +330,7 @@ impl Search<'_> {
     fn is_free_somewhere(&mut self, room: &GoalRoom, rng: &mut impl Rng) -> bool {
         let context = self.context;
         let bounds = self.draft.stances[room.object].bounds;
-        let area = Workspace::default();
+        let area = context.world.workspace;
         let half = bounds.size().truncate() * 0.5;
         let mut low = DVec2::new(area.x[0], area.y[0]) + half;
         let mut high = DVec2::new(area.x[1], area.y[1]) - half;
@@ -354,7 +354,7 @@ impl Search<'_> {
                 self.scene.bounds(other).is_some_and(overlap)
             });
             self.blockers.extend(blocker);
-            blocker.is_none() && center.length() < context.settings.reach_m[1] + GOAL_REACH_M
+            blocker.is_none() && center.length() < context.reach_m[1] + GOAL_REACH_M
         })
     }
 

@@ -1,24 +1,24 @@
 //! Whether the arm can do what the goal asks: take each object as it lies, and let go of it where it belongs.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Goal, Grasp, Pose, Seed, TriedGrasp, Workspace};
+use genmanip_core::{Goal, Grasp, Pose, Seed, TriedGrasp, World};
 use genmanip_motion::{CollisionWorld, FeasibilitySettings, GeometryError, PickQuery, PickedObject, Planner};
-use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings};
+use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
 use crate::goal_pose::{GoalPoseSettings, GoalSearch};
 use crate::moves::{Move, moves};
+use crate::obstacles;
 use crate::rejection::{NamedObject, Rejection};
-use crate::surroundings;
 
 /// Everything that whether a layout can be served depends on.
 pub(crate) struct ReachCheck<'a> {
     /// The layout, settled.
     pub scene: &'a PosedScene,
+    /// Where things may stand, and how they are judged.
+    pub world: &'a World,
     /// Robot and gripper.
     pub planner: &'a Planner,
-    /// The judge's settings.
-    pub relations: &'a RelationSettings,
     /// When an object counts as graspable.
     pub grasp: &'a FeasibilitySettings,
     /// Known grasps of each object.
@@ -42,8 +42,8 @@ impl ReachCheck<'_> {
 
     /// What stands in the way of moves that are made one after the other.
     fn obstacle(&self, steps: &[Move]) -> Option<Rejection> {
-        let Self { scene, planner, relations, seed, .. } = *self;
-        let world = surroundings::world(scene, None);
+        let Self { scene, world, planner, seed, .. } = *self;
+        let occupied = obstacles::around(scene, None);
         let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
         let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
         let mut after = scene.clone();
@@ -57,7 +57,7 @@ impl ReachCheck<'_> {
                 after.set_pose(step.object, object.pose, &joints);
                 return None;
             }
-            match self.is_graspable(step.object, object, &world) {
+            match self.is_graspable(step.object, object, &occupied) {
                 Ok(true) => {}
                 Ok(false) => return Some(Rejection::NoGrasp(named())),
                 Err(error) => {
@@ -69,8 +69,8 @@ impl ReachCheck<'_> {
             let search = GoalSearch {
                 scene: &after,
                 upright: &upright,
-                workspace: &Workspace::default(),
-                relations,
+                workspace: &world.workspace,
+                relations: &world.relations,
                 settings: &settings,
             };
             let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
@@ -81,12 +81,17 @@ impl ReachCheck<'_> {
     }
 
     /// Whether the arm can carry any grasp of an object out, from its home: known ones first, then sampled ones.
-    fn is_graspable(&self, index: usize, object: &PosedObject, world: &CollisionWorld) -> Result<bool, GeometryError> {
+    fn is_graspable(
+        &self,
+        index: usize,
+        object: &PosedObject,
+        occupied: &CollisionWorld,
+    ) -> Result<bool, GeometryError> {
         let Self { scene, planner, tried, seed, .. } = *self;
         let pieces = object.model.pieces(&object.joint_positions);
         let query = PickQuery {
             planner,
-            world,
+            world: occupied,
             object: PickedObject { name: &object.id, world_from_object: object.pose, pieces: &pieces },
             goals: &[],
             arm: &planner.robot().home,
@@ -94,8 +99,8 @@ impl ReachCheck<'_> {
         };
         let within_reach = |candidates: Vec<Grasp>| query.grasps(candidates.into_iter()).next().is_some();
         let known = tried.get(index).copied().unwrap_or_default();
-        Ok(within_reach(surroundings::tried_grasps(planner, scene, index, known)?)
-            || within_reach(surroundings::generated_grasps(planner, scene, index, seed.fork("reach"))?))
+        Ok(within_reach(obstacles::tried_grasps(planner, scene, index, known)?)
+            || within_reach(obstacles::generated_grasps(planner, scene, index, seed.fork("reach"))?))
     }
 }
 

@@ -26,9 +26,7 @@ pub struct LayoutSettings {
     /// How far inside its threshold a relation must hold when an object is placed, metres, and what weighs the same in
     /// other units (see [`genmanip_core::Unit::normalise`]); settling may eat some of it.
     pub relation_margin_m: f64,
-    /// Nearest and farthest distance of a moved object from the robot's axis, metres.
-    pub reach_m: [f64; 2],
-    /// Area for objects, metres from the robot's base: nearest and farthest x.
+    /// Area for objects within the world's workspace, metres from the robot's base: nearest and farthest x.
     pub x_m: [f64; 2],
     /// Area for objects: rightmost and leftmost y, metres.
     pub y_m: [f64; 2],
@@ -75,8 +73,6 @@ impl Default for LayoutSettings {
             distractor_gap_m: 0.06,
             // Chosen: settling moves things by a few millimetres.
             relation_margin_m: 0.01,
-            // Chosen: the Panda reaches 0.855 m (its data sheet), less with the hand pointing down; nearer the arm folds.
-            reach_m: [0.32, 0.70],
             // Chosen: well inside the workspace and in the middle of the cameras' pictures.
             x_m: [0.26, 0.78],
             y_m: [-0.42, 0.42],

@@ -3,18 +3,14 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Camera, Pose, RobotModel};
+use genmanip_core::{Camera, Pose, RobotModel, World};
 use genmanip_render::{
-    Channels, Environment, FrameBuffers, RenderAssets, RenderError, RenderVariation, Renderer, ViewJob,
-    object_of_instance,
+    Channels, FrameBuffers, RenderAssets, RenderError, RenderVariation, Renderer, ViewJob, object_of_instance,
 };
 use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::LayoutSettings;
 use crate::rejection::{NamedObject, Rejection};
-
-/// Cameras of prompt-based systems, which must see the objects; chosen: those of the default cameras that stand still.
-const PROMPT_CAMERAS: [&str; 3] = ["overview", "left", "right"];
 
 /// Height to which what is not to be drawn is sent, metres; chosen, far below every picture.
 const AWAY_M: f64 = -50.0;
@@ -25,15 +21,15 @@ const AWAY_M: f64 = -50.0;
 /// When a picture cannot be drawn: what nobody can see does not count as seen.
 pub(crate) fn hidden(
     scene: &PosedScene,
+    world: &World,
     task_objects: usize,
     robot: &Arc<RobotModel>,
     settings: &LayoutSettings,
 ) -> Result<Option<Rejection>, RenderError> {
     let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
-    let assets = RenderAssets::new(Arc::clone(robot), &models, &Environment::default())?;
+    let assets = RenderAssets::new(Arc::clone(robot), &models, Some(world))?;
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
-    let cameras: Vec<Camera> =
-        Camera::default_rig().into_iter().filter(|camera| PROMPT_CAMERAS.contains(&camera.name.as_str())).collect();
+    let cameras = world.prompt_cameras();
     let away = Pose::from_position(DVec3::Z * AWAY_M);
     // Everything, or one object alone on the table with the robot out of the way.
     let mut ids = |alone: Option<usize>| -> Result<Vec<FrameBuffers>, RenderError> {

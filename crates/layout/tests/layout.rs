@@ -4,6 +4,7 @@
 
 use std::sync::OnceLock;
 
+use genmanip_assets::worlds::default_world;
 use genmanip_assets::{AssetError, AssetSource, Catalogue, GraspFile, GraspLibrary, panda};
 use genmanip_core::{AssetRef, Atom, Document, Goal, GraphEdge, GraphNode, Pose, Relation, Scenario, Seed, Task};
 use genmanip_layout::{LayoutError, LayoutSettings, Rejection, audit, lay_out, moves};
@@ -36,7 +37,15 @@ fn task(id: &str) -> Task {
 }
 
 fn layout_of(task: &Task, seed: u64) -> Result<Scenario, LayoutError> {
-    lay_out(task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(seed), &LayoutSettings::default())
+    lay_out(
+        task,
+        Catalogue::builtin(),
+        &default_world(),
+        planner(),
+        GraspLibrary::builtin(),
+        Seed::new(seed),
+        &LayoutSettings::default(),
+    )
 }
 
 /// The scenario as relations see it, from nothing but what is in its file.
@@ -47,7 +56,7 @@ fn posed(scenario: &Scenario) -> PosedScene {
         pose: placed.pose,
         joint_positions: placed.joint_positions.clone(),
     });
-    PosedScene::new(objects.collect(), &mut ShapeCache::default())
+    PosedScene::new(objects.collect(), &scenario.world.surfaces, &mut ShapeCache::default())
 }
 
 /// Everything a layout promises.
@@ -69,12 +78,12 @@ fn check(scenario: &Scenario) {
         assert!(alternative.iter().any(|atom| !atom.holds), "{id}: an alternative of the goal holds at the start");
     }
 
-    let report = audit(scenario, Catalogue::builtin(), &panda(), 2.0).unwrap();
+    let report = audit(scenario, Catalogue::builtin(), &panda(), &LayoutSettings::default(), 2.0).unwrap();
     assert!(report.penetration_m < 1e-3 && report.drift_m < 1e-3, "{id}: {report:?}");
     let states = task.scene_graph.nodes.iter().filter(|node| node.state.is_some()).count();
     assert_eq!((report.checked, report.failed.len()), (edges.len() + states, 0), "{id}: {report:?}");
 
-    let workspace = scenario.workspace;
+    let workspace = scenario.world.workspace;
     for index in 0..scenario.objects.len() {
         let bounds = scene.bounds(index).unwrap();
         let inside = bounds.min.x >= workspace.x[0]
@@ -151,8 +160,16 @@ fn a_graph_without_room_is_refused_with_the_edges_in_conflict() {
     let nodes: Vec<&str> = ["047"].into_iter().chain(large).collect();
     let task = with_graph(&nodes, large.iter().map(|uid| edge(uid, Relation::Left, "047")).collect());
     let settings = LayoutSettings { max_restarts: 20, ..LayoutSettings::default() };
-    let error =
-        lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(1), &settings).unwrap_err();
+    let error = lay_out(
+        &task,
+        Catalogue::builtin(),
+        &default_world(),
+        planner(),
+        GraspLibrary::builtin(),
+        Seed::new(1),
+        &settings,
+    )
+    .unwrap_err();
     let message = error.to_string();
     let LayoutError::Infeasible { task: id, restarts, rejections, .. } = error else { panic!("{message}") };
     assert_eq!((id.as_str(), restarts), (task.id.as_str(), 20));
@@ -205,8 +222,16 @@ fn infeasible_graphs_name_the_edges_in_conflict() {
     let settings = LayoutSettings { max_restarts: 6, ..LayoutSettings::default() };
     for (name, nodes, edges, expected) in cases {
         let task = with_graph(nodes, edges);
-        let error = lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(1), &settings)
-            .unwrap_err();
+        let error = lay_out(
+            &task,
+            Catalogue::builtin(),
+            &default_world(),
+            planner(),
+            GraspLibrary::builtin(),
+            Seed::new(1),
+            &settings,
+        )
+        .unwrap_err();
         let LayoutError::Infeasible { rejections, furthest, .. } = error else { panic!("{name}: {error}") };
         let named: Vec<String> = rejections.conflicting_edges().iter().map(|(edge, _)| edge.to_string()).collect();
         for wanted in expected {
@@ -223,8 +248,16 @@ fn distractors_mean_nothing_to_the_task_and_spoil_nothing() {
     for id in ["017_pick_and_place", "024_appearance", "016_common_sense"] {
         let task = task(id);
         let settings = LayoutSettings { distractors: 3, ..LayoutSettings::default() };
-        let scenario =
-            lay_out(&task, Catalogue::builtin(), planner(), GraspLibrary::builtin(), Seed::new(5), &settings).unwrap();
+        let scenario = lay_out(
+            &task,
+            Catalogue::builtin(),
+            &default_world(),
+            planner(),
+            GraspLibrary::builtin(),
+            Seed::new(5),
+            &settings,
+        )
+        .unwrap();
         let (known, added) = scenario.objects.split_at(task.scene_graph.nodes.len());
         assert_eq!(added.len(), 3, "{id}");
         for placed in added {
@@ -235,7 +268,7 @@ fn distractors_mean_nothing_to_the_task_and_spoil_nothing() {
             );
             assert!(known.iter().all(|other| other.id != placed.id), "{id}");
         }
-        let report = audit(&scenario, Catalogue::builtin(), &panda(), 2.0).unwrap();
+        let report = audit(&scenario, Catalogue::builtin(), &panda(), &LayoutSettings::default(), 2.0).unwrap();
         assert!(report.failed.is_empty() && !report.goal_holds && report.hidden.is_none(), "{id}: {report:?}");
         assert!(report.penetration_m < 1e-3 && report.drift_m < 1e-3, "{id}: {report:?}");
         let plain = layout_of(&task, 5).unwrap();
@@ -277,7 +310,15 @@ fn stale_grasps_are_a_defect_and_those_of_another_robot_are_not_used() {
         let mut file = GraspFile::builtin().clone();
         change(&mut file);
         let library = GraspLibrary::new([file]);
-        lay_out(&task, Catalogue::builtin(), planner(), &library, Seed::new(1), &LayoutSettings::default())
+        lay_out(
+            &task,
+            Catalogue::builtin(),
+            &default_world(),
+            planner(),
+            &library,
+            Seed::new(1),
+            &LayoutSettings::default(),
+        )
     };
     let known = lay_out_with(&|_| ()).unwrap();
     let error = lay_out_with(&|file| file.objects.get_mut("047").unwrap().physics_hash = "v2:0".into()).unwrap_err();
@@ -297,7 +338,7 @@ fn the_audit_notices_a_lifted_and_a_sunk_object() {
     let shifted = |z: f64| {
         let mut scenario = scenario.clone();
         scenario.objects[0].pose.position.z += z;
-        audit(&scenario, Catalogue::builtin(), &panda(), 2.0).unwrap()
+        audit(&scenario, Catalogue::builtin(), &panda(), &LayoutSettings::default(), 2.0).unwrap()
     };
     assert!(shifted(0.03).drift_m > 0.02, "it falls");
     assert!(shifted(-0.005).penetration_m > 0.004, "it starts inside the table");
@@ -337,7 +378,7 @@ fn a_shut_container_is_opened_before_it_is_filled() {
             pose: Pose::from_position(glam::DVec3::new(0.5, y, 0.0)),
             joint_positions,
         });
-        let scene = PosedScene::new(posed.to_vec(), &mut ShapeCache::default());
+        let scene = PosedScene::new(posed.to_vec(), &[], &mut ShapeCache::default());
         let goal = Goal { alternatives: vec![[vec![placed(relation, uid)], said].concat()] };
         let found = moves(&goal, &scene);
         let told: Vec<String> = found[0].iter().flat_map(|step| &step.atoms).map(ToString::to_string).collect();

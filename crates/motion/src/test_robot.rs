@@ -111,6 +111,9 @@ pub(crate) fn test_panda() -> Arc<RobotModel> {
         hand_from_tcp: Pose::from_position(v(0.0, 0.0, 0.1034)),
         gripper: Gripper { fingers: [9, 10], max_width: 0.08, max_force: 140.0, pad_size: v(0.008, 0.021, 0.017) },
         home: vec![0.0, -quarter / 2.0, 0.0, -1.5 * quarter, 0.0, quarter, quarter / 2.0],
+        drives: None,
+        reach: None,
+        hand_from_wrist_camera: None,
         never_colliding: adjacent.into_iter().chain(far).collect(),
     })
 }

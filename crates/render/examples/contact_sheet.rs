@@ -9,10 +9,10 @@
 use std::error::Error;
 use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{Catalogue, worlds::default_world};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose};
-use genmanip_render::{Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
 /// Pixels per side of one object's picture.
 const CELL: u32 = 200;
@@ -55,7 +55,7 @@ fn portrait(object: &Arc<ObjectModel>) -> Result<Vec<u8>, Box<dyn Error>> {
     let direction = DVec3::new(0.8, 0.35, 0.6).normalize();
     let eye = bounds.center() + direction * (radius / 0.20);
     let camera = Camera::looking_at("portrait", eye, bounds.center(), intrinsics);
-    let assets = RenderAssets::without_robot(&[Arc::clone(object)], &Environment::default())?;
+    let assets = RenderAssets::without_robot(&[Arc::clone(object)], Some(&default_world()))?;
     let frame = assets.frame_state(&[], 0.0, [(pose, joints.as_slice())])?;
     let mut out = [FrameBuffers::default()];
     let job = ViewJob { supersample: 4, ..ViewJob::new(&frame, &camera, Channels::RGB) };

@@ -10,12 +10,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::{Catalogue, panda, worlds::default_world};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, ObjectModel, Pose};
-use genmanip_render::{
-    Channels, Environment, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, encode,
-};
+use genmanip_core::{ObjectModel, Pose};
+use genmanip_render::{Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
 /// Drawings of each view for the timing.
 const REPEATS: usize = 30;
@@ -28,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let color = Channels { normal: false, ..Channels::ALL };
     let size = std::env::args().skip(2).map(|text| text.parse()).collect::<Result<Vec<u32>, _>>()?;
-    for mut camera in Camera::default_rig() {
+    for mut camera in default_world().cameras.clone() {
         if let [width, height] = size[..] {
             camera.intrinsics = camera.intrinsics.resized(width, height);
         }
@@ -73,7 +71,7 @@ fn crowded_table() -> Result<(Arc<RenderAssets>, FrameState), Box<dyn Error>> {
         .collect::<Result<_, _>>()?;
     let robot = panda();
     let (home, width) = (robot.home.clone(), robot.gripper.max_width);
-    let assets = RenderAssets::new(robot, &objects, &Environment::default())?;
+    let assets = RenderAssets::new(robot, &objects, Some(&default_world()))?;
     let poses = (0..objects.len()).map(|index| {
         let (row, column) = ((index / 4) as f64, (index % 4) as f64);
         let at = DVec3::new(0.35 + 0.18 * row, -0.32 + 0.21 * column, 0.0);

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Frame, Material, ObjectModel, Pose, RobotModel, TriMesh, VisualPart};
+use genmanip_core::{Frame, Material, ObjectModel, Pose, RobotModel, TriMesh, VisualPart, World};
 use glam::{Vec2, Vec3, Vec3A};
 
 use crate::error::RenderError;
 use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
+use crate::surroundings;
 use crate::texture::{MipTexture, linear_from_srgb};
-use crate::{Environment, environment};
 
 /// Meshes, materials and textures of a robot, its objects and the table: immutable, shared by all frames of a scenario.
 #[derive(Debug)]
@@ -39,6 +39,7 @@ pub(crate) struct Part {
     pub closed: bool,
     /// Known to be convex: cannot darken itself.
     pub convex: bool,
+    pub casts_shadow: bool,
     pub surface: Surface,
 }
 
@@ -75,36 +76,36 @@ pub(crate) struct Surface {
 pub(crate) const TRIANGLE_BITS: u32 = 20;
 
 impl RenderAssets {
-    /// Collects what a scenario shows. Object `i` gets instance id [`FIRST_OBJECT`]` + i`.
+    /// Collects what a scenario shows; without a world, nothing but robot and objects. Object `i` gets instance id [`FIRST_OBJECT`]` + i`.
     ///
     /// # Errors
     /// A mesh with an index beyond its corners, or more parts or triangles than ids can tell apart.
     pub fn new(
         robot: Arc<RobotModel>,
         objects: &[Arc<ObjectModel>],
-        environment: &Environment,
+        world: Option<&World>,
     ) -> Result<Arc<Self>, RenderError> {
-        Self::collect(Some(robot), objects, environment)
+        Self::collect(Some(robot), objects, world)
     }
 
     /// Objects without a robot, e.g. for thumbnails; a frame then poses the objects' links only.
     ///
     /// # Errors
     /// As [`RenderAssets::new`].
-    pub fn without_robot(objects: &[Arc<ObjectModel>], environment: &Environment) -> Result<Arc<Self>, RenderError> {
-        Self::collect(None, objects, environment)
+    pub fn without_robot(objects: &[Arc<ObjectModel>], world: Option<&World>) -> Result<Arc<Self>, RenderError> {
+        Self::collect(None, objects, world)
     }
 
     fn collect(
         robot: Option<Arc<RobotModel>>,
         objects: &[Arc<ObjectModel>],
-        environment: &Environment,
+        world: Option<&World>,
     ) -> Result<Arc<Self>, RenderError> {
         let mut parts = Vec::new();
-        for visual in environment::visuals(environment) {
-            let part = Part::new(&visual, "environment", None, TABLE)?;
-            let surface = Surface { is_table: visual.name == "table", ..part.surface };
-            parts.push(Part { surface, convex: true, ..part });
+        for fixed in world.map(surroundings::visuals).unwrap_or_default() {
+            let part = Part::new(&fixed.visual, "surroundings", None, TABLE)?;
+            let surface = Surface { is_table: fixed.is_table, ..part.surface };
+            parts.push(Part { surface, convex: true, casts_shadow: fixed.casts_shadow, ..part });
         }
         let mut body = 0;
         for link in robot.iter().flat_map(|robot| &robot.links) {
@@ -232,6 +233,7 @@ impl Part {
             bounds_radius,
             closed,
             convex: false,
+            casts_shadow: true,
             surface,
         })
     }

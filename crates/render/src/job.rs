@@ -4,7 +4,7 @@ use genmanip_core::{Camera, Pose};
 
 /// Instance id of a pixel that sees nothing.
 pub const NOTHING: u16 = 0;
-/// Instance id of the table (and of the floor, where one is shown).
+/// Instance id of the table and of every further support surface.
 pub const TABLE: u16 = 1;
 /// Instance id of the robot.
 pub const ROBOT: u16 = 2;

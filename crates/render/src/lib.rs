@@ -5,7 +5,7 @@
 //! Depth and ids therefore cost a fraction of a colour image, and they never depend on whether colour was asked for.
 //!
 //! ```text
-//! RobotModel + ObjectModels + Environment ──► RenderAssets (immutable, shared by all frames and threads)
+//! RobotModel + ObjectModels + World       ──► RenderAssets (immutable, shared by all frames and threads)
 //! joint positions + object poses          ──► FrameState   (world_from_link of every body)
 //! FrameState × Camera × Channels = ViewJob ──► Renderer ──► FrameBuffers ──► encode
 //! ```
@@ -15,7 +15,6 @@
 
 pub mod assets;
 pub mod encode;
-pub mod environment;
 pub mod error;
 pub mod job;
 pub mod renderer;
@@ -29,6 +28,7 @@ mod resolve;
 mod shade;
 mod shadow;
 mod sky;
+mod surroundings;
 mod texture;
 mod view;
 
@@ -36,7 +36,6 @@ mod view;
 mod tests;
 
 pub use assets::RenderAssets;
-pub use environment::Environment;
 pub use error::RenderError;
 pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
 pub use renderer::Renderer;

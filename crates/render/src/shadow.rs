@@ -5,7 +5,7 @@ use genmanip_core::Pose;
 use glam::{Mat3A, Vec2, Vec3A, Vec4};
 
 use crate::assets::{Part, RenderAssets};
-use crate::job::{FrameState, TABLE};
+use crate::job::FrameState;
 use crate::lanes::gather;
 use crate::raster::{Corner, Target};
 use crate::variation::RenderVariation;
@@ -58,7 +58,7 @@ impl ShadowMap {
         self.texels_per_m = size as f32 / (2.0 * self.radius);
         self.spread = variation.light_angular_radius.clamp(0.0, 1.0).tan();
         for part in &assets.parts {
-            if part.instance != TABLE && part.surface.opacity >= 0.5 {
+            if part.casts_shadow && part.surface.opacity >= 0.5 {
                 let pose = part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]);
                 self.draw_part(part, &pose);
             }

@@ -5,25 +5,25 @@ mod fixture;
 use std::sync::Arc;
 
 use fixture::{ball, block, camera, cast, frame, object, objects, robot};
+use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DQuat, DVec2, DVec3, Vec3};
 use genmanip_core::{Camera, CameraMount, Intrinsics, Material, ObjectModel, Pose};
 use proptest::prelude::*;
 
 use crate::{
-    Channels, Environment, FIRST_OBJECT, FrameBuffers, FrameState, RenderAssets, RenderError, RenderVariation,
-    Renderer, TABLE, ViewJob, encode,
+    Channels, FIRST_OBJECT, FrameBuffers, FrameState, RenderAssets, RenderError, RenderVariation, Renderer, TABLE,
+    ViewJob, encode,
 };
 
 fn toy() -> (Arc<RenderAssets>, FrameState) {
-    let assets = RenderAssets::new(robot(), &objects(), &Environment::default()).unwrap();
+    let assets = RenderAssets::new(robot(), &objects(), Some(&default_world())).unwrap();
     let state = frame(&assets);
     (assets, state)
 }
 
 /// One object alone in front of a white background, without table and robot.
 fn alone(model: Arc<ObjectModel>, pose: Pose) -> (Arc<RenderAssets>, FrameState) {
-    let empty = Environment { table: false, ..Environment::default() };
-    let assets = RenderAssets::without_robot(&[model], &empty).unwrap();
+    let assets = RenderAssets::without_robot(&[model], None).unwrap();
     let state = assets.frame_state(&[], 0.0, [(pose, [].as_slice())]).unwrap();
     (assets, state)
 }
@@ -271,7 +271,7 @@ fn a_hand_camera_moves_with_the_hand() {
 #[test]
 fn the_default_cameras_frame_the_workspace_and_the_pads() {
     let world_from_hand = Pose::new(DVec3::new(0.4, 0.0, 0.4), DQuat::from_rotation_x(std::f64::consts::PI));
-    for camera in Camera::default_rig() {
+    for camera in &default_world().cameras {
         let camera_from_world = camera.world_from_camera(&world_from_hand).inverse();
         let pixel = |point: DVec3| camera.intrinsics.project(camera_from_world.transform_point(point)).unwrap();
         let is_inside = |pixel: DVec2| pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(DVec2::new(512.0, 288.0)).all();
@@ -330,7 +330,7 @@ fn wrong_requests_are_refused() {
     let mut mesh = block(Vec3::ONE);
     mesh.triangles[3][1] = 99;
     let bad = object("bad", mesh, Material::plain([1.0; 3], 1.0));
-    let error = RenderAssets::new(robot(), &[bad], &Environment::default()).unwrap_err();
+    let error = RenderAssets::new(robot(), &[bad], Some(&default_world())).unwrap_err();
     assert_eq!(error.to_string(), "the mesh of part `bad` of `bad` names corner 99, but it has only 24 corners");
 }
 
@@ -352,7 +352,7 @@ fn closed_meshes_are_recognised() {
         let (assets, _) = alone(object("x", mesh, material), Pose::IDENTITY);
         assert_eq!(assets.parts[0].closed, expected);
     }
-    let table = RenderAssets::new(robot(), &[], &Environment { floor: true, ..Default::default() }).unwrap();
+    let table = RenderAssets::new(robot(), &[], Some(&default_world())).unwrap();
     assert!(table.parts.iter().all(|part| part.closed), "the surroundings are closed");
 }
 

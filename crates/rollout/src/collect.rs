@@ -9,11 +9,10 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use genmanip_assets::{AssetSource, GraspLibrary};
-use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task};
+use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task, World};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
-use genmanip_sim::SimSettings;
 use serde::{Deserialize, Serialize};
 
 use crate::expert::{Expert, ExpertSettings};
@@ -21,23 +20,44 @@ use crate::images::{self, ImageSettings};
 use crate::{RolloutError, RolloutSettings, Stage, run_episode};
 
 /// What a run depends on besides its tasks.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct CollectSettings {
+    /// Where layouts are made.
+    pub world: World,
     /// Placement.
+    #[serde(default)]
     pub layout: LayoutSettings,
     /// Motion.
+    #[serde(default)]
     pub planner: PlannerSettings,
-    /// Physics.
-    pub sim: SimSettings,
     /// The loop.
+    #[serde(default)]
     pub rollout: RolloutSettings,
     /// The expert.
+    #[serde(default)]
     pub expert: ExpertSettings,
     /// Pictures of verified episodes; `None` for none.
+    #[serde(default)]
     pub images: Option<ImageSettings>,
     /// Pictures of failed episodes too.
+    #[serde(default)]
     pub keep_failed: bool,
+}
+
+impl CollectSettings {
+    /// Today's settings of every stage for a world, without pictures.
+    pub fn in_world(world: World) -> Self {
+        Self {
+            world,
+            layout: LayoutSettings::default(),
+            planner: PlannerSettings::default(),
+            rollout: RolloutSettings::default(),
+            expert: ExpertSettings::default(),
+            images: None,
+            keep_failed: false,
+        }
+    }
 }
 
 /// What every attempt needs and none changes.
@@ -87,10 +107,11 @@ impl<'a> Attempt<'a> {
     pub fn scenario(
         &self,
         resources: Resources,
+        world: &World,
         settings: &LayoutSettings,
     ) -> Result<Scenario, genmanip_layout::LayoutError> {
         let Resources { catalogue, planner, grasps } = resources;
-        let scenario = lay_out(self.task, catalogue, planner, grasps, self.seed, settings)?;
+        let scenario = lay_out(self.task, catalogue, world, planner, grasps, self.seed, settings)?;
         Ok(Scenario { id: self.id(), ..scenario })
     }
 }
@@ -122,12 +143,8 @@ pub fn collect(
             && !store.has_tracks(&id, images.fps, &images.cameras)
         {
             let episode = store.read(&id)?;
-            let stage = Stage::open(
-                Arc::new(episode.scenario.clone()),
-                resources.catalogue,
-                resources.planner.robot(),
-                &settings.sim,
-            )?;
+            let stage =
+                Stage::open(Arc::new(episode.scenario.clone()), resources.catalogue, resources.planner.robot())?;
             store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
         }
         finished(&result, if known { 0.0 } else { started.elapsed().as_secs_f64() });
@@ -172,12 +189,12 @@ fn play(
     resources: Resources,
     settings: &CollectSettings,
 ) -> Result<Result<Episode, Box<EpisodeResult>>, RolloutError> {
-    let scenario = match attempt.scenario(resources, &settings.layout) {
+    let scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
         Ok(scenario) => scenario,
         Err(error) if error.is_defect() => return Err(error.into()),
         Err(error) => return Ok(Err(Box::new(not_laid_out(attempt, &error, settings)))),
     };
-    let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot(), &settings.sim)?;
+    let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot())?;
     let mut expert = Expert::new(&stage, resources.planner, resources.grasps, settings.expert.clone())?;
     Ok(Ok(run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?))
 }
@@ -197,11 +214,12 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         failures: vec![Failure { cause: FailureCause::Layout, evidence: error.to_string() }],
         duration_s: 0.0,
         horizon_s: settings.rollout.horizon_s,
-        control_rate_hz: f64::from(settings.sim.control_rate_hz),
+        control_rate_hz: f64::from(settings.world.physics.control_rate_hz),
         frames: 0,
         tcp_path_m: 0.0,
         max_stray_contact_n: 0.0,
         stray_contact: None,
+        world_hashes: Some(settings.world.hashes()),
         engine: genmanip_sim::engine_version(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     }

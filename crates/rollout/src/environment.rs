@@ -360,7 +360,7 @@ impl Session {
 
     fn last_command(&self) -> Vec<f32> {
         let home = || {
-            let arm = self.stage.scenario.robot_home.iter().map(|&q| q as f32);
+            let arm = self.stage.scenario.world.robot.home.iter().map(|&q| q as f32);
             arm.chain([self.stage.robot.gripper.max_width as f32]).collect()
         };
         self.record.frames.last().map_or_else(home, |frame| frame.command.clone())
@@ -411,6 +411,7 @@ impl Session {
             tcp_path_m: path,
             max_stray_contact_n: record.worst_stray_n,
             stray_contact: record.stray_contact,
+            world_hashes: Some(stage.scenario.world.hashes()),
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };

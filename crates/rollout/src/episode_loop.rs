@@ -33,7 +33,7 @@ pub fn run_episode(
     let start = EpisodeStart {
         instruction: stage.scenario.task.instruction.clone(),
         seed: seed.fork("policy"),
-        cameras: stage.scenario.cameras.iter().filter(|c| spec.cameras.contains(&c.name)).cloned().collect(),
+        cameras: stage.scenario.world.cameras.iter().filter(|c| spec.cameras.contains(&c.name)).cloned().collect(),
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
     let (ending, word) = match policy.reset(&start) {
@@ -101,7 +101,7 @@ fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
         return refuse(format!("unknown state key `{key}`, there is `observation.state`"));
     }
     if let Some(camera) = spec.cameras.first() {
-        let known = stage.scenario.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
+        let known = stage.scenario.world.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
         return refuse(format!(
             "camera `{camera}` would have to be rendered in the loop, which comes with learned policies; the \
              scenario's cameras are {known}"

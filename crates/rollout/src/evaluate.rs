@@ -47,12 +47,7 @@ pub fn evaluate(
         .collect::<Result<_, _>>()?;
     let outcomes = in_parallel(&ids, workers, stop, &|id| {
         let recorded = store.read(id)?;
-        let stage = Stage::open(
-            Arc::new(recorded.scenario.clone()),
-            resources.catalogue,
-            resources.planner.robot(),
-            &settings.sim,
-        )?;
+        let stage = Stage::open(Arc::new(recorded.scenario.clone()), resources.catalogue, resources.planner.robot())?;
         let mut policy = make_policy(&stage, &recorded)?;
         match run_episode(&stage, policy.as_mut(), id, recorded.result.seed, &settings.rollout) {
             Ok(episode) => {

@@ -2,7 +2,7 @@
 
 use genmanip_core::{Camera, Episode, Frame};
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
-use genmanip_render::{Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ impl Painter {
     /// # Errors
     /// When a mesh is broken.
     pub fn new(stage: &Stage) -> Result<Self, RolloutError> {
-        let assets = RenderAssets::new(Arc::clone(&stage.robot), &stage.models, &Environment::default())
+        let assets = RenderAssets::new(Arc::clone(&stage.robot), &stage.models, Some(&stage.scenario.world))
             .map_err(|error| failed(&stage.scenario.id, &error))?;
         let renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
         Ok(Self { assets, renderer })
@@ -69,7 +69,7 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
         .cameras
         .iter()
         .map(|name| {
-            episode.scenario.cameras.iter().find(|camera| &camera.name == name).ok_or_else(|| RolloutError::Images {
+            episode.scenario.world.camera(name).ok_or_else(|| RolloutError::Images {
                 episode: id.clone(),
                 reason: format!("the scenario has no camera `{name}`"),
             })

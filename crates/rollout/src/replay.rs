@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::Episode;
+use genmanip_core::{Episode, World, WorldPart};
 use genmanip_sim::Sim;
 
 use crate::{RolloutError, Stage};
@@ -24,8 +24,10 @@ pub struct ReplayCheck {
 /// nor records, and must show that commands and state alone decide the end.
 ///
 /// # Errors
-/// When the simulation becomes unstable or the recorded state does not fit the scene.
+/// When the episode was recorded in a world of other physics or other judging, naming the field that differs;
+/// when the simulation becomes unstable or the recorded state does not fit the scene.
 pub fn check(stage: &Stage, episode: &Episode) -> Result<ReplayCheck, RolloutError> {
+    check_world(&stage.scenario.world, episode)?;
     let mut sim = Sim::new(Arc::clone(&stage.scene));
     sim.set_state(&episode.initial_state)?;
     for frame in &episode.frames {
@@ -38,4 +40,23 @@ pub fn check(stage: &Stage, episode: &Episode) -> Result<ReplayCheck, RolloutErr
         largest_difference: state.iter().zip(&episode.final_state).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max),
         frames: episode.frames.len(),
     })
+}
+
+/// Refuses a world that differs in more than looks from the one the episode was recorded in.
+fn check_world(world: &World, episode: &Episode) -> Result<(), RolloutError> {
+    let refuse = |field: String, expected: &str, got: &str| {
+        let (expected, got) = (expected.to_owned(), got.to_owned());
+        Err(RolloutError::OtherWorld { scenario: episode.scenario.id.clone(), field, expected, got })
+    };
+    if let Some(difference) = episode.scenario.world.refusal(world) {
+        return refuse(difference.field, &difference.ours, &difference.theirs);
+    }
+    let Some(recorded) = &episode.result.world_hashes else { return Ok(()) };
+    let now = world.hashes();
+    for part in [WorldPart::Physics, WorldPart::Judging] {
+        if recorded.of(part) != now.of(part) {
+            return refuse(format!("{} (hash of all its fields)", part.name()), recorded.of(part), now.of(part));
+        }
+    }
+    Ok(())
 }

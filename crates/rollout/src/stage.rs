@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_assets::{AssetError, AssetSource};
 use genmanip_core::{Goal, ObjectModel, ObjectState, RobotModel, Scenario};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
-use genmanip_sim::{Scene, SceneObject, SimError, SimSettings};
+use genmanip_sim::{Scene, SceneObject, SimError};
 
 use crate::RolloutSettings;
 
@@ -22,7 +22,7 @@ pub struct Stage {
     pub robot: Arc<RobotModel>,
     /// Compiled physics.
     pub scene: Arc<Scene>,
-    /// How relations are judged.
+    /// How relations are judged, as the scenario's world says.
     pub relations: RelationSettings,
     /// The scene at the start as relations see it; its shapes are shared by all later ones.
     posed: PosedScene,
@@ -40,25 +40,17 @@ pub enum RolloutError {
     /// A layout failed for a reason that is not the task's.
     #[error(transparent)]
     Layout(#[from] genmanip_layout::LayoutError),
-    /// The scenario names a robot that does not exist.
-    #[error("scenario {scenario} wants robot `{got}`, expected `{expected}`")]
-    UnknownRobot {
+    /// The scenario, or what was recorded in it, belongs to another world.
+    #[error("scenario {scenario}: world field {field}: expected {expected}, got {got}")]
+    OtherWorld {
         /// Id of the scenario.
         scenario: String,
-        /// The robot there is.
+        /// The field of the world that differs.
+        field: String,
+        /// What the scenario says.
         expected: String,
-        /// The robot it names.
+        /// What there is.
         got: String,
-    },
-    /// The scenario starts from another posture than the robot's.
-    #[error("scenario {scenario} starts the robot at {got:?} rad, expected its home {expected:?} rad")]
-    RobotHome {
-        /// Id of the scenario.
-        scenario: String,
-        /// Arm joint positions of the robot's home, rad.
-        expected: Vec<f64>,
-        /// Arm joint positions in the scenario, rad.
-        got: Vec<f64>,
     },
     /// The policy asks for what this loop does not serve.
     #[error("policy `{policy}` cannot be served: {reason}")]
@@ -107,21 +99,15 @@ impl Stage {
         scenario: Arc<Scenario>,
         assets: &dyn AssetSource,
         robot: &Arc<RobotModel>,
-        sim: &SimSettings,
     ) -> Result<Self, RolloutError> {
-        if scenario.robot != robot.name {
-            return Err(RolloutError::UnknownRobot {
-                scenario: scenario.id.clone(),
-                expected: robot.name.clone(),
-                got: scenario.robot.clone(),
-            });
-        }
-        if scenario.robot_home != robot.home {
-            return Err(RolloutError::RobotHome {
-                scenario: scenario.id.clone(),
-                expected: robot.home.clone(),
-                got: scenario.robot_home.clone(),
-            });
+        let wanted = &scenario.world.robot;
+        let fields = [
+            ("robot.name", wanted.name.clone(), robot.name.clone()),
+            ("robot.physics_hash", wanted.physics_hash.clone(), robot.physics_hash()),
+            ("robot.home", format!("{:?}", wanted.home), format!("{:?}", robot.home)),
+        ];
+        if let Some((field, expected, got)) = fields.into_iter().find(|(_, expected, got)| expected != got) {
+            return Err(RolloutError::OtherWorld { scenario: scenario.id.clone(), field: field.into(), expected, got });
         }
         let models = scenario.objects.iter().map(|placed| assets.instance(placed)).collect::<Result<Vec<_>, _>>()?;
         let objects: Vec<SceneObject> = scenario
@@ -135,15 +121,15 @@ impl Stage {
                 joint_positions: placed.joint_positions.clone(),
             })
             .collect();
-        let scene = Arc::new(Scene::compile(robot, &objects, sim)?);
+        let scene = Arc::new(Scene::compile(&scenario.world, robot, &objects)?);
         let posed = objects.into_iter().map(|object| PosedObject {
             id: object.name,
             model: object.model,
             pose: object.pose,
             joint_positions: object.joint_positions,
         });
-        let posed = PosedScene::new(posed.collect(), &mut ShapeCache::default());
-        let relations = RelationSettings::default();
+        let posed = PosedScene::new(posed.collect(), &scenario.world.surfaces, &mut ShapeCache::default());
+        let relations = scenario.world.relations;
         let goal = Arc::new(scenario.task.judged_goal().into_owned());
         Ok(Self { goal, scenario, models, robot: Arc::clone(robot), scene, relations, posed })
     }
@@ -175,7 +161,7 @@ impl Stage {
 
     /// Control steps per second.
     pub fn control_rate_hz(&self) -> f64 {
-        f64::from(self.scene.settings().control_rate_hz)
+        f64::from(self.scene.physics().control_rate_hz)
     }
 
     /// Name of an object for people.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_assets::{Catalogue, GraspLibrary, panda};
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::text_table;
 use genmanip_core::{Document, EpisodeResult, Task, TaskKind};
 use genmanip_data::EpisodeStore;
@@ -65,7 +65,7 @@ pub fn collect(
 ) -> Result<Collected, RunError> {
     let folder = RunFolder::begin(path, run)?;
     let store = folder.store()?;
-    let planner = inputs::planner(&run.settings.planner)?;
+    let planner = inputs::planner(&run.settings.world, &run.settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
 
@@ -149,7 +149,8 @@ fn export(run: &Run, folder: &RunFolder, store: &EpisodeStore) -> Result<Option<
     let settings = LerobotSettings { fps: images.fps, replace: true, ..LerobotSettings::default() };
     let selection = if run.settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");
-    lerobot::export(store, &selection, &panda(), &settings, &path).map_err(|error| {
+    let robot = inputs::robot(&run.settings.world)?;
+    lerobot::export(store, &selection, &robot, &settings, &path).map_err(|error| {
         RunError::broken("cannot write the dataset", error).with_hint("the episodes are safe; start again")
     })?;
     folder.time_phase("dataset", started.elapsed().as_secs_f64());

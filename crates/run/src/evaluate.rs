@@ -32,7 +32,7 @@ pub fn evaluate(
 ) -> Result<Vec<EvaluationReport>, RunError> {
     let (folder, run) = RunFolder::open(path)?;
     let store = folder.store()?;
-    let planner = inputs::planner(&run.settings.planner)?;
+    let planner = inputs::planner(&run.settings.world, &run.settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let scenarios = recorded_scenarios(&store)?;
     if scenarios.is_empty() {

@@ -5,12 +5,11 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, panda};
+use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps};
 use genmanip_bench::text_table;
-use genmanip_core::{Document, ObjectModel, Seed, TriedGrasp};
+use genmanip_core::{Document, ObjectModel, Seed, TriedGrasp, World};
 use genmanip_motion::{GraspSettings, PlannerSettings};
 use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, try_all};
-use genmanip_sim::SimSettings;
 use serde::Serialize;
 use serde_json::json;
 
@@ -66,6 +65,7 @@ pub struct BakedRow {
 pub fn bake(
     out: &Path,
     uids: &[String],
+    world: &World,
     settings: &BakeSettings,
     seed: Seed,
     workers: usize,
@@ -73,14 +73,14 @@ pub fn bake(
     stop: &AtomicBool,
 ) -> Result<Baked, RunError> {
     let BakeSettings { trying, generator } = settings;
-    let planner = inputs::planner(&PlannerSettings { grasp: generator.clone(), ..PlannerSettings::default() })?;
-    let sim = SimSettings::default();
+    let settings = PlannerSettings { grasp: generator.clone(), ..PlannerSettings::default() };
+    let (planner, robot) = (inputs::planner(world, &settings)?, inputs::robot(world)?);
     let made_by = GraspProvenance {
         seed,
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
         engine: genmanip_sim::engine_version(),
-        robot: panda().name.clone(),
-        settings: json!({ "trying": trying, "generator": generator, "physics": sim }),
+        robot: robot.name.clone(),
+        settings: json!({ "trying": trying, "generator": generator, "physics": world.physics, "drives": robot.drives }),
     };
     let catalogue = Catalogue::builtin();
     let models = graspable(catalogue, uids)?;
@@ -95,7 +95,8 @@ pub fn bake(
         models.iter().filter(|model| !kept.contains_key(&model.card.uid)).map(Arc::clone).collect();
     progress.note(&format!("{} objects to do, {} done before", missing.len(), models.len() - missing.len()));
 
-    let trials = GraspTrials { catalogue, planner, robot: panda(), sim, view: ViewSettings::default() };
+    let trials =
+        GraspTrials { catalogue, planner, robot, world: Arc::new(world.clone()), view: ViewSettings::default() };
     progress.begin("trying grasps", missing.len());
     let file = Mutex::new((GraspFile { made_by: made_by.clone(), objects: kept }, Ok(())));
     let finished = |model: &ObjectModel, grasps: Vec<TriedGrasp>| {

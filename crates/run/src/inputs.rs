@@ -5,15 +5,16 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_assets::{AssetSource, Catalogue, panda};
+use genmanip_assets::{AssetSource, Catalogue, robots, worlds};
 use genmanip_core::asset::uid_of;
-use genmanip_core::{Document, DocumentError, ObjectCard, Scenario, Seed, Task, TaskKind};
+use genmanip_core::{Document, DocumentError, ObjectCard, RobotModel, Scenario, Seed, Task, TaskKind, World};
 use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_rollout::Stage;
 use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
 use genmanip_scene::designer::{DesignSettings, design_many};
-use genmanip_sim::SimSettings;
+
+use genmanip_sim::EngineSettings;
 
 use crate::error::RunError;
 
@@ -62,7 +63,8 @@ pub fn read_document<T: Document>(path: &Path) -> Result<T, RunError> {
 /// As [`read_document`], and when objects or robot are not those the scenario was made with.
 pub fn read_stage(path: &Path) -> Result<Stage, RunError> {
     let scenario: Scenario = read_document(path)?;
-    Stage::open(Arc::new(scenario), Catalogue::builtin(), &panda(), &SimSettings::default()).map_err(|error| {
+    let robot = robot(&scenario.world)?;
+    Stage::open(Arc::new(scenario), Catalogue::builtin(), &robot).map_err(|error| {
         RunError::input(format!("{} cannot be set up", path.display()))
             .because(error)
             .with_hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
@@ -313,12 +315,41 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     })
 }
 
-/// The planner for the robot there is.
+/// The world in a file, TOML or JSON; the one that comes with the program without.
 ///
 /// # Errors
-/// When the robot cannot be planned for.
-pub fn planner(settings: &PlannerSettings) -> Result<Arc<Planner>, RunError> {
-    let planner = Planner::new(panda(), settings.clone());
+/// When the file cannot be read, or all faults of the world at once.
+pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
+    let Some(path) = path else { return Ok((*worlds::default_world()).clone()) };
+    let faults = match worlds::read(&read_text(path, MAX_DOCUMENT_BYTES)?) {
+        Ok((world, _)) => match EngineSettings::read(&world.physics.engine) {
+            Ok(_) => return Ok(world),
+            Err(error) => vec![error.to_string()],
+        },
+        Err(faults) => faults.iter().map(ToString::to_string).collect(),
+    };
+    Err(RunError::input(format!("{} is no world: {}", path.display(), faults.join("; ")))
+        .with_hint(format!("`genmanip world check {}` lists every fault", path.display())))
+}
+
+/// The robot of a world, starting where the world says.
+///
+/// # Errors
+/// When there is no such robot, or it is not the one the world was made for.
+pub fn robot(world: &World) -> Result<Arc<RobotModel>, RunError> {
+    robots::of_world(world).map_err(|error| {
+        RunError::input(format!("robot `{}` cannot be had", world.robot.name))
+            .because(error)
+            .with_hint("results of another version of a robot are replayed with the program that made them")
+    })
+}
+
+/// The planner for the robot of a world.
+///
+/// # Errors
+/// As [`robot`], and when the robot cannot be planned for.
+pub fn planner(world: &World, settings: &PlannerSettings) -> Result<Arc<Planner>, RunError> {
+    let planner = Planner::new(robot(world)?, settings.clone());
     Ok(Arc::new(planner.map_err(|error| RunError::broken("the robot cannot be planned for", error))?))
 }
 

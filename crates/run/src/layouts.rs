@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::Svg;
-use genmanip_core::{Document, Seed, Task};
+use genmanip_core::{Document, Seed, Task, World};
 use genmanip_layout::LayoutSettings;
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::{Attempt, Resources, in_parallel};
@@ -47,6 +47,7 @@ pub struct LaidOut {
 pub fn lay_out(
     tasks: &[Task],
     count: usize,
+    world: &World,
     settings: &LayoutSettings,
     seed: Seed,
     output: &LayoutOutput,
@@ -54,12 +55,12 @@ pub fn lay_out(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Vec<LaidOut>, RunError> {
-    let planner = inputs::planner(&PlannerSettings::default())?;
+    let planner = inputs::planner(world, &PlannerSettings::default())?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let attempts = Attempt::all(tasks, count, seed);
     progress.begin("laying out", attempts.len());
     let rows = in_parallel(&attempts, workers, stop, &|attempt| {
-        let row = one(attempt, output, resources, settings);
+        let row = one(attempt, output, resources, world, settings);
         progress.advance();
         row
     })?;
@@ -72,6 +73,7 @@ fn one(
     attempt: &Attempt,
     output: &LayoutOutput,
     resources: Resources,
+    world: &World,
     settings: &LayoutSettings,
 ) -> Result<LaidOut, RunError> {
     let (task, path) = (attempt.task, output.folder.join(format!("{}.json", attempt.id())));
@@ -83,7 +85,7 @@ fn one(
         Ok(output.explain.then(|| picture.display().to_string()))
     };
     let id = task.id.clone();
-    match attempt.scenario(resources, settings) {
+    match attempt.scenario(resources, world, settings) {
         Ok(scenario) => {
             inputs::write_file(&path, scenario.to_json().as_bytes())?;
             let picture = draw(&|| pictures::explained(&scenario, resources.catalogue))?;
@@ -91,7 +93,7 @@ fn one(
         }
         Err(error) if error.is_defect() => Err(RunError::broken(format!("laying out {} stopped", attempt.id()), error)),
         Err(error) => {
-            let picture = draw(&|| pictures::explained_refusal(task, &error, resources.catalogue))?;
+            let picture = draw(&|| pictures::explained_refusal(task, &error, world, resources.catalogue))?;
             Ok(LaidOut { task: id, scenario: None, refused: Some(error.to_string()), picture })
         }
     }

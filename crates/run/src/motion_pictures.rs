@@ -7,7 +7,7 @@ use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, Intrinsics, Pose};
 use genmanip_data::video::mux_mp4;
 use genmanip_data::{VideoEncoder, VideoSettings};
-use genmanip_render::{Channels, Environment, FrameBuffers, ROBOT, RenderAssets, RenderVariation, Renderer, ViewJob};
+use genmanip_render::{Channels, FrameBuffers, ROBOT, RenderAssets, RenderVariation, Renderer, ViewJob};
 use genmanip_rollout::Stage;
 
 use crate::error::RunError;
@@ -109,7 +109,7 @@ impl<'a> Painter<'a> {
             DVec3::new(0.31, 0.0, 0.24),
             Intrinsics::from_vertical_fov(WIDTH, WIDTH * 9 / 16, 34_f64.to_radians()),
         );
-        let cameras = &drawn.stage.scenario.cameras;
+        let cameras = &drawn.stage.scenario.world.cameras;
         let find = |name| cameras.iter().find(|known| known.name == name);
         let Some(camera) = camera.map_or(Some(&whole), find) else {
             let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -121,7 +121,7 @@ impl<'a> Painter<'a> {
         let height = (WIDTH * intrinsics.height / intrinsics.width) & !1;
         let camera = Camera { intrinsics: intrinsics.resized(WIDTH, height), ..camera.clone() };
         let stage = drawn.stage;
-        let assets = RenderAssets::new(Arc::clone(&stage.robot), &stage.models, &Environment::default())
+        let assets = RenderAssets::new(Arc::clone(&stage.robot), &stage.models, Some(&stage.scenario.world))
             .map_err(|error| RunError::broken(format!("cannot draw {}", stage.scenario.id), error))?;
         let renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
         Ok(Self { drawn, assets, renderer, camera })

@@ -1,10 +1,10 @@
 //! Pictures of episodes and layouts: stills, film strips and drawings.
 
-use genmanip_assets::AssetSource;
-use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};
+use genmanip_assets::{AssetSource, robots};
+use genmanip_bench::drawing::color_of_word;
 use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
 use genmanip_core::glam::DVec2;
-use genmanip_core::{Atom, Episode, PlacedObject, Scenario, Task, Workspace};
+use genmanip_core::{Atom, Episode, PlacedObject, Scenario, Task, World};
 use genmanip_layout::LayoutError;
 use genmanip_render::{Channels, FrameBuffers, encode};
 use genmanip_rollout::{Stage, images::Painter};
@@ -51,9 +51,8 @@ pub fn painter(stage: &Stage) -> Result<Painter, RunError> {
 fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<FrameBuffers>, RunError> {
     let scenario = &episode.scenario;
     let camera = scenario
-        .cameras
-        .iter()
-        .find(|camera| camera.name == "static")
+        .world
+        .camera("static")
         .ok_or_else(|| RunError::input(format!("scenario {} has no camera `static`", scenario.id)))?;
     let camera = genmanip_core::Camera {
         intrinsics: camera.intrinsics.resized(width, width * camera.intrinsics.height / camera.intrinsics.width),
@@ -81,10 +80,10 @@ fn jpeg(episode: &str, width: u32, height: u32, rgb: &[u8]) -> Result<Vec<u8>, R
 pub fn layout_picture(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<LayoutPicture, RunError> {
     let edges = scenario.task.scene_graph.edges.iter();
     Ok(LayoutPicture {
-        workspace: scenario.workspace,
+        workspace: scenario.world.workspace,
         footprints: footprints(&scenario.objects, catalogue)?,
         edges: edges.map(|edge| DrawnEdge { edge: edge.clone(), role: EdgeRole::Initial }).collect(),
-        reach_m: vec![PANDA_REACH_M],
+        reach_m: reach_m(&scenario.world),
         windows: Vec::new(),
     })
 }
@@ -101,7 +100,12 @@ pub fn explained(scenario: &Scenario, catalogue: &dyn AssetSource) -> Result<Svg
 ///
 /// # Errors
 /// When an object is not in the catalogue.
-pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &dyn AssetSource) -> Result<Svg, RunError> {
+pub fn explained_refusal(
+    task: &Task,
+    error: &LayoutError,
+    world: &World,
+    catalogue: &dyn AssetSource,
+) -> Result<Svg, RunError> {
     let name = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.name.clone());
     let in_words = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
@@ -129,13 +133,19 @@ pub fn explained_refusal(task: &Task, error: &LayoutError, catalogue: &dyn Asset
     let role = |atom: &Atom| if refusal.conflicts.contains(atom) { EdgeRole::Conflict } else { EdgeRole::Initial };
     let edges = task.scene_graph.edges.iter();
     let picture = LayoutPicture {
-        workspace: Workspace::default(),
+        workspace: world.workspace,
         footprints: footprints(&placed, catalogue)?,
         edges: edges.map(|edge| DrawnEdge { role: role(&edge.atom()), edge: edge.clone() }).collect(),
-        reach_m: vec![PANDA_REACH_M],
+        reach_m: reach_m(world),
         windows,
     };
     Ok(explain_svg(task, &picture, Some(&refusal)))
+}
+
+/// The reach that the maker of the world's robot publishes, m.
+fn reach_m(world: &World) -> Vec<f64> {
+    let robot = robots::named(&world.robot.name).ok();
+    robot.and_then(|robot| robot.reach).map(|reach| reach.max_m).into_iter().collect()
 }
 
 /// Objects seen from above.
@@ -153,7 +163,7 @@ fn footprints(objects: &[PlacedObject], catalogue: &dyn AssetSource) -> Result<V
             pose: placed.pose,
             joint_positions: placed.joint_positions.clone(),
         };
-        let scene = PosedScene::new(vec![object], &mut shapes);
+        let scene = PosedScene::new(vec![object], &[], &mut shapes);
         let corners = |polygon: &[DVec2]| polygon.iter().map(|point| point.to_array()).collect();
         let polygons = scene.footprints(0).into_iter().map(corners).collect();
         Ok(Footprint { id: placed.id.clone(), name, color, polygons })

@@ -2,7 +2,7 @@
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{ObjectModel, Pose, Seed};
-use genmanip_layout::surroundings;
+use genmanip_layout::obstacles;
 use genmanip_motion::{
     Allowed, FeasibilitySettings, FeasibleGrasp, HalfTurn, Path, PickQuery, PickedObject, PlanError, Planner,
     PlanningScene,
@@ -174,7 +174,7 @@ fn paths(
     start: &[f64],
     seed: Seed,
 ) -> Result<(Vec<Path>, f64), PlanError> {
-    let world = surroundings::world(stage.start(), None);
+    let world = obstacles::around(stage.start(), None);
     let nothing = Allowed::none();
     let free = |width: f64| PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: width };
     let (object, grasps) = match goal {
@@ -230,11 +230,11 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
             .with_hint(format!("objects are {}", known.join(", "))));
     };
     let scene = stage.start();
-    let world = surroundings::world(scene, None);
+    let world = obstacles::around(scene, None);
     let settings = feasibility();
     let object = picked_object(stage, index);
     let query = PickQuery { planner, world: &world, object, goals: &[], arm: start, settings: &settings };
-    let candidates = surroundings::generated_grasps(planner, scene, index, seed)
+    let candidates = obstacles::generated_grasps(planner, scene, index, seed)
         .map_err(|error| RunError::broken(format!("grasps of `{wanted}` cannot be sought"), error))?;
     Ok(Goal::Grasp { object: index, grasps: query.grasps(candidates.into_iter()).collect() })
 }

@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::Catalogue;
 use genmanip_core::Episode;
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::{Stage, replay};
-use genmanip_sim::SimSettings;
 use serde::Serialize;
 
 use crate::error::{Cause, RunError};
@@ -49,14 +48,14 @@ pub fn check(
         return Err(RunError::input(format!("no recorded episode at {}", path.display()))
             .with_hint("collect episodes first; attempts without a layout are not recorded"));
     }
-    let robot = panda();
     let mut rows = Vec::new();
     progress.begin("replaying", ids.len());
     for id in &ids {
         let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
         let episode: Episode = store.read(id).map_err(|error| failed(error.into()))?;
         let scenario = Arc::new(episode.scenario.clone());
-        let stage = Stage::open(scenario, Catalogue::builtin(), &robot, &SimSettings::default()).map_err(|error| {
+        let robot = inputs::robot(&scenario.world)?;
+        let stage = Stage::open(scenario, Catalogue::builtin(), &robot).map_err(|error| {
             failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
         })?;
         if let Some(path) = strip {

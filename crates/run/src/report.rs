@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::Catalogue;
 use genmanip_bench::{
     AttemptRow, EvaluationReport, FilmFrame, ReportInput, ReportSettings, StatisticsSettings, TaskSection, Timing,
     compare, graph_svg, layout_svg, report_html,
@@ -51,7 +51,7 @@ pub fn gather(path: &Path, progress: &dyn Progress) -> Result<ReportInput, RunEr
     progress.begin("drawing", run.tasks.len());
     for task in &run.tasks {
         let attempts = attempts.remove(&task.id).unwrap_or_default();
-        tasks.push(section(task, attempts, &run, &store, &evaluations)?);
+        tasks.push(section(task, attempts, &store, &evaluations)?);
         progress.advance();
     }
     progress.end();
@@ -146,7 +146,6 @@ fn notes(run: &Run) -> Vec<String> {
 fn section(
     task: &Task,
     attempts: Attempts,
-    run: &Run,
     store: &EpisodeStore,
     evaluations: &[EvaluationReport],
 ) -> Result<TaskSection, RunError> {
@@ -166,14 +165,15 @@ fn section(
     if let Some(result) = &section.shown {
         let episode = store.read(&result.id).map_err(|error| RunError::broken("cannot read the episodes", error))?;
         section.layout = Some(layout_svg(&pictures::layout_picture(&episode.scenario, Catalogue::builtin())?));
-        add_pictures(&mut section, &episode, run)?;
+        add_pictures(&mut section, &episode)?;
         section.scenario = Some(episode.scenario);
     }
     Ok(section)
 }
 
-fn add_pictures(section: &mut TaskSection, episode: &Episode, run: &Run) -> Result<(), RunError> {
-    let stage = Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &panda(), &run.settings.sim)
+fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunError> {
+    let robot = inputs::robot(&episode.scenario.world)?;
+    let stage = Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &robot)
         .map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))?;
     let mut painter = pictures::painter(&stage)?;
     let mut ends = pictures::stills(&mut painter, episode, 2, PICTURE_WIDTH)?;

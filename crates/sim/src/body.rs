@@ -5,6 +5,11 @@
 pub enum BodyId {
     /// The table's slab.
     Table,
+    /// A further support surface.
+    Surface {
+        /// Index in the world's surfaces, from 1.
+        surface: usize,
+    },
     /// The ground beneath.
     Floor,
     /// A link of the robot.

@@ -107,7 +107,7 @@ impl TouchTally {
                         *pressed[finger].entry(object).or_default() += contact.normal_force
                     }
                     BodyId::Robot { link } => grasping |= fingers.iter().any(|finger| finger.link == link),
-                    BodyId::Table | BodyId::Floor => grasping = false,
+                    BodyId::Table | BodyId::Surface { .. } | BodyId::Floor => grasping = false,
                 }
             }
             // A drawer, door or button is there to be moved by the gripper, from whatever side.

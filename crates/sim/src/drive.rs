@@ -3,24 +3,24 @@
 //! The arm's position servos hold the last applied command in the saved state (`ctrl`), so that the interpolation
 //! of the next interval starts from the same bits after a restore.
 
-use genmanip_core::RobotModel;
+use genmanip_core::{Drives, RobotModel};
 
-use crate::{SimError, SimSettings};
+use crate::SimError;
 
 /// Set point of the width drive for a commanded opening.
 ///
 /// Equal to the width, but below `grip_overclose_m` it falls twice as fast and ends that much beyond closed,
 /// so that a thin thing is held with full force too.
-pub(crate) fn setpoint_from_width(width: f64, settings: &SimSettings) -> f64 {
-    let overclose = settings.grip_overclose_m;
+pub(crate) fn setpoint_from_width(width: f64, drives: &Drives) -> f64 {
+    let overclose = drives.grip_overclose_m;
     if width >= overclose { width } else { 2.0 * width - overclose }
 }
 
 /// Set point of the width drive at the end of an interval: towards the commanded width at the fingers' published speed.
-pub(crate) fn next_setpoint(current: f64, width: f64, robot: &RobotModel, settings: &SimSettings) -> f64 {
+pub(crate) fn next_setpoint(current: f64, width: f64, robot: &RobotModel, drives: &Drives, period_s: f64) -> f64 {
     let fingers = robot.gripper.fingers.iter().filter_map(|&link| robot.links.get(link)?.joint.as_ref());
-    let reach = fingers.map(|joint| joint.max_velocity).sum::<f64>() * settings.control_period_s();
-    setpoint_from_width(width, settings).clamp(current - reach, current + reach)
+    let reach = fingers.map(|joint| joint.max_velocity).sum::<f64>() * period_s;
+    setpoint_from_width(width, drives).clamp(current - reach, current + reach)
 }
 
 /// The command as it will be applied: f32, within the joint ranges, no faster than the joints' published speeds.
@@ -30,7 +30,7 @@ pub(crate) fn applied_command(
     command: &[f32],
     previous_targets: &[f64],
     robot: &RobotModel,
-    settings: &SimSettings,
+    period_s: f64,
 ) -> Result<Vec<f32>, SimError> {
     let expected = robot.arm_dof() + 1;
     if command.len() != expected {
@@ -44,7 +44,7 @@ pub(crate) fn applied_command(
         .zip(previous_targets)
         .zip(command)
         .map(|((joint, &previous), &target)| {
-            let reach = joint.max_velocity * settings.control_period_s();
+            let reach = joint.max_velocity * period_s;
             let near = f64::from(target).clamp(previous - reach, previous + reach);
             near.clamp(joint.lower, joint.upper) as f32
         })

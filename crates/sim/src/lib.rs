@@ -13,11 +13,11 @@
 mod body;
 mod contact;
 mod drive;
+mod engine;
 mod error;
 mod mjcf;
 mod scene;
 mod scene_object;
-mod settings;
 mod settle;
 mod sim;
 #[cfg(test)]
@@ -26,10 +26,10 @@ mod xml;
 
 pub use body::BodyId;
 pub use contact::ContactReport;
+pub use engine::EngineSettings;
 pub use error::SimError;
 pub use scene::Scene;
 pub use scene_object::SceneObject;
-pub use settings::SimSettings;
 pub use settle::{SettleReport, SettleSettings};
 pub use sim::Sim;
 

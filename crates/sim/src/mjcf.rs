@@ -7,11 +7,13 @@
 mod objects;
 mod robot;
 
-use genmanip_core::{MassProperties, Material, Piece, Pose, RobotModel, Shape};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{MassProperties, Material, Piece, Pose, RobotModel, Shape, SupportSurface, World};
 
+use crate::SceneObject;
 use crate::drive::setpoint_from_width;
+use crate::engine::Numbers;
 use crate::xml::Element;
-use crate::{SceneObject, SimSettings};
 
 pub(crate) use objects::{object_body, object_free_joint, object_joint};
 pub(crate) use robot::{finger_joint, robot_body, robot_joint};
@@ -20,12 +22,6 @@ pub(crate) const TABLE: &str = "table";
 pub(crate) const FLOOR: &str = "floor";
 pub(crate) const START: &str = "start";
 pub(crate) const GRIP: &str = "grip";
-
-/// The table's slab: x 0.15..0.95, y ±0.55, a margin around the usable area; top at z = 0.
-const TABLE_CENTER_M: [f64; 3] = [0.55, 0.0, -0.1];
-const TABLE_HALF_EXTENTS_M: [f64; 3] = [0.4, 0.55, 0.1];
-/// Where things end that leave the table.
-const FLOOR_Z_M: f64 = -0.8;
 
 /// What the parts of a scene add to the model.
 #[derive(Default)]
@@ -46,24 +42,35 @@ struct Parts {
 }
 
 /// The whole document.
-pub(crate) fn assemble(robot: Option<&RobotModel>, objects: &[SceneObject], settings: &SimSettings) -> String {
+pub(crate) fn assemble(
+    world: &World,
+    robot: Option<&RobotModel>,
+    objects: &[SceneObject],
+    numbers: &Numbers,
+) -> String {
     let mut parts = Parts::default();
-    if let Some(robot) = robot {
-        robot::add(&mut parts, robot, settings);
+    if let Some((robot, drives)) = robot.zip(numbers.drives.as_ref()) {
+        robot::add(&mut parts, robot, drives, numbers.physics.timestep_s());
         parts.ctrl.extend(&robot.home);
         parts.ctrl.extend(robot.home.iter().map(|_| 0.0));
-        parts.ctrl.push(setpoint_from_width(robot.gripper.max_width, settings));
+        parts.ctrl.push(setpoint_from_width(robot.gripper.max_width, drives));
     }
-    objects::add(&mut parts, objects, settings);
+    objects::add(&mut parts, objects, numbers);
 
-    let mut world = Element::new("worldbody")
-        .child(Element::new("light").numbers("pos", &[0.5, 0.0, 2.5]).numbers("dir", &[0.0, 0.0, -1.0]))
-        .child(slab())
-        .child(floor());
-    world.extend(parts.bodies);
+    let table_friction = world.table().map_or(0.0, |table| table.friction);
+    let mut bodies = Element::new("worldbody")
+        .child(Element::new("light").numbers("pos", &[0.5, 0.0, 2.5]).numbers("dir", &[0.0, 0.0, -1.0]));
+    for (index, fixed) in world.surfaces.iter().enumerate() {
+        let own_friction = Some(fixed.friction).filter(|own| *own != table_friction);
+        bodies.push(surface(fixed, index, numbers, own_friction));
+        if index == 0 {
+            bodies.push(floor(world.floor_z_m));
+        }
+    }
+    bodies.extend(parts.bodies);
 
     let mut root = Element::new("mujoco").text("model", "genmanip");
-    root.extend([compiler(), options(settings), size(settings), defaults(settings)]);
+    root.extend([compiler(), options(numbers), size(numbers), defaults(numbers, table_friction)]);
     let sections = [
         ("asset", parts.assets),
         ("contact", parts.contacts),
@@ -71,7 +78,7 @@ pub(crate) fn assemble(robot: Option<&RobotModel>, objects: &[SceneObject], sett
         ("equality", parts.equalities),
         ("actuator", parts.actuators),
     ];
-    root.push(world);
+    root.push(bodies);
     for (tag, elements) in sections {
         if !elements.is_empty() {
             let mut section = Element::new(tag);
@@ -91,25 +98,25 @@ fn compiler() -> Element {
     Element::new("compiler").text("angle", "radian").text("autolimits", "true").text("inertiafromgeom", "false")
 }
 
-fn options(settings: &SimSettings) -> Element {
+fn options(Numbers { physics, engine, .. }: &Numbers) -> Element {
     Element::new("option")
-        .number("timestep", settings.timestep_s())
-        .numbers("gravity", &[0.0, 0.0, -settings.gravity])
+        .number("timestep", physics.timestep_s())
+        .numbers("gravity", &[0.0, 0.0, -physics.gravity_m_s2])
         .text("integrator", "implicitfast")
         .text("cone", "elliptic")
-        .number("impratio", settings.impedance_ratio)
+        .number("impratio", engine.impedance_ratio)
         .text("solver", "Newton")
-        .number("iterations", f64::from(settings.solver_iterations))
+        .number("iterations", f64::from(engine.solver_iterations))
         // A diverged simulation is an error of ours, not something to reset silently.
         .child(Element::new("flag").text("autoreset", "disable"))
 }
 
-fn size(settings: &SimSettings) -> Element {
-    Element::new("size").text("memory", &format!("{}M", settings.arena_mib))
+fn size(numbers: &Numbers) -> Element {
+    Element::new("size").text("memory", &format!("{}M", numbers.engine.arena_mib))
 }
 
-fn defaults(settings: &SimSettings) -> Element {
-    let [turning, rolling] = settings.object_rotational_friction;
+fn defaults(Numbers { physics, engine, drives }: &Numbers, table_friction: f64) -> Element {
+    let [turning, rolling] = physics.rotational_friction_m;
     let fixed = |name: &str, friction: f64, rgba: [f64; 4]| {
         Element::new("default")
             .text("class", name)
@@ -118,35 +125,65 @@ fn defaults(settings: &SimSettings) -> Element {
     let mut defaults = Element::new("default").child(
         Element::new("geom")
             .number("condim", 4.0)
-            .numbers("solref", &settings.contact_solref)
-            .numbers("solimp", &settings.contact_solimp),
+            .numbers("solref", &engine.contact_solref)
+            .numbers("solimp", &engine.contact_solimp),
     );
-    defaults.push(fixed("fixed", settings.table_friction, [0.8, 0.78, 0.74, 1.0]));
-    defaults.push(fixed("robot", settings.robot_friction, [0.9, 0.9, 0.9, 1.0]));
-    defaults.push(
-        Element::new("default").text("class", "pad").child(
-            Element::new("geom")
-                .number("condim", 4.0)
-                .number("priority", 1.0)
-                .numbers("friction", &settings.pad_friction)
-                .numbers("solref", &settings.pad_solref)
-                .numbers("solimp", &settings.pad_solimp)
-                .numbers("rgba", &[0.2, 0.2, 0.2, 1.0]),
-        ),
-    );
+    defaults.push(fixed("fixed", table_friction, [0.8, 0.78, 0.74, 1.0]));
+    if let Some(drives) = drives {
+        defaults.push(fixed("robot", drives.hull_friction, [0.9, 0.9, 0.9, 1.0]));
+        defaults.push(
+            Element::new("default").text("class", "pad").child(
+                Element::new("geom")
+                    .number("condim", 4.0)
+                    .number("priority", 1.0)
+                    .numbers("friction", &drives.pad_friction)
+                    .numbers("solref", &engine.pad_solref)
+                    .numbers("solimp", &engine.pad_solimp)
+                    .numbers("rgba", &[0.2, 0.2, 0.2, 1.0]),
+            ),
+        );
+    }
     // Six contact dimensions: without rolling friction a ball would never come to rest.
     defaults.push(Element::new("default").text("class", "object").child(Element::new("geom").number("condim", 6.0)));
     defaults
 }
 
-fn slab() -> Element {
-    Element::named("body", TABLE).numbers("pos", &TABLE_CENTER_M).child(
-        Element::named("geom", TABLE).text("class", "fixed").text("type", "box").numbers("size", &TABLE_HALF_EXTENTS_M),
-    )
+/// A support surface as one fixed body, its slab in the middle of the body's frame.
+fn surface(surface: &SupportSurface, index: usize, numbers: &Numbers, friction: Option<f64>) -> Element {
+    let name = surface_body(surface, index);
+    let slab_from_surface = DVec3::Z * (surface.size_m.z * 0.5);
+    let center = surface.top_center_m - slab_from_surface;
+    let mut body = Element::named("body", &name).numbers("pos", &center.to_array());
+    if surface.yaw_rad != 0.0 {
+        body = body.numbers("quat", &surface.world_from_surface().to_wxyz_array());
+    }
+    let [turning, rolling] = numbers.physics.rotational_friction_m;
+    let fixed = |name: &str, half_extents: DVec3| {
+        let geom = Element::named("geom", name)
+            .text("class", "fixed")
+            .text("type", "box")
+            .numbers("size", &half_extents.to_array());
+        match friction {
+            Some(sliding) => geom.numbers("friction", &[sliding, turning, rolling]),
+            None => geom,
+        }
+    };
+    body.push(fixed(&name, surface.size_m * 0.5));
+    for (number, board) in surface.boards.iter().enumerate() {
+        let center = board.center_m + slab_from_surface;
+        let geom = fixed(&format!("{name}/{}", number + 1), board.size_m * 0.5);
+        body.push(geom.numbers("pos", &center.to_array()));
+    }
+    body
 }
 
-fn floor() -> Element {
-    Element::named("body", FLOOR).numbers("pos", &[0.0, 0.0, FLOOR_Z_M]).child(
+/// Name of the body of a support surface.
+pub(crate) fn surface_body(surface: &SupportSurface, index: usize) -> String {
+    if index == 0 { TABLE.into() } else { format!("surface/{}", surface.id) }
+}
+
+fn floor(z_m: f64) -> Element {
+    Element::named("body", FLOOR).numbers("pos", &[0.0, 0.0, z_m]).child(
         Element::named("geom", FLOOR).text("class", "fixed").text("type", "plane").numbers("size", &[3.0, 3.0, 0.1]),
     )
 }

@@ -3,13 +3,14 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use genmanip_core::RobotModel;
+use genmanip_core::{PhysicsSettings, RobotModel, World};
 use mujoco_rs::mujoco_c::_mjtObjBase as ObjectType;
 use mujoco_rs::wrappers::MjModel;
 
 use crate::body::BodyId;
+use crate::engine::Numbers;
 use crate::scene_object::SceneObject;
-use crate::{ENGINE, SimError, SimSettings, engine_version, mjcf};
+use crate::{ENGINE, SimError, engine_version, mjcf};
 
 /// A robot and objects on the table, compiled for the physics engine.
 ///
@@ -17,10 +18,12 @@ use crate::{ENGINE, SimError, SimSettings, engine_version, mjcf};
 #[derive(Debug)]
 pub struct Scene {
     mjcf: String,
-    settings: SimSettings,
+    pub(crate) numbers: Numbers,
     pub(crate) model: Arc<MjModel>,
     pub(crate) robot: Option<RobotIndex>,
     pub(crate) objects: Vec<ObjectIndex>,
+    /// Ids of the support surfaces.
+    surfaces: Vec<String>,
     /// What each body of the engine is.
     pub(crate) bodies: Vec<BodyId>,
 }
@@ -52,43 +55,38 @@ pub(crate) struct ObjectIndex {
 }
 
 impl Scene {
-    /// Compiles a robot, fixed at the world's origin at its `home`, and objects.
+    /// Compiles a robot, fixed at the world's origin at its `home`, and objects in a world.
     ///
     /// # Errors
     /// Bad settings, names or numbers, or what the engine refuses ([`SimError::Compile`] carries its words).
-    pub fn compile(robot: &RobotModel, objects: &[SceneObject], settings: &SimSettings) -> Result<Self, SimError> {
-        Self::compile_with(Some(robot), objects, settings)
+    pub fn compile(world: &World, robot: &RobotModel, objects: &[SceneObject]) -> Result<Self, SimError> {
+        Self::compile_with(world, Some(robot), objects)
     }
 
-    /// Compiles table and objects alone, for settling layouts fast.
+    /// Compiles surfaces and objects alone, for settling layouts fast.
     ///
     /// # Errors
     /// As [`Scene::compile`].
-    pub fn compile_without_robot(objects: &[SceneObject], settings: &SimSettings) -> Result<Self, SimError> {
-        Self::compile_with(None, objects, settings)
+    pub fn compile_without_robot(world: &World, objects: &[SceneObject]) -> Result<Self, SimError> {
+        Self::compile_with(world, None, objects)
     }
 
-    fn compile_with(
-        robot: Option<&RobotModel>,
-        objects: &[SceneObject],
-        settings: &SimSettings,
-    ) -> Result<Self, SimError> {
+    fn compile_with(world: &World, robot: Option<&RobotModel>, objects: &[SceneObject]) -> Result<Self, SimError> {
         let engine = engine_version();
         if engine != ENGINE {
             return Err(SimError::EngineVersion { expected: ENGINE.into(), got: engine });
         }
-        settings.check()?;
+        let numbers = Numbers::of(&world.physics, robot)?;
+        check_surfaces(world)?;
         check_objects(objects)?;
-        if let Some(robot) = robot {
-            check_robot(robot, settings)?;
-        }
-        let mjcf = mjcf::assemble(robot, objects, settings);
+        let mjcf = mjcf::assemble(world, robot, objects, &numbers);
         let model = MjModel::from_xml_string(&mjcf).map_err(|error| SimError::Compile(error.to_string()))?;
         let names = Names(&model);
         let robot = robot.map(|robot| names.robot(robot)).transpose()?;
         let objects = objects.iter().map(|object| names.object(object)).collect::<Result<Vec<_>, _>>()?;
-        let bodies = names.bodies(robot.as_ref(), &objects)?;
-        Ok(Self { mjcf, settings: settings.clone(), model: Arc::new(model), robot, objects, bodies })
+        let bodies = names.bodies(world, robot.as_ref(), &objects)?;
+        let surfaces = world.surfaces.iter().map(|surface| surface.id.clone()).collect();
+        Ok(Self { mjcf, numbers, model: Arc::new(model), robot, objects, surfaces, bodies })
     }
 
     /// The scene as MJCF text; loads in any MuJoCo 3.17 without further files.
@@ -96,9 +94,9 @@ impl Scene {
         &self.mjcf
     }
 
-    /// The settings it was compiled with.
-    pub fn settings(&self) -> &SimSettings {
-        &self.settings
+    /// The physics settings of its world.
+    pub fn physics(&self) -> &PhysicsSettings {
+        &self.numbers.physics
     }
 
     /// The robot, if there is one.
@@ -115,6 +113,9 @@ impl Scene {
     pub fn body_name(&self, body: BodyId) -> String {
         match body {
             BodyId::Table => mjcf::TABLE.into(),
+            BodyId::Surface { surface } => {
+                self.surfaces.get(surface).map_or_else(|| format!("surface {surface}"), Clone::clone)
+            }
             BodyId::Floor => mjcf::FLOOR.into(),
             BodyId::Robot { link } => self
                 .robot()
@@ -159,20 +160,19 @@ fn check_objects(objects: &[SceneObject]) -> Result<(), SimError> {
     Ok(())
 }
 
-fn check_robot(robot: &RobotModel, settings: &SimSettings) -> Result<(), SimError> {
-    let joints = robot.arm_joints().count();
-    if robot.home.len() != joints {
-        return Err(SimError::Settings(format!(
-            "robot `{}` has {joints} arm joints but a home of {} numbers",
-            robot.name,
-            robot.home.len()
-        )));
+fn check_surfaces(world: &World) -> Result<(), SimError> {
+    let mut ids = BTreeSet::new();
+    for surface in &world.surfaces {
+        let numbers = [surface.top_center_m, surface.size_m];
+        if !numbers.iter().all(|vector| vector.is_finite()) || !surface.yaw_rad.is_finite() {
+            return Err(SimError::NotFinite(format!("support surface `{}`", surface.id)));
+        }
+        if !ids.insert(surface.id.as_str()) {
+            return Err(SimError::DuplicateName(surface.id.clone()));
+        }
     }
-    if settings.grip_force_n > robot.gripper.max_force {
-        return Err(SimError::Settings(format!(
-            "`grip_force_n` must not exceed the hand's {} N, got {}",
-            robot.gripper.max_force, settings.grip_force_n
-        )));
+    if world.surfaces.is_empty() {
+        return Err(SimError::Settings("a world needs at least one support surface, the table".into()));
     }
     Ok(())
 }
@@ -243,9 +243,17 @@ impl Names<'_> {
         })
     }
 
-    fn bodies(&self, robot: Option<&RobotIndex>, objects: &[ObjectIndex]) -> Result<Vec<BodyId>, SimError> {
+    fn bodies(
+        &self,
+        world: &World,
+        robot: Option<&RobotIndex>,
+        objects: &[ObjectIndex],
+    ) -> Result<Vec<BodyId>, SimError> {
         let mut bodies = vec![BodyId::Floor; self.0.nbody() as usize];
-        bodies[self.id(ObjectType::mjOBJ_BODY, mjcf::TABLE)?] = BodyId::Table;
+        for (index, surface) in world.surfaces.iter().enumerate() {
+            let body = self.id(ObjectType::mjOBJ_BODY, &mjcf::surface_body(surface, index))?;
+            bodies[body] = if index == 0 { BodyId::Table } else { BodyId::Surface { surface: index } };
+        }
         for (link, &body) in robot.iter().flat_map(|robot| robot.link_bodies.iter().enumerate()) {
             bodies[body] = BodyId::Robot { link };
         }

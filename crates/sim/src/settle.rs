@@ -47,8 +47,8 @@ impl Sim {
     /// # Errors
     /// A simulation that diverged.
     pub fn settle(&mut self, settings: &SettleSettings) -> Result<SettleReport, SimError> {
-        let substeps = self.scene.settings().substeps();
-        let period_s = self.scene.settings().control_period_s();
+        let substeps = self.scene.physics().substeps();
+        let period_s = self.scene.physics().control_period_s();
         let intervals = |seconds: f64| (seconds / period_s).ceil().max(1.0) as u64;
         let before = self.object_states();
         let mut max_penetration = self.penetration();

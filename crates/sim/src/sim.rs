@@ -76,24 +76,26 @@ impl Sim {
     /// A command of the wrong length or not finite (nothing has changed then); a simulation that diverged.
     pub fn control_step(&mut self, command: &[f32]) -> Result<Frame, SimError> {
         let scene = Arc::clone(&self.scene);
-        let settings = scene.settings();
+        let physics = scene.physics();
         let robot = scene.robot.as_ref().ok_or(SimError::NoRobot)?;
+        let drives = scene.numbers.drives.as_ref().ok_or(SimError::NoRobot)?;
+        let period_s = physics.control_period_s();
         let start: Vec<f64> = self.data.ctrl().to_vec();
         let previous: Vec<f64> = robot.position_ctrl.iter().map(|&index| start[index]).collect();
-        let applied = applied_command(command, &previous, &robot.model, settings)?;
+        let applied = applied_command(command, &previous, &robot.model, period_s)?;
         let (targets, width) = applied.split_at(robot.model.arm_dof());
         let targets: Vec<f64> = targets.iter().copied().map(f64::from).collect();
         let width = width.iter().copied().map(f64::from).sum();
-        let setpoint = next_setpoint(start[robot.grip_ctrl], width, &robot.model, settings);
+        let setpoint = next_setpoint(start[robot.grip_ctrl], width, &robot.model, drives, period_s);
 
         let mut frame = self.observe(robot, applied);
         let mut touches = TouchTally::default();
-        for substep in 1..=settings.substeps() {
-            let t = f64::from(substep) / f64::from(settings.substeps());
+        for substep in 1..=physics.substeps() {
+            let t = f64::from(substep) / f64::from(physics.substeps());
             let ctrl = self.data.ctrl_mut();
             for (joint, (&from, &to)) in previous.iter().zip(&targets).enumerate() {
                 ctrl[robot.position_ctrl[joint]] = lerp(from, to, t);
-                ctrl[robot.velocity_ctrl[joint]] = (to - from) / settings.control_period_s();
+                ctrl[robot.velocity_ctrl[joint]] = (to - from) / period_s;
             }
             ctrl[robot.grip_ctrl] = lerp(start[robot.grip_ctrl], setpoint, t);
             self.step_with(|scene, data| {
@@ -254,7 +256,7 @@ impl Sim {
         if warnings[CONTACTS_FULL].number > 0 || warnings[CONSTRAINTS_FULL].number > 0 {
             return Err(SimError::ContactsDropped {
                 time_s: self.time_s(),
-                arena_mib: self.scene.settings().arena_mib,
+                arena_mib: self.scene.numbers.engine.arena_mib,
             });
         }
         Ok(())

@@ -2,19 +2,20 @@
 
 use std::sync::Arc;
 
+use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DMat3, DVec3};
 use genmanip_core::{AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape};
 
 use crate::drive::{lerp, setpoint_from_width};
 use crate::xml::Element;
-use crate::{Scene, SceneObject, SimSettings};
+use crate::{Scene, SceneObject};
 
 #[test]
 fn width_setpoints_are_continuous_and_end_beyond_closed() {
-    let settings = SimSettings::default();
+    let drives = genmanip_assets::panda().drives.clone().expect("a robot with motors");
     let cases = [(0.08, 0.08), (0.02, 0.02), (0.01, 0.01), (0.005, 0.0), (0.0, -0.01)];
     for (width, setpoint) in cases {
-        assert!((setpoint_from_width(width, &settings) - setpoint).abs() < 1e-12, "{width}");
+        assert!((setpoint_from_width(width, &drives) - setpoint).abs() < 1e-12, "{width}");
     }
 }
 
@@ -22,14 +23,6 @@ fn width_setpoints_are_continuous_and_end_beyond_closed() {
 fn interpolation_ends_exactly() {
     assert_eq!(lerp(0.1, 0.3, 1.0), 0.3);
     assert_eq!(lerp(0.1, 0.3, 0.0), 0.1);
-}
-
-#[test]
-fn settings_survive_a_file() {
-    let settings = SimSettings { grip_force_n: 1.0 / 3.0, ..SimSettings::default() };
-    let text = serde_json::to_string(&settings).expect("plain numbers");
-    assert_eq!(serde_json::from_str::<SimSettings>(&text).expect("its own text"), settings);
-    assert!(serde_json::from_str::<SimSettings>(r#"{"grip_kq": 1.0}"#).is_err());
 }
 
 #[test]
@@ -56,7 +49,7 @@ fn a_small_scene_reads_well() {
         joint_positions: vec![],
     };
     let objects = [place("Left Wedge", 0.4), place("Right Wedge", 0.6)];
-    let scene = Scene::compile_without_robot(&objects, &SimSettings::default()).expect("a sound scene");
+    let scene = Scene::compile_without_robot(&default_world(), &objects).expect("a sound scene");
     insta::assert_snapshot!(scene.mjcf());
 }
 

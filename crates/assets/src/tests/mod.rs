@@ -5,6 +5,7 @@ mod joints;
 mod objects;
 mod robot;
 mod variants;
+mod worlds;
 
 use genmanip_core::{Piece, Pose, VisualPart};
 use glam::DVec3;

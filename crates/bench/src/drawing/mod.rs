@@ -16,5 +16,5 @@ pub use colors::color_of_word;
 pub use explain::{Refusal, explain_svg};
 pub use graph::graph_svg;
 pub(crate) use graph::letter;
-pub use plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PANDA_REACH_M, PlaceWindow, layout_svg};
+pub use plan::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, layout_svg};
 pub use svg::Svg;

@@ -7,9 +7,6 @@ use super::graph::bounds;
 use super::route::{LABEL_SIZE, Routed, Shape, Wire, label_size, route};
 use super::svg::{Anchor, Area, BOLD, Canvas, Point, Svg, text_width, wrap};
 
-/// Reach of the Panda's flange from its shoulder axis as its maker publishes it, m.
-pub const PANDA_REACH_M: f64 = 0.855;
-
 /// What the top view shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayoutPicture {
@@ -19,7 +16,7 @@ pub struct LayoutPicture {
     pub footprints: Vec<Footprint>,
     /// Relations to draw as arrows from subject to reference.
     pub edges: Vec<DrawnEdge>,
-    /// Radii around the robot's base to draw as arcs, m, e.g. [`PANDA_REACH_M`].
+    /// Radii around the robot's base to draw as arcs, m.
     pub reach_m: Vec<f64>,
     /// Where relations would have had the middle of an object that found no place.
     pub windows: Vec<PlaceWindow>,

@@ -146,7 +146,7 @@ fn what_is_not_finite_or_far_away_does_not_spoil_a_layout() {
     let footprint =
         |uid: &str, polygons| Footprint { id: uid.into(), name: uid.into(), color: [200, 60, 50], polygons };
     let picture = LayoutPicture {
-        workspace: Workspace::default(),
+        workspace: Workspace { x: [0.2, 0.9], y: [-0.5, 0.5] },
         footprints: vec![
             footprint("a", vec![square(0.4, 0.1)]),
             footprint("nan", vec![vec![[f64::NAN, 0.0], [0.5, f64::INFINITY]]]),
@@ -230,7 +230,7 @@ proptest! {
             }
         });
         let picture = LayoutPicture {
-            workspace: Workspace::default(),
+            workspace: Workspace { x: [0.2, 0.9], y: [-0.5, 0.5] },
             footprints: footprints.collect(),
             edges: vec![DrawnEdge { edge: edge("u0", Relation::Left, "u1"), role: EdgeRole::Initial }],
             reach_m: vec![],

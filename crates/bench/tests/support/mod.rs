@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_bench::drawing::{PANDA_REACH_M, color_of_word};
+use genmanip_bench::drawing::color_of_word;
 use genmanip_bench::*;
 use genmanip_core::*;
 
@@ -65,7 +65,7 @@ pub fn layout_picture(task: &Task) -> LayoutPicture {
         }
     };
     LayoutPicture {
-        workspace: Workspace::default(),
+        workspace: Workspace { x: [0.2, 0.9], y: [-0.5, 0.5] },
         footprints: task.objects.iter().zip(positions(task)).enumerate().map(footprint).collect(),
         edges: task
             .scene_graph
@@ -73,7 +73,7 @@ pub fn layout_picture(task: &Task) -> LayoutPicture {
             .iter()
             .map(|edge| DrawnEdge { edge: edge.clone(), role: EdgeRole::Initial })
             .collect(),
-        reach_m: vec![PANDA_REACH_M],
+        reach_m: vec![0.855],
         windows: vec![],
     }
 }
@@ -166,6 +166,7 @@ pub fn result(task: &Task, policy: &str, number: u64, success: bool, failure: Op
         tcp_path_m: if policy == "do_nothing" { 0.0 } else { 1.9 + 0.11 * number as f64 },
         max_stray_contact_n: if success { 1.2 } else { 31.0 },
         stray_contact: None,
+        world_hashes: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

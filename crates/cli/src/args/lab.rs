@@ -117,6 +117,9 @@ pub struct RelationsArguments {
 /// Arguments of `lab expert`.
 #[derive(Debug, Args)]
 pub struct ExpertArguments {
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -169,6 +172,9 @@ pub struct MotionArguments {
 /// Arguments of `lab layout`.
 #[derive(Debug, Args)]
 pub struct LabLayoutArguments {
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
     /// Seed of tasks and layouts
     #[arg(long, default_value_t = 0)]
     pub seed: u64,

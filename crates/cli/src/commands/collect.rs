@@ -16,7 +16,8 @@ use crate::printer::Printer;
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
     let images = (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
-    let settings = CollectSettings { images, keep_failed: arguments.keep_failed, ..CollectSettings::default() };
+    let world = inputs::read_world(arguments.world.as_deref())?;
+    let settings = CollectSettings { images, keep_failed: arguments.keep_failed, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();
     let collected = collect_run(&arguments.out, &run, arguments.workers, printer, &stop)?;

@@ -24,7 +24,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
 
     printer.say("2/4  layouts and demonstrations: every attempt on a layout of its own");
     let images = Some(ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
-    let settings = CollectSettings { images, ..CollectSettings::default() };
+    let settings = CollectSettings { images, ..CollectSettings::in_world(inputs::read_world(None)?) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let collected = collect::collect_run(out, &run, arguments.workers, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {

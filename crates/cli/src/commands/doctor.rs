@@ -5,8 +5,9 @@ use std::process::Command;
 use std::sync::Arc;
 
 use genmanip_assets::panda;
+use genmanip_assets::worlds::default_world;
 use genmanip_bench::text_table;
-use genmanip_sim::{Scene, Sim, SimSettings};
+use genmanip_sim::{Scene, Sim};
 use serde::Serialize;
 
 use crate::error::{ExitStatus, Failed};
@@ -55,7 +56,7 @@ fn processor() -> Finding {
 fn physics() -> Finding {
     let robot = panda();
     let stay: Vec<f32> = robot.home.iter().chain([&robot.gripper.max_width]).map(|&value| value as f32).collect();
-    let simulated = Scene::compile(&robot, &[], &SimSettings::default()).and_then(|scene| {
+    let simulated = Scene::compile(&default_world(), &robot, &[]).and_then(|scene| {
         let mut sim = Sim::new(Arc::new(scene));
         for _ in 0..HELD_STEPS {
             sim.control_step(&stay)?;

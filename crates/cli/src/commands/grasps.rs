@@ -23,7 +23,16 @@ pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, 
     };
     let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
     let stop = crate::stop::on_interrupt();
-    let baked = grasps::bake(&arguments.out, &arguments.objects, &settings, seed, workers, printer, &stop)?;
+    let baked = grasps::bake(
+        &arguments.out,
+        &arguments.objects,
+        &inputs::read_world(None)?,
+        &settings,
+        seed,
+        workers,
+        printer,
+        &stop,
+    )?;
     printer.data(&baked.rows, &grasps::table(&baked.rows));
     Ok(if baked.is_whole { ExitStatus::Done } else { ExitStatus::NotMet })
 }

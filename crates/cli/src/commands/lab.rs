@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use genmanip_assets::panda;
+use genmanip_assets::worlds::default_world;
 use genmanip_core::{Seed, Task};
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
@@ -31,7 +32,8 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &fit::in_words(&measured));
         }
         LabCommand::Grasp(arguments) => {
-            let measured = grasp::measure(&grasp_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
+            let measured =
+                grasp::measure(&grasp_arguments(arguments)?, &default_world(), Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &grasp::in_words(&measured));
         }
         LabCommand::Expert(arguments) => {
@@ -39,12 +41,14 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 [] => inputs::designed_tasks(arguments.count, arguments.seed)?,
                 named => inputs::read_tasks(named)?,
             };
-            let measured = expert::measure(&tasks, arguments.tries, Seed::new(arguments.seed), printer)?;
+            let world = inputs::read_world(arguments.world.as_deref())?;
+            let measured = expert::measure(&tasks, &world, arguments.tries, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &expert::in_words(&measured));
         }
         LabCommand::Layout(arguments) => {
             let tasks = layout_tasks(&arguments.tasks, arguments.count, arguments.seed)?;
-            let measured = layout::measure(&tasks, arguments.distractors, Seed::new(arguments.seed), printer)?;
+            let world = inputs::read_world(arguments.world.as_deref())?;
+            let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
         }
         LabCommand::Motion(arguments) => {
@@ -62,7 +66,7 @@ fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Resu
         return Ok(());
     }
     let tasks = inputs::read_tasks(std::slice::from_ref(&arguments.tasks))?;
-    let measured = rendered::measure(&tasks, arguments.count, Seed::new(arguments.seed), printer)?;
+    let measured = rendered::measure(&tasks, &default_world(), arguments.count, Seed::new(arguments.seed), printer)?;
     printer.data(&measured, &rendered::in_words(&measured));
     Ok(())
 }

@@ -14,12 +14,13 @@ use crate::printer::Printer;
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
+    let world = inputs::read_world(arguments.world.as_deref())?;
     let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
     let output = LayoutOutput { folder: arguments.out.clone(), explain: arguments.explain };
     let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
     // A layout takes seconds and each file is written whole, so Ctrl-C may simply end the program.
     let never = AtomicBool::new(false);
-    let rows = lay_out(&tasks, arguments.count, &settings, seed, &output, workers, printer, &never)?;
+    let rows = lay_out(&tasks, arguments.count, &world, &settings, seed, &output, workers, printer, &never)?;
     let mut lines = vec![["task", "scenario"].map(String::from).to_vec()];
     for row in &rows {
         let outcome = row.scenario.clone().or_else(|| row.refused.clone()).unwrap_or_default();

@@ -15,7 +15,7 @@ pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, F
     let stage = inputs::read_stage(&arguments.scenario)?;
     let mut settings = PlannerSettings::default();
     settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
-    let planner = inputs::planner(&settings)?;
+    let planner = inputs::planner(&stage.scenario.world, &settings)?;
     let request =
         MotionRequest { target: target(arguments), from: arguments.from.clone(), gripper_width_m: arguments.gripper };
     let motion = plan(&stage, &planner, &request, Seed::new(arguments.seed), &mut genmanip_lab::cpu_clock())?;

@@ -53,7 +53,7 @@ fn workplace() -> tempfile::TempDir {
     changed("stranger.json", &|s| s["objects"][0]["asset"]["uid"] = "101".into());
     changed("other_physics.json", &|s| s["objects"][0]["physics_hash"] = format!("v2:{}", "0".repeat(16)).into());
     changed("other_robot.json", &|s| s["robot"] = "ur5".into());
-    changed("short_home.json", &|s| s["robot_home"] = json!([0.0, 0.1]));
+    changed("short_home.json", &|s| s["world"]["robot"]["home"] = json!([0.0, 0.1]));
     changed("wrong_joints.json", &|s| s["objects"][0]["joint_positions"] = json!([0.5]));
     folder
 }

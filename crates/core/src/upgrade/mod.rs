@@ -8,6 +8,7 @@ pub mod result;
 pub mod run;
 pub mod scenario;
 pub mod task;
+mod world;
 
 use serde_json::{Map, Value};
 

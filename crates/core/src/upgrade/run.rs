@@ -1,8 +1,8 @@
-//! Runs of version 1: they hold tasks of version 1, and settings of picking and placing in three places.
+//! Runs of version 1: tasks of version 1, one world that could not be chosen, and settings of picking in three places.
 
 use serde_json::{Map, Value};
 
-use super::{feasibility, object, objects, task};
+use super::{feasibility, object, objects, task, world};
 use crate::{DocumentError, Upgrade};
 
 /// From `genmanip.run/1`.
@@ -10,6 +10,7 @@ pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.run/1", upgrade: from_1 
 
 fn from_1(run: &mut Map<String, Value>) -> Result<(), DocumentError> {
     objects(run, "tasks", "$")?.into_iter().try_for_each(task::from_1)?;
-    feasibility::gather(object(run, "settings", "$")?);
-    Ok(())
+    let settings = object(run, "settings", "$")?;
+    feasibility::gather(settings);
+    world::replace_settings(settings)
 }

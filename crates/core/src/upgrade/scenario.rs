@@ -1,8 +1,8 @@
-//! Scenarios of version 1: objects were named by uid and generator, and hashed with their uid.
+//! Scenarios of version 1: objects were named by uid and generator, and hashed with their uid; there was one world.
 
 use serde_json::{Map, Value, json};
 
-use super::{lacks, object, objects, task, text};
+use super::{lacks, object, objects, task, text, world};
 use crate::{DocumentError, Seed, Upgrade};
 
 /// From `genmanip.scenario/1`.
@@ -10,7 +10,8 @@ pub const FROM_1: Upgrade = Upgrade { schema: "genmanip.scenario/1", upgrade: fr
 
 fn from_1(scenario: &mut Map<String, Value>) -> Result<(), DocumentError> {
     task::from_1(object(scenario, "task", "$")?)?;
-    instances(scenario)
+    instances(scenario)?;
+    world::insert(scenario)
 }
 
 /// Objects become instances of assets.

@@ -78,8 +78,12 @@ impl<'a> Interval<'a> {
 fn check_dimensions(source: &Source, robot: &RobotModel) -> Result<(), DataError> {
     let dof = robot.arm_dof();
     let id = &source.episode.result.id;
-    if source.episode.scenario.robot != robot.name {
-        return Err(DataError::mismatch(format!("robot of episode {id}"), &robot.name, &source.episode.scenario.robot));
+    if source.episode.scenario.world.robot.name != robot.name {
+        return Err(DataError::mismatch(
+            format!("robot of episode {id}"),
+            &robot.name,
+            &source.episode.scenario.world.robot.name,
+        ));
     }
     for (index, frame) in source.episode.frames.iter().enumerate() {
         let got = [

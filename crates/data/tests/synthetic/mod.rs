@@ -2,9 +2,9 @@
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
-    AssetRef, Camera, CameraMount, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper, Intrinsics,
-    JointKind, MassProperties, ObjectState, PlacedObject, Pose, RobotJoint, RobotLink, RobotModel, Scenario,
-    SceneGraph, Seed, Task, TaskKind, Workspace,
+    AssetRef, Camera, CameraMount, Document, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper,
+    Intrinsics, JointKind, MassProperties, ObjectState, PlacedObject, Pose, RobotJoint, RobotLink, RobotModel,
+    Scenario, SceneGraph, Seed, Task, TaskKind, World,
 };
 use genmanip_data::{EpisodeStore, TrackRecorder, VideoSettings};
 
@@ -39,6 +39,9 @@ pub fn robot() -> RobotModel {
         hand_from_tcp: Pose::from_position(DVec3::new(0.0, 0.0, 0.1034)),
         gripper: Gripper { fingers: [98, 99], max_width: 0.08, max_force: 70.0, pad_size: DVec3::splat(0.02) },
         home: vec![0.0; 7],
+        drives: None,
+        reach: None,
+        hand_from_wrist_camera: None,
         never_colliding: Vec::new(),
     }
 }
@@ -47,7 +50,7 @@ pub fn cameras() -> Vec<Camera> {
     let intrinsics = Intrinsics::from_vertical_fov(WIDTH, HEIGHT, 0.8);
     let fixed = Camera::looking_at("static", DVec3::new(1.3, 0.4, 0.7), DVec3::new(0.5, 0.0, 0.1), intrinsics);
     let mount_from_camera = Pose::from_position(DVec3::new(0.07, 0.0, 0.02));
-    vec![fixed, Camera { name: "wrist".into(), mount: CameraMount::Hand, mount_from_camera, intrinsics }]
+    vec![fixed, Camera::new("wrist", CameraMount::Hand, mount_from_camera, intrinsics)]
 }
 
 /// Numbers in -1..1 that are never round.
@@ -80,10 +83,10 @@ pub fn scenario(number: usize) -> Scenario {
         seed: Seed::new(7),
         // The number of objects differs between episodes.
         objects: (0..=number % 2).map(|object| placed(&format!("uid-{object}"), 0.4 + 0.1 * object as f64)).collect(),
-        robot: "panda".into(),
-        robot_home: vec![0.0; 7],
-        cameras: cameras(),
-        workspace: Workspace::default(),
+        world: World {
+            cameras: cameras(),
+            ..World::from_json(include_str!("../../../core/testdata/world.json")).unwrap()
+        },
         genmanip_version: "0.1.0".into(),
     }
 }
@@ -136,6 +139,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         tcp_path_m: wiggle(number, 1).abs(),
         max_stray_contact_n: 0.1,
         stray_contact: None,
+        world_hashes: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Intrinsics, Material, Piece, Pose, RobotModel, Seed, TriMesh, VisualPart};
 use genmanip_motion::{Allowed, CollisionWorld, DepthImage, DepthSettings, Path, Planner, PlanningScene, triangulate};
-use genmanip_render::{Channels, Environment, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use serde::Serialize;
 
 use super::problems::Problem;
@@ -150,8 +150,7 @@ fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<FrameB
     // The base stands in the world's origin.
     drawn.links[0].visual.extend(obstacles);
     let no_picture = |error| LabError::broken("the problem cannot be drawn", error);
-    let nothing_else = Environment { table: false, floor: false, ..Environment::default() };
-    let assets = RenderAssets::new(Arc::new(drawn), &[], &nothing_else).map_err(no_picture)?;
+    let assets = RenderAssets::new(Arc::new(drawn), &[], None).map_err(no_picture)?;
     let frame = assets.frame_state(&problem.start, OPEN, []).map_err(no_picture)?;
     let mut buffers = [FrameBuffers::default()];
     let mut renderer = Renderer::new(assets, RenderVariation::default());

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 
 use super::contacts::of_link;
 use super::{JointChange, JointContact, JointSettings, Motion};
-use crate::surroundings;
+use crate::obstacles;
 
 /// Distance between robot and object while it is moved, but for the gap at the contact itself, metres; chosen, since the
 /// hand is meant to be this near.
@@ -53,7 +53,7 @@ impl<'a> Sweeper<'a> {
         settings: &'a JointSettings,
     ) -> Option<Self> {
         let object = scene.objects().nth(change.object)?;
-        let others = surroundings::world(scene, Some(change.object));
+        let others = obstacles::around(scene, Some(change.object));
         Some(Self { planner, settings, object, change, others })
     }
 

@@ -107,6 +107,9 @@ pub fn read_robot(
         // No link is a finger: the tool frame never moves by itself.
         gripper: Gripper { fingers: [hand, hand], max_width: 0.0, max_force: 0.0, pad_size: DVec3::ZERO },
         home,
+        drives: None,
+        reach: None,
+        hand_from_wrist_camera: None,
         never_colliding,
         links,
     };

@@ -47,7 +47,7 @@ pub fn ball(radius: f32, rings: u32) -> TriMesh {
 /// A box with flat faces.
 pub fn block(half: Vec3) -> TriMesh {
     let mut mesh = TriMesh::default();
-    crate::environment::push_box(&mut mesh, -half, half);
+    crate::surroundings::push_box(&mut mesh, -half, half);
     mesh
 }
 
@@ -134,6 +134,9 @@ pub fn robot() -> Arc<RobotModel> {
         hand_from_tcp: Pose::IDENTITY,
         gripper: Gripper { fingers: [3, 4], max_width: 0.08, max_force: 70.0, pad_size: DVec3::splat(0.02) },
         home: vec![0.3],
+        drives: None,
+        reach: None,
+        hand_from_wrist_camera: None,
         never_colliding: Vec::new(),
     })
 }

@@ -3,7 +3,7 @@
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, JointKind, Pose, Seed};
 use genmanip_layout::articulation::{JointSweep, Sweeper, joint_changes};
-use genmanip_layout::{Move, surroundings};
+use genmanip_layout::{Move, obstacles};
 use genmanip_motion::{Allowed, Path, PlanningScene};
 use genmanip_scene::relations::PosedScene;
 
@@ -53,7 +53,7 @@ pub(super) fn plan(
         .and_then(|change| Sweeper::new(scene, change, &expert.planner, &expert.settings.joint))
         .ok_or_else(|| Failure { cause: FailureCause::Policy, evidence: format!("{name} has no state {state}") })?;
     let (planner, settings) = (&expert.planner, &expert.settings);
-    let occupied = surroundings::world(scene, None);
+    let occupied = obstacles::around(scene, None);
     let nothing = Allowed::none();
     // Later tries begin further down the list.
     let mut skip = expert.tries.saturating_sub(1);
@@ -144,7 +144,7 @@ pub(super) fn release(expert: &Expert, scene: &PosedScene, turning: &Turning, ar
     if contact.hold_width < contact.open_width {
         commands.extend(commands::fingers(arm, contact.hold_width, contact.open_width, settings.open_steps));
     }
-    let world = surroundings::world(scene, None);
+    let world = obstacles::around(scene, None);
     let nothing = Allowed::none();
     let around = PlanningScene { world: &world, attached: None, allowed: &nothing, gripper_width: contact.open_width };
     let tcp = planner.tcp_pose(arm);

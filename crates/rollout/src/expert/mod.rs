@@ -21,7 +21,7 @@ use genmanip_core::{
     Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
     Pose, PrivilegedState, Seed, TriedGrasp,
 };
-use genmanip_layout::{GoalPose, GoalSearch, Move, moves, surroundings};
+use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
 use genmanip_motion::{Allowed, CollisionWorld, Path, PlaceGoal, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 
@@ -118,7 +118,7 @@ impl Expert {
         let search = GoalSearch {
             scene,
             upright: &self.upright,
-            workspace: &self.stage.scenario.workspace,
+            workspace: &self.stage.scenario.world.workspace,
             relations: &self.stage.relations,
             settings: &self.settings.goal_pose,
         };
@@ -245,7 +245,7 @@ impl Expert {
     }
 
     fn go_home(&self, scene: &PosedScene, arm: &[f64], width: f64) -> Vec<Vec<f32>> {
-        let world = surroundings::world(scene, None);
+        let world = obstacles::around(scene, None);
         let open = self.stage.robot.gripper.max_width;
         // The fingers open at home, where nothing is in their way.
         let around = PlanningScene { world: &world, attached: None, allowed: &Allowed::none(), gripper_width: width };

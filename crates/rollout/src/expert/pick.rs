@@ -2,7 +2,7 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Pose, Seed};
-use genmanip_layout::{Move, surroundings};
+use genmanip_layout::{Move, obstacles};
 use genmanip_motion::{
     FeasibilitySettings, FeasibleGrasp, GeometryError, GraspRejections, PickMotions, PickQuery, PickedObject, PlaceGoal,
 };
@@ -40,7 +40,7 @@ pub(super) fn plan(
         let evidence = format!("no free place for {name} where every condition on it holds");
         return Err(Failure { cause: FailureCause::NoGoalPose, evidence });
     };
-    let world = surroundings::world(scene, None);
+    let world = obstacles::around(scene, None);
     let pieces = object.model.pieces(&object.joint_positions);
     let settings = &expert.settings;
     let tight = FeasibilitySettings { clearance_m: settings.tight_clearance_m, ..settings.feasibility.clone() };
@@ -85,9 +85,9 @@ fn feasible(
     let name = expert.stage.name(object);
     let (planner, settings) = (query.planner, &expert.settings);
     let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
-    let tried = surroundings::tried_grasps(planner, scene, object, expert.tried(object)).map_err(flawed)?;
+    let tried = obstacles::tried_grasps(planner, scene, object, expert.tried(object)).map_err(flawed)?;
     // What has no volume has no grasps.
-    let generated = || surroundings::generated_grasps(planner, scene, object, seed).unwrap_or_default();
+    let generated = || obstacles::generated_grasps(planner, scene, object, seed).unwrap_or_default();
     let mut candidates = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
     if candidates.peek().is_none() {
         let evidence = format!("{name} has no grasp that fits the hand as it lies");

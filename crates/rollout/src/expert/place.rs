@@ -1,7 +1,7 @@
 //! Placing: carrying what is in the hand to where its conditions hold, letting go, backing off.
 
 use genmanip_core::{Failure, FailureCause, Piece, Pose, Seed};
-use genmanip_layout::{GoalPose, Move, surroundings};
+use genmanip_layout::{GoalPose, Move, obstacles};
 use genmanip_motion::{CollisionWorld, PlaceGoal, PlaceQuery, Release};
 use genmanip_scene::relations::PosedScene;
 
@@ -96,7 +96,7 @@ impl<'a> Held<'a> {
             name: posed.map_or("", |held| &held.id),
             pieces: posed.map_or_else(Vec::new, |held| held.model.pieces(&held.joint_positions)),
             tcp_from_object: posed.map_or(Pose::IDENTITY, |held| world_from_tcp.inverse() * held.pose),
-            world: surroundings::world(scene, Some(object)),
+            world: obstacles::around(scene, Some(object)),
         }
     }
 

@@ -15,10 +15,10 @@ mod view;
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{RobotModel, Seed};
+use genmanip_core::{RobotModel, Seed, World};
 use genmanip_motion::grasp::cloud::Features;
 use genmanip_motion::{CloudError, CloudTarget, GeometryError, Planner};
-use genmanip_sim::{SimError, SimSettings};
+use genmanip_sim::SimError;
 use serde::{Deserialize, Serialize};
 
 pub use arm::Ending;
@@ -69,8 +69,8 @@ pub struct GraspTrials {
     pub planner: Arc<Planner>,
     /// The robot.
     pub robot: Arc<RobotModel>,
-    /// Physics.
-    pub sim: SimSettings,
+    /// Surfaces, physics and cameras.
+    pub world: Arc<World>,
     /// Cameras' noise and resolution.
     pub view: ViewSettings,
 }
@@ -144,8 +144,8 @@ impl GraspTrials {
         seed: Seed,
         clock: &mut dyn FnMut() -> f64,
     ) -> Result<Trial, TrialError> {
-        let table = Table::settled(self.catalogue, class, &self.sim, seed.fork("table"))?;
-        let cloud = view::observe(&table, view, &self.view, seed.fork("view"))?;
+        let table = Table::settled(self.catalogue, class, &self.world, seed.fork("table"))?;
+        let cloud = view::observe(&table, &self.world, view, &self.view, seed.fork("view"))?;
         let target =
             CloudTarget { points: &cloud.points, cameras: &cloud.cameras, scene: &cloud.scene, table_height: 0.0 };
         let start = clock();

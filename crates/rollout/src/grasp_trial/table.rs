@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, variant};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed};
-use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimSettings};
+use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed, World};
+use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim};
 use rand::RngExt;
 
 use super::{Class, TrialError};
@@ -35,12 +35,7 @@ pub struct Table {
 
 impl Table {
     /// Draws the things of a class and lets them come to rest.
-    pub(super) fn settled(
-        catalogue: &Catalogue,
-        class: Class,
-        sim: &SimSettings,
-        seed: Seed,
-    ) -> Result<Self, TrialError> {
+    pub(super) fn settled(catalogue: &Catalogue, class: Class, world: &World, seed: Seed) -> Result<Self, TrialError> {
         let graspable = |card: &&ObjectCard| card.can_grasp && !card.is_articulated;
         let is_utensil = |card: &ObjectCard| UTENSILS.contains(&card.category.as_str());
         let of_class = |utensils: bool| -> Vec<&ObjectCard> {
@@ -61,19 +56,19 @@ impl Table {
         }
         let mut table = Self { poses: places(&models, seed.fork("places")), models };
         table.models.truncate(table.poses.len());
-        table.settle(sim)?;
+        table.settle(world)?;
         Ok(table)
     }
 
     /// One thing upright at the usual place, at rest.
-    pub(super) fn with_one(model: Arc<ObjectModel>, sim: &SimSettings) -> Result<Self, TrialError> {
+    pub(super) fn with_one(model: Arc<ObjectModel>, world: &World) -> Result<Self, TrialError> {
         let mut table = Self { models: vec![model], poses: vec![Pose::from_position(MIDDLE + DVec3::Z * 0.001)] };
-        table.settle(sim)?;
+        table.settle(world)?;
         Ok(table)
     }
 
-    fn settle(&mut self, sim: &SimSettings) -> Result<(), TrialError> {
-        let scene = Scene::compile_without_robot(&self.objects(), sim)?;
+    fn settle(&mut self, world: &World) -> Result<(), TrialError> {
+        let scene = Scene::compile_without_robot(world, &self.objects())?;
         let mut settling = Sim::new(Arc::new(scene));
         settling.settle(&SettleSettings { max_seconds: 4.0, ..SettleSettings::default() })?;
         self.poses = settling.object_states().iter().map(|state| state.pose).collect();

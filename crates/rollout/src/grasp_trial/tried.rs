@@ -6,9 +6,8 @@ use std::sync::atomic::AtomicBool;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, MassProperties, ObjectModel, Pose, Seed, TriedGrasp};
-use genmanip_layout::surroundings;
+use genmanip_layout::obstacles;
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
-use genmanip_sim::SimSettings;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
@@ -85,15 +84,15 @@ pub fn tried_grasps(
     settings: &TryingSettings,
     seed: Seed,
 ) -> Result<Vec<TriedGrasp>, TrialError> {
-    let table = Table::with_one(Arc::clone(model), &trials.sim)?;
+    let table = Table::with_one(Arc::clone(model), &trials.world)?;
     let object = PosedObject {
         id: model.card.uid.clone(),
         model: Arc::clone(model),
         pose: table.poses[0],
         joint_positions: Vec::new(),
     };
-    let scene = PosedScene::new(vec![object], &mut ShapeCache::default());
-    let candidates = surroundings::generated_grasps(&trials.planner, &scene, 0, seed)?;
+    let scene = PosedScene::new(vec![object], &trials.world.surfaces, &mut ShapeCache::default());
+    let candidates = obstacles::generated_grasps(&trials.planner, &scene, 0, seed)?;
     let mut tried = Vec::new();
     for (index, grasp) in candidates.into_iter().enumerate() {
         tried.extend(try_out(trials, &table, grasp, settings, seed.fork("trials").fork_index(index as u64))?);
@@ -137,9 +136,11 @@ fn try_once(
     let error = Pose { position: offset, rotation: DQuat::from_axis_angle(direction(&mut rng), turn) };
     let first = rng.random::<f64>();
 
-    let [sliding, turning, rolling] = trials.sim.pad_friction;
-    let sim = SimSettings { pad_friction: [sliding * friction, turning, rolling], ..trials.sim.clone() };
-    let trials = GraspTrials { sim, ..trials.clone() };
+    let mut robot = (*trials.robot).clone();
+    if let Some(drives) = &mut robot.drives {
+        drives.pad_friction[0] *= friction;
+    }
+    let trials = GraspTrials { robot: Arc::new(robot), ..trials.clone() };
     let heavier = Arc::new(with_mass(&table.models[0], mass));
     for yaw in 0..settings.yaws {
         let yaw = TAU * (first + yaw as f64 / settings.yaws as f64);

@@ -1,10 +1,8 @@
 //! Clouds of a table: its whole surface, or what depth cameras see of it.
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Camera, ObjectModel, Pose, Seed};
-use genmanip_render::{
-    Channels, Environment, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob,
-};
+use genmanip_core::{Camera, ObjectModel, Pose, Seed, World};
+use genmanip_render::{Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
@@ -56,21 +54,27 @@ pub struct Cloud {
 }
 
 /// The cloud of a table in which thing 0 is the target.
-pub(super) fn observe(table: &Table, view: View, settings: &ViewSettings, seed: Seed) -> Result<Cloud, TrialError> {
-    let prompt: Vec<Camera> = Camera::default_rig()
+pub(super) fn observe(
+    table: &Table,
+    world: &World,
+    view: View,
+    settings: &ViewSettings,
+    seed: Seed,
+) -> Result<Cloud, TrialError> {
+    let prompt: Vec<Camera> = world
+        .prompt_cameras()
         .into_iter()
-        .filter(|camera| ["overview", "left", "right"].contains(&camera.name.as_str()))
         .map(|camera| {
             let [width, height] = settings.resolution;
-            Camera { intrinsics: camera.intrinsics.resized(width, height), ..camera }
+            Camera { intrinsics: camera.intrinsics.resized(width, height), ..camera.clone() }
         })
         .collect();
     match view {
         View::Full => Ok(whole(table, settings, seed)),
-        View::Three => seen(table, &prompt, settings, seed),
+        View::Three => seen(table, world, &prompt, settings, seed),
         View::One => {
             let index = seed.fork("camera").rng().random_range(0..prompt.len());
-            seen(table, &prompt[index..=index], settings, seed)
+            seen(table, world, &prompt[index..=index], settings, seed)
         }
     }
 }
@@ -106,8 +110,14 @@ fn surface(model: &ObjectModel, world_from_object: &Pose, count: usize, seed: Se
     points
 }
 
-fn seen(table: &Table, cameras: &[Camera], settings: &ViewSettings, seed: Seed) -> Result<Cloud, TrialError> {
-    let assets = RenderAssets::without_robot(&table.models, &Environment::default())?;
+fn seen(
+    table: &Table,
+    world: &World,
+    cameras: &[Camera],
+    settings: &ViewSettings,
+    seed: Seed,
+) -> Result<Cloud, TrialError> {
+    let assets = RenderAssets::without_robot(&table.models, Some(world))?;
     let mut renderer = Renderer::new(std::sync::Arc::clone(&assets), RenderVariation::default());
     let frame = assets.frame_state(&[], 0.0, table.poses.iter().map(|pose| (*pose, [].as_slice())))?;
     let mut cloud = Cloud::default();

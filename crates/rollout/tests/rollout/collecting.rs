@@ -7,6 +7,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::GraspLibrary;
+use genmanip_assets::worlds::default_world;
 use genmanip_core::{Episode, EpisodeResult, FailureCause, Policy, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::LayoutSettings;
@@ -25,7 +26,7 @@ fn tasks() -> Vec<Task> {
 
 fn with_images() -> CollectSettings {
     let images = ImageSettings { cameras: vec!["wrist".into()], fps: 10, ..ImageSettings::default() };
-    CollectSettings { images: Some(images), ..CollectSettings::default() }
+    CollectSettings { images: Some(images), ..CollectSettings::in_world((*default_world()).clone()) }
 }
 
 fn collect_all(
@@ -93,7 +94,7 @@ fn attempts_without_layout_are_counted_and_not_evaluated() {
     let tasks = tasks();
     let attempts = Attempt::all(&tasks, 1, Seed::new(22));
     let never = AtomicBool::new(false);
-    let settings = CollectSettings::default();
+    let settings = CollectSettings::in_world((*default_world()).clone());
     let cramped = LayoutSettings { x_m: [0.4, 0.41], y_m: [0.0, 0.01], max_restarts: 3, ..LayoutSettings::default() };
     let hopeless = CollectSettings { layout: cramped, ..settings.clone() };
     let silent = |_: &EpisodeResult, _: f64| {};

@@ -6,7 +6,6 @@ use genmanip_assets::Catalogue;
 use genmanip_core::{Ending, EpisodeResult, FailureCause, Frame, Seed, Unit};
 use genmanip_rollout::evidence::{Slip, explain, slips};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
-use genmanip_sim::SimSettings;
 
 use crate::{any_stage, episodes, expert, planner, scenario, task};
 
@@ -86,10 +85,11 @@ fn the_cause_follows_from_what_was_seen() {
 /// Without friction at the pads nothing is carried: the expert says that it slipped, and when.
 #[test]
 fn what_slips_in_physics_is_said_to_have_slipped() {
-    let slippery = SimSettings { pad_friction: [0.005, 1e-5, 1e-5], ..SimSettings::default() };
-    let stage =
-        Stage::open(Arc::new(scenario(&task("024_appearance"))), Catalogue::builtin(), planner().robot(), &slippery)
-            .unwrap();
+    let mut slippery = (**planner().robot()).clone();
+    slippery.drives.as_mut().unwrap().pad_friction = [0.005, 1e-5, 1e-5];
+    let mut scenario = scenario(&task("024_appearance"));
+    scenario.world.robot.physics_hash = slippery.physics_hash();
+    let stage = Stage::open(Arc::new(scenario), Catalogue::builtin(), &Arc::new(slippery)).unwrap();
     let settings = RolloutSettings::default();
     let episode = run_episode(&stage, &mut expert(&stage), "slippery", Seed::new(5), &settings).unwrap();
     let EpisodeResult { success, ending, failures, .. } = episode.result;

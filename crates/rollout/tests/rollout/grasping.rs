@@ -2,20 +2,20 @@
 
 use std::sync::Arc;
 
+use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, panda};
-use genmanip_core::Seed;
+use genmanip_core::{RobotModel, Seed};
 use genmanip_motion::{GraspSettings, Planner, PlannerSettings};
 use genmanip_rollout::grasp_trial::{
     Class, Ending, GraspTrials, Pick, Trial, TryingSettings, View, ViewSettings, tried_grasps,
 };
-use genmanip_sim::SimSettings;
 
-fn trials(sim: SimSettings) -> GraspTrials {
+fn trials(robot: Arc<RobotModel>) -> GraspTrials {
     GraspTrials {
         catalogue: Catalogue::builtin(),
         planner: Arc::new(Planner::new(panda(), PlannerSettings::default()).unwrap()),
-        robot: panda(),
-        sim,
+        robot,
+        world: default_world(),
         view: ViewSettings::default(),
     }
 }
@@ -28,15 +28,16 @@ fn held(trials: &GraspTrials, class: Class, view: View, count: u64) -> (usize, V
 
 #[test]
 fn most_things_are_lifted_shaken_and_held_by_friction_alone() {
-    let real = trials(SimSettings::default());
+    let real = trials(panda());
     let (count, done) = held(&real, Class::Compact, View::One, 4);
     assert!(count >= 3, "{done:?}");
     let again = held(&real, Class::Compact, View::One, 1).1;
     assert_eq!(serde_json::to_string(&done[..1]).unwrap(), serde_json::to_string(&again).unwrap(), "same seed");
 
     // The same grasps without friction: nothing else may carry what was held.
-    let slippery = SimSettings { pad_friction: [0.01, 1e-5, 1e-5], ..SimSettings::default() };
-    let (count, done) = held(&trials(slippery), Class::Compact, View::One, 4);
+    let mut slippery = (*panda()).clone();
+    slippery.drives.as_mut().unwrap().pad_friction = [0.01, 1e-5, 1e-5];
+    let (count, done) = held(&trials(Arc::new(slippery)), Class::Compact, View::One, 4);
     assert!(count <= 1, "{done:?}");
 }
 
@@ -44,7 +45,7 @@ fn most_things_are_lifted_shaken_and_held_by_friction_alone() {
 fn grasps_of_a_catalogue_object_are_tried_a_little_off_each_time() {
     let grasp = GraspSettings { max_candidates: 1, ..GraspSettings::default() };
     let planner = Planner::new(panda(), PlannerSettings { grasp, ..PlannerSettings::default() }).unwrap();
-    let real = GraspTrials { planner: Arc::new(planner), ..trials(SimSettings::default()) };
+    let real = GraspTrials { planner: Arc::new(planner), ..trials(panda()) };
     let ball = real.catalogue.build("050").unwrap();
     let settings = TryingSettings { trials: 2, ..TryingSettings::default() };
     let tried = tried_grasps(&real, &ball, &settings, Seed::new(5)).unwrap();

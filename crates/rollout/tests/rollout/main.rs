@@ -14,6 +14,7 @@ mod stepping;
 
 use std::sync::{Arc, OnceLock};
 
+use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, GraspLibrary, panda};
 use genmanip_core::{Episode, Scenario, Seed, Task};
 use genmanip_layout::LayoutSettings;
@@ -22,7 +23,6 @@ use genmanip_rollout::collect::{Attempt, Resources};
 use genmanip_rollout::expert::{Expert, ExpertSettings};
 use genmanip_rollout::{RolloutSettings, Stage, run_episode};
 use genmanip_scene::answer::{RecordedAnswer, check_answer};
-use genmanip_sim::SimSettings;
 
 /// A fruit on a plate, a cube on a cube, and a cube chosen by its place.
 const TASKS: [&str; 3] = ["017_pick_and_place", "024_appearance", "021_spatial"];
@@ -46,11 +46,11 @@ fn resources() -> Resources<'static> {
 
 fn scenario(task: &Task) -> Scenario {
     let attempts = Attempt::all(std::slice::from_ref(task), 1, Seed::new(11));
-    attempts[0].scenario(resources(), &LayoutSettings::default()).unwrap()
+    attempts[0].scenario(resources(), &default_world(), &LayoutSettings::default()).unwrap()
 }
 
 fn stage(scenario: Scenario) -> Stage {
-    Stage::open(Arc::new(scenario), Catalogue::builtin(), planner().robot(), &SimSettings::default()).unwrap()
+    Stage::open(Arc::new(scenario), Catalogue::builtin(), planner().robot()).unwrap()
 }
 
 fn expert(stage: &Stage) -> Expert {

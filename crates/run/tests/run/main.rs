@@ -50,7 +50,12 @@ impl Progress for Listener<'_> {
 fn run(episodes: usize) -> Run {
     let path = PathBuf::from(format!("{}/../../examples/tasks/{TASK}.json", env!("CARGO_MANIFEST_DIR")));
     let tasks = inputs::read_tasks(&[path]).unwrap();
-    Run::new(tasks, episodes, CollectSettings::default(), Seed::new(3))
+    Run::new(
+        tasks,
+        episodes,
+        CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone()),
+        Seed::new(3),
+    )
 }
 
 fn collected(folder: &Path, run: &Run, progress: &dyn Progress, stop: &AtomicBool) -> Collected {

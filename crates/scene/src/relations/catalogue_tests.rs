@@ -24,7 +24,7 @@ fn scene(upper: &str, lower: &str, offset: DVec3) -> PosedScene {
     };
     let anchor = DVec3::new(0.5, 0.0, 0.0);
     let objects = vec![posed(upper, anchor + offset), posed(lower, anchor)];
-    PosedScene::new(objects, &mut ShapeCache::default())
+    PosedScene::new(objects, &[], &mut ShapeCache::default())
 }
 
 /// Lowers the first object until it touches the second, and compares the label.

@@ -43,7 +43,7 @@ fn arrangement(seed: Seed, shapes: &mut ShapeCache) -> PosedScene {
     let rng = &mut seed.rng();
     let reach = [0.02, 0.1, 0.25][rng.random_range(0..3)];
     let objects = vec![object("a", reach, rng), object("b", 0.01, rng), object("c", 0.3, rng)];
-    let mut scene = PosedScene::new(objects, shapes);
+    let mut scene = PosedScene::new(objects, &[], shapes);
     let settings = RelationSettings::default();
     if measure_pair(&scene, 0, 1, &settings).unwrap().gap_m > 0.0 {
         return scene;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use genmanip_core::{Aabb, ObjectModel, Piece, Pose, Shape};
+use genmanip_core::{Aabb, ObjectModel, Piece, Pose, Shape, SupportSurface};
 use glam::{DAffine3, DVec2, DVec3};
 
 use super::shape::{ObjectShape, ShapeCache, outline_directions, outline_points};
@@ -25,6 +25,7 @@ pub struct PosedObject {
 #[derive(Clone, Debug)]
 pub struct PosedScene {
     pub(super) bodies: Vec<Body>,
+    surfaces: Arc<[SupportSurface]>,
 }
 
 /// An object with its geometry in the world.
@@ -61,8 +62,9 @@ pub(super) struct Footprint {
 }
 
 impl PosedScene {
-    /// Places objects; shapes come from the cache or are prepared into it.
-    pub fn new(objects: Vec<PosedObject>, shapes: &mut ShapeCache) -> Self {
+    /// Places objects among the support surfaces of their world, the table first; shapes come from the cache or are
+    /// prepared into it.
+    pub fn new(objects: Vec<PosedObject>, surfaces: &[SupportSurface], shapes: &mut ShapeCache) -> Self {
         let bodies = objects
             .into_iter()
             .map(|object| {
@@ -70,7 +72,12 @@ impl PosedScene {
                 Body::new(object, shape)
             })
             .collect();
-        Self { bodies }
+        Self { bodies, surfaces: surfaces.into() }
+    }
+
+    /// The support surfaces, the table first.
+    pub fn surfaces(&self) -> &[SupportSurface] {
+        &self.surfaces
     }
 
     /// The objects.

@@ -88,7 +88,7 @@ fn scene(objects: &[(&Arc<ObjectModel>, Pose)]) -> PosedScene {
         pose: *pose,
         joint_positions: vec![0.0; model.joint_count()],
     });
-    PosedScene::new(posed.collect(), &mut ShapeCache::default())
+    PosedScene::new(posed.collect(), &[], &mut ShapeCache::default())
 }
 
 fn at(x: f64, y: f64, z: f64) -> Pose {
@@ -293,7 +293,7 @@ fn a_goal_prepares_nothing_twice_and_outlines_only_what_it_names() {
             pose: at(0.3 + 0.12 * (index / 5) as f64, -0.2 + 0.1 * (index % 5) as f64, 0.0),
             joint_positions: Vec::new(),
         });
-        PosedScene::new(objects.collect(), &mut shapes)
+        PosedScene::new(objects.collect(), &[], &mut shapes)
     };
     let (scene, again) = (posed(), posed());
     for (one, other) in scene.bodies.iter().zip(&again.bodies) {

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use genmanip_core::{JointKind, ObjectModel};
 
 use super::{Parts, color, geom, inertial, mesh, with_pose};
+use crate::SceneObject;
+use crate::engine::Numbers;
 use crate::xml::Element;
-use crate::{SceneObject, SimSettings};
 
 pub(crate) fn object_body(object: &str, link: &str) -> String {
     format!("object/{object}/{link}")
@@ -21,7 +22,7 @@ pub(crate) fn object_free_joint(object: &str) -> String {
     format!("object/{object}")
 }
 
-pub(super) fn add(parts: &mut Parts, objects: &[SceneObject], settings: &SimSettings) {
+pub(super) fn add(parts: &mut Parts, objects: &[SceneObject], numbers: &Numbers) {
     for (index, object) in objects.iter().enumerate() {
         // Equal models share their meshes; the first object of a model names them.
         let first = objects[..index].iter().find(|other| Arc::ptr_eq(&other.model, &object.model));
@@ -29,7 +30,7 @@ pub(super) fn add(parts: &mut Parts, objects: &[SceneObject], settings: &SimSett
         if first.is_none() {
             add_meshes(parts, &object.model, owner);
         }
-        let mut writer = Writer { object, owner, settings, qpos: &mut parts.qpos };
+        let mut writer = Writer { object, owner, numbers, qpos: &mut parts.qpos };
         let body = writer.root();
         parts.bodies.push(body);
     }
@@ -51,7 +52,7 @@ fn add_meshes(parts: &mut Parts, model: &ObjectModel, owner: &str) {
 struct Writer<'a> {
     object: &'a SceneObject,
     owner: &'a str,
-    settings: &'a SimSettings,
+    numbers: &'a Numbers,
     qpos: &'a mut Vec<f64>,
 }
 
@@ -70,7 +71,7 @@ impl Writer<'_> {
     fn fill(&mut self, body: &mut Element, index: usize) {
         let model = Arc::clone(&self.object.model);
         let link = &model.links[index];
-        let [turning, rolling] = self.settings.object_rotational_friction;
+        let [turning, rolling] = self.numbers.physics.rotational_friction_m;
         let rgba = color(link.visual.first().map(|part| &part.material));
         body.push(inertial(&link.mass));
         for (number, piece) in link.pieces.iter().enumerate() {
@@ -98,7 +99,7 @@ impl Writer<'_> {
                     .numbers("range", &joint.range)
                     .number("damping", joint.damping)
                     .number("frictionloss", joint.friction_loss)
-                    .numbers("solimpfriction", &self.settings.joint_friction_solimp)
+                    .numbers("solimpfriction", &self.numbers.engine.joint_friction_solimp)
                     .number("stiffness", joint.stiffness)
                     .number("springref", joint.spring_reference),
             );

@@ -1,9 +1,8 @@
 //! The robot's bodies, drives and limits.
 
-use genmanip_core::{JointKind, RobotJoint, RobotModel};
+use genmanip_core::{Drives, JointKind, RobotJoint, RobotModel};
 
 use super::{GRIP, Parts, geom, inertial, mesh, with_pose};
-use crate::SimSettings;
 use crate::xml::Element;
 
 /// Pieces this close to the nearest one still count as the pad, m.
@@ -25,11 +24,11 @@ pub(crate) fn finger_joint(robot: &RobotModel, finger: usize) -> Option<String> 
     link.joint.as_ref().map(|joint| robot_joint(&joint.name))
 }
 
-pub(super) fn add(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings) {
+pub(super) fn add(parts: &mut Parts, robot: &RobotModel, drives: &Drives, timestep_s: f64) {
     let mut home = robot.home.iter().copied();
     let roots = (0..robot.links.len()).filter(|&index| robot.links[index].parent.is_none());
     for root in roots {
-        let body = link_body(parts, robot, root, &mut home, settings);
+        let body = link_body(parts, robot, root, &mut home, drives);
         parts.bodies.push(body);
     }
     for &(a, b) in &robot.never_colliding {
@@ -39,8 +38,8 @@ pub(super) fn add(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings)
                 .push(Element::new("exclude").text("body1", &robot_body(&a.name)).text("body2", &robot_body(&b.name)));
         }
     }
-    add_arm_drives(parts, robot, settings);
-    add_gripper_drive(parts, robot, settings);
+    add_arm_drives(parts, robot, drives);
+    add_gripper_drive(parts, robot, drives, timestep_s);
 }
 
 fn link_body(
@@ -48,7 +47,7 @@ fn link_body(
     robot: &RobotModel,
     index: usize,
     home: &mut impl Iterator<Item = f64>,
-    settings: &SimSettings,
+    drives: &Drives,
 ) -> Element {
     let link = &robot.links[index];
     let is_finger = robot.gripper.fingers.contains(&index);
@@ -60,7 +59,7 @@ fn link_body(
     if let Some(joint) = &link.joint {
         let start = if is_finger { robot.gripper.max_width / 2.0 } else { home.next().unwrap_or(0.0) };
         parts.qpos.push(start);
-        body.push(joint_element(joint, is_finger, settings));
+        body.push(joint_element(joint, is_finger, drives));
     }
     let pads = if is_finger { pad_pieces(robot, index) } else { Vec::new() };
     for (number, piece) in link.pieces.iter().enumerate() {
@@ -70,13 +69,13 @@ fn link_body(
         body.push(geom(&name, class, piece, &name));
     }
     for child in (0..robot.links.len()).filter(|&child| robot.links[child].parent == Some(index)) {
-        let child = link_body(parts, robot, child, home, settings);
+        let child = link_body(parts, robot, child, home, drives);
         body.push(child);
     }
     body
 }
 
-fn joint_element(joint: &RobotJoint, is_finger: bool, settings: &SimSettings) -> Element {
+fn joint_element(joint: &RobotJoint, is_finger: bool, drives: &Drives) -> Element {
     let kind = match joint.kind {
         JointKind::Revolute => "hinge",
         JointKind::Prismatic => "slide",
@@ -86,12 +85,12 @@ fn joint_element(joint: &RobotJoint, is_finger: bool, settings: &SimSettings) ->
         .numbers("axis", &joint.axis.to_array())
         .numbers("range", &[joint.lower, joint.upper]);
     if is_finger {
-        element.number("armature", settings.finger_armature).number("damping", settings.finger_damping)
+        element.number("armature", drives.finger_armature).number("damping", drives.finger_damping)
     } else {
         // The motors carry the arm against gravity, and their sum stays within the maker's limit.
         element
-            .number("armature", settings.arm_armature)
-            .number("damping", settings.arm_damping)
+            .number("armature", drives.arm_armature)
+            .number("damping", drives.arm_damping)
             .text("actuatorgravcomp", "true")
             .numbers("actuatorfrcrange", &[-joint.max_effort, joint.max_effort])
     }
@@ -114,9 +113,9 @@ fn pad_pieces(robot: &RobotModel, finger: usize) -> Vec<usize> {
 }
 
 /// PD drives: a position and a velocity servo per joint, the latter fed with the command's own speed.
-fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings) {
+fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, drives: &Drives) {
     let gain = |gains: &[f64], index: usize| gains.get(index).or(gains.last()).copied().unwrap_or(0.0);
-    for (kind, key, gains) in [("position", "kp", &settings.arm_kp), ("velocity", "kv", &settings.arm_kv)] {
+    for (kind, key, gains) in [("position", "kp", &drives.arm_kp), ("velocity", "kv", &drives.arm_kv)] {
         for (index, joint) in robot.arm_joints().enumerate() {
             parts.actuators.push(
                 Element::new(kind)
@@ -129,7 +128,7 @@ fn add_arm_drives(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings)
 }
 
 /// A force-limited drive on the opening width, and a coupling that keeps both fingers equal as the hand's gear does.
-fn add_gripper_drive(parts: &mut Parts, robot: &RobotModel, settings: &SimSettings) {
+fn add_gripper_drive(parts: &mut Parts, robot: &RobotModel, drives: &Drives, timestep_s: f64) {
     let (Some(first), Some(second)) = (finger_joint(robot, 0), finger_joint(robot, 1)) else { return };
     let term = |joint: &str| Element::new("joint").text("joint", joint).number("coef", 1.0);
     parts.tendons.push(Element::named("fixed", "width").child(term(&first)).child(term(&second)));
@@ -138,14 +137,14 @@ fn add_gripper_drive(parts: &mut Parts, robot: &RobotModel, settings: &SimSettin
             .text("joint1", &second)
             .text("joint2", &first)
             .numbers("polycoef", &[0.0, 1.0, 0.0, 0.0, 0.0])
-            .numbers("solref", &[COUPLING_STEPS * settings.timestep_s(), 1.0]),
+            .numbers("solref", &[COUPLING_STEPS * timestep_s, 1.0]),
     );
     // A force on the width acts on either finger in full, so each gets half of the sum.
-    let per_finger = settings.grip_force_n / 2.0;
+    let per_finger = drives.grip_force_n / 2.0;
     parts.actuators.push(
         Element::named("position", GRIP)
             .text("tendon", "width")
-            .number("kp", settings.grip_kp)
+            .number("kp", drives.grip_kp)
             .numbers("forcerange", &[-per_finger, per_finger]),
     );
 }

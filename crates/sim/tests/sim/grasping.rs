@@ -2,10 +2,10 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectModel, Piece, Pose, Seed};
-use genmanip_sim::{Scene, SettleSettings, Sim, SimSettings};
+use genmanip_sim::{Scene, SettleSettings, Sim};
 use std::sync::Arc;
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::{Catalogue, panda, worlds::default_world};
 
 use crate::models::{ball, can, cuboid, mug, pen, rigid};
 use crate::pick::{Pick, PickReport, pick};
@@ -17,15 +17,17 @@ const MAX_SLIP_M: f64 = 0.003;
 /// Picks it, checks what must hold for every pick, and returns the figures.
 fn check(name: &str, case: &Pick) -> PickReport {
     let robot = panda();
-    let settings = SimSettings::default();
-    let report = pick(&robot, case, &settings).unwrap();
+    let report = pick(&robot, case).unwrap();
     let last = report.frames.last().unwrap();
     assert_eq!(last.grasped, Some(0), "{name}: {}", figures(&report));
     assert!((report.lifted - 0.2).abs() < MAX_SLIP_M, "{name}: {}", figures(&report));
     assert!(report.slip < MAX_SLIP_M, "{name}: {}", figures(&report));
     assert!(report.tracking < 0.003, "{name}: {}", figures(&report));
     for frame in &report.frames {
-        assert!(frame.grip_force <= settings.grip_force_n && frame.grip_force <= robot.gripper.max_force);
+        assert!(
+            frame.grip_force <= robot.drives.as_ref().unwrap().grip_force_n
+                && frame.grip_force <= robot.gripper.max_force
+        );
         for (index, joint) in robot.arm_joints().enumerate() {
             assert!(frame.joint_torque[index] <= joint.max_effort, "{name}: torque of {}", joint.name);
             assert!(frame.joint_velocity[index].abs() <= joint.max_velocity, "{name}: speed of {}", joint.name);
@@ -145,7 +147,7 @@ fn catalogue_things_stand_where_they_are_put() {
     let mut restless = Vec::new();
     for card in Catalogue::builtin().cards().iter().filter(|card| !card.is_articulated) {
         let object = placed(&card.uid, Catalogue::builtin().build(&card.uid).unwrap(), 0.5, 0.0, 0.3);
-        let scene = Scene::compile_without_robot(&[object], &SimSettings::default()).unwrap();
+        let scene = Scene::compile_without_robot(&default_world(), &[object]).unwrap();
         let report = Sim::new(Arc::new(scene)).settle(&SettleSettings::default()).unwrap();
         if !report.settled || report.displacement[0] > 0.005 || report.rotation[0] > 0.05 {
             restless.push(format!(
@@ -172,7 +174,7 @@ fn pick_table() {
     let catalogue = Catalogue::builtin().cards().iter().filter(|card| !card.is_articulated);
     let catalogue = catalogue.filter_map(|card| catalogue_case(&card.uid));
     for (name, case) in named.chain(fresh).chain(catalogue) {
-        match pick(&panda(), &case, &SimSettings::default()) {
+        match pick(&panda(), &case) {
             Ok(report) => eprintln!("{name:34} {}", figures(&report)),
             Err(error) => eprintln!("{name:34} {error}"),
         }

@@ -6,12 +6,14 @@ mod models;
 mod pick;
 mod speed;
 mod states;
+mod worlds;
 
 use std::sync::Arc;
 
+use genmanip_assets::worlds::default_world;
 use genmanip_core::Pose;
 use genmanip_core::glam::DVec3;
-use genmanip_sim::{Scene, SceneObject, SimSettings};
+use genmanip_sim::{Scene, SceneObject};
 
 use models::{ball, cabinet, can, cuboid, mug, pen, rigid};
 
@@ -34,5 +36,5 @@ fn six_objects() -> Vec<SceneObject> {
 }
 
 fn scene() -> Arc<Scene> {
-    Arc::new(Scene::compile(&genmanip_assets::panda(), &six_objects(), &SimSettings::default()).unwrap())
+    Arc::new(Scene::compile(&default_world(), &genmanip_assets::panda(), &six_objects()).unwrap())
 }

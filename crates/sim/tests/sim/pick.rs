@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DMat3, DVec3};
 use genmanip_core::{Frame, ObjectModel, Pose, RobotModel};
-use genmanip_sim::{Scene, SceneObject, Sim, SimError, SimSettings};
+use genmanip_sim::{Scene, SceneObject, Sim, SimError};
 
 #[derive(Debug)]
 pub struct PickReport {
@@ -35,10 +36,10 @@ pub struct Pick {
     pub opening: f32,
 }
 
-pub fn pick(robot: &RobotModel, pick: &Pick, settings: &SimSettings) -> Result<PickReport, SimError> {
+pub fn pick(robot: &RobotModel, pick: &Pick) -> Result<PickReport, SimError> {
     let object =
         SceneObject { name: "it".into(), model: pick.model.clone(), pose: pick.start, joint_positions: vec![] };
-    let scene = Arc::new(Scene::compile(robot, &[object], settings)?);
+    let scene = Arc::new(Scene::compile(&default_world(), robot, &[object])?);
     let mut sim = Sim::new(scene);
 
     let down = Pose::from_axes(pick.start.transform_point(pick.grasp), DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z);

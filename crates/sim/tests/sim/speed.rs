@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use genmanip_core::Pose;
 use genmanip_core::glam::DVec3;
-use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimSettings};
+use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim};
 
-use genmanip_assets::{Catalogue, panda};
+use genmanip_assets::{Catalogue, panda, worlds::default_world};
 
 use crate::pick::solve;
 use crate::placed;
@@ -25,7 +25,7 @@ fn six_objects() -> Vec<SceneObject> {
 }
 
 fn scene() -> Arc<Scene> {
-    Arc::new(Scene::compile(&panda(), &six_objects(), &SimSettings::default()).unwrap())
+    Arc::new(Scene::compile(&default_world(), &panda(), &six_objects()).unwrap())
 }
 
 /// Time this thread has computed (Linux), so that other users of the machine do not count.
@@ -43,13 +43,12 @@ fn speed() {
         (0..count).for_each(|_| work());
         (cpu_seconds() - start) / f64::from(count)
     };
-    let settings = SimSettings::default();
     let objects = six_objects();
     let text = scene().mjcf().len();
-    let compile = time(20, Box::new(move || drop(Scene::compile(&panda(), &objects, &settings).unwrap())));
+    let compile = time(20, Box::new(move || drop(Scene::compile(&default_world(), &panda(), &objects).unwrap())));
     eprintln!("compile with robot and 6 objects: {:.2} ms ({} kB of MJCF)", compile * 1e3, text / 1000);
-    let (objects, settings) = (six_objects(), SimSettings::default());
-    let compile = time(20, Box::new(move || drop(Scene::compile_without_robot(&objects, &settings).unwrap())));
+    let objects = six_objects();
+    let compile = time(20, Box::new(move || drop(Scene::compile_without_robot(&default_world(), &objects).unwrap())));
     eprintln!("compile 6 objects: {:.2} ms", compile * 1e3);
 
     let robot = panda();
@@ -68,7 +67,7 @@ fn speed() {
     let seconds = time(600, Box::new(work));
     eprintln!("physics steps per second, robot moving and grasping: {:.0}", 8.0 / seconds);
 
-    let bare = Arc::new(Scene::compile_without_robot(&six_objects(), &SimSettings::default()).unwrap());
+    let bare = Arc::new(Scene::compile_without_robot(&default_world(), &six_objects()).unwrap());
     let settle = time(10, {
         let bare = Arc::clone(&bare);
         Box::new(move || drop(Sim::new(Arc::clone(&bare)).settle(&SettleSettings::default()).unwrap()))

@@ -3,13 +3,13 @@
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use genmanip_core::Pose;
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
-use genmanip_sim::{BodyId, Scene, SettleSettings, Sim, SimError, SimSettings};
+use genmanip_core::{Pose, RobotModel, World};
+use genmanip_sim::{BodyId, Scene, SettleSettings, Sim, SimError};
 
 use crate::models::{ball, can, cuboid, rigid};
 use crate::{placed, scene, six_objects};
-use genmanip_assets::panda;
+use genmanip_assets::{panda, worlds::default_world};
 
 /// A command that waves the arm through the objects.
 fn command(step: usize) -> Vec<f32> {
@@ -117,24 +117,42 @@ fn nonsense_is_refused_and_changes_nothing() {
     assert!(matches!(sim.set_state(&broken), Err(SimError::NotFinite(_))));
     assert_eq!(sim.state(), before);
 
-    let compile =
-        |objects: &[_], settings: &SimSettings| Scene::compile(&panda(), objects, settings).map(|_| ()).unwrap_err();
+    let refused = |world: &World, robot: &RobotModel, objects: &[_]| {
+        Scene::compile(world, robot, objects).map(|_| ()).unwrap_err()
+    };
+    let compile = |objects: &[_]| refused(&default_world(), &panda(), objects);
     let mut objects = six_objects();
     objects[1].name = "Pen".into();
-    assert_eq!(compile(&objects, &SimSettings::default()), SimError::DuplicateName("Pen".into()));
+    assert_eq!(compile(&objects), SimError::DuplicateName("Pen".into()));
     let mut objects = six_objects();
     objects[5].joint_positions.clear();
-    assert!(matches!(compile(&objects, &SimSettings::default()), SimError::JointPositions { expected: 1, got: 0, .. }));
+    assert!(matches!(compile(&objects), SimError::JointPositions { expected: 1, got: 0, .. }));
     let mut objects = six_objects();
     objects[0].pose.position.x = f64::NAN;
-    assert!(matches!(compile(&objects, &SimSettings::default()), SimError::NotFinite(_)));
-    let settings = SimSettings { control_rate_hz: 50, ..SimSettings::default() };
-    assert!(matches!(compile(&[], &settings), SimError::Settings(_)));
-    let settings = SimSettings { grip_force_n: 200.0, ..SimSettings::default() };
-    assert!(matches!(compile(&[], &settings), SimError::Settings(_)));
+    assert!(matches!(compile(&objects), SimError::NotFinite(_)));
+    let mut world = (*default_world()).clone();
+    world.physics.control_rate_hz = 50;
+    assert!(matches!(refused(&world, &panda(), &[]), SimError::Settings(_)));
+    let mut strong = (*panda()).clone();
+    strong.drives.as_mut().unwrap().grip_force_n = 200.0;
+    assert!(matches!(refused(&default_world(), &strong, &[]), SimError::Settings(_)));
+    let knobs = [
+        ("solver_iteration", 30.into(), "`solver_iterations`?"),
+        ("contact_solref", "stiff".into(), "`physics.engine.contact_solref` does not fit"),
+        ("impedance_ratio", 0.into(), "`physics.engine.impedance_ratio` does not fit"),
+    ];
+    for (knob, value, expected) in knobs {
+        let mut world = (*default_world()).clone();
+        world.physics.engine.insert(knob.into(), value);
+        let error = refused(&world, &panda(), &[]).to_string();
+        assert!(error.contains(expected), "{knob}: {error}");
+    }
+    let mut world = (*default_world()).clone();
+    world.physics.engine.remove("arena_mib");
+    assert!(refused(&world, &panda(), &[]).to_string().contains("`physics.engine.arena_mib` is missing"));
     let mut model = rigid("flat", 1.0, 0.5, vec![cuboid(0.1, 0.1, 0.1)]);
     Arc::get_mut(&mut model).unwrap().links[0].mass.inertia = DMat3::from_diagonal(DVec3::new(1.0, 0.1, 0.1));
-    let error = compile(&[placed("flat", model, 0.5, 0.0, 0.0)], &SimSettings::default());
+    let error = compile(&[placed("flat", model, 0.5, 0.0, 0.0)]);
     assert!(matches!(&error, SimError::Compile(text) if text.contains("nertia")), "{error}");
 }
 
@@ -152,8 +170,7 @@ fn a_diverging_simulation_is_an_error() {
 
 #[test]
 fn things_settle_where_they_belong() {
-    let settings = SimSettings::default();
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&six_objects(), &settings).unwrap()));
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &six_objects()).unwrap()));
     let report = sim.settle(&SettleSettings::default()).unwrap();
     assert!(report.settled && report.seconds < 1.0, "{report:?}");
     assert!(report.displacement.iter().all(|&moved| moved < 1e-3), "{report:?}");
@@ -162,12 +179,12 @@ fn things_settle_where_they_belong() {
     // A can on its edge falls; two boxes in one place are seen as deep.
     let mut tilted = placed("can", rigid("can", 0.3, 0.5, vec![can(0.03, 0.12)]), 0.5, 0.0, 0.0);
     tilted.pose = Pose::new(DVec3::new(0.5, 0.0, 0.03), DQuat::from_rotation_x(0.7));
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&[tilted], &settings).unwrap()));
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &[tilted]).unwrap()));
     let report = sim.settle(&SettleSettings { max_seconds: 5.0, ..SettleSettings::default() }).unwrap();
     assert!(report.rotation[0] > 0.5 && report.settled, "{report:?}");
     let box_at = |name: &str, x: f64| placed(name, rigid("box", 0.3, 0.5, vec![cuboid(0.1, 0.1, 0.1)]), x, 0.0, 0.0);
     let overlapping = [box_at("a", 0.5), box_at("b", 0.58)];
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&overlapping, &settings).unwrap()));
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &overlapping).unwrap()));
     assert!((sim.penetration() - 0.02).abs() < 1e-3, "{}", sim.penetration());
 }
 
@@ -175,7 +192,7 @@ fn things_settle_where_they_belong() {
 #[test]
 fn a_rolling_ball_comes_to_rest() {
     let ball = placed("ball", rigid("ball", 0.06, 0.5, vec![ball(0.0325)]), 0.5, 0.0, 0.0);
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&[ball], &SimSettings::default()).unwrap()));
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &[ball]).unwrap()));
     // Time, seven numbers of position, then the speed of the origin, which is the point that touches and so rests.
     let mut state = sim.state();
     state[8 + 4] = 0.1 / 0.0325;
@@ -195,7 +212,7 @@ fn a_stack_stands() {
     let mut mug = placed("mug", rigid("mug", 0.3, 0.5, crate::models::mug(0.04, 0.09, 0.004, 16)), 0.5, 0.0, 0.0);
     mug.pose.position.z = 0.09;
     let stack = [slab("a", 0.0, 0.0), slab("b", 0.03, 0.5), slab("c", 0.06, 1.0), mug];
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&stack, &SimSettings::default()).unwrap()));
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &stack).unwrap()));
     sim.advance(480 * 3).unwrap();
     let report = sim.settle(&SettleSettings::default()).unwrap();
     assert!(report.settled && report.final_penetration < 3e-4, "{report:?}");
@@ -207,7 +224,7 @@ fn a_stack_stands() {
 #[test]
 fn contacts_name_both_sides_and_carry_the_weight() {
     let boxed = placed("box", rigid("box", 0.5, 0.5, vec![cuboid(0.1, 0.1, 0.1)]), 0.5, 0.0, 0.4);
-    let scene = Arc::new(Scene::compile(&panda(), &[boxed], &SimSettings::default()).unwrap());
+    let scene = Arc::new(Scene::compile(&default_world(), &panda(), &[boxed]).unwrap());
     let mut sim = Sim::new(Arc::clone(&scene));
     sim.settle(&SettleSettings::default()).unwrap();
     let contacts = sim.contacts();
@@ -262,7 +279,7 @@ fn a_drawer_moves_on_its_rail() {
     let mut cabinet = placed("Cabinet", crate::models::cabinet(), 0.6, 0.0, 0.0);
     cabinet.joint_positions = vec![0.05];
     cabinet.pose = Pose::new(DVec3::new(0.6, 0.0, 0.2), DQuat::from_rotation_y(-FRAC_PI_2 * 0.9));
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&[cabinet], &SimSettings::default()).unwrap()));
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(&default_world(), &[cabinet]).unwrap()));
     assert_eq!(sim.object_states()[0].joint_positions, vec![0.05]);
     sim.advance(480).unwrap();
     let position = sim.object_states()[0].joint_positions[0];

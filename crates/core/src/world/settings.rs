@@ -1,7 +1,43 @@
-//! Every threshold of the judges on one screen.
+//! What the world's physics and its judges go by.
+
+use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// How things move, whatever engine computes it; drives and pads are the robot's ([`crate::Drives`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PhysicsSettings {
+    /// Control steps per second, the rate of recording.
+    pub control_rate_hz: u32,
+    /// Physics steps per second; a whole multiple of the control rate.
+    pub physics_rate_hz: u32,
+    /// Downward acceleration, m/s².
+    pub gravity_m_s2: f64,
+    /// Turning (m) and rolling (m) friction of objects and fixed things; sliding friction is each thing's own.
+    pub rotational_friction_m: [f64; 2],
+    /// Knobs of the physics engine's solver; the `sim` crate knows their names and refuses unknown and missing ones.
+    pub engine: BTreeMap<String, Value>,
+}
+
+impl PhysicsSettings {
+    /// Physics steps in one control interval.
+    pub fn substeps(&self) -> u32 {
+        self.physics_rate_hz / self.control_rate_hz.max(1)
+    }
+
+    /// Length of a physics step, seconds.
+    pub fn timestep_s(&self) -> f64 {
+        1.0 / f64::from(self.physics_rate_hz)
+    }
+
+    /// Length of a control interval, seconds.
+    pub fn control_period_s(&self) -> f64 {
+        1.0 / f64::from(self.control_rate_hz)
+    }
+}
 
 /// Thresholds of the relations; stored beside every verdict that was made with them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

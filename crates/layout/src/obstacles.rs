@@ -1,7 +1,7 @@
-//! What the planner must keep clear of: the table and the objects where they are now.
+//! What the planner must keep clear of: the support surfaces and the objects where they are now.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Grasp, ObjectModel, Piece, Seed, Shape, TriedGrasp};
+use genmanip_core::{Grasp, ObjectModel, Seed, TriedGrasp};
 use genmanip_motion::{CollisionWorld, GeometryError, GraspTarget, Planner};
 use genmanip_scene::relations::PosedScene;
 
@@ -9,16 +9,13 @@ use genmanip_scene::relations::PosedScene;
 /// lost.
 const SOUND: f64 = 0.8;
 
-/// Name of the table among the obstacles.
-pub const TABLE: &str = "table";
-
-/// The table and every object but one, exact pieces at their present poses, named by id.
-pub fn world(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
+/// Every support surface by its id, and every object but one by its own, exact pieces at their present poses.
+pub fn around(scene: &PosedScene, without: Option<usize>) -> CollisionWorld {
     let mut world = CollisionWorld::new();
-    // Broad enough that the arm never reaches around it.
-    let slab = Piece::at(DVec3::new(0.55, 0.0, -0.05), Shape::Box { half_extents: DVec3::new(0.45, 0.8, 0.05) });
-    // The models' own pieces and finite poses are always accepted.
-    let _ = world.add(TABLE, &[slab], &genmanip_core::Pose::IDENTITY);
+    for surface in scene.surfaces() {
+        // A checked world's boxes and finite poses are always accepted.
+        let _ = world.add(&surface.id, &surface.pieces(), &surface.world_from_surface());
+    }
     for (index, object) in scene.objects().enumerate() {
         if Some(index) != without {
             let _ = world.add(&object.id, &object.model.pieces(&object.joint_positions), &object.pose);

@@ -1,77 +1,71 @@
-//! What stands around the robot: a table, and on request a floor.
+//! What stands around the robot: the support surfaces of a world.
 
 use std::sync::{Arc, OnceLock};
 
-use genmanip_core::{Material, Pose, Texture, TriMesh, VisualPart};
+use genmanip_core::{Material, SupportSurface, Texture, TriMesh, VisualPart, World};
 use glam::{Vec2, Vec3};
-use serde::{Deserialize, Serialize};
 
-/// The surroundings. The table's top is the plane z = 0.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Environment {
-    /// Whether there is a table.
-    pub table: bool,
-    /// Extent of the table's top along x, metres, world frame.
-    pub table_x: [f32; 2],
-    /// Extent along y.
-    pub table_y: [f32; 2],
-    /// Thickness of the top.
-    pub table_thickness_m: f32,
-    /// Radius of its rounded edges and corners.
-    pub edge_radius_m: f32,
-    /// Whether there is a floor below; without it the background shows.
-    pub floor: bool,
-    /// Height of the floor.
-    pub floor_z: f32,
-}
+/// Radius of the rounded edges of a slab, metres.
+const EDGE_RADIUS_M: f32 = 0.012;
+/// Half the width of a leg, and how far its middle is inside the edges, metres.
+const LEG_HALF_M: f32 = 0.03;
+const LEG_INSET_M: f32 = 0.08;
 
-impl Default for Environment {
-    fn default() -> Self {
-        Self {
-            table: true,
-            table_x: [-0.30, 1.10], // carries the robot's base and the usable area 0.2-0.9 with a margin
-            table_y: [-0.75, 0.75], // usable area ±0.5 with a margin
-            table_thickness_m: 0.04,
-            edge_radius_m: 0.012,
-            floor: false, // the benchmark's background is plain white
-            floor_z: -0.74,
-        }
-    }
+/// Something fixed that is drawn.
+pub(crate) struct Fixed {
+    /// Where it lies in the world is its `link_from_part`.
+    pub visual: VisualPart,
+    /// Whether it is the table's slab, which takes the colour of a variation.
+    pub is_table: bool,
+    /// Whether it casts shadows; the table does not, since nothing is seen below it.
+    pub casts_shadow: bool,
 }
 
 /// Surfaces to draw, in the world frame.
-pub(crate) fn visuals(environment: &Environment) -> Vec<VisualPart> {
-    let part = |name: &str, mesh: TriMesh, material: Material| VisualPart {
-        name: name.into(),
-        mesh: Arc::new(mesh),
-        material,
-        link_from_part: Pose::IDENTITY,
-    };
-    let mut parts = Vec::new();
-    if environment.table {
-        let wood = Material { texture: Some(wood()), ..Material::plain([1.0; 3], 0.55) };
-        parts.push(part("table", table_top(environment), wood));
-        parts.push(part("legs", table_legs(environment), Material::plain([0.32, 0.33, 0.35], 0.5)));
+pub(crate) fn visuals(world: &World) -> Vec<Fixed> {
+    let mut fixed = Vec::new();
+    for (index, surface) in world.surfaces.iter().enumerate() {
+        let is_table = index == 0;
+        let mut add = |mesh: TriMesh, material: Material, is_slab: bool| {
+            fixed.push(Fixed {
+                visual: VisualPart {
+                    name: surface.id.clone(),
+                    mesh: Arc::new(mesh),
+                    material,
+                    link_from_part: surface.world_from_surface(),
+                },
+                is_table: is_table && is_slab,
+                casts_shadow: !is_table,
+            });
+        };
+        let paint = || Material::plain([0.80, 0.81, 0.82], 0.5);
+        let wood = || Material { texture: Some(wood()), ..Material::plain([1.0; 3], 0.55) };
+        add(slab(surface), if is_table { wood() } else { paint() }, true);
+        for board in &surface.boards {
+            let (center, half) = (board.center_m.as_vec3(), board.size_m.as_vec3() * 0.5);
+            let mut mesh = TriMesh::default();
+            push_box(&mut mesh, center - half, center + half);
+            add(mesh, paint(), false);
+        }
+        if surface.legs {
+            add(legs(surface, world.floor_z_m), Material::plain([0.32, 0.33, 0.35], 0.5), false);
+        }
     }
-    if environment.floor {
-        parts.push(part("floor", floor(environment.floor_z), Material::plain([0.72, 0.71, 0.70], 0.8)));
-    }
-    parts
+    fixed
 }
 
 /// Metres of wood covered by one repetition of the texture.
 const WOOD_SIZE_M: f32 = 1.5;
 
 /// A slab with rounded vertical corners and rounded upper and lower edges: rings of the outline, closed by fans.
-fn table_top(environment: &Environment) -> TriMesh {
+/// In the surface's frame; the texture is fixed in the world, as long as the slab is not turned.
+fn slab(surface: &SupportSurface) -> TriMesh {
     const QUARTER: usize = 8;
-    let radius = environment.edge_radius_m.min(environment.table_thickness_m / 2.0).max(1e-4);
+    let size = surface.size_m.as_vec3();
+    let radius = EDGE_RADIUS_M.min(size.min_element() / 5.0).max(1e-4);
     let corner_radius = radius * 2.5;
-    let (low, high) = (
-        Vec2::new(environment.table_x[0], environment.table_y[0]),
-        Vec2::new(environment.table_x[1], environment.table_y[1]),
-    );
+    let (low, high) = (size.truncate() * -0.5, size.truncate() * 0.5);
+    let texture_offset = surface.top_center_m.as_vec3().truncate();
     let quarter_angle = |step: usize| step as f32 / QUARTER as f32 * std::f32::consts::FRAC_PI_2;
     let outline: Vec<(Vec2, Vec2)> = [(1.0, 1.0, 0.0), (-1.0, 1.0, 1.0), (-1.0, -1.0, 2.0), (1.0, -1.0, 3.0)]
         .iter()
@@ -86,14 +80,14 @@ fn table_top(environment: &Environment) -> TriMesh {
         .collect();
     // Rings from the upper face over the edge to the lower face: (inset from the side, z, slope of the normal).
     let upper = (0..=QUARTER).map(|step| (quarter_angle(step), -radius));
-    let lower = (0..=QUARTER).map(|step| (quarter_angle(step + QUARTER), radius - environment.table_thickness_m));
+    let lower = (0..=QUARTER).map(|step| (quarter_angle(step + QUARTER), radius - size.z));
     let mut mesh = TriMesh::default();
     let mut push = |position: Vec3, normal: Vec3| {
         // The lower side and the edge continue the picture of the top.
         let along = if normal.z.abs() > 0.5 { 0.0 } else { position.z };
         mesh.positions.push(position);
         mesh.normals.push(normal);
-        mesh.uvs.push(Vec2::new(position.x + along, position.y + along) / WOOD_SIZE_M);
+        mesh.uvs.push((position.truncate() + along + texture_offset) / WOOD_SIZE_M);
     };
     let count = outline.len() as u32;
     let mut rings = 0;
@@ -107,7 +101,7 @@ fn table_top(environment: &Environment) -> TriMesh {
     }
     let middle = (low + high) * 0.5;
     push(middle.extend(0.0), Vec3::Z);
-    push(middle.extend(-environment.table_thickness_m), Vec3::NEG_Z);
+    push(middle.extend(-size.z), Vec3::NEG_Z);
     let (top, bottom) = (rings * count, rings * count + 1);
     let last = (rings - 1) * count;
     for i in 0..count {
@@ -123,22 +117,18 @@ fn table_top(environment: &Environment) -> TriMesh {
     mesh
 }
 
-fn table_legs(environment: &Environment) -> TriMesh {
-    let half = 0.03;
-    let inset = 0.08;
-    let top = -environment.table_thickness_m;
+/// Four legs from the slab down to the floor, in the surface's frame.
+fn legs(surface: &SupportSurface, floor_z_m: f64) -> TriMesh {
+    let half_size = surface.size_m.as_vec3() * 0.5;
+    let bottom = (floor_z_m - surface.top_center_m.z) as f32;
+    let inset = LEG_INSET_M.min(half_size.x.min(half_size.y) * 0.5);
     let mut mesh = TriMesh::default();
-    for x in [environment.table_x[0] + inset, environment.table_x[1] - inset] {
-        for y in [environment.table_y[0] + inset, environment.table_y[1] - inset] {
-            push_box(&mut mesh, Vec3::new(x - half, y - half, environment.floor_z), Vec3::new(x + half, y + half, top));
+    for x in [inset - half_size.x, half_size.x - inset] {
+        for y in [inset - half_size.y, half_size.y - inset] {
+            let (low, high) = (Vec2::new(x, y) - LEG_HALF_M, Vec2::new(x, y) + LEG_HALF_M);
+            push_box(&mut mesh, low.extend(bottom), high.extend(-2.0 * half_size.z));
         }
     }
-    mesh
-}
-
-fn floor(z: f32) -> TriMesh {
-    let mut mesh = TriMesh::default();
-    push_box(&mut mesh, Vec3::new(-6.0, -6.0, z - 0.1), Vec3::new(6.0, 6.0, z));
     mesh
 }
 

@@ -1,0 +1,244 @@
+//! What a world must satisfy, all faults at once.
+
+use std::collections::BTreeSet;
+
+use super::{PhysicsSettings, RelationSettings, SupportSurface, World};
+use crate::{Camera, RobotModel};
+
+/// Longest side of a surface and of a workspace, metres; more is a slip of the units.
+const LONGEST_M: f64 = 20.0;
+/// Most pixels along one side of a picture.
+const MOST_PIXELS: u32 = 8192;
+
+/// Something in a world that cannot be.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct WorldFault {
+    /// Where, e.g. `surfaces[1].size_m`.
+    pub place: String,
+    /// What was expected there.
+    pub expected: String,
+    /// What is there.
+    pub got: String,
+    /// What to do about it; may be empty.
+    pub hint: String,
+}
+
+impl std::fmt::Display for WorldFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: expected {}, got {}", self.place, self.expected, self.got)?;
+        if self.hint.is_empty() { Ok(()) } else { write!(f, " (hint: {})", self.hint) }
+    }
+}
+
+impl WorldFault {
+    /// A fault at a place.
+    pub fn new(place: impl Into<String>, expected: impl Into<String>, got: impl ToString) -> Self {
+        Self { place: place.into(), expected: expected.into(), got: got.to_string(), hint: String::new() }
+    }
+
+    /// With what to do about it.
+    #[must_use]
+    pub fn hint(self, hint: impl Into<String>) -> Self {
+        Self { hint: hint.into(), ..self }
+    }
+}
+
+impl World {
+    /// Everything that is wrong with this world for a robot; the engine's knobs are checked by the `sim` crate.
+    pub fn faults(&self, robot: &RobotModel) -> Vec<WorldFault> {
+        let mut faults = Vec::new();
+        self.check_surfaces(&mut faults);
+        self.check_workspace(&mut faults);
+        self.check_robot(robot, &mut faults);
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let twin = self.cameras[..index].iter().any(|other| other.name == camera.name);
+            check_camera(camera, twin, &format!("cameras[{index}]"), &mut faults);
+        }
+        check_physics(&self.physics, &mut faults);
+        check_relations(&self.relations, &mut faults);
+        if self.light.is_some() {
+            faults.push(reserved("light"));
+        }
+        faults
+    }
+
+    fn check_surfaces(&self, faults: &mut Vec<WorldFault>) {
+        let Some(table) = self.table() else {
+            faults.push(WorldFault::new("surfaces", "at least the table", "none"));
+            return;
+        };
+        if table.id != "table" {
+            faults.push(WorldFault::new("surfaces[0].id", "`table`", format!("`{}`", table.id)));
+        }
+        if table.top_center_m.z != 0.0 {
+            let hint = "the world's frame lies in the table top; shift everything else instead";
+            faults.push(WorldFault::new("surfaces[0].top_center_m[2]", "0", table.top_center_m.z).hint(hint));
+        }
+        let mut ids = BTreeSet::new();
+        for (index, surface) in self.surfaces.iter().enumerate() {
+            let place = format!("surfaces[{index}]");
+            if !ids.insert(surface.id.as_str()) {
+                faults.push(WorldFault::new(format!("{place}.id"), "an id of its own", format!("`{}`", surface.id)));
+            }
+            check_surface(surface, &place, faults);
+            let lowest = surface.bounds().min.z;
+            if lowest < self.floor_z_m {
+                faults.push(WorldFault::new(
+                    "floor_z_m",
+                    format!("at most {lowest} m, the lowest point of surface `{}`", surface.id),
+                    self.floor_z_m,
+                ));
+            }
+        }
+    }
+
+    fn check_workspace(&self, faults: &mut Vec<WorldFault>) {
+        let workspace = &self.workspace;
+        for (axis, [low, high]) in [("x", workspace.x), ("y", workspace.y)] {
+            let is_interval = low.is_finite() && high.is_finite() && low < high && high - low <= LONGEST_M;
+            if !is_interval {
+                let got = format!("[{low}, {high}]");
+                faults.push(WorldFault::new(format!("workspace.{axis}"), "[smaller, larger], metres", got));
+                return;
+            }
+        }
+        let Some(table) = self.table() else { return };
+        let surface_from_world = table.world_from_surface().inverse();
+        let corners = workspace.x.iter().flat_map(|&x| workspace.y.iter().map(move |&y| glam::DVec3::new(x, y, 0.0)));
+        let outside = corners.into_iter().find(|&corner| {
+            let at = surface_from_world.transform_point(corner).truncate().abs();
+            at.cmpgt(table.size_m.truncate() * 0.5 + 1e-9).any()
+        });
+        if let Some(corner) = outside {
+            let hint = "make the table larger or the workspace smaller";
+            let got = format!("a corner at x {}, y {}", corner.x, corner.y);
+            faults.push(WorldFault::new("workspace", "all of it on the table top", got).hint(hint));
+        }
+    }
+
+    fn check_robot(&self, robot: &RobotModel, faults: &mut Vec<WorldFault>) {
+        if self.robot.name != robot.name {
+            faults.push(WorldFault::new("robot.name", format!("`{}`", robot.name), format!("`{}`", self.robot.name)));
+        }
+        let hash = robot.physics_hash();
+        if self.robot.physics_hash != hash {
+            let hint = "the world was made with another version of this robot; leave the line out to take today's";
+            faults.push(WorldFault::new("robot.physics_hash", hash, &self.robot.physics_hash).hint(hint));
+        }
+        if self.robot.home.len() != robot.arm_dof() {
+            let expected = format!("{} joint positions", robot.arm_dof());
+            faults.push(WorldFault::new("robot.home", expected, self.robot.home.len()));
+        }
+        for (index, (joint, &at)) in robot.arm_joints().zip(&self.robot.home).enumerate() {
+            if !(joint.lower..=joint.upper).contains(&at) {
+                let expected = format!("{} to {} ({})", joint.lower, joint.upper, joint.name);
+                faults.push(WorldFault::new(format!("robot.home[{index}]"), expected, at));
+            }
+        }
+    }
+}
+
+fn check_surface(surface: &SupportSurface, place: &str, faults: &mut Vec<WorldFault>) {
+    let id = &surface.id;
+    let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    let is_id = id.len() <= 40 && id.chars().next().is_some_and(|c| c.is_ascii_lowercase()) && id.chars().all(fits);
+    if !is_id || ["robot", "floor", "object"].contains(&id.as_str()) {
+        let expected = "lower-case letters, digits and _, a letter in front; not `robot`, `floor` or `object`";
+        faults.push(WorldFault::new(format!("{place}.id"), expected, format!("`{id}`")));
+    }
+    if surface.name.trim().is_empty() {
+        faults.push(WorldFault::new(format!("{place}.name"), "what people call it", "nothing"));
+    }
+    if !surface.top_center_m.is_finite() || !surface.yaw_rad.is_finite() {
+        faults.push(WorldFault::new(format!("{place}.top_center_m"), "finite numbers", surface.top_center_m));
+    }
+    let is_size = |size: glam::DVec3| size.is_finite() && size.min_element() > 0.0 && size.max_element() <= LONGEST_M;
+    if !is_size(surface.size_m) {
+        let expected = format!("three lengths above 0 and up to {LONGEST_M} m");
+        faults.push(WorldFault::new(format!("{place}.size_m"), expected, surface.size_m));
+    }
+    for (index, board) in surface.boards.iter().enumerate() {
+        if !is_size(board.size_m) || !board.center_m.is_finite() {
+            let expected = format!("three lengths above 0 and up to {LONGEST_M} m");
+            faults.push(WorldFault::new(format!("{place}.boards[{index}]"), expected, board.size_m));
+        }
+    }
+    if !(surface.friction.is_finite() && surface.friction >= 0.0) {
+        faults.push(WorldFault::new(format!("{place}.friction"), "0 or more", surface.friction));
+    }
+    let half = surface.size_m.truncate().min_element() * 0.5;
+    if !(0.0..half.max(f64::MIN_POSITIVE)).contains(&surface.edge_margin_m) {
+        let expected = format!("0 to less than half the shorter side, {half} m");
+        faults.push(WorldFault::new(format!("{place}.edge_margin_m"), expected, surface.edge_margin_m));
+    }
+}
+
+/// What is wrong with a camera; `place` is where it stands.
+pub(crate) fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<WorldFault>) {
+    let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if camera.name.is_empty() || camera.name.len() > 40 || !camera.name.chars().all(fits) {
+        let expected = "1 to 40 letters, digits, - and _: it names files and columns";
+        faults.push(WorldFault::new(format!("{place}.name"), expected, format!("`{}`", camera.name)));
+    }
+    if twin {
+        faults.push(WorldFault::new(format!("{place}.name"), "a name of its own", format!("`{}`", camera.name)));
+    }
+    let k = &camera.intrinsics;
+    if ![k.width, k.height].iter().all(|side| (1..=MOST_PIXELS).contains(side)) {
+        let expected = format!("1 to {MOST_PIXELS} pixels along each side");
+        faults.push(WorldFault::new(format!("{place}.intrinsics"), expected, format!("{}x{}", k.width, k.height)));
+    }
+    if !(k.fx.is_finite() && k.fx > 0.0 && k.fy.is_finite() && k.fy > 0.0 && k.cx.is_finite() && k.cy.is_finite()) {
+        let got = format!("fx {}, fy {}, cx {}, cy {}", k.fx, k.fy, k.cx, k.cy);
+        faults.push(WorldFault::new(format!("{place}.intrinsics"), "finite numbers, fx and fy above 0", got));
+    }
+    for (name, value) in [("distortion", &camera.distortion), ("sensor", &camera.sensor)] {
+        if value.is_some() {
+            faults.push(reserved(&format!("{place}.{name}")));
+        }
+    }
+}
+
+fn reserved(place: &str) -> WorldFault {
+    WorldFault::new(place, "nothing: this place is kept for a later version", "a value").hint("leave it out")
+}
+
+fn check_physics(physics: &PhysicsSettings, faults: &mut Vec<WorldFault>) {
+    let (control, steps) = (physics.control_rate_hz, physics.physics_rate_hz);
+    if control == 0 {
+        faults.push(WorldFault::new("physics.control_rate_hz", "at least 1", control));
+    }
+    if steps == 0 || !steps.is_multiple_of(control.max(1)) {
+        let expected = format!("a whole multiple of the control rate of {control} Hz");
+        faults.push(WorldFault::new("physics.physics_rate_hz", expected, steps));
+    }
+    if !physics.gravity_m_s2.is_finite() {
+        faults.push(WorldFault::new("physics.gravity_m_s2", "a finite number", physics.gravity_m_s2));
+    }
+    if !physics.rotational_friction_m.iter().all(|value| value.is_finite() && *value >= 0.0) {
+        let got = format!("{:?}", physics.rotational_friction_m);
+        faults.push(WorldFault::new("physics.rotational_friction_m", "two numbers of 0 or more", got));
+    }
+}
+
+fn check_relations(relations: &RelationSettings, faults: &mut Vec<WorldFault>) {
+    let lengths = [
+        ("close_m", relations.close_m),
+        ("touching_gap_m", relations.touching_gap_m),
+        ("sinking_m", relations.sinking_m),
+        ("support_area_ratio", relations.support_area_ratio),
+        ("between_angle_rad", relations.between_angle_rad),
+        ("state_hysteresis", relations.state_hysteresis),
+        ("window_margin_m", relations.window_margin_m),
+    ];
+    for (name, value) in lengths {
+        if !(value.is_finite() && value >= 0.0) {
+            faults.push(WorldFault::new(format!("relations.{name}"), "0 or more", value));
+        }
+    }
+    for (name, value) in [("inside_share", relations.inside_share), ("support_overlap", relations.support_overlap)] {
+        if !(0.0..=1.0).contains(&value) {
+            faults.push(WorldFault::new(format!("relations.{name}"), "a share from 0 to 1", value));
+        }
+    }
+}

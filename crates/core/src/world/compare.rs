@@ -1,0 +1,153 @@
+//! What makes two worlds differ: by field for people, by hash for results.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::World;
+
+/// The part of a world that a field belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WorldPart {
+    /// Decides how things move: surfaces, robot, physics settings.
+    Physics,
+    /// Decides what counts: relation settings, usable areas.
+    Judging,
+    /// Decides what is seen: cameras, light, names, legs.
+    Looks,
+}
+
+impl WorldPart {
+    /// All parts.
+    pub const ALL: [Self; 3] = [Self::Physics, Self::Judging, Self::Looks];
+
+    /// The name in files and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Physics => "physics",
+            Self::Judging => "judging",
+            Self::Looks => "looks",
+        }
+    }
+}
+
+/// One hash per part of a world, twelve hexadecimal digits each; stored with every result.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WorldHashes {
+    /// Of [`WorldPart::Physics`].
+    pub physics: String,
+    /// Of [`WorldPart::Judging`].
+    pub judging: String,
+    /// Of [`WorldPart::Looks`].
+    pub looks: String,
+}
+
+impl WorldHashes {
+    /// The hash of a part.
+    pub fn of(&self, part: WorldPart) -> &str {
+        match part {
+            WorldPart::Physics => &self.physics,
+            WorldPart::Judging => &self.judging,
+            WorldPart::Looks => &self.looks,
+        }
+    }
+}
+
+/// A field in which two worlds differ.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WorldDifference {
+    /// What it decides.
+    pub part: WorldPart,
+    /// Where it stands, e.g. `physics.gravity_m_s2` or `surfaces.0.size_m.1`.
+    pub field: String,
+    /// Its value in the one world; `nothing` where it has no such field.
+    pub ours: String,
+    /// Its value in the other.
+    pub theirs: String,
+}
+
+impl std::fmt::Display for WorldDifference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} ({}): {} here, {} there", self.field, self.part.name(), self.ours, self.theirs)
+    }
+}
+
+impl World {
+    /// A hash per part, over its fields in the order of their names; numbers count by their value, not their spelling.
+    pub fn hashes(&self) -> WorldHashes {
+        let fields = self.fields();
+        let of = |part: WorldPart| {
+            let mut hasher = Sha256::new();
+            for (field, value) in fields.iter().filter(|(field, _)| part_of(field) == part) {
+                hasher.update(format!("{field}={value}\n"));
+            }
+            hasher.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
+        };
+        WorldHashes { physics: of(WorldPart::Physics), judging: of(WorldPart::Judging), looks: of(WorldPart::Looks) }
+    }
+
+    /// Every field in which another world differs, by field name.
+    pub fn differences(&self, other: &Self) -> Vec<WorldDifference> {
+        let (ours, theirs) = (self.fields(), other.fields());
+        let fields: std::collections::BTreeSet<&String> = ours.keys().chain(theirs.keys()).collect();
+        let text = |side: &BTreeMap<String, String>, field: &String| {
+            side.get(field).cloned().unwrap_or_else(|| "nothing".into())
+        };
+        fields
+            .into_iter()
+            .filter(|field| ours.get(*field) != theirs.get(*field))
+            .map(|field| WorldDifference {
+                part: part_of(field),
+                field: field.clone(),
+                ours: text(&ours, field),
+                theirs: text(&theirs, field),
+            })
+            .collect()
+    }
+
+    /// The first difference that forbids replaying one world's recordings in the other; looks never do.
+    pub fn refusal(&self, other: &Self) -> Option<WorldDifference> {
+        self.differences(other).into_iter().find(|difference| difference.part != WorldPart::Looks)
+    }
+
+    /// Every value with its place, nested names joined by dots.
+    fn fields(&self) -> BTreeMap<String, String> {
+        let mut fields = BTreeMap::new();
+        collect(&serde_json::to_value(self).unwrap_or_default(), String::new(), &mut fields);
+        fields
+    }
+}
+
+/// What a field decides.
+fn part_of(field: &str) -> WorldPart {
+    let parts: Vec<&str> = field.split('.').collect();
+    match parts.as_slice() {
+        ["surfaces", _, "name" | "legs", ..] => WorldPart::Looks,
+        ["surfaces", _, "edge_margin_m"] => WorldPart::Judging,
+        ["surfaces" | "floor_z_m" | "robot" | "physics", ..] => WorldPart::Physics,
+        ["workspace" | "relations", ..] => WorldPart::Judging,
+        _ => WorldPart::Looks,
+    }
+}
+
+fn collect(value: &Value, place: String, fields: &mut BTreeMap<String, String>) {
+    let below = |name: &str| if place.is_empty() { name.to_owned() } else { format!("{place}.{name}") };
+    match value {
+        Value::Object(map) => map.iter().for_each(|(name, value)| collect(value, below(name), fields)),
+        Value::Array(list) => {
+            list.iter().enumerate().for_each(|(index, value)| collect(value, below(&index.to_string()), fields));
+        }
+        // 30 and 30.0 are one number; the shortest text that gives a float back is the same on every platform.
+        Value::Number(number) => {
+            fields.insert(place, number.as_f64().map_or_else(|| number.to_string(), |value| format!("{value:?}")));
+        }
+        other => {
+            fields.insert(place, other.to_string());
+        }
+    }
+}

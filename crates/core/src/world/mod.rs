@@ -1,0 +1,114 @@
+//! The world of a scenario as data: what stands there, who works there, who looks on, and by which rules.
+//!
+//! Physics, planner, renderer, prompts, drawings and layout read one [`World`]; there is no second table anywhere.
+//! World frame = robot base frame: +x away from the robot over the table, +y to its left, +z up, the table top at z = 0.
+//!
+//! A world falls into three parts with a hash each ([`WorldPart`]): *physics* and *judging* decide what happens and what
+//! counts, so a replay in another one is refused; *looks* decide what is seen and are only reported.
+
+mod check;
+mod compare;
+mod file;
+mod settings;
+mod surface;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+pub use check::WorldFault;
+pub use compare::{WorldDifference, WorldHashes, WorldPart};
+pub use file::{WorldFile, read_camera};
+pub use settings::{PhysicsSettings, RelationSettings};
+pub use surface::{Board, SupportSurface};
+
+use crate::{Camera, Document};
+
+/// Everything about a scenario that is neither its task nor its objects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct World {
+    /// Fixed slabs that things stand on; the first is the table, whose top is at z = 0.
+    pub surfaces: Vec<SupportSurface>,
+    /// Height of the floor, where things end that leave the surfaces, metres.
+    pub floor_z_m: f64,
+    /// The part of the table that may be used.
+    pub workspace: Workspace,
+    /// The robot.
+    pub robot: WorldRobot,
+    /// Cameras.
+    pub cameras: Vec<Camera>,
+    /// How things move.
+    pub physics: PhysicsSettings,
+    /// How relations are judged.
+    pub relations: RelationSettings,
+    /// Place kept for the description of the light; this version refuses one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<Reserved>,
+}
+
+impl Document for World {
+    const SCHEMA: &'static str = "genmanip.world/1";
+}
+
+/// Something that the format keeps a place for and this version does not know yet; checking refuses it.
+pub type Reserved = BTreeMap<String, Value>;
+
+/// The robot of a world: which one, that it is the very same one, and how it starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WorldRobot {
+    /// Name in the registry of robots, e.g. `panda`; its base is the world's origin.
+    pub name: String,
+    /// [`crate::RobotModel::physics_hash`]; a mismatch is an error.
+    pub physics_hash: String,
+    /// Arm joint positions at the start, rad or m, base to hand.
+    pub home: Vec<f64>,
+}
+
+/// The part of the table that may be used; the table top is at z = 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Workspace {
+    /// Nearest and farthest x, metres.
+    pub x: [f64; 2],
+    /// Rightmost and leftmost y, metres.
+    pub y: [f64; 2],
+}
+
+impl World {
+    /// The table: the first surface.
+    pub fn table(&self) -> Option<&SupportSurface> {
+        self.surfaces.first()
+    }
+
+    /// A support surface by its id.
+    pub fn surface(&self, id: &str) -> Option<&SupportSurface> {
+        self.surfaces.iter().find(|surface| surface.id == id)
+    }
+
+    /// A camera by its name.
+    pub fn camera(&self, name: &str) -> Option<&Camera> {
+        self.cameras.iter().find(|camera| camera.name == name)
+    }
+
+    /// The cameras that prompt-based systems look through and that must see the objects of a task:
+    /// `overview`, `left` and `right`, or every camera fixed in the world where there is none of these.
+    pub fn prompt_cameras(&self) -> Vec<&Camera> {
+        let fixed = || self.cameras.iter().filter(|camera| camera.mount == crate::CameraMount::World);
+        let named: Vec<&Camera> =
+            fixed().filter(|camera| ["overview", "left", "right"].contains(&camera.name.as_str())).collect();
+        if named.is_empty() { fixed().collect() } else { named }
+    }
+}
+
+impl Workspace {
+    /// What two areas have in common; this one where that is nothing.
+    #[must_use]
+    pub fn within(&self, x: [f64; 2], y: [f64; 2]) -> Self {
+        let common = |[low, high]: [f64; 2], [least, most]: [f64; 2]| [low.max(least), high.min(most)];
+        let both = Self { x: common(self.x, x), y: common(self.y, y) };
+        if both.x[0] < both.x[1] && both.y[0] < both.y[1] { both } else { *self }
+    }
+}

@@ -1,0 +1,159 @@
+//! The engine's own knobs: the `engine` table of a world's physics settings.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::{Drives, PhysicsSettings, RobotModel};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::SimError;
+
+/// Knobs of the contact solver, read from [`PhysicsSettings::engine`]; where the numbers come from stands in the
+/// default world's file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EngineSettings {
+    /// Newton iterations of the contact solver, at most.
+    pub solver_iterations: u32,
+    /// Ratio of frictional to normal impedance.
+    pub impedance_ratio: f64,
+    /// Room for contacts and constraints per simulation, MiB.
+    pub arena_mib: usize,
+    /// Time constant (s) and damping ratio of contacts, those of the pads apart.
+    pub contact_solref: [f64; 2],
+    /// Impedance of contacts: at touch, at depth, and that depth (m).
+    pub contact_solimp: [f64; 3],
+    /// Time constant (s) and damping ratio of pad contacts.
+    pub pad_solref: [f64; 2],
+    /// Impedance of pad contacts.
+    pub pad_solimp: [f64; 3],
+    /// Impedance of the dry friction of objects' joints: at rest, at speed, and the width between, as of contacts.
+    pub joint_friction_solimp: [f64; 3],
+}
+
+/// Names of all knobs.
+const KNOBS: [&str; 8] = [
+    "solver_iterations",
+    "impedance_ratio",
+    "arena_mib",
+    "contact_solref",
+    "contact_solimp",
+    "pad_solref",
+    "pad_solimp",
+    "joint_friction_solimp",
+];
+
+impl EngineSettings {
+    /// Reads the table; every knob must be there, so that no default of a later version changes an old world.
+    ///
+    /// # Errors
+    /// [`SimError::Settings`] names the unknown, missing or unfit knob.
+    pub fn read(table: &BTreeMap<String, Value>) -> Result<Self, SimError> {
+        if let Some(unknown) = table.keys().find(|key| !KNOBS.contains(&key.as_str())) {
+            let near = KNOBS.iter().min_by_key(|known| distance(known, unknown)).unwrap_or(&"");
+            let all = KNOBS.join(", ");
+            let text = format!("`physics.engine.{unknown}` is no knob of the engine; `{near}`? There are {all}");
+            return Err(SimError::Settings(text));
+        }
+        if let Some(missing) = KNOBS.iter().find(|knob| !table.contains_key(**knob)) {
+            return Err(SimError::Settings(format!("`physics.engine.{missing}` is missing; every knob must be set")));
+        }
+        for (knob, value) in table {
+            let alone: BTreeMap<&str, &Value> = [(knob.as_str(), value)].into();
+            let fits = match knob.as_str() {
+                "solver_iterations" | "arena_mib" => value.as_u64().is_some_and(|count| count > 0 && count < 1 << 20),
+                "impedance_ratio" => value.as_f64().is_some_and(|ratio| ratio.is_finite() && ratio > 0.0),
+                _ => value.as_array().is_some_and(|list| list.iter().all(|entry| entry.as_f64().is_some())),
+            };
+            if !fits {
+                let alone = serde_json::to_string(&alone).unwrap_or_default();
+                return Err(SimError::Settings(format!("`physics.engine.{knob}` does not fit: {alone}")));
+            }
+        }
+        let table: serde_json::Map<String, Value> = table.clone().into_iter().collect();
+        serde_json::from_value(Value::Object(table))
+            .map_err(|error| SimError::Settings(format!("`physics.engine`: {error}")))
+    }
+}
+
+/// Characters that differ, position by position.
+fn distance(a: &str, b: &str) -> usize {
+    a.chars().zip(b.chars()).filter(|(a, b)| a != b).count() + a.len().abs_diff(b.len())
+}
+
+/// Everything the physics of a scene goes by, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Numbers {
+    pub physics: PhysicsSettings,
+    pub engine: EngineSettings,
+    /// Of the robot, where there is one.
+    pub drives: Option<Drives>,
+}
+
+impl Numbers {
+    /// Reads and checks what a typing mistake could break.
+    ///
+    /// # Errors
+    /// [`SimError::Settings`] names the field, the expected and the given value.
+    pub fn of(physics: &PhysicsSettings, robot: Option<&RobotModel>) -> Result<Self, SimError> {
+        let engine = EngineSettings::read(&physics.engine)?;
+        let fail = |text: String| Err(SimError::Settings(text));
+        if physics.control_rate_hz == 0 || physics.physics_rate_hz == 0 {
+            return fail("`physics_rate_hz` and `control_rate_hz` must be positive".into());
+        }
+        if !physics.physics_rate_hz.is_multiple_of(physics.control_rate_hz) {
+            return fail(format!(
+                "`physics_rate_hz` must be a whole multiple of `control_rate_hz`, got {} and {}",
+                physics.physics_rate_hz, physics.control_rate_hz
+            ));
+        }
+        for (name, solref) in [("pad_solref", engine.pad_solref), ("contact_solref", engine.contact_solref)] {
+            if solref[0] < 2.0 * physics.timestep_s() {
+                return fail(format!(
+                    "the time constant in `{name}` must be at least two physics steps ({:.5} s), got {}",
+                    2.0 * physics.timestep_s(),
+                    solref[0]
+                ));
+            }
+        }
+        let drives = match robot {
+            Some(robot) => Some(checked_drives(robot)?),
+            None => None,
+        };
+        Ok(Self { physics: physics.clone(), engine, drives })
+    }
+}
+
+fn checked_drives(robot: &RobotModel) -> Result<Drives, SimError> {
+    let fail = |text: String| Err(SimError::Settings(text));
+    let Some(drives) = robot.drives.clone() else {
+        return fail(format!("robot `{}` has no drives: it can be planned for, not simulated", robot.name));
+    };
+    if drives.arm_kp.is_empty() || drives.arm_kv.is_empty() {
+        return fail("`arm_kp` and `arm_kv` need at least one number".into());
+    }
+    let positive = [
+        ("grip_force_n", drives.grip_force_n),
+        ("grip_kp", drives.grip_kp),
+        ("grip_overclose_m", drives.grip_overclose_m),
+        ("finger_damping", drives.finger_damping),
+    ];
+    if let Some((name, value)) = positive.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0)) {
+        return fail(format!("`{name}` must be positive, got {value}"));
+    }
+    let joints = robot.arm_joints().count();
+    if robot.home.len() != joints {
+        return fail(format!(
+            "robot `{}` has {joints} arm joints but a home of {} numbers",
+            robot.name,
+            robot.home.len()
+        ));
+    }
+    if drives.grip_force_n > robot.gripper.max_force {
+        return fail(format!(
+            "`grip_force_n` must not exceed the hand's {} N, got {}",
+            robot.gripper.max_force, drives.grip_force_n
+        ));
+    }
+    Ok(drives)
+}
