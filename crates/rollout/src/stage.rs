@@ -1,9 +1,12 @@
 //! A scenario made ready: models built, physics compiled.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use genmanip_assets::{AssetError, AssetSource};
-use genmanip_core::{Goal, InterchangeError, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario};
+use genmanip_core::{
+    Camera, CameraRequest, Goal, InterchangeError, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario,
+};
+use genmanip_render::RenderAssets;
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError};
 
@@ -28,6 +31,8 @@ pub struct Stage {
     names: Vec<String>,
     /// The scene at the start as relations see it; its shapes are shared by all later ones.
     posed: PosedScene,
+    /// Meshes to draw, collected when the first image is asked for and shared by all images of the stage.
+    drawn: Arc<OnceLock<Arc<RenderAssets>>>,
 }
 
 /// Why an episode could not be run or replayed.
@@ -82,11 +87,21 @@ pub enum RolloutError {
         /// Control steps of the episode.
         frames: usize,
     },
-    /// A picture could not be made or encoded.
-    #[error("images of episode {episode}: {reason}")]
+    /// The scenario has no such camera.
+    #[error("scenario {scenario} has no camera `{camera}`, its cameras are {known}")]
+    UnknownCamera {
+        /// Id of the scenario.
+        scenario: String,
+        /// What was asked for.
+        camera: String,
+        /// Names of its cameras.
+        known: String,
+    },
+    /// An image could not be made or encoded.
+    #[error("images of scenario {scenario}: {reason}")]
     Images {
-        /// Id of the episode.
-        episode: String,
+        /// Id of the scenario.
+        scenario: String,
         /// What went wrong.
         reason: String,
     },
@@ -142,7 +157,8 @@ impl Stage {
             false => scenario.task.name_of(&placed.id),
         };
         let names = scenario.objects.iter().zip(&models).map(name).collect();
-        Ok(Self { goal, names, scenario, models, robot: Arc::clone(robot), scene, relations, posed })
+        let drawn = Arc::default();
+        Ok(Self { goal, names, scenario, models, robot: Arc::clone(robot), scene, relations, posed, drawn })
     }
 
     /// The scene at the start, as relations see it.
@@ -168,6 +184,40 @@ impl Stage {
                 .map(|state| state.speed > settings.rest_speed || state.angular_speed > settings.rest_angular_speed)
                 .collect(),
         }
+    }
+
+    /// What is drawn of this stage, collected once.
+    ///
+    /// # Errors
+    /// When a mesh is broken.
+    pub fn render_assets(&self) -> Result<Arc<RenderAssets>, RolloutError> {
+        if let Some(assets) = self.drawn.get() {
+            return Ok(Arc::clone(assets));
+        }
+        let assets = RenderAssets::new(Arc::clone(&self.robot), &self.models, Some(&self.scenario.world))
+            .map_err(|error| RolloutError::Images { scenario: self.scenario.id.clone(), reason: error.to_string() })?;
+        Ok(Arc::clone(self.drawn.get_or_init(|| assets)))
+    }
+
+    /// The camera that is asked for, at the size that is asked for.
+    ///
+    /// # Errors
+    /// When the scenario has no camera of that name, or the size is zero.
+    pub fn camera(&self, request: &CameraRequest) -> Result<Camera, RolloutError> {
+        let cameras = &self.scenario.world.cameras;
+        let Some(camera) = cameras.iter().find(|camera| camera.name == request.name) else {
+            return Err(RolloutError::UnknownCamera {
+                scenario: self.scenario.id.clone(),
+                camera: request.name.clone(),
+                known: cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", "),
+            });
+        };
+        let Some([width, height]) = request.size else { return Ok(camera.clone()) };
+        if width == 0 || height == 0 {
+            let reason = format!("camera `{}` was asked for {width} x {height} pixels", request.name);
+            return Err(RolloutError::Images { scenario: self.scenario.id.clone(), reason });
+        }
+        Ok(Camera { intrinsics: camera.intrinsics.resized(width, height), ..camera.clone() })
     }
 
     /// Control steps per second.

@@ -52,12 +52,7 @@ pub fn check(
     progress.begin("replaying", ids.len());
     for id in &ids {
         let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
-        let episode: Episode = store.read(id).map_err(|error| failed(error.into()))?;
-        let scenario = Arc::new(episode.scenario.clone());
-        let robot = inputs::robot(&scenario.world)?;
-        let stage = Stage::open(scenario, Catalogue::builtin(), &robot).map_err(|error| {
-            failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
-        })?;
+        let (stage, episode) = open(&store, id)?;
         let changed = Catalogue::builtin().changed_looks(&episode.scenario.objects).unwrap_or_default();
         if !changed.is_empty() {
             progress.note(&format!("{id}: {} looks otherwise than when it was recorded", changed.join(", ")));
@@ -80,6 +75,26 @@ pub fn check(
     }
     progress.end();
     Ok(rows)
+}
+
+/// The recorded episodes at a path, each with its stage: an episode's folder, a store, or a run.
+///
+/// # Errors
+/// As [`check`].
+pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, RunError> {
+    let (store, ids) = locate(path)?;
+    ids.iter().map(|id| open(&store, id)).collect()
+}
+
+fn open(store: &EpisodeStore, id: &str) -> Result<(Stage, Episode), RunError> {
+    let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
+    let episode: Episode = store.read(id).map_err(|error| failed(error.into()))?;
+    let scenario = Arc::new(episode.scenario.clone());
+    let robot = inputs::robot(&scenario.world)?;
+    let stage = Stage::open(scenario, Catalogue::builtin(), &robot).map_err(|error| {
+        failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
+    })?;
+    Ok((stage, episode))
 }
 
 /// The store and the recorded episodes meant by a path.

@@ -8,7 +8,7 @@ use rand::{Rng, RngExt};
 
 use super::facts::{Facts, Known};
 use super::phrasing::phrases;
-use super::scene::{DIRECTIONS, Scene};
+use super::sketch::{DIRECTIONS, Sketch};
 use super::things::{Group, things};
 
 /// How much larger one object must be than another to be called the larger one, by volume.
@@ -32,7 +32,7 @@ pub(super) fn has_looks(card: &ObjectCard) -> bool {
 
 /// Finds expressions for the objects of a finished scene.
 pub(super) struct Namer<'s, 'a> {
-    scene: &'s Scene<'a>,
+    scene: &'s Sketch<'a>,
     facts: Facts,
 }
 
@@ -44,7 +44,7 @@ struct Word<'a> {
 }
 
 impl<'s, 'a> Namer<'s, 'a> {
-    pub fn new(scene: &'s Scene<'a>) -> Self {
+    pub fn new(scene: &'s Sketch<'a>) -> Self {
         Self { scene, facts: Facts::new(scene) }
     }
 
