@@ -210,7 +210,7 @@ fn accept(
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    let reach = ReachCheck { scene, world, planner, grasp: &settings.grasp, tried, seed };
+    let reach = ReachCheck { scene, world, planner, settings, tried, seed };
     if let Some(reason) = reach.unreachable(goal) {
         return Err(reason.into());
     }
