@@ -12,8 +12,10 @@ use crate::variant::{VARIED, variant};
 use crate::{AssetError, AssetSource};
 use serde_json::Value;
 
-const CARDS: &str = include_str!("../data/catalog.json");
-const RECIPES: &str = include_str!("../data/recipes.json");
+const RECORDS: &str = include_str!("../data/catalog.json");
+
+/// Name of the built-in file in messages.
+const FILE: &str = "records";
 
 /// Objects by uid. Models are built when first asked for and kept; the hash maps are only looked up.
 #[derive(Debug)]
@@ -32,25 +34,35 @@ impl Catalogue {
     /// Never in a tested build: the data files are compiled in.
     pub fn builtin() -> &'static Self {
         static BUILTIN: OnceLock<Catalogue> = OnceLock::new();
-        BUILTIN.get_or_init(|| Self::from_json(CARDS, RECIPES).expect("built-in data files are tested"))
+        BUILTIN.get_or_init(|| Self::from_json(RECORDS).expect("built-in data files are tested"))
     }
 
-    /// A catalogue from a list of cards and a table uid → `Recipe`, both JSON.
+    /// A catalogue from a list of records, JSON.
     ///
     /// # Errors
     /// [`AssetError::Data`] with the place of the mistake.
-    pub fn from_json(cards: &str, recipes: &str) -> Result<Self, AssetError> {
-        let recipes: BTreeMap<String, Recipe> = read("recipes", recipes)?;
-        let records: Vec<Record> = read("cards", cards)?;
-        let cards: Vec<ObjectCard> = records.into_iter().map(Record::into_card).collect();
-        for (uid, recipe) in &recipes {
-            check_parts("recipes", uid, &recipe.parts)?;
-            for link in &recipe.links {
-                check_parts("recipes", &format!("{uid}.{}", link.name), &link.parts)?;
+    pub fn from_json(records: &str) -> Result<Self, AssetError> {
+        let records: Vec<Record> = read(FILE, records)?;
+        let (mut cards, mut recipes) = (Vec::new(), BTreeMap::new());
+        for record in records {
+            let wrong = |message: String| AssetError::Data { file: FILE.into(), message };
+            if let Some(recipe) = &record.recipe {
+                check_parts(FILE, &record.uid, &recipe.parts)?;
+                for link in &recipe.links {
+                    check_parts(FILE, &format!("{}.{}", record.uid, link.name), &link.parts)?;
+                }
             }
-            if let Some(message) = cards.iter().find(|card| card.uid == *uid).and_then(|card| recipe.flaw(card)) {
-                return Err(AssetError::Data { file: "recipes".into(), message: format!("{uid}: {message}") });
+            let (card, recipe) = record.into_parts();
+            if card.uid.contains(['#', '/']) || cards.iter().any(|other: &ObjectCard| other.uid == card.uid) {
+                return Err(wrong(format!("{}: expected a uid of its own without # and /", card.uid)));
             }
+            if let Some(recipe) = recipe {
+                if let Some(message) = recipe.flaw(&card) {
+                    return Err(wrong(format!("{}: {message}", card.uid)));
+                }
+                recipes.insert(card.uid.clone(), recipe);
+            }
+            cards.push(card);
         }
         Ok(Self { cards, recipes, models: Mutex::default(), generated: Mutex::default(), hashes: Mutex::default() })
     }

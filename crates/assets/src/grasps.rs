@@ -38,6 +38,9 @@ pub struct GraspProvenance {
     pub engine: String,
     /// Name of the robot whose hand tried them.
     pub robot: String,
+    /// [`RobotModel::physics_hash`] of that robot; files made before it was kept have none, and go by the name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot_hash: Option<String>,
     /// Settings of generator, trials and physics.
     pub settings: Value,
 }
@@ -62,20 +65,23 @@ pub struct GraspLibrary {
     tried: BTreeMap<(String, String), ObjectGrasps>,
     /// By robot and hash of the physics: the uid of the first object that has them.
     alike: BTreeMap<(String, String), String>,
+    /// Hash of each robot's physics when it tried them, where it is known.
+    robots: BTreeMap<String, String>,
 }
 
 impl GraspLibrary {
     /// The grasps of files; of several for the same robot and object the last one counts.
     pub fn new(files: impl IntoIterator<Item = GraspFile>) -> Self {
-        let mut tried = BTreeMap::new();
+        let (mut tried, mut robots) = (BTreeMap::new(), BTreeMap::new());
         for GraspFile { made_by, objects } in files {
+            robots.extend(made_by.robot_hash.map(|hash| (made_by.robot.clone(), hash)));
             tried.extend(objects.into_iter().map(|(uid, grasps)| ((made_by.robot.clone(), uid), grasps)));
         }
         let mut alike = BTreeMap::new();
         for ((robot, uid), grasps) in &tried {
             alike.entry((robot.clone(), grasps.physics_hash.clone())).or_insert_with(|| uid.clone());
         }
-        Self { tried, alike }
+        Self { tried, alike, robots }
     }
 
     /// The grasps that come with the program.
@@ -88,8 +94,15 @@ impl GraspLibrary {
     /// often first; none of what it never tried.
     ///
     /// # Errors
-    /// [`AssetError::StaleGrasps`] when the robot tried an object of this uid with other physics.
+    /// [`AssetError::StaleGrasps`] when the robot tried an object of this uid with other physics, or has changed itself.
     pub fn of(&self, robot: &RobotModel, model: &ObjectModel) -> Result<&[TriedGrasp], AssetError> {
+        if let Some(expected) = self.robots.get(&robot.name) {
+            let got = robot.physics_hash();
+            if *expected != got {
+                let uid = format!("{} with {}", model.card.uid, robot.name);
+                return Err(AssetError::StaleGrasps { uid, expected: expected.clone(), got });
+            }
+        }
         let of_uid = |uid: &str| self.tried.get(&(robot.name.clone(), uid.to_owned()));
         // A variant of an object is not that object, although it may have its card.
         let own = match &model.asset {

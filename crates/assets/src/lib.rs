@@ -1,7 +1,7 @@
 //! Objects and robots made from parameters: what they look like, what they touch with, what they weigh.
 //!
 //! Nothing is downloaded and nothing is scanned.
-//! `data/catalog.json` says what each object is (cards), `data/recipes.json` of which parts it is made,
+//! `data/catalog.json` has one record per object: what it is, how it looks, and of which parts it is made,
 //! and the part families know how to make a part: its surface, its exact convex collision bodies and their moments.
 //!
 //! Articulated objects add links with a joint each, and say which joint positions a state of the card stands for.

@@ -1,13 +1,10 @@
 //! Recipes: of which parts an object is made and how they move, as data.
 
-use genmanip_core::{Joint, JointKind, JointState, ObjectCard, ObjectLink, ObjectModel, Pose, Seed};
+use genmanip_core::{Joint, JointKind, JointState, ObjectCard, ObjectLink, ObjectModel, Pose, Room, Seed};
 use glam::DVec3;
 use serde::Deserialize;
 
 use crate::parts::{Part, assemble};
-
-/// Version of the built-in assets; grows when pieces or inertia of any object change.
-pub const GENERATOR_VERSION: u32 = 2;
 
 /// Name of the link that stands on the table.
 const ROOT: &str = "body";
@@ -104,6 +101,12 @@ impl Recipe {
             intervals: intervals.map(|(link, &[low, _, high])| (link.name.clone(), [low, high])).collect(),
             nominal: state.joints.iter().map(|joint| joint[1]).collect(),
         }
+    }
+
+    /// The room in what stands on the table, where that has one hollow.
+    pub fn room(&self) -> Option<Room> {
+        let mut cavities = self.parts.iter().filter_map(Part::cavity);
+        cavities.next().filter(|_| cavities.next().is_none()).and_then(|cavity| Room::of_cavity(&cavity))
     }
 
     /// Why the links and states cannot be those of a card, if they cannot.

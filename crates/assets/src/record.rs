@@ -1,16 +1,19 @@
 //! Records: everything that is known about the assets of the catalogue.
 
-use genmanip_core::{AssetRef, ObjectCard};
+use genmanip_core::{Annotations, AssetRef, ObjectCard};
 use glam::DVec3;
 use serde::Deserialize;
 
-use crate::recipe::GENERATOR_VERSION;
+use crate::recipe::Recipe;
 
 /// One object of the catalogue.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
-    uid: String,
+    /// See [`ObjectCard`] for what is not said here.
+    pub uid: String,
+    /// Grows when pieces, inertia, joints, cavities or states change.
+    version: u32,
     name: String,
     description: String,
     category: String,
@@ -24,13 +27,32 @@ pub struct Record {
     is_articulated: bool,
     states: Vec<String>,
     can_grasp: bool,
+    /// See [`Annotations`].
+    #[serde(default)]
+    looks: Vec<String>,
+    #[serde(default)]
+    fragile: bool,
+    #[serde(default)]
+    upright_only: bool,
+    #[serde(default)]
+    affordances: Vec<String>,
+    /// Of which parts it is made; without it there is only a card.
+    #[serde(default)]
+    pub recipe: Option<Recipe>,
 }
 
 impl Record {
-    /// What people and language models are told about it.
-    pub fn into_card(self) -> ObjectCard {
-        ObjectCard {
-            asset: AssetRef::builtin(&self.uid, GENERATOR_VERSION),
+    /// What people and language models are told about it, and its recipe.
+    pub fn into_parts(self) -> (ObjectCard, Option<Recipe>) {
+        let annotations = Annotations {
+            looks: self.looks,
+            room: self.recipe.as_ref().filter(|_| !self.is_articulated).and_then(Recipe::room),
+            fragile: self.fragile,
+            upright_only: self.upright_only,
+            affordances: self.affordances,
+        };
+        let card = ObjectCard {
+            asset: AssetRef::builtin(&self.uid, self.version),
             uid: self.uid,
             name: self.name,
             description: self.description,
@@ -45,6 +67,8 @@ impl Record {
             is_articulated: self.is_articulated,
             states: self.states,
             can_grasp: self.can_grasp,
-        }
+            annotations,
+        };
+        (card, self.recipe)
     }
 }

@@ -1,7 +1,8 @@
 //! Further instances of an object's family: other proportions, size and weight from the same recipe.
 
-use crate::recipe::GENERATOR_VERSION;
-use genmanip_core::{AssetRef, MassProperties, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape, TriMesh, VisualPart};
+use genmanip_core::{
+    AssetRef, MassProperties, ObjectLink, ObjectModel, Piece, Pose, Room, Seed, Shape, TriMesh, VisualPart,
+};
 use glam::{DMat3, DQuat, DVec3};
 use rand::RngExt;
 use std::collections::BTreeMap;
@@ -42,13 +43,21 @@ pub fn variant(model: &ObjectModel, seed: Seed) -> ObjectModel {
         () => DVec3::new(width, width, height),
     };
     let mut changed = model.clone();
+    let version = match model.asset {
+        AssetRef::Builtin { version, .. } | AssetRef::Generated { version, .. } => version,
+        AssetRef::Imported { .. } => 0,
+    };
     changed.asset = AssetRef::Generated {
         family: model.family.clone(),
         params: BTreeMap::from([(VARIED.to_owned(), model.card.uid.as_str().into())]),
         seed,
-        version: GENERATOR_VERSION,
+        version,
     };
     changed.card.size_m = size * factors;
+    changed.card.annotations.room = changed.card.annotations.room.map(|room| Room {
+        inside_m: [room.inside_m[0] * factors.x, room.inside_m[1] * factors.y],
+        depth_m: room.depth_m * factors.z,
+    });
     changed.card.mass_kg *= factors.element_product() * density;
     changed.links = vec![ObjectLink {
         pieces: link.pieces.iter().map(|piece| stretched_piece(piece, factors)).collect(),

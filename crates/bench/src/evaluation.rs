@@ -18,6 +18,10 @@ pub struct EvaluationReport {
     pub suite_hash: String,
     /// Name of the policy.
     pub policy: String,
+    /// Name of this evaluation among others of the suite: the policy, with arguments and cameras that are not as usual.
+    pub label: String,
+    /// Name of the cameras that were used instead of the scenarios' own; `None` for their own.
+    pub cameras: Option<String>,
     /// Whether the policy read simulator truth.
     pub oracle: bool,
     /// Version of the program that made it.
@@ -141,7 +145,9 @@ impl EvaluationReport {
         Ok(Self {
             suite: suite.into(),
             suite_hash: suite_hash(scenarios),
+            label: policy.clone(),
             policy,
+            cameras: None,
             oracle: summary.oracle,
             genmanip_version,
             statistics: statistics.clone(),

@@ -55,7 +55,7 @@ pub enum Command {
                       genmanip collect examples/tasks --episodes 2 --seed 7 --out out/run"
     )]
     Collect(CollectArguments),
-    /// Evaluate policies on the scenarios of a run
+    /// Evaluate policies on the scenarios of a run, or on any scenario files
     #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),
     /// Replay a recorded episode, or check that its commands lead to the identical final state
@@ -324,7 +324,9 @@ fn evaluate_help() -> String {
     let policies: String = policies::describe().lines().map(|line| format!("  {line}\n")).collect();
     format!(
         "Policies:\n{policies}\nExamples:\n  genmanip evaluate out/run --policy expert --policy replay\n  \
-         genmanip evaluate out/run --policy do_nothing:seconds=2"
+         genmanip evaluate scenarios/ --policy do_nothing:seconds=2 --out out/still\n\n\
+         Results are kept as they come: start again to continue. With --out, episodes are kept too;\n\
+         genmanip replay OUT/evaluation/POLICY --strip film.jpg shows them, genmanip report OUT all."
     )
 }
 
@@ -375,11 +377,21 @@ pub struct DemoArguments {
 /// Arguments of `evaluate`.
 #[derive(Clone, Debug, Args)]
 pub struct EvaluateArguments {
-    /// Folder of a run made by `collect`
-    pub run: PathBuf,
+    /// Folder of a run made by `collect`, or scenario files and folders of them
+    #[arg(required = true, value_name = "RUN|SCENARIOS")]
+    pub paths: Vec<PathBuf>,
     /// A policy, with arguments if it takes any; may be given several times [default: all of them]
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
     pub policies: Vec<String>,
+    /// Folder for the results and episodes of scenarios; a run keeps its own
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Keep the episodes in the run, to watch them
+    #[arg(long)]
+    pub keep_episodes: bool,
+    /// Cameras to use instead of the scenarios': a JSON list; the results say so
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,

@@ -17,6 +17,7 @@
 //! assert_ne!(Seed::new(7).fork("layout"), Seed::new(7).fork("grasp"));
 //! ```
 
+pub mod action;
 pub mod asset;
 pub mod camera;
 pub mod document;
@@ -25,6 +26,7 @@ pub mod episode;
 pub mod geometry;
 pub mod grasp;
 mod hash;
+pub mod image;
 mod interchange;
 pub mod json;
 pub mod mesh;
@@ -41,6 +43,9 @@ pub mod world;
 
 pub use glam;
 
+pub use action::{
+    ActionFrame, ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec, RotationEncoding,
+};
 pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount, Intrinsics};
 pub use document::{Document, Upgrade};
@@ -52,13 +57,13 @@ pub use episode::{
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
 pub use hash::AssetHashes;
+pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use interchange::{InterchangeError, MOST_ALTERNATIVES, MOST_INTERCHANGEABLE};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
-pub use object::{Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel};
-pub use policy::{
-    ActionChunk, ActionSpace, ActionSpec, CameraImage, EpisodeStart, Observation, Policy, PolicyError, PolicySpec,
-    PrivilegedState,
+pub use object::{
+    Annotations, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Room,
 };
+pub use policy::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState};
 pub use pose::Pose;
 pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario};

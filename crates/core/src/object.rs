@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Aabb, AssetRef, Piece, Pose, VisualPart};
+use crate::{Aabb, AssetRef, Piece, Pose, Shape, VisualPart};
 
 /// What a person or a language model is told about an object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -41,6 +41,70 @@ pub struct ObjectCard {
     pub states: Vec<String>,
     /// Whether the whole object can be picked up by an 8 cm hand.
     pub can_grasp: bool,
+    /// What else is known of it.
+    #[serde(default, skip_serializing_if = "Annotations::is_empty")]
+    pub annotations: Annotations,
+}
+
+/// What is known of an asset besides what everything has; nothing by default.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Annotations {
+    /// Expressions for its looks that avoid its name, e.g. `glossy red cup`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub looks: Vec<String>,
+    /// The hollow that things can lie in, derived from the geometry; none in an articulated object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub room: Option<Room>,
+    /// Whether it breaks when it is dropped or squeezed.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fragile: bool,
+    /// Whether it must stay upright while it is carried, e.g. because it is filled.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub upright_only: bool,
+    /// What can be done with it, e.g. `pour`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub affordances: Vec<String>,
+}
+
+/// Room in a hollow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Room {
+    /// Extent of the hollow along x and y at mid height, metres.
+    pub inside_m: [f64; 2],
+    /// Depth of the hollow, metres.
+    pub depth_m: f64,
+}
+
+impl Annotations {
+    /// Whether nothing is known.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl Room {
+    /// The room in a convex cavity in the object's frame; `None` without height.
+    pub fn of_cavity(cavity: &Piece) -> Option<Self> {
+        let along = |direction: DVec3| cavity.support(direction).dot(direction);
+        let (low, high) = (-along(DVec3::NEG_Z), along(DVec3::Z));
+        let middle = 0.5 * (low + high);
+        let [x, y] = match &cavity.shape {
+            Shape::Hull { points } => {
+                let points = points.iter().map(|point| cavity.link_from_piece.transform_point(*point));
+                let (above, below): (Vec<DVec3>, Vec<DVec3>) = points.partition(|point| point.z >= middle);
+                // Every corner of the cut lies on an edge, and every other segment cuts within.
+                let cuts = above.iter().flat_map(|up| below.iter().map(move |down| (up, down)));
+                let cuts = cuts.map(|(up, down)| down.lerp(*up, (middle - down.z) / (up.z - down.z)));
+                let bounds = Aabb::from_points(cuts);
+                [bounds.size().x, bounds.size().y]
+            }
+            _ => [DVec3::X, DVec3::Y].map(|axis| along(axis) + along(-axis)),
+        };
+        let depth_m = high - low;
+        (depth_m > 0.0).then_some(Self { inside_m: [x, y], depth_m })
+    }
 }
 
 /// An object as the simulator, the renderer and the planner need it.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, ObjectState, Pose, Scenario, Seed};
+use crate::{ActionSpec, Camera, CameraRequest, ObjectState, RgbdImage, Scenario, Seed};
 
 /// Anything that controls the robot. Synchronous; one instance per episode in flight.
 pub trait Policy: Send {
@@ -31,13 +31,13 @@ pub trait Policy: Send {
 pub struct PolicySpec {
     /// Name in results, e.g. `expert`.
     pub name: String,
-    /// Cameras that must be rendered for each observation.
-    pub cameras: Vec<String>,
+    /// Images that must be rendered for each observation.
+    pub cameras: Vec<CameraRequest>,
     /// Entries of `Observation::state` that must be present.
     pub state_keys: Vec<String>,
     /// What the numbers in an action mean.
     pub action: ActionSpec,
-    /// How often the policy may act, hertz; the 60 Hz control rate is a whole multiple.
+    /// How often an action is taken from a chunk, hertz; the 60 Hz control rate is a whole multiple.
     pub rate_hz: f64,
     /// How many actions of a chunk are executed before the next observation; 0 for all of them.
     pub execute_steps: usize,
@@ -45,44 +45,17 @@ pub struct PolicySpec {
     pub privileged: bool,
 }
 
-/// What the numbers in an action mean.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct ActionSpec {
-    /// Space of the motion part.
-    pub space: ActionSpace,
-    /// Frame of end-effector actions, e.g. `world`.
-    pub frame: String,
-    /// Encoding of rotations in end-effector actions, e.g. `fixed_xyz_euler`; empty for joint actions.
-    pub rotation: String,
-    /// Encoding of the gripper; native is the opening width in metres.
-    pub gripper: String,
-    /// Rate the actions are meant for, hertz.
-    pub rate_hz: f64,
-}
-
-/// Space of the motion part of an action.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ActionSpace {
-    /// Absolute joint targets.
-    JointPosition,
-    /// Changes of the joint targets.
-    JointDelta,
-    /// Absolute end-effector pose.
-    EePose,
-    /// Change of the end-effector pose.
-    EeDelta,
-}
-
-impl ActionSpec {
-    /// The native action: absolute joint targets and the gripper's opening width in metres.
-    pub fn native(rate_hz: f64) -> Self {
+impl PolicySpec {
+    /// Native actions at a rate, from the robot's own state alone, every chunk executed whole.
+    pub fn native(name: &str, rate_hz: f64) -> Self {
         Self {
-            space: ActionSpace::JointPosition,
-            frame: "world".into(),
-            rotation: String::new(),
-            gripper: "width_m".into(),
+            name: name.into(),
+            cameras: Vec::new(),
+            state_keys: vec![Observation::STATE.into()],
+            action: ActionSpec::native(),
             rate_hz,
+            execute_steps: 0,
+            privileged: false,
         }
     }
 }
@@ -94,7 +67,7 @@ pub struct EpisodeStart {
     pub instruction: String,
     /// Stream for the policy's own chance.
     pub seed: Seed,
-    /// The cameras the policy asked for.
+    /// The cameras the policy asked for, at the sizes it asked for.
     pub cameras: Vec<Camera>,
     /// The whole scenario, for privileged policies only.
     pub scenario: Option<Arc<Scenario>>,
@@ -105,25 +78,17 @@ pub struct EpisodeStart {
 pub struct Observation {
     /// Time since the start of the episode.
     pub time_s: f64,
-    /// Named state vectors; `observation.state` = arm joint positions and gripper width.
+    /// Named state vectors; [`Observation::STATE`] = arm joint positions and gripper width.
     pub state: BTreeMap<String, Vec<f64>>,
-    /// Pictures by camera name.
-    pub images: BTreeMap<String, CameraImage>,
+    /// Images of the cameras asked for, by name.
+    pub images: BTreeMap<String, RgbdImage>,
     /// Simulator truth, for privileged policies only.
     pub privileged: Option<PrivilegedState>,
 }
 
-/// One camera's picture with what is needed to place it in space.
-#[derive(Clone, Debug)]
-pub struct CameraImage {
-    /// The camera.
-    pub camera: Camera,
-    /// Where it was.
-    pub world_from_camera: Pose,
-    /// 8-bit sRGB, row by row.
-    pub rgb: Vec<u8>,
-    /// Depth along the optical axis, metres; 0 where nothing was hit.
-    pub depth_m: Vec<f32>,
+impl Observation {
+    /// Key of the robot's own state: arm joint positions, then the opening width, rad and m.
+    pub const STATE: &'static str = "observation.state";
 }
 
 /// Simulator truth.

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::asset::uid_of;
 use crate::upgrade;
 use crate::{AssetRef, Document, ObjectCard, Upgrade};
 
@@ -194,6 +195,12 @@ impl Task {
     /// The card of an instance in the scene.
     pub fn card(&self, id: &str) -> Option<&ObjectCard> {
         self.objects.get(self.scene_graph.index_of(id)?)
+    }
+
+    /// What people call an instance: `Red Mug`, and `Red Mug #2` for its second copy; the id where there is no card.
+    pub fn name_of(&self, id: &str) -> String {
+        let name = self.card(id).map_or_else(|| uid_of(id).to_owned(), |card| card.name.clone());
+        id.split_once('#').map_or(name.clone(), |(_, copy)| format!("{name} #{copy}"))
     }
 }
 

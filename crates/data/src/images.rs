@@ -4,7 +4,7 @@
 //! lengths, colour statistics), `<camera>.h264`, and `<camera>.depth` (PNG files one after the other, empty without
 //! depth).
 
-use genmanip_core::{Camera, CameraMount, Document, DocumentError, Pose};
+use genmanip_core::{Camera, CameraMount, Document, DocumentError, Pose, RgbdImage};
 use serde::{Deserialize, Serialize};
 
 use crate::depth::encode_depth_png;
@@ -74,22 +74,20 @@ impl TrackRecorder {
         })
     }
 
-    /// Appends a picture: 8-bit sRGB, depth in metres (0 where nothing was hit), both row by row.
-    ///
-    /// Depth is given for every picture of a track or for none.
+    /// Appends an image with colour; depth is given for every image of a track or for none.
     ///
     /// # Errors
     /// When a size does not fit or an encoder fails.
-    pub fn push(&mut self, world_from_camera: Pose, rgb: &[u8], depth_m: Option<&[f32]>) -> Result<(), DataError> {
+    pub fn push(&mut self, image: &RgbdImage) -> Result<(), DataError> {
         let (width, height) = (self.camera.intrinsics.width, self.camera.intrinsics.height);
-        self.video.push(rgb)?;
-        if let Some(depth_m) = depth_m {
-            self.depth_png.push(encode_depth_png(depth_m, width, height)?);
+        self.video.push(&image.rgb)?;
+        if !image.depth_m.is_empty() {
+            self.depth_png.push(encode_depth_png(&image.depth_m, width, height)?);
         }
         if self.camera.mount == CameraMount::Hand || self.world_from_camera.is_empty() {
-            self.world_from_camera.push(world_from_camera);
+            self.world_from_camera.push(image.world_from_camera);
         }
-        self.colors.add_image(rgb, width as usize);
+        self.colors.add_image(&image.rgb, width as usize);
         Ok(())
     }
 

@@ -7,6 +7,7 @@ pub mod answers;
 pub mod calibration;
 mod clock;
 pub mod design;
+pub mod environment;
 pub mod expert;
 pub mod fit;
 pub mod grasp;

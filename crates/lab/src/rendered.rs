@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
-use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RobotModel, Scenario, Seed, Task, World};
+use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RgbdImage, RobotModel, Scenario, Seed, Task, World};
 use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves};
 use genmanip_motion::PlannerSettings;
 use genmanip_render::{Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
-use genmanip_scene::observed::{DepthView, clouds_of_views};
+use genmanip_scene::observed::clouds_of_views;
 use genmanip_scene::relations::{
     CloudScene, PosedObject, PosedScene, Rest, ShapeCache, is_clear, judge_atom, judge_goal,
 };
@@ -146,16 +146,11 @@ impl Bench {
             self.cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::GEOMETRY)).collect();
         let mut pictures = vec![FrameBuffers::default(); jobs.len()];
         Renderer::new(assets, RenderVariation::default()).render(&jobs, &mut pictures).map_err(drawn)?;
-        let views: Vec<DepthView> = self
+        let views: Vec<RgbdImage> = self
             .cameras
             .iter()
-            .zip(&pictures)
-            .map(|(camera, picture)| DepthView {
-                intrinsics: camera.intrinsics,
-                world_from_camera: camera.world_from_camera(&Pose::IDENTITY),
-                depth_m: &picture.depth_m,
-                instance: &picture.instance,
-            })
+            .zip(pictures)
+            .map(|(camera, picture)| picture.into_image(camera.intrinsics, camera.world_from_camera(&Pose::IDENTITY)))
             .collect();
         let instances: Vec<u16> = (0..models.len()).map(|index| FIRST_OBJECT + index as u16).collect();
         let clouds = scene.objects().zip(clouds_of_views(&views, &instances));

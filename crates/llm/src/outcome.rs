@@ -1,7 +1,7 @@
 //! What became of asking for a task: the task or the reasons against it, and every round on the way.
 
 use genmanip_chat::{ChatError, ChatReply, Ledger};
-use genmanip_core::{Document, Task, TaskKind};
+use genmanip_core::{Document, Task, TaskKind, Upgrade, upgrade};
 use genmanip_scene::answer::{Flaw, Repair, Verdict};
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +31,8 @@ pub struct GenerationOutcome {
 }
 
 impl Document for GenerationOutcome {
-    const SCHEMA: &'static str = "genmanip.generation/1";
+    const SCHEMA: &'static str = "genmanip.generation/2";
+    const PREVIOUS: Option<Upgrade> = Some(upgrade::generation::FROM_1);
 }
 
 /// One answer and what was found in it.

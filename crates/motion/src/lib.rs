@@ -26,7 +26,7 @@ pub use collision::{
     Allowed, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, Part, RobotError, RobotShape,
     SurfaceError, triangulate,
 };
-pub use depth::{DepthError, DepthImage, DepthSettings};
+pub use depth::{DepthError, DepthSettings};
 pub use description::{DescriptionError, MeshFile, read_robot};
 pub use feasibility::{
     FeasibilitySettings, FeasibleGrasp, GraspRejection, GraspRejections, HalfTurn, PickMotions, PickQuery,

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Grasp, Pose, RobotModel, Seed};
+use genmanip_core::{Grasp, Pose, RgbdImage, RobotModel, Seed};
 use serde::{Deserialize, Serialize};
 
 use crate::collision::{
     Allowed, Attached, Checker, CollisionReport, CollisionWorld, GeometryError, RobotError, RobotShape,
 };
-use crate::depth::{self, DepthError, DepthImage, DepthSettings};
+use crate::depth::{self, DepthError, DepthSettings};
 use crate::grasp::cloud::{CloudError, CloudGrasp, CloudSettings, CloudTarget};
 use crate::grasp::{self, GraspSettings, GraspTarget, Gripper};
 use crate::ik::{IkSettings, InverseKinematics};
@@ -164,7 +164,7 @@ impl Planner {
         around: &PlanningScene,
         config: &[f64],
         name: &str,
-        images: &[DepthImage],
+        images: &[RgbdImage],
     ) -> Result<CollisionWorld, DepthError> {
         let settings = &self.settings.depth;
         let points = depth::unexplained_points(&self.checker(around, 0.0), config, images, settings)?;

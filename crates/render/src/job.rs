@@ -1,6 +1,6 @@
 //! What to draw, from where, and where the picture goes.
 
-use genmanip_core::{Camera, Pose};
+use genmanip_core::{Camera, ImageChannels, Intrinsics, Pose, RgbdImage};
 
 /// Instance id of a pixel that sees nothing.
 pub const NOTHING: u16 = 0;
@@ -86,4 +86,27 @@ pub struct FrameBuffers {
     pub instance: Vec<u16>,
     /// Unit surface normal in the camera's optical frame times 127, towards the camera; zero where nothing is seen.
     pub normal: Vec<[i8; 3]>,
+}
+
+impl From<ImageChannels> for Channels {
+    /// What must be drawn for what is asked for: points follow from the depth.
+    fn from(asked: ImageChannels) -> Self {
+        let ImageChannels { rgb, depth, ids, normals, points } = asked;
+        Self { rgb, depth: depth || points, instance: ids, normal: normals }
+    }
+}
+
+impl FrameBuffers {
+    /// The image of a camera with these intrinsics at this place, which is what other crates speak.
+    pub fn into_image(self, intrinsics: Intrinsics, world_from_camera: Pose) -> RgbdImage {
+        RgbdImage {
+            intrinsics,
+            world_from_camera,
+            rgb: self.rgb,
+            depth_m: self.depth_m,
+            ids: self.instance,
+            normals: self.normal,
+            points_m: Vec::new(),
+        }
+    }
 }

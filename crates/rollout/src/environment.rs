@@ -11,12 +11,13 @@
 use std::sync::Arc;
 
 use genmanip_core::{
-    Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, HandPhase, Observation, PrivilegedState,
-    Seed, StrayContact,
+    CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, HandPhase, Observation,
+    PrivilegedState, Seed, StrayContact,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
 
+use crate::images::Painter;
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
 /// So long after the hand last held something it is still letting go of it, s.
@@ -29,6 +30,8 @@ const LETTING_GO_S: f64 = 1.0;
 pub struct Environment {
     settings: RolloutSettings,
     session: Option<Session>,
+    /// Kept from episode to episode of the same stage.
+    painter: Option<Painter>,
 }
 
 /// What one control step led to.
@@ -94,6 +97,13 @@ pub struct Snapshot {
     record: Record,
 }
 
+impl Snapshot {
+    /// The simulation's complete state.
+    pub fn state(&self) -> &[f64] {
+        &self.state
+    }
+}
+
 #[derive(Debug)]
 struct Session {
     stage: Stage,
@@ -126,7 +136,7 @@ struct Record {
 impl Environment {
     /// An environment without an episode.
     pub fn new(settings: RolloutSettings) -> Self {
-        Self { settings, session: None }
+        Self { settings, session: None, painter: None }
     }
 
     /// How long episodes last and when things count as being at rest.
@@ -191,12 +201,30 @@ impl Environment {
         })
     }
 
-    /// What is seen now, the robot's own state; simulator truth is apart, see [`Environment::truth`].
+    /// What is seen now: the robot's own state, and an image per request, drawn from the present state.
+    ///
+    /// It may be asked at any time, also before the first step and after settling; simulator truth is apart, see
+    /// [`Environment::truth`].
     ///
     /// # Errors
-    /// Before the first reset.
-    pub fn observe(&mut self) -> Result<Observation, RolloutError> {
-        self.session.as_ref().map(Session::observation).ok_or(RolloutError::NotReset)
+    /// Before the first reset, and for a camera that is not there or cannot be drawn.
+    pub fn observe(&mut self, cameras: &[CameraRequest]) -> Result<Observation, RolloutError> {
+        let session = self.session.as_ref().ok_or(RolloutError::NotReset)?;
+        let mut observation = session.observation();
+        if cameras.is_empty() {
+            return Ok(observation);
+        }
+        let painter = match self.painter.take().filter(|painter| painter.is_of(&session.stage)) {
+            Some(painter) => self.painter.insert(painter),
+            None => self.painter.insert(Painter::new(&session.stage)?),
+        };
+        let seen = cameras.iter().map(|request| session.stage.camera(request)).collect::<Result<Vec<_>, _>>()?;
+        let views: Vec<_> = seen.iter().zip(cameras).map(|(camera, request)| (camera, request.channels)).collect();
+        let (objects, arm) = (session.sim.object_states(), session.sim.joint_positions());
+        let objects = objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let images = painter.paint_state(&arm, session.sim.gripper_width(), objects, &views)?;
+        observation.images = cameras.iter().map(|request| request.name.clone()).zip(images).collect();
+        Ok(observation)
     }
 
     /// Simulator truth, for privileged policies only.
@@ -222,6 +250,22 @@ impl Environment {
         self.session.as_ref().map_or(0, |session| {
             steps_in(self.settings.horizon_s, &session.stage).saturating_sub(session.record.frames.len())
         })
+    }
+
+    /// The command in force, native: the last one as applied; the robot's home before the first step.
+    ///
+    /// # Errors
+    /// Before the first reset.
+    pub fn command(&self) -> Result<Vec<f32>, RolloutError> {
+        self.session.as_ref().map(Session::last_command).ok_or(RolloutError::NotReset)
+    }
+
+    /// Arm joint positions, rad.
+    ///
+    /// # Errors
+    /// Before the first reset.
+    pub fn joint_positions(&self) -> Result<Vec<f64>, RolloutError> {
+        self.session.as_ref().map(|session| session.sim.joint_positions()).ok_or(RolloutError::NotReset)
     }
 
     /// Control steps so far.
@@ -272,7 +316,7 @@ impl Session {
         state.push(self.sim.gripper_width());
         Observation {
             time_s: self.record.frames.len() as f64 / self.stage.control_rate_hz(),
-            state: [("observation.state".to_owned(), state)].into(),
+            state: [(Observation::STATE.to_owned(), state)].into(),
             ..Observation::default()
         }
     }

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{
-    ActionSpace, Ending, Episode, EpisodeStart, Failure, FailureCause, Policy, PolicyError, PolicySpec, Seed,
-};
-use genmanip_sim::SimError;
-
+use crate::adapter::{Adapter, AdapterError, ArmReference};
 use crate::environment::{Conclusion, Environment};
 use crate::{RolloutError, RolloutSettings, Stage};
+use genmanip_core::{
+    Ending, Episode, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, Seed,
+};
 
 /// Runs one episode and judges it.
 ///
@@ -28,16 +27,18 @@ pub fn run_episode(
 ) -> Result<Episode, RolloutError> {
     let spec = policy.spec();
     let repeat = check_spec(&spec, stage)?;
+    let adapter = Adapter::new(spec.action, &stage.robot, &settings.ik, 1.0 / stage.control_rate_hz(), repeat)
+        .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), reason: error.to_string() })?;
     let mut environment = Environment::new(settings.clone());
     environment.reset(stage, seed);
     let start = EpisodeStart {
         instruction: stage.scenario.task.instruction.clone(),
         seed: seed.fork("policy"),
-        cameras: stage.scenario.world.cameras.iter().filter(|c| spec.cameras.contains(&c.name)).cloned().collect(),
+        cameras: spec.cameras.iter().map(|request| stage.camera(request)).collect::<Result<_, _>>()?,
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
     let (ending, word) = match policy.reset(&start) {
-        Ok(()) => drive(&mut environment, policy, &spec, repeat)?,
+        Ok(()) => drive(&mut environment, policy, &spec, &adapter)?,
         Err(error) => gave_up(error, &spec)?,
     };
     environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
@@ -48,14 +49,14 @@ fn drive(
     environment: &mut Environment,
     policy: &mut dyn Policy,
     spec: &PolicySpec,
-    repeat: usize,
+    adapter: &Adapter,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
     loop {
         let left = environment.steps_left();
         if left == 0 {
             return Ok((Ending::Horizon, None));
         }
-        let mut observation = environment.observe()?;
+        let mut observation = environment.observe(&spec.cameras)?;
         if spec.privileged {
             observation.privileged = Some(environment.truth()?);
         }
@@ -67,20 +68,32 @@ fn drive(
             return Ok(broke("returned no action".into()));
         }
         let count = if spec.execute_steps == 0 { usize::MAX } else { spec.execute_steps };
-        let commands = chunk.actions.iter().take(count).flat_map(|action| std::iter::repeat_n(action, repeat));
-        for command in commands.take(left) {
-            match environment.step(command) {
-                Ok(step) if step.terminated => return Ok((Ending::Success, None)),
-                Ok(_) => {}
-                Err(RolloutError::Sim(
-                    error @ (SimError::CommandLength { .. } | SimError::CommandNotFinite { .. }),
-                )) => return Ok(broke(format!("action for control step {}: {error}", environment.frames().len()))),
-                Err(error) => return Err(error),
+        let chunk_start = environment.joint_positions()?;
+        let mut cut_off = chunk.actions.len() > count;
+        for action in chunk.actions.iter().take(count) {
+            let left = environment.steps_left();
+            if left == 0 {
+                cut_off = true;
+                break;
+            }
+            let (command, measured) = (environment.command()?, environment.joint_positions()?);
+            let command: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
+            let from = ArmReference { command: &command, measured: &measured, chunk_start: &chunk_start };
+            let commands = match adapter.to_native(action, from) {
+                Ok(commands) => commands,
+                Err(error) => return Ok(no_action(error, environment)),
+            };
+            cut_off |= commands.len() > left;
+            for command in commands.iter().take(left) {
+                match environment.step(command) {
+                    Ok(step) if step.terminated => return Ok((Ending::Success, None)),
+                    Ok(_) => {}
+                    Err(error) => return Err(error),
+                }
             }
         }
         // What was cut off, by the horizon or by `execute_steps`, was not finished.
-        let executed = chunk.actions.len() <= count && chunk.actions.len().saturating_mul(repeat) <= left;
-        if chunk.finished && executed {
+        if chunk.finished && !cut_off {
             return Ok((Ending::Finished, None));
         }
     }
@@ -94,18 +107,22 @@ fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
     if !(repeat >= 1.0 && repeat.fract() == 0.0) {
         return refuse(format!("rate {} Hz does not divide the control rate of {control_rate_hz} Hz", spec.rate_hz));
     }
-    if spec.action.space != ActionSpace::JointPosition || spec.action.gripper != "width_m" {
-        return refuse("expected native actions: absolute joint positions and the gripper width in metres".into());
+    if let Some(key) = spec.state_keys.iter().find(|key| *key != Observation::STATE) {
+        return refuse(format!("unknown state key `{key}`, there is `{}`", Observation::STATE));
     }
-    if let Some(key) = spec.state_keys.iter().find(|key| *key != "observation.state") {
-        return refuse(format!("unknown state key `{key}`, there is `observation.state`"));
-    }
-    if let Some(camera) = spec.cameras.first() {
-        let known = stage.scenario.world.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
-        return refuse(format!(
-            "camera `{camera}` would have to be rendered in the loop, which comes with learned policies; the \
-             scenario's cameras are {known}"
-        ));
+    for (index, request) in spec.cameras.iter().enumerate() {
+        if let Err(error) = stage.camera(request) {
+            return refuse(error.to_string());
+        }
+        if spec.cameras[..index].iter().any(|other| other.name == request.name) {
+            return refuse(format!("camera `{}` is asked for twice", request.name));
+        }
+        if request.channels.ids && !spec.privileged {
+            return refuse(format!(
+                "camera `{}` is asked for instance ids, which are simulator truth: expected a privileged policy",
+                request.name
+            ));
+        }
     }
     Ok(repeat as usize)
 }
@@ -116,6 +133,16 @@ fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Fail
         PolicyError::Unsuited(reason) => Ok(broke(reason)),
         PolicyError::Unreachable(reason) => Err(RolloutError::NotRun { policy: spec.name.clone(), reason }),
     }
+}
+
+/// What the policy returned is no action: its failure, and no configuration is one of its causes.
+fn no_action(error: AdapterError, environment: &Environment) -> (Ending, Option<Failure>) {
+    let cause = match error {
+        AdapterError::OutOfReach { .. } => FailureCause::NoIk,
+        _ => FailureCause::Policy,
+    };
+    let evidence = format!("action for control step {}: {error}", environment.frames().len());
+    (Ending::GaveUp, Some(Failure { cause, evidence }))
 }
 
 fn broke(evidence: String) -> (Ending, Option<Failure>) {

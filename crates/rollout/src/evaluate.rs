@@ -1,64 +1,58 @@
-//! Evaluating policies on the scenarios of a run: the same loop, the same judge.
+//! Evaluating a policy on scenarios: the same loop, the same judge.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::{Episode, EpisodeResult, NotRun, Policy};
+use genmanip_core::{EpisodeResult, NotRun, Policy, Scenario, Seed};
 use genmanip_data::EpisodeStore;
 
 use crate::collect::{CollectSettings, Resources, in_parallel};
 use crate::{RolloutError, Stage, run_episode};
 
-/// Makes the policy for one episode, from the scenario made ready and from what was recorded on it.
-pub type MakePolicy<'a> = dyn Fn(&Stage, &Episode) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
+/// One episode to be run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// Name of the episode.
+    pub id: String,
+    /// What it starts from.
+    pub scenario: Arc<Scenario>,
+    /// Stream of the episode.
+    pub seed: Seed,
+}
+
+/// Makes the policy for one case, whose scenario was made ready.
+///
+/// [`RolloutError::NotRun`] says that the policy cannot be reached.
+pub type MakePolicy<'a> = dyn Fn(&Stage, &Case) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
 
 /// What an evaluation came to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evaluated {
-    /// Judged episodes, in the order of their ids.
+    /// Judged episodes, in the order of the cases.
     pub results: Vec<EpisodeResult>,
-    /// Episodes whose policy could not be reached, in the order of their ids.
+    /// Episodes whose policy could not be reached, in the order of the cases.
     pub not_run: Vec<NotRun>,
 }
 
-/// Runs a policy on every scenario of a store, recorded success or not.
+/// Runs a policy on every case; with a store, episodes are kept in it.
 ///
-/// Attempts without a scenario (their layout failed) cannot be evaluated and are left out.
+/// `finished` hears of each case as it ends, from the thread that ran it.
 ///
 /// # Errors
-/// The first defect of any episode.
-pub fn evaluate(
-    store: &EpisodeStore,
+/// The first defect of any episode, and what `finished` could not do.
+pub fn evaluate<E: From<RolloutError> + Send>(
+    cases: &[Case],
     make_policy: &MakePolicy,
-    resources: Resources,
-    settings: &CollectSettings,
+    (resources, settings): (Resources, &CollectSettings),
+    keep: Option<&EpisodeStore>,
     workers: usize,
     stop: &AtomicBool,
-    finished: &(dyn Fn(&EpisodeResult) + Sync),
-) -> Result<Evaluated, RolloutError> {
-    let ids: Vec<String> = store
-        .ids()?
-        .into_iter()
-        .filter_map(|id| match store.is_recorded(&id) {
-            Ok(true) => Some(Ok(id)),
-            Ok(false) => None,
-            Err(error) => Some(Err(error)),
-        })
-        .collect::<Result<_, _>>()?;
-    let outcomes = in_parallel(&ids, workers, stop, &|id| {
-        let recorded = store.read(id)?;
-        let stage = Stage::open(Arc::new(recorded.scenario.clone()), resources.catalogue, resources.planner.robot())?;
-        let mut policy = make_policy(&stage, &recorded)?;
-        match run_episode(&stage, policy.as_mut(), id, recorded.result.seed, &settings.rollout) {
-            Ok(episode) => {
-                finished(&episode.result);
-                Ok(Ok(episode.result))
-            }
-            Err(RolloutError::NotRun { reason, .. }) => {
-                Ok(Err(NotRun { id: id.clone(), scenario_id: recorded.scenario.id, reason }))
-            }
-            Err(error) => Err(error),
-        }
+    finished: &(dyn Fn(&Result<EpisodeResult, NotRun>) -> Result<(), E> + Sync),
+) -> Result<Evaluated, E> {
+    let outcomes = in_parallel(cases, workers, stop, &|case| {
+        let outcome = run(case, make_policy, resources, settings, keep)?;
+        finished(&outcome)?;
+        Ok::<_, E>(outcome)
     })?;
     let mut evaluated = Evaluated::default();
     for outcome in outcomes {
@@ -68,4 +62,33 @@ pub fn evaluate(
         }
     }
     Ok(evaluated)
+}
+
+fn run(
+    case: &Case,
+    make_policy: &MakePolicy,
+    resources: Resources,
+    settings: &CollectSettings,
+    keep: Option<&EpisodeStore>,
+) -> Result<Result<EpisodeResult, NotRun>, RolloutError> {
+    // Kept by a run that was interrupted before it could tell.
+    if let Some(store) = keep.filter(|store| store.contains(&case.id)) {
+        return Ok(Ok(store.read_result(&case.id)?));
+    }
+    let robot = resources.planner.robot();
+    let stage = Stage::open(Arc::clone(&case.scenario), resources.catalogue, robot)?;
+    let episode = make_policy(&stage, case)
+        .and_then(|mut policy| run_episode(&stage, policy.as_mut(), &case.id, case.seed, &settings.rollout));
+    match episode {
+        Ok(episode) => {
+            if let Some(store) = keep {
+                store.write(&episode, &[])?;
+            }
+            Ok(Ok(episode.result))
+        }
+        Err(RolloutError::NotRun { reason, .. }) => {
+            Ok(Err(NotRun { id: case.id.clone(), scenario_id: case.scenario.id.clone(), reason }))
+        }
+        Err(error) => Err(error),
+    }
 }

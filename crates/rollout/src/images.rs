@@ -1,8 +1,8 @@
-//! Pictures of recorded episodes: jobs over recorded states, after the physics.
+//! Images of a stage: of recorded frames after the physics, and of the state in the loop for policies that ask for them.
 
-use genmanip_core::{Camera, Episode, Frame};
+use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, RgbdImage};
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
-use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
+use genmanip_render::{FrameBuffers, RenderVariation, Renderer, ViewJob};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -26,36 +26,67 @@ impl Default for ImageSettings {
     }
 }
 
-/// Draws frames of one stage.
+/// Draws frames of one stage; meshes are shared by all painters of the stage, views of a frame share its shadows.
+#[derive(Debug)]
 pub struct Painter {
-    assets: Arc<RenderAssets>,
     renderer: Renderer,
+    scenario: String,
 }
 
 impl Painter {
-    /// Collects the meshes of a stage.
+    /// A painter of a stage.
     ///
     /// # Errors
     /// When a mesh is broken.
     pub fn new(stage: &Stage) -> Result<Self, RolloutError> {
-        let assets = RenderAssets::new(Arc::clone(&stage.robot), &stage.models, Some(&stage.scenario.world))
-            .map_err(|error| failed(&stage.scenario.id, &error))?;
-        let renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
-        Ok(Self { assets, renderer })
+        let renderer = Renderer::new(stage.render_assets()?, RenderVariation::default());
+        Ok(Self { renderer, scenario: stage.scenario.id.clone() })
+    }
+
+    /// Whether this painter draws that stage.
+    pub fn is_of(&self, stage: &Stage) -> bool {
+        stage.render_assets().is_ok_and(|assets| Arc::ptr_eq(&assets, self.renderer.assets()))
     }
 
     /// One recorded frame, seen by one camera.
     ///
     /// # Errors
     /// When the frame does not belong to the stage.
-    pub fn paint(&mut self, frame: &Frame, camera: &Camera, channels: Channels) -> Result<FrameBuffers, RolloutError> {
-        let state = self.assets.frame_state_of(frame).map_err(|error| failed(&camera.name, &error))?;
-        let mut buffers = [FrameBuffers::default()];
-        self.renderer
-            .render(&[ViewJob::new(&state, camera, channels)], &mut buffers)
-            .map_err(|error| failed(&camera.name, &error))?;
-        let [buffers] = buffers;
-        Ok(buffers)
+    pub fn paint(
+        &mut self,
+        frame: &Frame,
+        camera: &Camera,
+        channels: ImageChannels,
+    ) -> Result<RgbdImage, RolloutError> {
+        let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let views = [(camera, channels)];
+        self.paint_state(&frame.joint_position, frame.gripper_width, objects, &views).map(|mut images| images.remove(0))
+    }
+
+    /// One moment, seen by several cameras: arm joint positions, opening width, poses and joints of the objects.
+    ///
+    /// # Errors
+    /// When the objects are not those of the stage, or a camera cannot be drawn.
+    pub fn paint_state<'a>(
+        &mut self,
+        arm: &[f64],
+        gripper_width: f64,
+        objects: impl IntoIterator<Item = (Pose, &'a [f64])>,
+        views: &[(&Camera, ImageChannels)],
+    ) -> Result<Vec<RgbdImage>, RolloutError> {
+        let assets = Arc::clone(self.renderer.assets());
+        let failed = |error| failed(&self.scenario, &error);
+        let state = assets.frame_state(arm, gripper_width, objects).map_err(failed)?;
+        let jobs: Vec<ViewJob> =
+            views.iter().map(|(camera, channels)| ViewJob::new(&state, camera, (*channels).into())).collect();
+        let mut buffers = vec![FrameBuffers::default(); jobs.len()];
+        self.renderer.render(&jobs, &mut buffers).map_err(failed)?;
+        let world_from_hand = assets.world_from_hand(&state);
+        let image = |((camera, channels), buffers): (&(&Camera, ImageChannels), FrameBuffers)| {
+            let image = buffers.into_image(camera.intrinsics, camera.world_from_camera(&world_from_hand));
+            if channels.points { image.with_points() } else { image }
+        };
+        Ok(views.iter().zip(buffers).map(image).collect())
     }
 }
 
@@ -64,37 +95,25 @@ impl Painter {
 /// # Errors
 /// When a camera is not in the scenario, or drawing or encoding fails.
 pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<CameraTrack>, RolloutError> {
-    let id = &episode.result.id;
-    let cameras = settings
-        .cameras
-        .iter()
-        .map(|name| {
-            episode.scenario.world.camera(name).ok_or_else(|| RolloutError::Images {
-                episode: id.clone(),
-                reason: format!("the scenario has no camera `{name}`"),
-            })
-        })
-        .collect::<Result<Vec<_>, _>>()?;
+    let requests = settings.cameras.iter().map(|name| CameraRequest::new(name, ImageChannels::RGBD));
+    let cameras = requests.map(|request| stage.camera(&request)).collect::<Result<Vec<_>, _>>()?;
     let mut tracks = cameras
         .iter()
         .map(|camera| TrackRecorder::new(camera, settings.fps, &settings.video))
         .collect::<Result<Vec<_>, _>>()?;
-    let painter = Painter::new(stage)?;
-    let (assets, mut renderer) = (painter.assets, painter.renderer);
-    let mut buffers = vec![FrameBuffers::default(); cameras.len()];
+    let mut painter = Painter::new(stage)?;
+    let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     let stride = (episode.result.control_rate_hz / f64::from(settings.fps)).round().max(1.0) as usize;
     for frame in episode.frames.iter().step_by(stride) {
-        let state = assets.frame_state_of(frame).map_err(|error| failed(id, &error))?;
-        let jobs: Vec<ViewJob> = cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::RGBD)).collect();
-        renderer.render(&jobs, &mut buffers).map_err(|error| failed(id, &error))?;
-        let world_from_hand = assets.world_from_hand(&state);
-        for ((track, camera), picture) in tracks.iter_mut().zip(&cameras).zip(&buffers) {
-            track.push(camera.world_from_camera(&world_from_hand), &picture.rgb, Some(&picture.depth_m))?;
+        let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views)?;
+        for (track, image) in tracks.iter_mut().zip(&images) {
+            track.push(image)?;
         }
     }
     Ok(tracks.into_iter().map(TrackRecorder::finish).collect::<Result<Vec<_>, _>>()?)
 }
 
-fn failed(episode: &str, error: &dyn std::error::Error) -> RolloutError {
-    RolloutError::Images { episode: episode.into(), reason: error.to_string() }
+fn failed(scenario: &str, error: &dyn std::error::Error) -> RolloutError {
+    RolloutError::Images { scenario: scenario.into(), reason: error.to_string() }
 }

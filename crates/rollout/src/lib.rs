@@ -3,6 +3,7 @@
 //! Collecting demonstrations *is* evaluating the [`expert`] with the recorder on; there is no second loop.
 //! Physics runs once; pictures are jobs over recorded states, done afterwards.
 
+pub mod adapter;
 pub mod collect;
 pub mod environment;
 pub mod episode_loop;

@@ -1,6 +1,6 @@
 //! Policies that need no learning: the control arm and the replay.
 
-use genmanip_core::{ActionChunk, ActionSpec, Episode, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
+use genmanip_core::{ActionChunk, Episode, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
 
 /// Stands still: the control that shows that no scenario solves itself.
 #[derive(Clone, Debug, Default)]
@@ -22,21 +22,9 @@ impl OpenLoopReplay {
     }
 }
 
-fn spec(name: &str) -> PolicySpec {
-    PolicySpec {
-        name: name.into(),
-        cameras: Vec::new(),
-        state_keys: vec!["observation.state".into()],
-        action: ActionSpec::native(60.0),
-        rate_hz: 60.0,
-        execute_steps: 0,
-        privileged: false,
-    }
-}
-
 impl Policy for DoNothing {
     fn spec(&self) -> PolicySpec {
-        spec("do_nothing")
+        PolicySpec::native("do_nothing", 60.0)
     }
 
     fn reset(&mut self, _start: &EpisodeStart) -> Result<(), PolicyError> {
@@ -46,7 +34,7 @@ impl Policy for DoNothing {
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let state = observation
             .state
-            .get("observation.state")
+            .get(Observation::STATE)
             .ok_or_else(|| PolicyError::Unsuited("`observation.state` is missing".into()))?;
         let stay: Vec<f32> = state.iter().map(|&value| value as f32).collect();
         Ok(ActionChunk { actions: vec![stay; (self.duration_s * 60.0) as usize], finished: true })
@@ -55,7 +43,7 @@ impl Policy for DoNothing {
 
 impl Policy for OpenLoopReplay {
     fn spec(&self) -> PolicySpec {
-        spec("replay")
+        PolicySpec::native("replay", 60.0)
     }
 
     fn reset(&mut self, _start: &EpisodeStart) -> Result<(), PolicyError> {

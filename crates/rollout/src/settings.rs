@@ -1,5 +1,6 @@
 //! Every default of the episode loop on one screen.
 
+use genmanip_motion::IkSettings;
 use serde::{Deserialize, Serialize};
 
 /// How long an episode lasts and when the world counts as being at rest.
@@ -14,6 +15,8 @@ pub struct RolloutSettings {
     pub judge_every: usize,
     /// Stop once the goal has held for `settle_s` at every look, instead of when the policy is finished.
     pub stop_on_success: bool,
+    /// How poses in the actions of end-effector policies become joint targets.
+    pub ik: IkSettings,
     /// Above this speed an object is moving, m/s.
     pub rest_speed: f64,
     /// Above this angular speed an object is moving, rad/s.
@@ -31,6 +34,7 @@ impl Default for RolloutSettings {
             settle_s: 1.0,
             judge_every: 12,
             stop_on_success: false,
+            ik: IkSettings::default(),
             rest_speed: 0.02,
             rest_angular_speed: 0.4,
             disturbed_m: 0.05,

@@ -1,9 +1,12 @@
 //! A scenario made ready: models built, physics compiled.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use genmanip_assets::{AssetError, AssetSource};
-use genmanip_core::{Goal, ObjectModel, ObjectState, RobotModel, Scenario};
+use genmanip_core::{
+    Camera, CameraRequest, Goal, InterchangeError, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario,
+};
+use genmanip_render::RenderAssets;
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError};
 
@@ -24,8 +27,12 @@ pub struct Stage {
     pub scene: Arc<Scene>,
     /// How relations are judged, as the scenario's world says.
     pub relations: RelationSettings,
+    /// What people call its objects.
+    names: Vec<String>,
     /// The scene at the start as relations see it; its shapes are shared by all later ones.
     posed: PosedScene,
+    /// Meshes to draw, collected when the first image is asked for and shared by all images of the stage.
+    drawn: Arc<OnceLock<Arc<RenderAssets>>>,
 }
 
 /// Why an episode could not be run or replayed.
@@ -34,6 +41,9 @@ pub enum RolloutError {
     /// An object is unknown or its physics have changed.
     #[error(transparent)]
     Asset(#[from] AssetError),
+    /// The task's groups of interchangeable copies make no sense.
+    #[error(transparent)]
+    Interchangeable(#[from] InterchangeError),
     /// The simulation refused or blew up.
     #[error(transparent)]
     Sim(#[from] SimError),
@@ -77,11 +87,21 @@ pub enum RolloutError {
         /// Control steps of the episode.
         frames: usize,
     },
-    /// A picture could not be made or encoded.
-    #[error("images of episode {episode}: {reason}")]
+    /// The scenario has no such camera.
+    #[error("scenario {scenario} has no camera `{camera}`, its cameras are {known}")]
+    UnknownCamera {
+        /// Id of the scenario.
+        scenario: String,
+        /// What was asked for.
+        camera: String,
+        /// Names of its cameras.
+        known: String,
+    },
+    /// An image could not be made or encoded.
+    #[error("images of scenario {scenario}: {reason}")]
     Images {
-        /// Id of the episode.
-        episode: String,
+        /// Id of the scenario.
+        scenario: String,
         /// What went wrong.
         reason: String,
     },
@@ -130,8 +150,15 @@ impl Stage {
         });
         let posed = PosedScene::new(posed.collect(), &scenario.world.surfaces, &mut ShapeCache::default());
         let relations = scenario.world.relations;
+        scenario.task.check_interchangeable()?;
         let goal = Arc::new(scenario.task.judged_goal().into_owned());
-        Ok(Self { goal, scenario, models, robot: Arc::clone(robot), scene, relations, posed })
+        let name = |(placed, model): (&PlacedObject, &Arc<ObjectModel>)| match placed.id == model.card.uid {
+            true => model.card.name.clone(),
+            false => scenario.task.name_of(&placed.id),
+        };
+        let names = scenario.objects.iter().zip(&models).map(name).collect();
+        let drawn = Arc::default();
+        Ok(Self { goal, names, scenario, models, robot: Arc::clone(robot), scene, relations, posed, drawn })
     }
 
     /// The scene at the start, as relations see it.
@@ -159,6 +186,40 @@ impl Stage {
         }
     }
 
+    /// What is drawn of this stage, collected once.
+    ///
+    /// # Errors
+    /// When a mesh is broken.
+    pub fn render_assets(&self) -> Result<Arc<RenderAssets>, RolloutError> {
+        if let Some(assets) = self.drawn.get() {
+            return Ok(Arc::clone(assets));
+        }
+        let assets = RenderAssets::new(Arc::clone(&self.robot), &self.models, Some(&self.scenario.world))
+            .map_err(|error| RolloutError::Images { scenario: self.scenario.id.clone(), reason: error.to_string() })?;
+        Ok(Arc::clone(self.drawn.get_or_init(|| assets)))
+    }
+
+    /// The camera that is asked for, at the size that is asked for.
+    ///
+    /// # Errors
+    /// When the scenario has no camera of that name, or the size is zero.
+    pub fn camera(&self, request: &CameraRequest) -> Result<Camera, RolloutError> {
+        let cameras = &self.scenario.world.cameras;
+        let Some(camera) = cameras.iter().find(|camera| camera.name == request.name) else {
+            return Err(RolloutError::UnknownCamera {
+                scenario: self.scenario.id.clone(),
+                camera: request.name.clone(),
+                known: cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", "),
+            });
+        };
+        let Some([width, height]) = request.size else { return Ok(camera.clone()) };
+        if width == 0 || height == 0 {
+            let reason = format!("camera `{}` was asked for {width} x {height} pixels", request.name);
+            return Err(RolloutError::Images { scenario: self.scenario.id.clone(), reason });
+        }
+        Ok(Camera { intrinsics: camera.intrinsics.resized(width, height), ..camera.clone() })
+    }
+
     /// Control steps per second.
     pub fn control_rate_hz(&self) -> f64 {
         f64::from(self.scene.physics().control_rate_hz)
@@ -166,6 +227,6 @@ impl Stage {
 
     /// Name of an object for people.
     pub fn name(&self, object: usize) -> &str {
-        self.models.get(object).map_or("?", |model| &model.card.name)
+        self.names.get(object).map_or("?", String::as_str)
     }
 }

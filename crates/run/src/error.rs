@@ -79,6 +79,14 @@ pub enum RunError {
         /// The folder.
         path: PathBuf,
     },
+    /// A policy that runs elsewhere cannot be reached; what was to be done with it may be tried again.
+    #[error("policy {policy} cannot be reached: {reason}")]
+    Unreachable {
+        /// The policy with its arguments.
+        policy: String,
+        /// What its end said.
+        reason: String,
+    },
     /// A stage failed where it should not have: a defect, or something outside that broke.
     #[error("{what}")]
     Broken {
@@ -152,6 +160,7 @@ impl RunError {
             Self::AnotherRun { .. } => {
                 Some("choose another --out folder, or repeat the command of that run to continue it".into())
             }
+            Self::Unreachable { .. } => Some("see that it runs, then start again".into()),
             Self::NoRun { .. } => Some("make one with `genmanip collect TASKS --out FOLDER`".into()),
         }
     }

@@ -80,13 +80,16 @@ pub fn bake(
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
         engine: genmanip_sim::engine_version(),
         robot: robot.name.clone(),
+        robot_hash: Some(robot.physics_hash()),
         settings: json!({ "trying": trying, "generator": generator, "physics": world.physics, "drives": robot.drives }),
     };
     let catalogue = Catalogue::builtin();
     let models = graspable(catalogue, uids)?;
     let known = if out.exists() { read(out)? } else { nothing(&made_by) };
-    // What was made otherwise, or for objects that have changed, is made again.
-    let kept = if known.made_by == made_by { known.objects } else { BTreeMap::new() };
+    // What was made otherwise, or for objects that have changed, is made again; older files do not name the robot's hash.
+    let known_robot = known.made_by.robot_hash.clone().or_else(|| made_by.robot_hash.clone());
+    let is_made_alike = GraspProvenance { robot_hash: known_robot, ..known.made_by.clone() } == made_by;
+    let kept = if is_made_alike { known.objects } else { BTreeMap::new() };
     let kept = kept
         .into_iter()
         .filter(|(uid, object)| catalogue.build(uid).is_ok_and(|model| model.has_physics(&object.physics_hash)))

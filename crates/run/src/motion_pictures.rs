@@ -1,14 +1,14 @@
 //! A motion of the arm: all of it in one picture, or as a film.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Camera, Intrinsics, Pose};
+use genmanip_core::{Camera, ImageChannels, Intrinsics, Pose, RgbdImage};
 use genmanip_data::video::mux_mp4;
 use genmanip_data::{VideoEncoder, VideoSettings};
-use genmanip_render::{Channels, FrameBuffers, ROBOT, RenderAssets, RenderVariation, Renderer, ViewJob};
+use genmanip_render::ROBOT;
 use genmanip_rollout::Stage;
+use genmanip_rollout::images::Painter;
 
 use crate::error::RunError;
 
@@ -46,22 +46,22 @@ pub fn picture(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec<u
         Some("jpg" | "jpeg") => true,
         _ => return Err(ending(path, "a picture is written as .png or .jpg")),
     };
-    let mut painter = Painter::new(drawn, camera)?;
+    let mut view = View::new(drawn, camera)?;
     let last = drawn.configs.len().saturating_sub(1);
     let at = |index: usize| &drawn.configs[last * index / (POSTURES - 1)];
-    let mut canvas = painter.paint(at(POSTURES - 1))?;
+    let mut canvas = view.paint(at(POSTURES - 1))?;
     if last > 0 {
         for index in 0..POSTURES - 1 {
-            let ghost = painter.paint(at(index))?;
+            let ghost = view.paint(at(index))?;
             blend(&mut canvas, &ghost, None);
         }
     }
     if let Some(blocked) = drawn.blocked {
-        let ghost = painter.paint(blocked)?;
+        let ghost = view.paint(blocked)?;
         blend(&mut canvas, &ghost, Some(BLOCKED));
     }
-    painter.draw_way(&mut canvas, &drawn.tcp);
-    let (width, height) = (canvas.width, canvas.height);
+    view.draw_way(&mut canvas, &drawn.tcp);
+    let (width, height) = (canvas.width(), canvas.height());
     let encoded = match as_jpeg {
         true => genmanip_render::encode::jpeg_rgb(width, height, &canvas.rgb, 90),
         false => genmanip_render::encode::png_rgb(width, height, &canvas.rgb),
@@ -75,16 +75,16 @@ pub fn animation(drawn: &Drawn, path: &Path, camera: Option<&str>) -> Result<Vec
         return Err(ending(path, "an animation is written as .mp4"));
     }
     let failed = |error| RunError::broken("cannot encode the animation", error);
-    let mut painter = Painter::new(drawn, camera)?;
-    let (width, height) = (painter.camera.intrinsics.width, painter.camera.intrinsics.height);
+    let mut view = View::new(drawn, camera)?;
+    let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
     let mut encoder = VideoEncoder::new(width, height, FPS, &VideoSettings::default()).map_err(failed)?;
     let stride = (drawn.stage.control_rate_hz() / f64::from(FPS)).round().max(1.0) as usize;
     let last = drawn.configs.len().saturating_sub(1);
     // The last posture stays a while.
     let shown = (0..=last).step_by(stride).chain(std::iter::repeat_n(last, FPS as usize / 2));
     for index in shown {
-        let mut canvas = painter.paint(&drawn.configs[index])?;
-        painter.draw_way(&mut canvas, &drawn.tcp[..=index]);
+        let mut canvas = view.paint(&drawn.configs[index])?;
+        view.draw_way(&mut canvas, &drawn.tcp[..=index]);
         encoder.push(&canvas.rgb).map_err(failed)?;
     }
     mux_mp4([&encoder.finish()]).map_err(failed)
@@ -94,14 +94,14 @@ fn ending(path: &Path, expected: &str) -> RunError {
     RunError::input(format!("cannot write {}", path.display())).with_hint(expected)
 }
 
-struct Painter<'a> {
+/// What is shown, by one camera.
+struct View<'a> {
     drawn: &'a Drawn<'a>,
-    assets: Arc<RenderAssets>,
-    renderer: Renderer,
+    painter: Painter,
     camera: Camera,
 }
 
-impl<'a> Painter<'a> {
+impl<'a> View<'a> {
     fn new(drawn: &'a Drawn, camera: Option<&str>) -> Result<Self, RunError> {
         let whole = Camera::looking_at(
             "whole",
@@ -121,26 +121,22 @@ impl<'a> Painter<'a> {
         let height = (WIDTH * intrinsics.height / intrinsics.width) & !1;
         let camera = Camera { intrinsics: intrinsics.resized(WIDTH, height), ..camera.clone() };
         let stage = drawn.stage;
-        let assets = RenderAssets::new(Arc::clone(&stage.robot), &stage.models, Some(&stage.scenario.world))
+        let painter = Painter::new(stage)
             .map_err(|error| RunError::broken(format!("cannot draw {}", stage.scenario.id), error))?;
-        let renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
-        Ok(Self { drawn, assets, renderer, camera })
+        Ok(Self { drawn, painter, camera })
     }
 
-    fn paint(&mut self, config: &[f64]) -> Result<FrameBuffers, RunError> {
-        let failed = |error| RunError::broken("cannot draw the arm", error);
+    fn paint(&mut self, config: &[f64]) -> Result<RgbdImage, RunError> {
         let placed = &self.drawn.stage.scenario.objects;
         let objects = placed.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let state = self.assets.frame_state(config, self.drawn.gripper_width, objects).map_err(failed)?;
-        let channels = Channels { rgb: true, depth: false, instance: true, normal: false };
-        let mut buffers = [FrameBuffers::default()];
-        self.renderer.render(&[ViewJob::new(&state, &self.camera, channels)], &mut buffers).map_err(failed)?;
-        let [buffers] = buffers;
-        Ok(buffers)
+        let views = [(&self.camera, ImageChannels { ids: true, ..ImageChannels::RGB })];
+        let images = self.painter.paint_state(config, self.drawn.gripper_width, objects, &views);
+        let mut images = images.map_err(|error| RunError::broken("cannot draw the arm", error))?;
+        Ok(images.swap_remove(0))
     }
 
     /// A line through points of the world, whatever is in front of it.
-    fn draw_way(&self, canvas: &mut FrameBuffers, points: &[DVec3]) {
+    fn draw_way(&self, canvas: &mut RgbdImage, points: &[DVec3]) {
         let camera_from_world = self.camera.world_from_camera(&Pose::IDENTITY).inverse();
         let pixel = |point: &DVec3| self.camera.intrinsics.project(camera_from_world.transform_point(*point));
         for pair in points.windows(2) {
@@ -152,9 +148,9 @@ impl<'a> Painter<'a> {
 }
 
 /// Lets the robot of another picture show through, in its own colours or tinted.
-fn blend(canvas: &mut FrameBuffers, ghost: &FrameBuffers, tint: Option<[u8; 3]>) {
-    let pixels = canvas.rgb.chunks_exact_mut(3).zip(ghost.rgb.chunks_exact(3)).zip(&ghost.instance);
-    for ((pixel, other), _) in pixels.filter(|(_, instance)| **instance == ROBOT) {
+fn blend(canvas: &mut RgbdImage, ghost: &RgbdImage, tint: Option<[u8; 3]>) {
+    let pixels = canvas.rgb.chunks_exact_mut(3).zip(ghost.rgb.chunks_exact(3)).zip(&ghost.ids);
+    for ((pixel, other), _) in pixels.filter(|(_, id)| **id == ROBOT) {
         for (channel, (value, other)) in pixel.iter_mut().zip(other).enumerate() {
             let other = tint.map_or(*other, |tint| (*other / 2).saturating_add(tint[channel] / 2));
             *value = (f32::from(*value) * (1.0 - GHOST) + f32::from(other) * GHOST).round() as u8;
@@ -163,8 +159,8 @@ fn blend(canvas: &mut FrameBuffers, ghost: &FrameBuffers, tint: Option<[u8; 3]>)
 }
 
 /// A dot three pixels wide.
-fn dot(canvas: &mut FrameBuffers, at: DVec2) {
-    let (width, height) = (i64::from(canvas.width), i64::from(canvas.height));
+fn dot(canvas: &mut RgbdImage, at: DVec2) {
+    let (width, height) = (i64::from(canvas.width()), i64::from(canvas.height()));
     let (x, y) = (at.x.round() as i64, at.y.round() as i64);
     for (x, y) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy))) {
         if (0..width).contains(&x) && (0..height).contains(&y) {

@@ -4,9 +4,9 @@ use genmanip_assets::{AssetSource, robots};
 use genmanip_bench::drawing::color_of_word;
 use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
 use genmanip_core::glam::DVec2;
-use genmanip_core::{Atom, Episode, PlacedObject, Scenario, Task, World};
+use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scenario, Task, World};
 use genmanip_layout::LayoutError;
-use genmanip_render::{Channels, FrameBuffers, encode};
+use genmanip_render::encode;
 use genmanip_rollout::{Stage, images::Painter};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
 
@@ -19,7 +19,7 @@ use crate::error::RunError;
 pub fn stills(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<Vec<u8>>, RunError> {
     paint(painter, episode, count, width)?
         .iter()
-        .map(|picture| jpeg(&episode.result.id, picture.width, picture.height, &picture.rgb))
+        .map(|picture| jpeg(&episode.result.id, picture.width(), picture.height(), &picture.rgb))
         .collect()
 }
 
@@ -29,11 +29,11 @@ pub fn stills(painter: &mut Painter, episode: &Episode, count: usize, width: u32
 /// As [`stills`].
 pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<u8>, RunError> {
     let pictures = paint(&mut painter(stage)?, episode, count, 384)?;
-    let (width, height) = pictures.first().map_or((0, 0), |picture| (picture.width, picture.height));
+    let (width, height) = pictures.first().map_or((0, 0), |picture| (picture.width(), picture.height()));
     let mut rgb = Vec::with_capacity((width * height) as usize * 3 * pictures.len());
     for row in 0..height as usize {
         for picture in &pictures {
-            let bytes = picture.width as usize * 3;
+            let bytes = picture.width() as usize * 3;
             rgb.extend_from_slice(&picture.rgb[row * bytes..(row + 1) * bytes]);
         }
     }
@@ -48,7 +48,7 @@ pub fn painter(stage: &Stage) -> Result<Painter, RunError> {
     Painter::new(stage).map_err(|error| RunError::broken(format!("cannot draw {}", stage.scenario.id), error))
 }
 
-fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<FrameBuffers>, RunError> {
+fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<RgbdImage>, RunError> {
     let scenario = &episode.scenario;
     let camera = scenario
         .world
@@ -62,7 +62,7 @@ fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> 
     (0..count)
         .filter_map(|index| episode.frames.get(last * index / count.saturating_sub(1).max(1)))
         .map(|frame| {
-            let drawn = painter.paint(frame, &camera, Channels::RGB);
+            let drawn = painter.paint(frame, &camera, ImageChannels::RGB);
             drawn.map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))
         })
         .collect()
@@ -106,7 +106,7 @@ pub fn explained_refusal(
     world: &World,
     catalogue: &dyn AssetSource,
 ) -> Result<Svg, RunError> {
-    let name = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.name.clone());
+    let name = |id: &str| task.name_of(id);
     let in_words = |atom: &Atom| match atom {
         Atom::Relation { subject, relation, reference, second_reference } => {
             let second = second_reference.iter().map(|id| format!(" and {}", name(id)));

@@ -1,7 +1,7 @@
 //! One motion of the arm in a scenario: to a grasp, to a point or to joint positions.
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{ObjectModel, Pose, Seed};
+use genmanip_core::{Pose, Seed};
 use genmanip_layout::obstacles;
 use genmanip_motion::{
     Allowed, FeasibilitySettings, FeasibleGrasp, HalfTurn, Path, PickQuery, PickedObject, PlanError, Planner,
@@ -222,10 +222,11 @@ fn goal(target: &Target, stage: &Stage, planner: &Planner, start: &[f64], seed: 
         Target::Point { position_m, yaw_rad } => return above(position_m, *yaw_rad, planner, start),
         Target::Object(wanted) => wanted.as_str(),
     };
-    let named = |model: &ObjectModel| model.card.uid == wanted || model.card.name.eq_ignore_ascii_case(wanted);
-    let Some(index) = stage.models.iter().position(|model| named(model)) else {
+    let ids: Vec<&str> = stage.scenario.objects.iter().map(|placed| placed.id.as_str()).collect();
+    let named = |&index: &usize| ids[index] == wanted || stage.name(index).eq_ignore_ascii_case(wanted);
+    let Some(index) = (0..ids.len()).find(named) else {
         let known: Vec<String> =
-            stage.models.iter().map(|model| format!("{} ({})", model.card.uid, model.card.name)).collect();
+            ids.iter().enumerate().map(|(index, id)| format!("{id} ({})", stage.name(index))).collect();
         return Err(RunError::input(format!("there is no object `{wanted}` in {}", stage.scenario.id))
             .with_hint(format!("objects are {}", known.join(", "))));
     };

@@ -22,18 +22,21 @@ pub const POLICIES: [PolicyEntry; 3] = [
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
         arguments: &[],
+        needs_record: false,
         prepare: expert,
     },
     PolicyEntry {
         name: "replay",
         about: "applies the recorded commands of the episode without looking",
         arguments: &[],
+        needs_record: true,
         prepare: replay,
     },
     PolicyEntry {
         name: "do_nothing",
         about: "stands still: the control that shows that no scenario solves itself",
         arguments: &[PolicyArgument { name: "seconds", default: "5", about: "how long it stands still, s" }],
+        needs_record: false,
         prepare: do_nothing,
     },
 ];
@@ -70,6 +73,8 @@ pub struct PolicyEntry {
     pub about: &'static str,
     /// What may be said about it.
     pub arguments: &'static [PolicyArgument],
+    /// Whether it needs an episode that was recorded on the same scenario.
+    pub needs_record: bool,
     /// Checks the arguments, once.
     prepare: fn(&Given) -> Result<Make, RunError>,
 }
@@ -123,12 +128,13 @@ impl PolicyFactory {
         Ok(Self { name: entry.name, label: given.label(), make: (entry.prepare)(&given)? })
     }
 
-    /// All policies with their defaults.
+    /// All policies with their defaults, without those that need a record where there is none.
     ///
     /// # Errors
     /// None, as long as the defaults are sound.
-    pub fn all() -> Result<Vec<Self>, RunError> {
-        POLICIES.iter().map(|entry| Self::resolve(entry.name)).collect()
+    pub fn all(is_recorded: bool) -> Result<Vec<Self>, RunError> {
+        let usable = POLICIES.iter().filter(|entry| is_recorded || !entry.needs_record);
+        usable.map(|entry| Self::resolve(entry.name)).collect()
     }
 
     /// Name of the policy, as results say it.
@@ -144,7 +150,7 @@ impl PolicyFactory {
     /// The policy for one episode.
     ///
     /// # Errors
-    /// When it cannot work on this episode.
+    /// When it cannot work on this episode; [`RunError::Unreachable`] when it runs elsewhere and cannot be reached.
     pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, RunError> {
         (self.make)(episode)
     }
@@ -234,7 +240,7 @@ mod tests {
             assert_eq!((factory.label(), factory.name()), (label, text.split(':').next().unwrap()));
         }
         let known: Vec<&str> = POLICIES.iter().map(|entry| entry.name).collect();
-        let all: Vec<&str> = PolicyFactory::all().unwrap().iter().map(PolicyFactory::name).collect();
+        let all: Vec<&str> = PolicyFactory::all(true).unwrap().iter().map(PolicyFactory::name).collect();
         assert_eq!(all, known);
     }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::Episode;
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::{Stage, replay};
@@ -52,12 +52,11 @@ pub fn check(
     progress.begin("replaying", ids.len());
     for id in &ids {
         let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
-        let episode: Episode = store.read(id).map_err(|error| failed(error.into()))?;
-        let scenario = Arc::new(episode.scenario.clone());
-        let robot = inputs::robot(&scenario.world)?;
-        let stage = Stage::open(scenario, Catalogue::builtin(), &robot).map_err(|error| {
-            failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
-        })?;
+        let (stage, episode) = open(&store, id)?;
+        let changed = Catalogue::builtin().changed_looks(&episode.scenario.objects).unwrap_or_default();
+        if !changed.is_empty() {
+            progress.note(&format!("{id}: {} looks otherwise than when it was recorded", changed.join(", ")));
+        }
         if let Some(path) = strip {
             let path = if ids.len() == 1 { path.to_owned() } else { numbered(path, id) };
             inputs::write_file(&path, &pictures::film_strip(&stage, &episode, STRIP_FRAMES)?)?;
@@ -76,6 +75,26 @@ pub fn check(
     }
     progress.end();
     Ok(rows)
+}
+
+/// The recorded episodes at a path, each with its stage: an episode's folder, a store, or a run.
+///
+/// # Errors
+/// As [`check`].
+pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, RunError> {
+    let (store, ids) = locate(path)?;
+    ids.iter().map(|id| open(&store, id)).collect()
+}
+
+fn open(store: &EpisodeStore, id: &str) -> Result<(Stage, Episode), RunError> {
+    let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
+    let episode: Episode = store.read(id).map_err(|error| failed(error.into()))?;
+    let scenario = Arc::new(episode.scenario.clone());
+    let robot = inputs::robot(&scenario.world)?;
+    let stage = Stage::open(scenario, Catalogue::builtin(), &robot).map_err(|error| {
+        failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
+    })?;
+    Ok((stage, episode))
 }
 
 /// The store and the recorded episodes meant by a path.

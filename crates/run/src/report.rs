@@ -1,7 +1,8 @@
 //! The report of a run: its input gathered from the folder in one pass over the episodes, and the page.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
@@ -14,9 +15,11 @@ use genmanip_data::EpisodeStore;
 use genmanip_rollout::Stage;
 
 use crate::error::RunError;
+use crate::evaluate::kept_episodes;
 use crate::folder::{Run, RunFolder, Timings};
 use crate::inputs;
 use crate::pictures;
+use crate::policies::POLICIES;
 use crate::progress::Progress;
 
 /// Moments of the film strip.
@@ -51,7 +54,7 @@ pub fn gather(path: &Path, progress: &dyn Progress) -> Result<ReportInput, RunEr
     progress.begin("drawing", run.tasks.len());
     for task in &run.tasks {
         let attempts = attempts.remove(&task.id).unwrap_or_default();
-        tasks.push(section(task, attempts, &store, &evaluations)?);
+        tasks.push(section(task, attempts, &folder, &evaluations)?);
         progress.advance();
     }
     progress.end();
@@ -86,12 +89,37 @@ fn attempts(store: &EpisodeStore, timings: &Timings) -> Result<BTreeMap<String, 
 }
 
 fn evaluations(folder: &RunFolder) -> Result<Vec<EvaluationReport>, RunError> {
-    ["expert", "replay", "do_nothing"]
-        .iter()
-        .map(|policy| folder.join("evaluation").join(format!("{policy}.json")))
-        .filter(|path| path.is_file())
-        .map(|path| inputs::read_document(&path))
-        .collect()
+    let path = folder.join("evaluation");
+    let listed = match fs::read_dir(&path) {
+        Ok(entries) => entries.collect::<Result<Vec<_>, _>>(),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => Err(error),
+    };
+    let mut files: Vec<PathBuf> = listed
+        .map_err(|error| RunError::file("list", &path, error))?
+        .into_iter()
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "json") && !is_hidden(path))
+        .collect();
+    // Policies of the registry first, in its order; then the others by name.
+    let place = |path: &PathBuf| {
+        let stem = inputs::stem(path);
+        (POLICIES.iter().position(|entry| entry.name == stem).unwrap_or(POLICIES.len()), stem)
+    };
+    files.sort_by_key(place);
+    let mut reports: Vec<EvaluationReport> =
+        files.iter().map(|path| inputs::read_document(path)).collect::<Result<_, _>>()?;
+    // The page tells evaluations apart by their policies' names.
+    for report in &mut reports {
+        report.summary.policy.clone_from(&report.label);
+        report.results.iter_mut().for_each(|result| result.policy.clone_from(&report.label));
+    }
+    Ok(reports)
+}
+
+/// Unfinished work of a program that runs or was killed.
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
 }
 
 fn page(
@@ -101,7 +129,7 @@ fn page(
     evaluations: &[EvaluationReport],
     tasks: Vec<TaskSection>,
 ) -> ReportInput {
-    let by_name = |name: &str| evaluations.iter().find(|report| report.policy == name);
+    let by_name = |name: &str| evaluations.iter().find(|report| report.label == name);
     let comparisons = [("expert", "replay"), ("expert", "do_nothing")]
         .iter()
         .filter_map(|(a, b)| {
@@ -113,19 +141,27 @@ fn page(
         title: "GenManip: from tasks to verified demonstrations".into(),
         generated_by: format!("genmanip {}", env!("CARGO_PKG_VERSION")),
         seed: run.seed,
-        commands: vec![
-            format!("genmanip collect TASKS --out {name} --episodes {} --seed {}", run.episodes_per_task, run.seed),
-            format!("genmanip evaluate {name}"),
-            format!("genmanip report {name}"),
-        ],
+        commands: commands(name, run, tasks.iter().all(|task| task.attempts.is_empty())),
         versions: vec![("genmanip".into(), run.genmanip_version.clone()), ("physics".into(), run.engine.clone())],
         summaries: evaluations.iter().map(|report| report.summary.clone()).collect(),
-        control: by_name("do_nothing").map(|report| report.policy.clone()),
+        control: by_name("do_nothing").map(|report| report.label.clone()),
         comparisons,
         timings: timings.phases.iter().map(|(phase, &seconds)| Timing { phase: phase.clone(), seconds }).collect(),
         notes: notes(run),
         tasks,
     }
+}
+
+/// How the run was made; one that was made of scenarios was not collected.
+fn commands(name: &str, run: &Run, is_given: bool) -> Vec<String> {
+    let made = match is_given {
+        true => format!("genmanip evaluate SCENARIOS --out {name}"),
+        false => {
+            format!("genmanip collect TASKS --out {name} --episodes {} --seed {}", run.episodes_per_task, run.seed)
+        }
+    };
+    let evaluated = (!is_given).then(|| format!("genmanip evaluate {name}"));
+    [made].into_iter().chain(evaluated).chain([format!("genmanip report {name}")]).collect()
 }
 
 /// What the reader must know about this run.
@@ -146,9 +182,16 @@ fn notes(run: &Run) -> Vec<String> {
 fn section(
     task: &Task,
     attempts: Attempts,
-    store: &EpisodeStore,
+    folder: &RunFolder,
     evaluations: &[EvaluationReport],
 ) -> Result<TaskSection, RunError> {
+    let mut store = folder.store()?;
+    let mut shown = attempts.shown;
+    if shown.is_none()
+        && let Some((kept, result)) = kept_failure(task, folder, evaluations)?
+    {
+        (store, shown) = (kept, Some(result));
+    }
     let results = evaluations.iter().flat_map(|report| &report.results);
     let mut section = TaskSection {
         task: task.clone(),
@@ -158,7 +201,7 @@ fn section(
         first_image: None,
         last_image: None,
         film: Vec::new(),
-        shown: attempts.shown,
+        shown,
         attempts: attempts.rows,
         results: results.filter(|result| result.task_id == task.id).cloned().collect(),
     };
@@ -169,6 +212,30 @@ fn section(
         section.scenario = Some(episode.scenario);
     }
     Ok(section)
+}
+
+/// Of a task that was not collected: the first failed episode that an evaluation kept, else the first.
+fn kept_failure(
+    task: &Task,
+    folder: &RunFolder,
+    evaluations: &[EvaluationReport],
+) -> Result<Option<(EpisodeStore, EpisodeResult)>, RunError> {
+    let mut first = None;
+    for report in evaluations {
+        let path = kept_episodes(folder, &report.label);
+        if !path.join("store.json").is_file() {
+            continue;
+        }
+        let store = EpisodeStore::open(path).map_err(|error| RunError::broken("cannot read kept episodes", error))?;
+        let own = report.results.iter().filter(|result| result.task_id == task.id && store.contains(&result.id));
+        for result in own {
+            if !result.success {
+                return Ok(Some((store, result.clone())));
+            }
+            first = first.or_else(|| Some((store.clone(), result.clone())));
+        }
+    }
+    Ok(first)
 }
 
 fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunError> {

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{Intrinsics, Pose};
+use genmanip_core::{Pose, RgbdImage};
 use glam::{DVec2, DVec3};
 
 use crate::clouds::Cloud;
@@ -21,53 +21,14 @@ const FREE_M: f64 = 0.006;
 /// Fewest pixels of an object that tell anything about it.
 const MIN_POINTS: usize = 12;
 
-/// What one camera sees, row by row from the top left.
-#[derive(Clone, Copy, Debug)]
-pub struct DepthView<'a> {
-    /// Projection.
-    pub intrinsics: Intrinsics,
-    /// Where the camera is.
-    pub world_from_camera: Pose,
-    /// Metres along the optical axis at the pixels' centres, 0 where nothing is seen.
-    pub depth_m: &'a [f32],
-    /// Which object a pixel sees.
-    pub instance: &'a [u16],
-}
-
-impl DepthView<'_> {
-    /// The points seen of an instance, in the world.
-    fn points(&self, instance: u16) -> impl Iterator<Item = DVec3> + '_ {
-        let width = self.intrinsics.width as usize;
-        let seen = self.instance.iter().zip(self.depth_m).enumerate();
-        seen.filter(move |(_, (id, depth))| **id == instance && depth.is_finite() && **depth > 0.0).map(
-            move |(index, (_, &depth))| {
-                let pixel = DVec2::new((index % width.max(1)) as f64, (index / width.max(1)) as f64);
-                self.world_from_camera.transform_point(self.intrinsics.unproject(pixel, f64::from(depth)))
-            },
-        )
-    }
-
-    /// Whether the camera looks through a point at something behind it.
-    fn looks_through(&self, camera_from_world: &Pose, point: DVec3) -> bool {
-        let local = camera_from_world.transform_point(point);
-        let Some(pixel) = self.intrinsics.project(local).map(DVec2::round) else { return false };
-        let size = DVec2::new(f64::from(self.intrinsics.width), f64::from(self.intrinsics.height));
-        if !(pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(size).all()) {
-            return false;
-        }
-        let index = pixel.y as usize * self.intrinsics.width as usize + pixel.x as usize;
-        self.depth_m.get(index).is_some_and(|&depth| depth <= 0.0 || f64::from(depth) > local.z + FREE_M)
-    }
-}
-
 /// The cloud of each instance in the world frame, hidden sides filled in; `None` for one that is hardly seen.
 ///
 /// Pixels beyond the shorter of a view's two images are left out.
-pub fn clouds_of_views(views: &[DepthView<'_>], instances: &[u16]) -> Vec<Option<Cloud>> {
+pub fn clouds_of_views(views: &[RgbdImage], instances: &[u16]) -> Vec<Option<Cloud>> {
     let cameras: Vec<Pose> = views.iter().map(|view| view.world_from_camera.inverse()).collect();
-    let free = |point: DVec3| views.iter().zip(&cameras).any(|(view, camera)| view.looks_through(camera, point));
+    let free = |point: DVec3| views.iter().zip(&cameras).any(|(view, camera)| looks_through(view, camera, point));
     let cloud = |&instance: &u16| {
-        let pixels: Vec<DVec3> = views.iter().flat_map(|view| view.points(instance)).collect();
+        let pixels: Vec<DVec3> = views.iter().flat_map(|view| points_of(view, instance)).collect();
         if pixels.len() < MIN_POINTS {
             return None;
         }
@@ -87,6 +48,24 @@ pub fn clouds_of_views(views: &[DepthView<'_>], instances: &[u16]) -> Vec<Option
         Cloud::new(seen.iter().chain(hidden.values()).map(DVec3::to_array).collect()).ok()
     };
     instances.iter().map(cloud).collect()
+}
+
+/// The points seen of an instance, in the world.
+fn points_of(view: &RgbdImage, instance: u16) -> impl Iterator<Item = DVec3> + '_ {
+    let seen = view.ids.iter().enumerate().filter(move |(_, id)| **id == instance);
+    seen.filter_map(|(index, _)| view.point(index))
+}
+
+/// Whether a camera looks through a point at something behind it.
+fn looks_through(view: &RgbdImage, camera_from_world: &Pose, point: DVec3) -> bool {
+    let local = camera_from_world.transform_point(point);
+    let Some(pixel) = view.intrinsics.project(local).map(DVec2::round) else { return false };
+    let size = DVec2::new(f64::from(view.width()), f64::from(view.height()));
+    if !(pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(size).all()) {
+        return false;
+    }
+    let index = pixel.y as usize * view.width() as usize + pixel.x as usize;
+    view.depth_m.get(index).is_some_and(|&depth| depth <= 0.0 || f64::from(depth) > local.z + FREE_M)
 }
 
 fn cell(point: DVec3) -> [i64; 3] {

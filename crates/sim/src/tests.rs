@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DMat3, DVec3};
-use genmanip_core::{AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape};
+use genmanip_core::{Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape};
 
 use crate::drive::{lerp, setpoint_from_width};
 use crate::xml::Element;
@@ -73,6 +73,7 @@ fn wedge(pieces: Vec<Piece>) -> ObjectModel {
             is_articulated: false,
             states: vec![],
             can_grasp: true,
+            annotations: Annotations::default(),
         },
         family: "test".into(),
         asset: AssetRef::builtin("wedge", 1),

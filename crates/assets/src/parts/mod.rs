@@ -12,7 +12,7 @@ mod vessel;
 
 use std::sync::Arc;
 
-use genmanip_core::{Pose, Seed, TriMesh, VisualPart};
+use genmanip_core::{Piece, Pose, Seed, TriMesh, VisualPart};
 use serde::Deserialize;
 
 pub use block::Block;
@@ -74,6 +74,15 @@ impl Part {
             Self::Prism(part) => part.add_to(link, seed),
             Self::Ring(part) => part.add_to(link, seed),
             Self::Capsules(part) => part.add_to(link),
+        }
+    }
+
+    /// The hollow of a part that is open at the top.
+    pub fn cavity(&self) -> Option<Piece> {
+        match self {
+            Self::Vessel(part) => Some(part.cavity()),
+            Self::OpenBox(part) => Some(part.cavity()),
+            _ => None,
         }
     }
 

@@ -1,4 +1,4 @@
-use genmanip_core::{Pose, Seed, TriMesh};
+use genmanip_core::{Piece, Pose, Seed, TriMesh};
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
 
@@ -53,9 +53,15 @@ impl OpenBox {
         link.visual.push(surface("floor", fan(&ring(wall, floor), true), &self.bottom, seed.fork("floor")));
         link.visual.push(surface("underside", fan(&ring(0.0, 0.0), false), &self.bottom, seed.fork("floor")));
         self.add_solids(link);
-        let hollow = DVec3::new(half.x - wall, half.y - wall, (top - floor) / 2.0);
-        let center = Pose::from_position(self.at + DVec3::Z * (floor + hollow.z));
-        link.cavity.push(Solid::cuboid(center, hollow).piece);
+        link.cavity.push(self.cavity());
+    }
+
+    /// The hollow up to the rim.
+    pub(super) fn cavity(&self) -> Piece {
+        let hollow =
+            DVec3::new(self.size.x / 2.0 - self.wall, self.size.y / 2.0 - self.wall, (self.size.z - self.floor) / 2.0);
+        let center = Pose::from_position(self.at + DVec3::Z * (self.floor + hollow.z));
+        Solid::cuboid(center, hollow).piece
     }
 
     fn add_solids(&self, link: &mut LinkBuilder) {

@@ -1,6 +1,6 @@
 use std::f64::consts::TAU;
 
-use genmanip_core::Seed;
+use genmanip_core::{Piece, Seed};
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
 
@@ -75,7 +75,7 @@ impl Vessel {
         link.visual.push(surface("rim", revolve(&rim), &self.rim_finish(), seed.fork("rim")));
         link.visual.push(surface("inside", revolve(&inside), &self.inside, seed.fork("inside")));
         self.add_solids(link);
-        self.add_cavity(link);
+        link.cavity.push(self.cavity());
     }
 
     fn ring(&self, radius_height: DVec2, sides: usize) -> Vec<DVec3> {
@@ -116,7 +116,8 @@ impl Vessel {
         }
     }
 
-    fn add_cavity(&self, link: &mut LinkBuilder) {
+    /// The hollow, up to the rim or as far as things count as in it.
+    pub(super) fn cavity(&self) -> Piece {
         let top = self.cavity_top.unwrap_or(f64::INFINITY);
         let rings: Vec<_> = self
             .inner
@@ -124,7 +125,7 @@ impl Vessel {
             .filter(|point| point[1] <= top + 1e-9)
             .map(|&point| self.ring(DVec2::from_array(point), self.sectors))
             .collect();
-        link.cavity.push(Solid::loft(&rings).piece);
+        Solid::loft(&rings).piece
     }
 }
 

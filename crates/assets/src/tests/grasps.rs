@@ -68,6 +68,13 @@ fn a_library_gives_out_what_this_robot_tried_on_this_object() {
     let shelf = Catalogue::builtin().build("057").unwrap();
     assert_eq!(library.of(&robot, &shelf), Ok(&[][..]), "never tried");
 
+    let mut file = GraspFile::builtin().clone();
+    file.made_by.robot_hash = Some("0".into());
+    let error = GraspLibrary::new([file.clone()]).of(&robot, &mug).unwrap_err().to_string();
+    assert!(error.contains("001 with panda") && error.contains("genmanip grasps bake"), "{error}");
+    file.made_by.robot_hash = Some(robot.physics_hash());
+    assert!(GraspLibrary::new([file]).of(&robot, &mug).unwrap() == known);
+
     // What nobody tried has the grasps of what has the same physics.
     let mut twin = (*mug).clone();
     twin.asset = AssetRef::Builtin { uid: "twin".into(), version: 1 };

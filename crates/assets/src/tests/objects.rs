@@ -325,25 +325,21 @@ fn unknown_and_missing_objects_say_what_exists() {
 
 #[test]
 fn broken_data_is_an_error_with_its_place() {
-    let card = |size: &str| {
-        Catalogue::builtin().cards().first().map(|card| {
-            let mut value = serde_json::to_value(card).unwrap();
-            value.as_object_mut().unwrap().remove("asset");
-            value["size_m"] = serde_json::from_str(size).unwrap();
-            serde_json::json!([value]).to_string()
-        })
+    let record = |key: &str, value: &str| {
+        let mut records: serde_json::Value = serde_json::from_str(include_str!("../../data/catalog.json")).unwrap();
+        records[0][key] = serde_json::from_str(value).unwrap();
+        serde_json::json!([records[0]]).to_string()
     };
-    for (cards, recipes, place) in [
-        ("[{}]".to_owned(), "{}", "[0]"),
-        (card("\"big\"").unwrap(), "{}", "[0].size_m"),
-        ("[]".to_owned(), r#"{"001": {"family": "mug", "friction": 0.5, "parts": [{"blob": {}}]}}"#, "001.parts[0]"),
-        (
-            "[]".to_owned(),
-            r##"{"a": {"family": "x", "friction": 1, "parts": [{"turned": {"profile": [], "finish": {"color": "#000000"}}}]}}"##,
-            "a.parts[0]: a turned part needs",
-        ),
+    let turned =
+        r##"{"family": "x", "friction": 1, "parts": [{"turned": {"profile": [], "finish": {"color": "#000000"}}}]}"##;
+    for (records, place) in [
+        ("[{}]".to_owned(), "[0]"),
+        (record("size_m", "\"big\""), "[0].size_m"),
+        (record("recipe", r#"{"family": "mug", "friction": 0.5, "parts": [{"blob": {}}]}"#), "[0].recipe.parts[0]"),
+        (record("recipe", turned), "001.parts[0]: a turned part needs"),
+        (record("uid", "\"00#1\""), "without # and /"),
     ] {
-        let error = Catalogue::from_json(&cards, recipes).unwrap_err().to_string();
+        let error = Catalogue::from_json(&records).unwrap_err().to_string();
         assert!(error.contains(place), "{error} should name {place}");
     }
 }
@@ -354,7 +350,29 @@ fn same_uid_same_bytes() {
         let models = catalogue.cards().iter().map(|card| catalogue.build(&card.uid).unwrap());
         models.map(|model| format!("{:?}", model.links)).collect::<Vec<_>>()
     };
-    let fresh =
-        || Catalogue::from_json(include_str!("../../data/catalog.json"), include_str!("../../data/recipes.json"));
+    let fresh = || Catalogue::from_json(include_str!("../../data/catalog.json"));
     assert!(text(&fresh().unwrap()) == text(&fresh().unwrap()));
+}
+
+/// The room of a card is the hollow of its model, cut at mid height.
+#[test]
+fn rooms_are_those_of_the_cavities() {
+    let catalogue = Catalogue::builtin();
+    let mut rooms = 0;
+    for card in catalogue.cards() {
+        let model = catalogue.build(&card.uid).unwrap();
+        let cavities = model.cavities(&vec![0.0; model.joint_count()]);
+        let expected = match cavities.as_slice() {
+            [cavity] if !card.is_articulated => genmanip_core::Room::of_cavity(cavity),
+            _ => None,
+        };
+        assert_eq!(card.annotations.room, expected, "{}", card.name);
+        if let Some(room) = expected {
+            rooms += 1;
+            assert!(room.depth_m < card.size_m.z && room.inside_m[0] < card.size_m.x, "{}: {room:?}", card.name);
+        }
+    }
+    assert!(rooms > 10);
+    let inside = catalogue.card("052").and_then(|card| card.annotations.room).unwrap();
+    assert!((inside.inside_m[0] - 0.192).abs() < 1e-9 && (inside.depth_m - 0.096).abs() < 1e-9, "{inside:?}");
 }

@@ -47,7 +47,7 @@ fn every_fault_is_said_at_once_and_where_it_is() {
     check(&[("legs = true", "leg = true")], &["surfaces[0].leg", "surfaces"]);
     check(
         &[("gravity_m_s2 = 9.81", "gravity_m_s2 = nan"), ("inside_share = 0.5", "inside_share = 5.0")],
-        &["physics.gravity_m_s2", "physics.physics_rate_hz", "relations.inside_share"],
+        &["physics.gravity_m_s2", "relations.inside_share"],
     );
     check(
         &[

@@ -235,7 +235,7 @@ impl Node {
         let card = task.card(id);
         let word = card.and_then(|card| card.colors.first()).map_or("", String::as_str);
         Self {
-            lines: wrap(card.map_or(id, |card| card.name.as_str()), NAME_SIZE, 92.0, 3),
+            lines: wrap(&task.name_of(id), NAME_SIZE, 92.0, 3),
             id: id.into(),
             dot: color_of_word(word),
             state,

@@ -1,5 +1,6 @@
 use genmanip_core::{
-    AssetRef, Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Task, TaskKind, Workspace, glam,
+    Annotations, AssetRef, Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Task, TaskKind,
+    Workspace, glam,
 };
 use proptest::prelude::*;
 
@@ -24,6 +25,7 @@ fn card(uid: &str, name: &str) -> ObjectCard {
         is_articulated: false,
         states: vec![],
         can_grasp: true,
+        annotations: Annotations::default(),
     }
 }
 

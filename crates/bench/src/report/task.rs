@@ -139,7 +139,7 @@ fn atom_row(task: &Task, prefix: &str, verdict: &AtomVerdict) -> Vec<String> {
 
 /// A condition with names instead of ids.
 fn atom_markup(task: &Task, atom: &Atom) -> String {
-    let name = |id: &str| format!("<b>{}</b>", escape(task.card(id).map_or(id, |card| card.name.as_str())));
+    let name = |id: &str| format!("<b>{}</b>", escape(&task.name_of(id)));
     match atom {
         Atom::State { object, state } => format!("{} is <em>{}</em>", name(object), escape(state)),
         Atom::Relation { subject, relation, reference, second_reference } => {

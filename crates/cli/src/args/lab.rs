@@ -43,6 +43,11 @@ pub enum LabCommand {
                       Things of three classes (compact, utensils, clutter), COUNT each, drawn by seed;\n\
                       docs/concepts/grasps.md says what is measured.")]
     Grasp(GraspArguments),
+    /// Step through episodes in the environment: what it costs beside the bare simulation, and whether it is exact
+    #[command(after_help = "Examples:\n  genmanip lab environment --seed 1 --count 10 --json\n  \
+                      genmanip lab environment --store out/run --json\n\n\
+                      One thread, processor time, bare and environment by turns, median of five.")]
+    Environment(EnvironmentArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
@@ -61,6 +66,20 @@ pub struct FitArguments {
     /// Other trials, to see how true the chances are
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub test: Vec<PathBuf>,
+}
+
+/// Arguments of `lab environment`.
+#[derive(Debug, Args)]
+pub struct EnvironmentArguments {
+    /// Seed of tasks, layouts and attempts
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Designed tasks, one attempt of the expert each
+    #[arg(long, default_value_t = 10, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Step through the episodes stored here instead: a run, its episodes, or one of them
+    #[arg(long, value_name = "DIR")]
+    pub store: Option<PathBuf>,
 }
 
 /// Arguments of `lab design`.

@@ -7,7 +7,7 @@ use std::time::Instant;
 use genmanip_core::{Seed, Task};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
-use genmanip_run::evaluate::{self, evaluate};
+use genmanip_run::evaluate::{self, EvaluateOptions, Suite, evaluate};
 use genmanip_run::{PolicyFactory, Run, inputs};
 
 use crate::args::DemoArguments;
@@ -32,7 +32,9 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     }
 
     printer.say("3/4  evaluation on the same scenarios: expert, replay, do nothing");
-    let reports = evaluate(out, &PolicyFactory::all()?, inputs::workers(arguments.workers), printer, &stop)?;
+    let workers = inputs::workers(arguments.workers);
+    let options = EvaluateOptions { out: Some(out.clone()), keep_episodes: false, workers };
+    let reports = evaluate(&Suite::of_run(out)?, &PolicyFactory::all(true)?, &options, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(ExitStatus::NotMet);
     }

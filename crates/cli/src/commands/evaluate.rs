@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use genmanip_core::Document;
-use genmanip_run::evaluate::{evaluate, table};
+use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate, table};
 use genmanip_run::{PolicyFactory, inputs};
 
 use crate::args::EvaluateArguments;
@@ -12,11 +12,38 @@ use crate::printer::Printer;
 
 pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let named = arguments.policies.iter().map(|text| PolicyFactory::resolve(text));
-    let policies =
-        if arguments.policies.is_empty() { PolicyFactory::all()? } else { named.collect::<Result<_, _>>()? };
+    let named = named.collect::<Result<Vec<_>, _>>()?;
+    let run = match &arguments.paths[..] {
+        [only] if only.join("run.json").is_file() || !only.exists() => Some(only),
+        _ => None,
+    };
+    let mut suite = match run {
+        Some(run) => Suite::of_run(run)?,
+        None => Suite::of_scenarios(&arguments.paths)?,
+    };
+    if let Some(file) = &arguments.cameras {
+        suite = suite.with_cameras(file)?;
+    }
+    let policies = if named.is_empty() { PolicyFactory::all(suite.is_recorded())? } else { named };
+    let out = match (run, &arguments.out) {
+        (Some(run), Some(_)) => {
+            return Err(Failed::new(format!("{} keeps its evaluations itself", run.display()))
+                .hint("leave --out away, or name its scenarios/ instead of the run"));
+        }
+        (None, None) if arguments.keep_episodes => {
+            return Err(Failed::new("there is no folder to keep episodes in").hint("name one with --out DIR"));
+        }
+        (run, out) => run.or(out.as_ref()),
+    };
+    let options = EvaluateOptions {
+        keep_episodes: arguments.keep_episodes || run.is_none() && out.is_some(),
+        out: out.cloned(),
+        workers: inputs::workers(arguments.workers),
+    };
     let stop = crate::stop::on_interrupt();
-    let reports = evaluate(&arguments.run, &policies, inputs::workers(arguments.workers), printer, &stop)?;
+    let reports = evaluate(&suite, &policies, &options, printer, &stop)?;
     let values: Vec<_> = reports.iter().map(Document::to_value).collect();
     printer.data(&values, &table(&reports));
-    Ok(if stop.load(Ordering::Relaxed) { ExitStatus::NotMet } else { ExitStatus::Done })
+    let is_left = reports.iter().any(|report| !report.not_run.is_empty());
+    Ok(if is_left || stop.load(Ordering::Relaxed) { ExitStatus::NotMet } else { ExitStatus::Done })
 }

@@ -8,7 +8,7 @@ use genmanip_core::{Seed, Task};
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::motion::{MotionArguments, Source};
-use genmanip_lab::{answers, design, expert, fit, grasp, layout, motion, relations, rendered};
+use genmanip_lab::{answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered};
 use genmanip_run::{inputs, robots};
 
 use crate::args::{self, LabCommand};
@@ -26,6 +26,16 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         LabCommand::Design(arguments) => {
             let measured = design::measure(arguments.count, Seed::new(arguments.seed))?;
             printer.data(&measured, &design::in_words(&measured));
+        }
+        LabCommand::Environment(arguments) => {
+            let measured = match &arguments.store {
+                Some(path) => environment::measure_store(path, printer)?,
+                None => {
+                    let tasks = inputs::designed_tasks(arguments.count, arguments.seed)?;
+                    environment::measure(&tasks, Seed::new(arguments.seed), printer)?
+                }
+            };
+            printer.data(&measured, &environment::in_words(&measured));
         }
         LabCommand::Fit(arguments) => {
             let measured = fit::measure(&arguments.trials, &arguments.test, arguments.constant)?;

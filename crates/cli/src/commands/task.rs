@@ -103,7 +103,7 @@ pub fn show(arguments: &ShowArguments, printer: &Printer) -> Result<ExitStatus, 
 }
 
 fn in_words(task: &Task) -> String {
-    let name = |id: &str| task.card(id).map_or_else(|| id.to_owned(), |card| card.name.clone());
+    let name = |id: &str| task.name_of(id);
     let mut text = format!("{} ({})\n  {}\n\ngoal\n", task.id, task.kind.name(), task.instruction);
     for (index, atoms) in task.goal.alternatives.iter().enumerate() {
         let atoms: Vec<String> = atoms.iter().map(|atom| with_names(atom, &name)).collect();

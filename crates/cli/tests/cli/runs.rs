@@ -106,6 +106,41 @@ fn evaluation_and_report_of_a_run() {
     }
 }
 
+/// Scenario files without a run, by other cameras: results, episodes to watch, and a report of them.
+#[test]
+fn evaluation_of_any_scenarios() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let scenarios = finished_run().join("scenarios");
+    let scenario: Value = serde_json::from_slice(&fs::read(scenarios.join("021_spatial-000.json")).unwrap()).unwrap();
+    let cameras = scenario.get("cameras").or_else(|| scenario["world"].get("cameras")).unwrap();
+    fs::write(here.join("mine.json"), serde_json::to_string(cameras).unwrap()).unwrap();
+    let scenarios = scenarios.to_str().unwrap();
+    let ask = |more: &[&str]| {
+        let still = ["evaluate", scenarios, "--policy", "do_nothing:seconds=0.5", "--json"];
+        genmanip(here, &[&still[..], more].concat())
+    };
+    let printed = ask(&[]).json(0);
+    assert_eq!(printed[0]["results"].as_array().unwrap().len(), QUICK_TASKS.len());
+    assert_eq!(tree(here).len(), 1, "nothing is written without --out");
+
+    let kept = ask(&["--out", "out", "--cameras", "mine.json"]).json(0);
+    let label = "do_nothing_seconds=0.5@mine";
+    assert_eq!((&kept[0]["label"], &kept[0]["cameras"]), (&label.into(), &"mine".into()));
+    assert_eq!(kept[0]["summary"], printed[0]["summary"], "cameras that nobody looks through change nothing");
+    let files = tree(&here.join("out"));
+    assert!(files.contains_key(&format!("evaluation/{label}.json")), "{:?}", files.keys());
+    assert!(!files.keys().any(|name| name.ends_with("results.jsonl")), "it is finished");
+    let episodes = format!("out/evaluation/{label}");
+    let rows = genmanip(here, &["replay", "--check", "--json", &episodes]).json(0);
+    assert!(rows.as_array().unwrap().iter().all(|row| row["identical"] == true), "{rows}");
+    assert_eq!(genmanip(here, &["report", "out"]).code, Some(0));
+    let html = fs::read_to_string(here.join("out/report.html")).unwrap();
+    assert!(html.contains("data:image/") && html.contains("@mine"), "the kept failures are shown");
+    genmanip(here, &["evaluate", scenarios, "--policy", "replay"]).assert_refused(&["nothing was recorded"]);
+    genmanip(here, &["evaluate", scenarios, "--keep-episodes"]).assert_refused(&["--out DIR"]);
+}
+
 #[test]
 fn a_scenario_exports_as_mjcf_to_stdout_or_a_file() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,6 +4,7 @@
 //! so every constant here is frozen.
 
 mod feasibility;
+pub mod generation;
 pub mod result;
 pub mod run;
 pub mod scenario;

@@ -29,6 +29,9 @@ pub fn from_1(result: &mut Map<String, Value>) -> Result<(), DocumentError> {
 pub fn evaluation_from_1(evaluation: &mut Map<String, Value>) -> Result<(), DocumentError> {
     let results = evaluation.get_mut("results").and_then(Value::as_array_mut).into_iter().flatten();
     results.filter_map(Value::as_object_mut).try_for_each(from_1)?;
+    let label = evaluation.get("policy").cloned().unwrap_or_default();
+    evaluation.insert("label".into(), label);
+    evaluation.insert("cameras".into(), Value::Null);
     evaluation.insert("not_run".into(), json!([]));
     evaluation.entry("reference_paths_m").or_insert_with(|| json!({}));
     Ok(())

@@ -3,6 +3,7 @@
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
+use super::check::check_parts;
 use super::{World, WorldFault};
 use crate::{Camera, Document, Intrinsics, RobotModel};
 
@@ -104,6 +105,8 @@ impl WorldFile {
         let (Some(floor_z_m), Some(workspace), Some(named), Some(physics), Some(relations)) =
             (floor_z_m, workspace, named, physics, relations)
         else {
+            // What can be read is checked all the same.
+            check_parts(&cameras, physics.as_ref(), relations.as_ref(), &mut faults);
             return Err(faults);
         };
         let world = World { surfaces, floor_z_m, workspace, robot: named, cameras, physics, relations, light };

@@ -3,8 +3,8 @@
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
     AssetRef, Camera, CameraMount, Document, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper,
-    Intrinsics, JointKind, MassProperties, ObjectState, PlacedObject, Pose, RobotJoint, RobotLink, RobotModel,
-    Scenario, SceneGraph, Seed, Task, TaskKind, World,
+    Intrinsics, JointKind, MassProperties, ObjectState, PlacedObject, Pose, RgbdImage, RobotJoint, RobotLink,
+    RobotModel, Scenario, SceneGraph, Seed, Task, TaskKind, World,
 };
 use genmanip_data::{EpisodeStore, TrackRecorder, VideoSettings};
 
@@ -189,7 +189,9 @@ pub fn attach_pictures(store: &EpisodeStore, number: usize, frames: usize, fps: 
             for row in 0..frames.div_ceil(60 / fps as usize) {
                 let (rgb, depth_m) = picture(number, index, row);
                 let hand = Pose::from_position(DVec3::new(0.4, 0.01 * row as f64, 0.5));
-                recorder.push(camera.world_from_camera(&hand), &rgb, Some(&depth_m)).unwrap();
+                let place = camera.world_from_camera(&hand);
+                let image = RgbdImage { rgb, ..RgbdImage::of_depth(camera.intrinsics, place, depth_m) };
+                recorder.push(&image).unwrap();
             }
             recorder.finish().unwrap()
         })

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Intrinsics, Material, Piece, Pose, RobotModel, Seed, TriMesh, VisualPart};
-use genmanip_motion::{Allowed, CollisionWorld, DepthImage, DepthSettings, Path, Planner, PlanningScene, triangulate};
+use genmanip_core::{Camera, Intrinsics, Material, Piece, Pose, RgbdImage, RobotModel, Seed, TriMesh, VisualPart};
+use genmanip_motion::{Allowed, CollisionWorld, DepthSettings, Path, Planner, PlanningScene, triangulate};
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use serde::Serialize;
 
@@ -76,12 +76,7 @@ impl DepthTally {
     }
 
     pub fn solve(&mut self, planner: &Planner, index: usize, problem: &Problem, seed: Seed) -> Result<(), LabError> {
-        let buffers = draw(planner.robot(), problem, &self.camera)?;
-        let image = [DepthImage {
-            depth_m: &buffers.depth_m,
-            intrinsics: self.camera.intrinsics,
-            world_from_camera: self.camera.mount_from_camera,
-        }];
+        let image = [draw(planner.robot(), problem, &self.camera)?];
         let allowed = Allowed::none();
         let (start, goals) = (&problem.start, std::slice::from_ref(&problem.goal));
         let perceive = |planner: &Planner| planner.world_seen(&around(&problem.tables, &allowed), start, SEEN, &image);
@@ -141,7 +136,7 @@ fn is_touched_by(planner: &Planner, around: &PlanningScene, path: &Path) -> bool
 }
 
 /// What the camera sees of the obstacles and of the robot at the start, all drawn from their collision pieces.
-fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<FrameBuffers, LabError> {
+fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<RgbdImage, LabError> {
     let mut drawn = robot.clone();
     for link in &mut drawn.links {
         link.visual = link.pieces.iter().map(visual).collect::<Result<_, _>>()?;
@@ -156,7 +151,7 @@ fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<FrameB
     let mut renderer = Renderer::new(assets, RenderVariation::default());
     renderer.render(&[ViewJob::new(&frame, camera, Channels::GEOMETRY)], &mut buffers).map_err(no_picture)?;
     let [buffers] = buffers;
-    Ok(buffers)
+    Ok(buffers.into_image(camera.intrinsics, camera.mount_from_camera))
 }
 
 fn visual(piece: &Piece) -> Result<VisualPart, LabError> {

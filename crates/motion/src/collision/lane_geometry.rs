@@ -89,6 +89,7 @@ pub(super) fn scale(a: Point, factor: Lanes) -> Point {
 }
 
 impl From<&Rigid> for Transform {
+    #[inline]
     fn from(rigid: &Rigid) -> Self {
         // What is left of a right angle after rounding is nothing.
         let single = |value: f64| if value.abs() < 1e-12 { 0.0 } else { value as f32 };

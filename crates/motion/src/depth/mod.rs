@@ -8,25 +8,13 @@ mod pixels;
 #[cfg(test)]
 mod tests;
 
-use genmanip_core::{Intrinsics, Pose};
+use genmanip_core::{Intrinsics, Pose, RgbdImage};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use pixels::{Grid, View};
 
 use crate::collision::{Checker, Solid, SurfaceError};
-
-/// What a depth camera saw.
-#[derive(Clone, Copy, Debug)]
-pub struct DepthImage<'a> {
-    /// Metres along the optical axis at the pixels' centres, row by row from the top left; where it is not positive
-    /// and finite, nothing was seen.
-    pub depth_m: &'a [f32],
-    /// Projection.
-    pub intrinsics: Intrinsics,
-    /// Where the camera is; x right, y down, z forward.
-    pub world_from_camera: Pose,
-}
 
 /// How depth images become a cloud.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -102,7 +90,7 @@ pub enum DepthError {
 pub(crate) fn unexplained_points(
     checker: &Checker,
     config: &[f64],
-    images: &[DepthImage],
+    images: &[RgbdImage],
     settings: &DepthSettings,
 ) -> Result<Vec<DVec3>, DepthError> {
     let expected = checker.chain().dof();
@@ -121,11 +109,11 @@ pub(crate) fn unexplained_points(
             }
         }
     }
-    let saw = images.iter().flat_map(|image| image.depth_m).any(|depth_m| *depth_m > 0.0 && depth_m.is_finite());
+    let saw = images.iter().flat_map(|image| &image.depth_m).any(|depth_m| *depth_m > 0.0 && depth_m.is_finite());
     if saw { Ok(points) } else { Err(DepthError::Blind { images: images.len() }) }
 }
 
-fn check(index: usize, image: &DepthImage) -> Result<(), DepthError> {
+fn check(index: usize, image: &RgbdImage) -> Result<(), DepthError> {
     let Intrinsics { width, height, fx, fy, cx, cy } = image.intrinsics;
     if image.depth_m.len() as u64 != u64::from(width) * u64::from(height) {
         return Err(DepthError::Size { image: index, got: image.depth_m.len(), width, height });

@@ -1,9 +1,9 @@
 //! Which cells of a grid the pixels of a depth image fall into, eight pixels at a time.
 
+use genmanip_core::{Intrinsics, RgbdImage};
 use glam::DVec3;
 use multiversion::multiversion;
 
-use super::DepthImage;
 use crate::collision::lanes::{LANES, Lanes};
 
 /// Cubic cells in the world.
@@ -24,8 +24,8 @@ pub(super) struct View {
 }
 
 impl View {
-    pub(super) fn new(image: &DepthImage) -> Self {
-        let genmanip_core::Intrinsics { fx, fy, cx, cy, .. } = image.intrinsics;
+    pub(super) fn new(image: &RgbdImage) -> Self {
+        let Intrinsics { fx, fy, cx, cy, .. } = image.intrinsics;
         let [right, down, forward] = DVec3::AXES.map(|axis| image.world_from_camera.transform_vector(axis));
         let (right, down) = (right / fx, down / fy);
         Self { eye: image.world_from_camera.position, corner: forward - down * cy - right * cx, right, down }

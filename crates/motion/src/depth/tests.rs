@@ -1,8 +1,8 @@
-use genmanip_core::{Camera, Intrinsics, Piece, Pose, Seed, Shape, glam::DVec2, glam::DVec3};
+use genmanip_core::{Camera, Intrinsics, Piece, Pose, RgbdImage, Seed, Shape, glam::DVec2, glam::DVec3};
 
 use super::pixels::{Grid, View};
 use crate::test_robot::test_panda;
-use crate::{Allowed, CollisionWorld, DepthImage, Planner, PlannerSettings, PlanningScene};
+use crate::{Allowed, CollisionWorld, Planner, PlannerSettings, PlanningScene};
 
 const BALL: (DVec3, f64) = (DVec3::new(0.55, 0.0, 0.12), 0.1);
 
@@ -36,8 +36,8 @@ fn tables() -> CollisionWorld {
     world
 }
 
-fn image<'a>(camera: &Camera, depth_m: &'a [f32]) -> DepthImage<'a> {
-    DepthImage { depth_m, intrinsics: camera.intrinsics, world_from_camera: camera.mount_from_camera }
+fn image(camera: &Camera, depth_m: &[f32]) -> RgbdImage {
+    RgbdImage::of_depth(camera.intrinsics, camera.mount_from_camera, depth_m.to_vec())
 }
 
 #[test]
@@ -131,15 +131,18 @@ fn images_that_make_no_sense_are_refused() {
     let blind = "no pixel of 1 depth images holds a depth: the robot would move blindly";
     let no_camera = "the camera of depth image 0 has a pose or a projection that is not finite, or no focal length";
     let cases = [
-        (DepthImage { depth_m: &depth_m[1..], ..good }, "depth image 0 has 19199 depths, expected 160 x 120"),
-        (DepthImage { depth_m: &nothing, ..good }, blind),
-        (DepthImage { world_from_camera: nowhere, ..good }, no_camera),
-        (DepthImage { intrinsics: flat, ..good }, no_camera),
+        (
+            RgbdImage { depth_m: depth_m[1..].to_vec(), ..good.clone() },
+            "depth image 0 has 19199 depths, expected 160 x 120",
+        ),
+        (RgbdImage { depth_m: nothing, ..good.clone() }, blind),
+        (RgbdImage { world_from_camera: nowhere, ..good.clone() }, no_camera),
+        (RgbdImage { intrinsics: flat, ..good.clone() }, no_camera),
     ];
     for (image, message) in cases {
         assert_eq!(planner.world_seen(&around, &home, "seen", &[image]).unwrap_err().to_string(), message);
     }
-    let error = planner.world_seen(&around, &home[..3], "seen", &[good]).unwrap_err().to_string();
+    let error = planner.world_seen(&around, &home[..3], "seen", std::slice::from_ref(&good)).unwrap_err().to_string();
     assert!(error.starts_with("expected 7 finite joint positions of the robot in the images"), "{error}");
     let mut settings = PlannerSettings::default();
     settings.depth.cell_m = 0.0;

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DVec3, Vec2, Vec3};
 use genmanip_core::{
-    AssetRef, Camera, Gripper, Intrinsics, JointKind, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel,
-    Pose, RobotJoint, RobotLink, RobotModel, Texture, TriMesh, VisualPart,
+    Annotations, AssetRef, Camera, Gripper, Intrinsics, JointKind, MassProperties, Material, ObjectCard, ObjectLink,
+    ObjectModel, Pose, RobotJoint, RobotLink, RobotModel, Texture, TriMesh, VisualPart,
 };
 
 use crate::assets::{Part, RenderAssets};
@@ -76,6 +76,7 @@ pub fn object(uid: &str, mesh: TriMesh, material: Material) -> Arc<ObjectModel> 
             is_articulated: false,
             states: Vec::new(),
             can_grasp: true,
+            annotations: Annotations::default(),
         },
         family: text(),
         asset: AssetRef::builtin(uid, 1),

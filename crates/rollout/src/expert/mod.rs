@@ -18,8 +18,8 @@ use std::sync::Arc;
 use genmanip_assets::{AssetError, GraspLibrary};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{
-    Aabb, ActionChunk, ActionSpec, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
-    Pose, PrivilegedState, Seed, TriedGrasp,
+    Aabb, ActionChunk, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, Pose,
+    PrivilegedState, Seed, TriedGrasp,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
 use genmanip_motion::{Allowed, CollisionWorld, Path, PlaceGoal, Planner, PlanningScene};
@@ -282,15 +282,7 @@ impl Expert {
 
 impl Policy for Expert {
     fn spec(&self) -> PolicySpec {
-        PolicySpec {
-            name: "expert".into(),
-            cameras: Vec::new(),
-            state_keys: vec!["observation.state".into()],
-            action: ActionSpec::native(60.0),
-            rate_hz: 60.0,
-            execute_steps: 0,
-            privileged: true,
-        }
+        PolicySpec { privileged: true, ..PolicySpec::native("expert", 60.0) }
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
@@ -315,7 +307,7 @@ impl Policy for Expert {
             .clone();
         let state = observation
             .state
-            .get("observation.state")
+            .get(Observation::STATE)
             .ok_or_else(|| PolicyError::Unsuited("needs `observation.state`".into()))?;
         let (arm, width) = state.split_at(self.stage.robot.arm_dof().min(state.len()));
         let width: f64 = width.iter().sum();

@@ -3,16 +3,16 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use genmanip_assets::GraspLibrary;
 use genmanip_assets::worlds::default_world;
-use genmanip_core::{Episode, EpisodeResult, FailureCause, Policy, Seed, Task};
+use genmanip_core::{EpisodeResult, FailureCause, Policy, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::LayoutSettings;
 use genmanip_rollout::collect::{Attempt, CollectSettings, collect};
-use genmanip_rollout::evaluate::evaluate;
+use genmanip_rollout::evaluate::{Case, evaluate};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
@@ -86,9 +86,9 @@ fn one_worker_and_two_make_the_same_bytes() {
     assert!(one.keys().any(|name| name.contains("images_10hz/wrist")), "{:?}", one.keys());
 }
 
-/// A layout that cannot be made is a counted attempt; evaluation leaves it out and gives every policy the same rest.
+/// A layout that cannot be made is a counted attempt; a policy that cannot be reached leaves no result at all.
 #[test]
-fn attempts_without_layout_are_counted_and_not_evaluated() {
+fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
     let folder = tempfile::tempdir().unwrap();
     let store = EpisodeStore::create(folder.path().join("store")).unwrap();
     let tasks = tasks();
@@ -106,17 +106,36 @@ fn attempts_without_layout_are_counted_and_not_evaluated() {
     let all = collect(&attempts, resources(), &store, &settings, 2, &never, &silent).unwrap();
     assert_eq!(all[0], failed[0], "a counted failure is not tried again");
     assert!(all[1].success);
+    let recorded = store.read(&all[1].id).unwrap();
+    let case =
+        Case { id: all[1].id.clone(), scenario: Arc::new(recorded.scenario.clone()), seed: recorded.result.seed };
+    let shared = (resources(), &settings);
     for (name, solves) in [("expert", true), ("replay", true), ("do_nothing", false)] {
-        let make = |stage: &Stage, recorded: &Episode| -> Result<Box<dyn Policy>, RolloutError> {
+        let make = |stage: &Stage, _: &Case| -> Result<Box<dyn Policy>, RolloutError> {
             Ok(match name {
                 "expert" => Box::new(Expert::new(stage, planner(), GraspLibrary::builtin(), settings.expert.clone())?),
-                "replay" => Box::new(OpenLoopReplay::of(recorded)),
+                "replay" => Box::new(OpenLoopReplay::of(&recorded)),
                 _ => Box::new(DoNothing { duration_s: 5.0 }),
             })
         };
-        let results = evaluate(&store, &make, resources(), &settings, 2, &never, &|_| {}).unwrap();
-        let [result] = &results.results[..] else { panic!("{results:?}") };
+        let cases = std::slice::from_ref(&case);
+        let evaluated = evaluate(cases, &make, shared, None, 2, &never, &|_| Ok::<_, RolloutError>(())).unwrap();
+        let [result] = &evaluated.results[..] else { panic!("{evaluated:?}") };
         assert_eq!((result.success, result.policy.as_str()), (solves, name));
         assert_eq!((&result.scenario_id, result.oracle), (&all[1].scenario_id, name == "expert"));
     }
+    // One that cannot be reached leaves no result, and nothing in the store; the other case goes on.
+    let kept = EpisodeStore::create(folder.path().join("kept")).unwrap();
+    let twice = [case.clone(), Case { id: "again".into(), ..case.clone() }];
+    let make = |_: &Stage, case: &Case| -> Result<Box<dyn Policy>, RolloutError> {
+        match case.id.as_str() {
+            "again" => Ok(Box::new(DoNothing { duration_s: 0.1 })),
+            _ => Err(RolloutError::NotRun { policy: "far away".into(), reason: "connection refused".into() }),
+        }
+    };
+    let evaluated = evaluate(&twice, &make, shared, Some(&kept), 1, &never, &|_| Ok::<_, RolloutError>(())).unwrap();
+    assert_eq!(evaluated.results.len(), 1);
+    let [left] = &evaluated.not_run[..] else { panic!("{evaluated:?}") };
+    assert_eq!((&left.id, left.reason.as_str()), (&case.id, "connection refused"));
+    assert_eq!(kept.ids().unwrap(), ["again"]);
 }

@@ -9,7 +9,9 @@ mod expert;
 mod grasping;
 mod physics;
 mod policies;
+mod red_pixel;
 mod replaying;
+mod seeing;
 mod stepping;
 
 use std::sync::{Arc, OnceLock};

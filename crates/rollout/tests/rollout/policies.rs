@@ -1,8 +1,8 @@
 //! The loop against policies that stand still, break, ask for too much or never end.
 
 use genmanip_core::{
-    ActionChunk, ActionSpace, ActionSpec, Ending, Episode, EpisodeStart, FailureCause, Observation, Policy,
-    PolicyError, PolicySpec, Seed,
+    ActionChunk, ActionFrame, ActionSpace, CameraRequest, Ending, Episode, EpisodeStart, FailureCause, ImageChannels,
+    Observation, Policy, PolicyError, PolicySpec, Seed,
 };
 use genmanip_rollout::policies::DoNothing;
 use genmanip_rollout::{RolloutError, RolloutSettings, run_episode};
@@ -19,15 +19,7 @@ struct Scripted {
 
 impl Scripted {
     fn new(reply: impl FnMut(&Observation) -> Result<ActionChunk, PolicyError> + Send + 'static) -> Self {
-        let spec = PolicySpec {
-            name: "scripted".into(),
-            cameras: Vec::new(),
-            state_keys: vec!["observation.state".into()],
-            action: ActionSpec::native(60.0),
-            rate_hz: 60.0,
-            execute_steps: 0,
-            privileged: false,
-        };
+        let spec = PolicySpec::native("scripted", 60.0);
         Self { spec, reply: Box::new(reply) }
     }
 
@@ -83,20 +75,37 @@ fn doing_nothing_solves_nothing() {
     }
 }
 
+fn rgb(camera: &str) -> CameraRequest {
+    CameraRequest::new(camera, ImageChannels::RGB)
+}
+
+fn ids(camera: &str) -> CameraRequest {
+    CameraRequest::new(camera, ImageChannels { ids: true, ..ImageChannels::RGBD })
+}
+
 /// What the loop cannot serve is refused before anything moves, in words that help.
 #[test]
 fn a_spec_that_cannot_be_served_is_refused() {
     type Change = fn(&mut PolicySpec);
-    let cases: [(Change, &str); 9] = [
+    let cases: [(Change, &str); 12] = [
         (|spec| spec.rate_hz = 7.0, "rate 7 Hz does not divide the control rate of 60 Hz"),
         (|spec| spec.rate_hz = 120.0, "rate 120 Hz"),
         (|spec| spec.rate_hz = 0.0, "rate 0 Hz"),
         (|spec| spec.rate_hz = f64::NAN, "rate NaN Hz"),
         (|spec| spec.rate_hz = -60.0, "rate -60 Hz"),
-        (|spec| spec.action.space = ActionSpace::EePose, "absolute joint positions"),
-        (|spec| spec.action.gripper = "open_01".into(), "gripper width in metres"),
+        (
+            |spec| (spec.action.space, spec.action.frame) = (ActionSpace::EePose, ActionFrame::EndEffector),
+            "frame of the action: expected world for ee_pose, got end_effector",
+        ),
+        (|spec| spec.action.gripper.binary_threshold = Some(f64::NAN), "expected a finite number, got NaN"),
         (|spec| spec.state_keys = vec!["observation.force".into()], "unknown state key `observation.force`"),
-        (|spec| spec.cameras = vec!["wrist".into()], "camera `wrist`"),
+        (
+            |spec| spec.cameras = vec![rgb("ceiling")],
+            "no camera `ceiling`, its cameras are overview, left, right, static",
+        ),
+        (|spec| spec.cameras = vec![rgb("wrist"), rgb("static"), rgb("wrist")], "camera `wrist` is asked for twice"),
+        (|spec| spec.cameras = vec![rgb("wrist").sized(0, 64)], "0 x 64 pixels"),
+        (|spec| spec.cameras = vec![ids("wrist")], "instance ids, which are simulator truth"),
     ];
     for (change, wanted) in cases {
         let mut policy = Scripted::new(|_| unreachable!("a refused policy is never asked"));
@@ -115,9 +124,14 @@ fn a_policy_that_breaks_is_a_result() {
     let infinite = || vec![[&home()[..7], &[f32::INFINITY]].concat()];
     let cases: [(&str, Scripted, usize, &str); 7] = [
         ("no action", Scripted::always(Vec::new(), false), 0, "returned no action"),
-        ("NaN", Scripted::always(nan(), false), 1, "action for control step 1: command number 0 is NaN"),
-        ("infinite", Scripted::always(infinite(), true), 0, "command number 7 is inf"),
-        ("too short", Scripted::always(vec![vec![0.0; 7]], false), 0, "has 8 numbers (arm joint targets"),
+        ("NaN", Scripted::always(nan(), false), 1, "action for control step 1: number 0 of the action is NaN"),
+        ("infinite", Scripted::always(infinite(), true), 0, "number 7 of the action is inf"),
+        (
+            "too short",
+            Scripted::always(vec![vec![0.0; 7]], false),
+            0,
+            "expected 8 numbers (joint_position, gripper width_m), got 7",
+        ),
         ("too long", Scripted::always(vec![vec![0.0; 9]], false), 0, "got 9"),
         ("empty action", Scripted::always(vec![Vec::new()], true), 0, "got 0"),
         ("unsuited", Scripted::new(|_| Err(PolicyError::Unsuited("no such robot".into()))), 0, "no such robot"),

@@ -39,7 +39,7 @@ fn stepping_by_hand_is_the_loop() {
         if number.is_multiple_of(50) {
             environment.verdict().unwrap();
             environment.truth().unwrap();
-            environment.observe().unwrap();
+            environment.observe(&[]).unwrap();
         }
     });
     assert_eq!(looked, episodes()[1].1, "the same bytes as the expert's episode, looked at or not");
@@ -90,7 +90,7 @@ fn settling_gives_the_terminal_observation() {
 fn what_cannot_be_stepped_is_refused_and_changes_nothing() {
     let mut environment = Environment::new(RolloutSettings { horizon_s: 0.05, ..RolloutSettings::default() });
     assert!(matches!(environment.step(&[]), Err(RolloutError::NotReset)));
-    assert!(matches!(environment.observe(), Err(RolloutError::NotReset)));
+    assert!(matches!(environment.observe(&[]), Err(RolloutError::NotReset)));
     assert!(matches!(environment.save(), Err(RolloutError::NotReset)));
     environment.reset(any_stage(), Seed::new(1));
     let command = episodes()[1].1.frames[0].command.clone();

@@ -11,7 +11,7 @@ use genmanip_motion::FeasibilitySettings;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::expert::ExpertSettings;
 use genmanip_run::collect::{Collected, collect};
-use genmanip_run::evaluate::evaluate;
+use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate};
 use genmanip_run::report::gather;
 use genmanip_run::{PolicyFactory, Progress, Run, RunError, Silent, inputs, replay};
 
@@ -97,12 +97,15 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let refused = collect(&folder, &other, 1, &Silent, &never).unwrap_err();
     assert!(matches!(refused, RunError::AnotherRun { .. }), "{refused:?}");
 
-    let still = PolicyFactory::resolve("do_nothing:seconds=0.5").unwrap();
-    let listener = Listener::new(0, &never);
-    let reports = evaluate(&folder, &[still], 1, &listener, &never).unwrap();
+    let still = [PolicyFactory::resolve("do_nothing:seconds=0.5").unwrap()];
+    let options = EvaluateOptions { out: Some(folder.clone()), keep_episodes: false, workers: 1 };
+    let suite = Suite::of_run(&folder).unwrap();
+    let (stop, listener) = (AtomicBool::new(false), Listener::new(0, &never));
+    assert!(evaluate(&suite, &still, &options, &Listener::new(1, &stop), &stop).unwrap().is_empty(), "stopped");
+    let reports = evaluate(&suite, &still, &options, &listener, &never).unwrap();
     assert_eq!((reports.len(), reports[0].results.len(), reports[0].summary.success.value), (1, 2, 0.0));
     assert!(folder.join("evaluation/do_nothing_seconds=0.5.json").is_file());
-    assert_eq!(*listener.begun.lock().unwrap(), [("do_nothing_seconds=0.5".to_owned(), 2)]);
+    assert_eq!(*listener.begun.lock().unwrap(), [("do_nothing_seconds=0.5".to_owned(), 1)], "the other was done");
 
     let replayed = replay::check(&folder, true, None, &Silent).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical), "{replayed:?}");

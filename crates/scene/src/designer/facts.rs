@@ -5,7 +5,7 @@
 
 use genmanip_core::Relation;
 
-use super::scene::Scene;
+use super::sketch::Sketch;
 
 /// What is known about a relation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub(super) struct Facts {
 }
 
 impl Facts {
-    pub fn new(scene: &Scene) -> Self {
+    pub fn new(scene: &Sketch) -> Self {
         let count = scene.len();
         let mut farther = vec![vec![false; count]; count];
         let mut lefter = vec![vec![false; count]; count];
@@ -54,7 +54,7 @@ impl Facts {
     }
 
     /// Whether `subject relation reference` holds in every layout of the scene.
-    pub fn known(&self, scene: &Scene, subject: usize, relation: Relation, reference: usize) -> Known {
+    pub fn known(&self, scene: &Sketch, subject: usize, relation: Relation, reference: usize) -> Known {
         let carried = |a: usize, b: usize| scene.carrier(a) == Some(b);
         if relation.is_support() {
             return if carried(subject, reference) { Known::Yes } else { Known::No };

@@ -4,12 +4,12 @@ use genmanip_core::{Atom, ObjectCard, Task, TaskKind};
 use serde_json::{Value, json};
 
 use super::kinds::Draft;
-use super::scene::Scene;
+use super::sketch::Sketch;
 use crate::answer::{TaskRequest, Verdict, check_answer};
 use crate::references;
 
 /// The task, or why it was rejected.
-pub(super) fn pass(scene: &Scene, draft: &Draft, kind: TaskKind, id: &str) -> Result<Task, String> {
+pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> Result<Task, String> {
     let offered: Vec<ObjectCard> = scene.cards.iter().map(|card| (*card).clone()).collect();
     let task = Task {
         id: id.to_owned(),

@@ -1,12 +1,11 @@
 //! Composes tasks of all six kinds by rules: no model, no network.
 //!
-//! A task grows from its goal outwards: a destination with room for what is to come (`studio`), the thing to
+//! A task grows from its goal outwards: a destination with room for what is to come (`composer`), the thing to
 //! move, look-alikes that make a reference worth while, and more objects with the relations that are rarest so far.
 //! The graph is read off a sketch on the table, so it can be laid out.
 //! Then the finished scene is looked at to find words that single out each object, and the sentence is filled in.
 //!
-//! Words are data: `data/designer/things.json` says what things are called and what may lie in what, `looks.json`
-//! how they look, `knowledge.json` what everyday needs ask for, `handling.json` how states are changed and
+//! Words are data: `data/designer/things.json` says what kinds of things are called and what may lie in what, `knowledge.json` what everyday needs ask for, `handling.json` how states are changed and
 //! `phrases.json` holds the sentences.
 //!
 //! The last gate is not the designer's own: every task is written in the exchange format and read by
@@ -14,6 +13,7 @@
 //! exactly the goal. What fails is counted and drawn again.
 
 mod balance;
+mod composer;
 mod facts;
 mod gate;
 mod kinds;
@@ -21,9 +21,8 @@ mod knowledge;
 mod naming;
 mod phrasing;
 mod report;
-mod scene;
 mod settings;
-mod studio;
+mod sketch;
 #[cfg(test)]
 mod tests;
 mod things;
@@ -33,8 +32,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use genmanip_core::{ObjectCard, Seed, Task, TaskKind};
 
 use balance::Balance;
-use scene::Scene;
-use studio::Studio;
+use composer::Composer;
+use sketch::Sketch;
 
 pub use gate::as_answer;
 pub use report::{DesignReport, Occurrence, measure};
@@ -143,17 +142,17 @@ fn draw(
     let mut here: BTreeMap<String, usize> = BTreeMap::new();
     let mut made = None;
     for draw in 0..settings.max_draws {
-        let mut studio = Studio {
+        let mut composer = Composer {
             cards,
             settings,
             rng: seed.fork_index(draw as u64).rng(),
             balance: balance.clone(),
-            scene: Scene::new(),
+            sketch: Sketch::new(),
             theme: &[],
         };
-        let outcome = kinds::compose(kind, &mut studio)
+        let outcome = kinds::compose(kind, &mut composer)
             .ok_or_else(|| "the composition does not work out".to_owned())
-            .and_then(|draft| gate::pass(&studio.scene, &draft, kind, id))
+            .and_then(|draft| gate::pass(&composer.sketch, &draft, kind, id))
             .and_then(|task| match said.contains(&task.instruction) {
                 true => Err("the instruction was used before".to_owned()),
                 false => Ok(task),

@@ -2,21 +2,14 @@
 //!
 //! What is proposed here is checked afterwards by [`crate::references`], which shares no words with it.
 
-use std::collections::BTreeMap;
-use std::sync::LazyLock;
-
 use genmanip_core::{ObjectCard, Relation};
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 
 use super::facts::{Facts, Known};
 use super::phrasing::phrases;
-use super::scene::{DIRECTIONS, Scene};
+use super::sketch::{DIRECTIONS, Sketch};
 use super::things::{Group, things};
-
-/// Looks of each object in words that avoid its name, `data/designer/looks.json`.
-static LOOKS: LazyLock<BTreeMap<String, Vec<String>>> =
-    LazyLock::new(|| super::data(include_str!("../../data/designer/looks.json")));
 
 /// How much larger one object must be than another to be called the larger one, by volume.
 const LARGER: f64 = 1.7;
@@ -34,12 +27,12 @@ pub(super) enum Style {
 
 /// Whether an object can be told by its looks.
 pub(super) fn has_looks(card: &ObjectCard) -> bool {
-    LOOKS.contains_key(&card.uid)
+    !card.annotations.looks.is_empty()
 }
 
 /// Finds expressions for the objects of a finished scene.
 pub(super) struct Namer<'s, 'a> {
-    scene: &'s Scene<'a>,
+    scene: &'s Sketch<'a>,
     facts: Facts,
 }
 
@@ -51,7 +44,7 @@ struct Word<'a> {
 }
 
 impl<'s, 'a> Namer<'s, 'a> {
-    pub fn new(scene: &'s Scene<'a>) -> Self {
+    pub fn new(scene: &'s Sketch<'a>) -> Self {
         Self { scene, facts: Facts::new(scene) }
     }
 
@@ -108,7 +101,7 @@ impl<'s, 'a> Namer<'s, 'a> {
 
     fn looks(&self, object: usize) -> Vec<String> {
         let card = self.scene.cards[object];
-        let mut options = LOOKS.get(&card.uid).cloned().unwrap_or_default();
+        let mut options = card.annotations.looks.clone();
         let kin = self.same_kind(object);
         let volume = |object: usize| self.scene.cards[object].size_m.element_product();
         if let Some(kind) = things().kind(card)

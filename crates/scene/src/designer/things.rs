@@ -26,7 +26,6 @@ pub(super) struct Things {
     kinds: BTreeMap<String, Kind>,
     groups: BTreeMap<String, Group>,
     hosts: BTreeMap<String, Host>,
-    room: BTreeMap<String, Room>,
 }
 
 /// A kind of thing, named after the category of its cards.
@@ -64,16 +63,6 @@ pub(super) struct Host {
     pub easy_to_take_from: bool,
     /// Classes or categories that belong there.
     pub welcomes: Vec<String>,
-}
-
-/// Room in one object of the catalogue.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Room {
-    /// Length and width of the hollow at mid height, metres.
-    pub inside_m: [f64; 2],
-    /// Depth of the hollow, metres.
-    pub depth_m: f64,
 }
 
 pub(super) fn things() -> &'static Things {
@@ -114,7 +103,7 @@ impl Things {
     fn has_room(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
         let sorted = |x: f64, y: f64| if x > y { (x, y) } else { (y, x) };
         let (length, width) = sorted(item.size_m.x, item.size_m.y);
-        match self.room.get(&host.uid) {
+        match host.annotations.room {
             Some(room) => {
                 let (inner_length, inner_width) = sorted(room.inside_m[0], room.inside_m[1]);
                 let stick_out = if room.depth_m > DEEP_M { -RIM_M } else { 3.0 * OVERHANG_M };
@@ -130,12 +119,12 @@ impl Things {
 
     /// More than half of what lies *in* something is below its rim, also when it stands.
     fn is_low_enough(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
-        self.room.get(&host.uid).is_some_and(|room| item.size_m.z <= 1.5 * room.depth_m)
+        host.annotations.room.is_some_and(|room| item.size_m.z <= 1.5 * room.depth_m)
     }
 
     /// Whether what lies there can be seen from outside; a small thing at the bottom of a deep narrow hollow cannot.
     pub fn shows(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
-        self.room.get(&host.uid).is_none_or(|room| {
+        host.annotations.room.is_none_or(|room| {
             let is_shaft = room.depth_m > 0.6 * room.inside_m[0].min(room.inside_m[1]);
             !is_shaft || item.size_m.z >= 0.6 * room.depth_m
         })
@@ -144,7 +133,7 @@ impl Things {
     /// Whether one more thing fits beside those that are already there, by area.
     pub fn has_space_for(&self, host: &ObjectCard, there: &[&ObjectCard], item: &ObjectCard) -> bool {
         let area = |card: &ObjectCard| (card.size_m.x + 0.03) * (card.size_m.y + 0.03);
-        let free = match self.room.get(&host.uid) {
+        let free = match host.annotations.room {
             Some(room) => room.inside_m[0] * room.inside_m[1],
             None => host.size_m.x * host.size_m.y,
         };

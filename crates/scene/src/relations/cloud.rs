@@ -15,7 +15,7 @@ use genmanip_core::{Aabb, Atom, AtomVerdict, Goal, GoalVerdict};
 use glam::{DVec2, DVec3};
 
 use super::contact::Contact;
-use super::extent::{Extent, Scene, supported};
+use super::extent::{Extent, Extents, supported};
 use super::judge::{judge, judge_alternatives};
 use super::pair::{PairVerdict, label_extents};
 use super::requirement::Requirement;
@@ -90,7 +90,7 @@ impl CloudScene {
     }
 }
 
-impl Scene for CloudScene {
+impl Extents for CloudScene {
     type Extent = CloudBody;
 
     fn find(&self, uid: &str) -> Option<usize> {

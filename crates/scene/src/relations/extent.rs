@@ -27,7 +27,7 @@ pub(super) trait Extent {
 }
 
 /// Objects by uid.
-pub(super) trait Scene {
+pub(super) trait Extents {
     /// How the place of an object is known.
     type Extent: Extent;
 

@@ -3,7 +3,7 @@
 use genmanip_core::{Atom, AtomVerdict, Goal, GoalVerdict, Relation, SceneGraph, Unit};
 
 use super::contact::Contact;
-use super::extent::{Extent, Scene};
+use super::extent::{Extent, Extents};
 use super::pair::{PairGeometry, measure};
 use super::requirement::{Requirement, SINKING, better, verdict};
 use super::{PosedScene, RelationSettings};
@@ -40,7 +40,7 @@ pub fn judge_goal(scene: &PosedScene, goal: &Goal, rest: &Rest, settings: &Relat
 
 /// Judges a goal, whatever the extents are known from.
 pub(super) fn judge_alternatives(
-    scene: &impl Scene,
+    scene: &impl Extents,
     goal: &Goal,
     rest: &Rest,
     settings: &RelationSettings,
@@ -66,7 +66,7 @@ pub fn judge_states(scene: &PosedScene, graph: &SceneGraph, settings: &RelationS
 }
 
 /// Judges one condition, whatever the extents are known from.
-pub(super) fn judge(scene: &impl Scene, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
+pub(super) fn judge(scene: &impl Extents, atom: &Atom, rest: &Rest, settings: &RelationSettings) -> AtomVerdict {
     let (ids, word): (Vec<&str>, &str) = match atom {
         Atom::State { object, state } => (vec![object], state),
         Atom::Relation { subject, relation, reference, second_reference } => (

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::contact::Contact;
-use super::extent::{Extent, Scene};
+use super::extent::{Extent, Extents};
 use super::{PosedScene, RelationSettings};
 
 /// How one object stands to another.
@@ -98,7 +98,7 @@ pub fn measure_pair(scene: &PosedScene, a: usize, b: usize, settings: &RelationS
 
 /// Measures and labels two objects, whatever their extents are known from.
 pub(super) fn label_extents(
-    scene: &impl Scene,
+    scene: &impl Extents,
     a: usize,
     b: usize,
     settings: &RelationSettings,

@@ -4,14 +4,14 @@ use genmanip_core::{Aabb, Pose};
 use glam::DVec3;
 
 use super::contact::{Contact, vertical_gap};
-use super::extent::{Extent, Scene, supported};
+use super::extent::{Extent, Extents, supported};
 use super::requirement::Requirement;
 use super::scene::Body;
 use super::solid::Solid;
 use super::state::state_requirements;
 use super::{PosedScene, RelationSettings};
 
-impl Scene for PosedScene {
+impl Extents for PosedScene {
     type Extent = Body;
 
     fn find(&self, id: &str) -> Option<usize> {

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
-    Aabb, AssetRef, Joint, JointKind, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape,
+    Aabb, Annotations, AssetRef, Joint, JointKind, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose,
+    Shape,
 };
 
 /// `w`ide (y) × `d`eep (x) × `h`igh.
@@ -102,6 +103,7 @@ fn model(name: &str, size_m: DVec3, mass_kg: f64, friction: f64, links: Vec<Obje
         is_articulated: links.len() > 1,
         states: vec![],
         can_grasp: true,
+        annotations: Annotations::default(),
     };
     ObjectModel {
         card,

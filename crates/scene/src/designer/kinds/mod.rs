@@ -7,13 +7,13 @@ mod single;
 
 use genmanip_core::{ObjectCard, Relation, TaskKind};
 
+use super::composer::{Composer, Place};
 use super::naming::{Namer, Style, chance};
 use super::phrasing::{capitalised, phrases};
-use super::scene::{Condition, Scene};
-use super::studio::{Place, Studio};
+use super::sketch::{Condition, Sketch};
 use super::things::things;
 
-/// A finished design; its scene is the studio's.
+/// A finished design; its scene is the composer's.
 pub(super) struct Draft {
     pub instruction: String,
     pub description: String,
@@ -21,44 +21,44 @@ pub(super) struct Draft {
     pub goal: Vec<Vec<Condition>>,
 }
 
-/// Composes a task in an empty studio; `None` when the draws do not work out.
-pub(super) fn compose(kind: TaskKind, studio: &mut Studio) -> Option<Draft> {
+/// Composes a task in an empty composer; `None` when the draws do not work out.
+pub(super) fn compose(kind: TaskKind, composer: &mut Composer) -> Option<Draft> {
     match kind {
-        TaskKind::PickAndPlace => single::compose(studio, &[(Style::Plain, Style::Plain)]),
+        TaskKind::PickAndPlace => single::compose(composer, &[(Style::Plain, Style::Plain)]),
         TaskKind::Spatial => single::compose(
-            studio,
+            composer,
             &[(Style::Place, Style::Plain), (Style::Plain, Style::Place), (Style::Place, Style::Place)],
         ),
-        TaskKind::Appearance => single::compose(studio, &[(Style::Looks, Style::Looks)]),
-        TaskKind::CommonSense => common_sense::compose(studio),
-        TaskKind::LongHorizon => long_horizon::compose(studio),
-        TaskKind::Articulated => articulated::compose(studio),
+        TaskKind::Appearance => single::compose(composer, &[(Style::Looks, Style::Looks)]),
+        TaskKind::CommonSense => common_sense::compose(composer),
+        TaskKind::LongHorizon => long_horizon::compose(composer),
+        TaskKind::Articulated => articulated::compose(composer),
     }
 }
 
 /// Finishes a design whose scene is complete.
-fn draft(studio: &mut Studio, instruction: String, goal: Vec<Vec<Condition>>) -> Option<Draft> {
-    if studio.scene.len() < studio.settings.objects[0] {
+fn draft(composer: &mut Composer, instruction: String, goal: Vec<Vec<Condition>>) -> Option<Draft> {
+    if composer.sketch.len() < composer.settings.objects[0] {
         return None;
     }
-    initial_states(studio);
-    let description = describe(&studio.scene);
+    initial_states(composer);
+    let description = describe(&composer.sketch);
     Some(Draft { instruction: capitalised(&instruction), description, goal })
 }
 
 /// Articulated objects that the task says nothing about are in any of their states.
-fn initial_states(studio: &mut Studio) {
+fn initial_states(composer: &mut Composer) {
     use rand::seq::IndexedRandom;
-    for object in 0..studio.scene.len() {
-        let card = studio.scene.cards[object];
-        if card.is_articulated && studio.scene.states[object].is_none() {
-            studio.scene.states[object] = card.states.choose(&mut studio.rng).cloned();
+    for object in 0..composer.sketch.len() {
+        let card = composer.sketch.cards[object];
+        if card.is_articulated && composer.sketch.states[object].is_none() {
+            composer.sketch.states[object] = card.states.choose(&mut composer.rng).cloned();
         }
     }
 }
 
 /// The scene in words: one short sentence per relation.
-fn describe(scene: &Scene) -> String {
+fn describe(scene: &Sketch) -> String {
     let name = |object: usize| scene.cards[object].name.as_str();
     let sentences: Vec<String> = scene
         .edges
@@ -82,49 +82,49 @@ fn describe(scene: &Scene) -> String {
 }
 
 /// A relation for a goal: the rarest so far among those that something exists for.
-fn wanted_relation(studio: &mut Studio, among: &[Relation]) -> Option<Relation> {
-    studio.balance.choose(among, studio.settings, &mut studio.rng)
+fn wanted_relation(composer: &mut Composer, among: &[Relation]) -> Option<Relation> {
+    composer.balance.choose(among, composer.settings, &mut composer.rng)
 }
 
 /// Something to carry that the relation is possible for.
 fn mover_for<'a>(
-    studio: &mut Studio<'a>,
+    composer: &mut Composer<'a>,
     relation: Relation,
     suits: impl Fn(&ObjectCard) -> bool,
 ) -> Option<&'a ObjectCard> {
-    let cards = studio.cards;
+    let cards = composer.cards;
     let has_place =
         |card: &ObjectCard| !relation.is_support() || cards.iter().any(|host| things().may_carry(host, card, relation));
-    studio.pick_mover(|card| has_place(card) && suits(card))
+    composer.pick_mover(|card| has_place(card) && suits(card))
 }
 
 /// Another place for the same object: the other side of the same reference, or another thing to put it in or on.
-fn another_place(studio: &mut Studio, item: &ObjectCard, place: Place, style: Style) -> Option<Place> {
+fn another_place(composer: &mut Composer, item: &ObjectCard, place: Place, style: Style) -> Option<Place> {
     if place.relation.is_support() {
-        let relation = wanted_relation(studio, &[Relation::In, Relation::On, Relation::Top])?;
-        return studio.destination(item, relation, style);
+        let relation = wanted_relation(composer, &[Relation::In, Relation::On, Relation::Top])?;
+        return composer.destination(item, relation, style);
     }
     let other = place.relation.inverse().filter(|inverse| *inverse != place.relation)?;
-    studio.keep_free(item, other, place.reference)?;
+    composer.keep_free(item, other, place.reference)?;
     Some(Place { relation: other, ..place })
 }
 
 /// A place in words: as where something goes, and as where it then is.
-fn say_place(studio: &mut Studio, place: Place, style: Style) -> Option<(String, String)> {
-    let scene = &studio.scene;
+fn say_place(composer: &mut Composer, place: Place, style: Style) -> Option<(String, String)> {
+    let scene = &composer.sketch;
     let namer = Namer::new(scene);
     let card = scene.cards[place.reference];
-    let first = namer.name(place.reference, style, &mut studio.rng)?;
+    let first = namer.name(place.reference, style, &mut composer.rng)?;
     let second = match place.second {
         Some(second) => {
-            namer.name(second, if style == Style::Looks { style } else { Style::Plain }, &mut studio.rng)?
+            namer.name(second, if style == Style::Looks { style } else { Style::Plain }, &mut composer.rng)?
         }
         None => String::new(),
     };
     // `between X and the Y that is …`: what takes a clause comes last.
     let (first, second) = if style == Style::Place && !second.is_empty() { (second, first) } else { (first, second) };
-    let to = phrases().direction(place.relation, card, &first, &second, &mut studio.rng);
-    let at = phrases().place(place.relation, card, &first, &second, &mut studio.rng);
+    let to = phrases().direction(place.relation, card, &first, &second, &mut composer.rng);
+    let at = phrases().place(place.relation, card, &first, &second, &mut composer.rng);
     Some((to, at))
 }
 
@@ -133,6 +133,6 @@ fn any_relation() -> &'static [Relation] {
     &Relation::ALL
 }
 
-fn toss(studio: &mut Studio, share: f64) -> bool {
-    chance(share, &mut studio.rng)
+fn toss(composer: &mut Composer, share: f64) -> bool {
+    chance(share, &mut composer.rng)
 }

@@ -3,43 +3,43 @@
 use rand::seq::IndexedRandom;
 
 use super::{Draft, another_place, any_relation, draft, mover_for, say_place, toss, wanted_relation};
+use crate::designer::composer::Composer;
 use crate::designer::naming::{Namer, Style, has_looks};
 use crate::designer::phrasing::{choose, fill, phrases};
-use crate::designer::studio::Studio;
 
 /// One of these styles for what is moved and for where it goes.
-pub(super) fn compose(studio: &mut Studio, styles: &[(Style, Style)]) -> Option<Draft> {
-    let &(moved, placed) = styles.choose(&mut studio.rng)?;
-    let relation = wanted_relation(studio, any_relation())?;
-    let item = mover_for(studio, relation, |card| moved != Style::Looks || has_looks(card))?;
-    let place = studio.destination(item, relation, placed)?;
-    studio.balance.add(relation);
+pub(super) fn compose(composer: &mut Composer, styles: &[(Style, Style)]) -> Option<Draft> {
+    let &(moved, placed) = styles.choose(&mut composer.rng)?;
+    let relation = wanted_relation(composer, any_relation())?;
+    let item = mover_for(composer, relation, |card| moved != Style::Looks || has_looks(card))?;
+    let place = composer.destination(item, relation, placed)?;
+    composer.balance.add(relation);
     // A place in so many words and another one after it would read two ways.
-    let other = match placed != Style::Place && toss(studio, studio.settings.disjunctions) {
-        true => another_place(studio, item, place, placed),
+    let other = match placed != Style::Place && toss(composer, composer.settings.disjunctions) {
+        true => another_place(composer, item, place, placed),
         false => None,
     };
-    let subject = studio.add_to_move(item, place, moved)?;
-    let count = studio.object_count();
-    studio.fill(count);
-    if moved == Style::Looks && !studio.has_look_alike(subject) {
+    let subject = composer.add_to_move(item, place, moved)?;
+    let count = composer.object_count();
+    composer.fill(count);
+    if moved == Style::Looks && !composer.has_look_alike(subject) {
         return None;
     }
 
-    let named = Namer::new(&studio.scene).name(subject, moved, &mut studio.rng)?;
-    let (to, at) = say_place(studio, place, placed)?;
+    let named = Namer::new(&composer.sketch).name(subject, moved, &mut composer.rng)?;
+    let (to, at) = say_place(composer, place, placed)?;
     let described = moved == Style::Place;
     let (template, or) = match other {
         Some(other) => {
             let options = if described { &phrases().alternatives_described } else { &phrases().alternatives };
-            (choose(options, &mut studio.rng), say_place(studio, other, placed)?.1)
+            (choose(options, &mut composer.rng), say_place(composer, other, placed)?.1)
         }
         None => {
             let options = if described { &phrases().move_described } else { &phrases().r#move };
-            (choose(options, &mut studio.rng), String::new())
+            (choose(options, &mut composer.rng), String::new())
         }
     };
     let instruction = fill(template, &[("x", &named), ("to", &to), ("at", &at), ("or", &or)]);
     let goal = std::iter::once(place).chain(other).map(|place| vec![place.of(subject)]).collect();
-    draft(studio, instruction, goal)
+    draft(composer, instruction, goal)
 }

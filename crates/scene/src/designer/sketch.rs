@@ -45,7 +45,7 @@ struct Rect {
 
 /// Objects, their relations and where they would roughly stand.
 #[derive(Clone, Debug)]
-pub(super) struct Scene<'a> {
+pub(super) struct Sketch<'a> {
     pub cards: Vec<&'a ObjectCard>,
     pub states: Vec<Option<String>>,
     pub edges: Vec<Link>,
@@ -57,7 +57,7 @@ pub(super) struct Scene<'a> {
     pub closed: Vec<usize>,
 }
 
-impl<'a> Scene<'a> {
+impl<'a> Sketch<'a> {
     pub fn new() -> Self {
         Self {
             cards: Vec::new(),

@@ -7,8 +7,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::balance::Balance;
 use super::naming::{Style, chance, has_looks};
-use super::scene::{Condition, DIRECTIONS, Link, Scene};
 use super::settings::DesignSettings;
+use super::sketch::{Condition, DIRECTIONS, Link, Sketch};
 use super::things::{is_movable, things};
 
 /// Tries to find room for one object before it is given up.
@@ -37,13 +37,13 @@ impl Place {
 }
 
 /// A scene under construction, with everything that decides how it grows.
-pub(super) struct Studio<'a> {
+pub(super) struct Composer<'a> {
     pub cards: &'a [ObjectCard],
     pub settings: &'a DesignSettings,
     pub rng: ChaCha8Rng,
     /// What was counted in earlier tasks and in this one so far.
     pub balance: Balance,
-    pub scene: Scene<'a>,
+    pub sketch: Sketch<'a>,
     /// Groups of things that this scene is mostly made of.
     pub theme: &'static [&'static str],
 }
@@ -51,10 +51,10 @@ pub(super) struct Studio<'a> {
 const KITCHEN: &[&str] = &["tableware", "kitchen", "packaged goods", "food"];
 const DESK: &[&str] = &["office and toys", "tools", "containers"];
 
-impl<'a> Studio<'a> {
+impl<'a> Composer<'a> {
     /// A random card that is not in the scene yet and that the designer has words for.
     pub fn pick(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
-        let scene = &self.scene;
+        let scene = &self.sketch;
         let known = |card: &&ObjectCard| things().kind(card).is_some() && !scene.contains(card) && suits(card);
         let options: Vec<&'a ObjectCard> = self.cards.iter().filter(known).collect();
         options.choose(&mut self.rng).copied()
@@ -87,12 +87,12 @@ impl<'a> Studio<'a> {
             true => self.add_away_from(card, place.reference, style)?,
             false => self.add_styled(card, style)?,
         };
-        self.scene.closed.push(object);
+        self.sketch.closed.push(object);
         Some(object)
     }
 
     fn add_away_from(&mut self, card: &'a ObjectCard, place: usize, style: Style) -> Option<usize> {
-        let others = |studio: &Self| (0..studio.scene.len()).filter(|&other| other != place).collect::<Vec<_>>();
+        let others = |composer: &Self| (0..composer.sketch.len()).filter(|&other| other != place).collect::<Vec<_>>();
         if others(self).is_empty() {
             let filler = self.pick_filler().filter(|filler| filler.uid != card.uid)?;
             self.add(filler)?;
@@ -115,12 +115,12 @@ impl<'a> Studio<'a> {
     }
 
     fn add_with(&mut self, card: &'a ObjectCard, relation: Option<Relation>) -> Option<usize> {
-        if self.scene.len() == 0 {
-            return Some(self.scene.start(card));
+        if self.sketch.len() == 0 {
+            return Some(self.sketch.start(card));
         }
         let all = [Relation::Front, Relation::Back, Relation::Left, Relation::Right, Relation::Near];
         for _ in 0..PLACE_DRAWS {
-            let anchor = self.rng.random_range(0..self.scene.len());
+            let anchor = self.rng.random_range(0..self.sketch.len());
             let relation = relation.or_else(|| self.balance.choose(&all, self.settings, &mut self.rng))?;
             if let Some(object) = self.add_beside(card, relation, anchor) {
                 return Some(object);
@@ -131,11 +131,11 @@ impl<'a> Studio<'a> {
 
     /// Adds an object beside a given one.
     pub fn add_beside(&mut self, card: &'a ObjectCard, relation: Relation, anchor: usize) -> Option<usize> {
-        if self.scene.contains(card) {
+        if self.sketch.contains(card) {
             return None;
         }
-        let object = self.scene.beside(card, relation, anchor, self.settings, &mut self.rng)?;
-        self.scene.relate(object, relation, anchor, &mut self.balance, self.settings);
+        let object = self.sketch.beside(card, relation, anchor, self.settings, &mut self.rng)?;
+        self.sketch.relate(object, relation, anchor, &mut self.balance, self.settings);
         Some(object)
     }
 
@@ -145,7 +145,7 @@ impl<'a> Studio<'a> {
             let host = self
                 .pick(|card| things().may_carry(card, item, relation) && (style != Style::Looks || has_looks(card)))?;
             let reference = self.add_styled(host, style)?;
-            self.scene.closed.push(reference);
+            self.sketch.closed.push(reference);
             return Some(Place { relation, reference, second: None });
         }
         let anchor = match style {
@@ -165,10 +165,10 @@ impl<'a> Studio<'a> {
                 Some(card) => card,
                 None => self.pick_filler().filter(|card| card.uid != item.uid)?,
             };
-            self.scene.keep_free(item, aside, reference, self.settings, &mut self.rng).then_some(())?;
-            let second = self.scene.beyond(end, aside, self.settings)?;
-            self.scene.is_straight(reference, item, second).then_some(())?;
-            self.scene.relate(second, aside, reference, &mut self.balance, self.settings);
+            self.sketch.keep_free(item, aside, reference, self.settings, &mut self.rng).then_some(())?;
+            let second = self.sketch.beyond(end, aside, self.settings)?;
+            self.sketch.is_straight(reference, item, second).then_some(())?;
+            self.sketch.relate(second, aside, reference, &mut self.balance, self.settings);
             place.second = Some(second);
         } else {
             self.keep_free(item, relation, reference)?;
@@ -179,7 +179,7 @@ impl<'a> Studio<'a> {
     /// Keeps room free beside an object.
     pub fn keep_free(&mut self, item: &ObjectCard, relation: Relation, anchor: usize) -> Option<()> {
         (0..PLACE_DRAWS)
-            .any(|_| self.scene.keep_free(item, relation, anchor, self.settings, &mut self.rng))
+            .any(|_| self.sketch.keep_free(item, relation, anchor, self.settings, &mut self.rng))
             .then_some(())
     }
 
@@ -207,7 +207,7 @@ impl<'a> Studio<'a> {
             3..5 if is_movable(card) => {
                 let host = self.pick(take_from)?;
                 let host = self.add(host)?;
-                self.scene.closed.push(host);
+                self.sketch.closed.push(host);
                 let relation = self.support_relation(host)?;
                 let object = self.put(card, relation, host)?;
                 let twin = self.pick(|other| shares_word(other, card))?;
@@ -220,13 +220,13 @@ impl<'a> Studio<'a> {
     }
 
     fn support_relation(&mut self, host: usize) -> Option<Relation> {
-        let relations = &things().host(self.scene.cards[host])?.relations;
+        let relations = &things().host(self.sketch.cards[host])?.relations;
         self.balance.choose(relations, self.settings, &mut self.rng)
     }
 
     /// Puts something in or on an object.
     pub fn put(&mut self, card: &'a ObjectCard, relation: Relation, host: usize) -> Option<usize> {
-        let object = self.scene.put(card, relation, host)?;
+        let object = self.sketch.put(card, relation, host)?;
         self.balance.add(relation);
         Some(object)
     }
@@ -314,7 +314,7 @@ impl<'a> Studio<'a> {
             self.add_copy();
         }
         for _ in 0..4 * count {
-            let missing = count.saturating_sub(self.scene.len());
+            let missing = count.saturating_sub(self.sketch.len());
             if missing == 0 {
                 return;
             }
@@ -331,17 +331,18 @@ impl<'a> Studio<'a> {
 
     /// Adds a second copy of something rigid that stands on the table.
     fn add_copy(&mut self) -> Option<usize> {
-        let suits = |&object: &usize| !self.scene.cards[object].is_articulated && self.scene.carrier(object).is_none();
-        let options: Vec<usize> = (0..self.scene.len()).filter(suits).collect();
+        let suits =
+            |&object: &usize| !self.sketch.cards[object].is_articulated && self.sketch.carrier(object).is_none();
+        let options: Vec<usize> = (0..self.sketch.len()).filter(suits).collect();
         let &object = options.choose(&mut self.rng)?;
-        let card = self.scene.cards[object];
+        let card = self.sketch.cards[object];
         for _ in 0..PLACE_DRAWS {
-            let anchor = self.rng.random_range(0..self.scene.len());
+            let anchor = self.rng.random_range(0..self.sketch.len());
             let relation = self.balance.choose(&DIRECTIONS, self.settings, &mut self.rng)?;
-            if let Some(copy) = self.scene.beside(card, relation, anchor, self.settings, &mut self.rng) {
-                self.scene.relate(copy, relation, anchor, &mut self.balance, self.settings);
-                if self.scene.closed.contains(&object) {
-                    self.scene.closed.push(copy);
+            if let Some(copy) = self.sketch.beside(card, relation, anchor, self.settings, &mut self.rng) {
+                self.sketch.relate(copy, relation, anchor, &mut self.balance, self.settings);
+                if self.sketch.closed.contains(&object) {
+                    self.sketch.closed.push(copy);
                 }
                 return Some(copy);
             }
@@ -350,7 +351,7 @@ impl<'a> Studio<'a> {
     }
 
     fn fill_between(&mut self) -> Option<usize> {
-        let anchor = self.rng.random_range(0..self.scene.len());
+        let anchor = self.rng.random_range(0..self.sketch.len());
         let side = *DIRECTIONS.choose(&mut self.rng)?;
         let middle = self.pick_filler()?;
         let middle = self.add_beside(middle, side, anchor)?;
@@ -362,8 +363,8 @@ impl<'a> Studio<'a> {
 
     /// States that an object is between two others; `None` when their heights differ too much for that.
     fn say_between(&mut self, middle: usize, first: usize, last: usize) -> Option<()> {
-        self.scene.is_straight(first, self.scene.cards[middle], last).then_some(())?;
-        self.scene.edges.push(Link {
+        self.sketch.is_straight(first, self.sketch.cards[middle], last).then_some(())?;
+        self.sketch.edges.push(Link {
             subject: middle,
             relation: Relation::Between,
             reference: first,
@@ -374,13 +375,13 @@ impl<'a> Studio<'a> {
     }
 
     fn fill_host(&mut self, relation: Relation, missing: usize) -> Option<usize> {
-        let open = |studio: &Self, host: usize| {
-            let rigid = !studio.scene.cards[host].is_articulated;
-            rigid && !studio.scene.closed.contains(&host) && studio.scene.carrier(host).is_none()
+        let open = |composer: &Self, host: usize| {
+            let rigid = !composer.sketch.cards[host].is_articulated;
+            rigid && !composer.sketch.closed.contains(&host) && composer.sketch.carrier(host).is_none()
         };
-        let hosts: Vec<usize> = (0..self.scene.len()).filter(|&host| open(self, host)).collect();
+        let hosts: Vec<usize> = (0..self.sketch.len()).filter(|&host| open(self, host)).collect();
         for &host in &hosts {
-            let card = self.scene.cards[host];
+            let card = self.sketch.cards[host];
             let item = self.pick(|item| things().may_carry(card, item, relation));
             if let Some(object) = item.and_then(|item| self.put(item, relation, host)) {
                 return Some(object);
@@ -397,7 +398,7 @@ impl<'a> Studio<'a> {
 
     /// Whether something else in the scene could be taken for an object at a glance.
     pub fn has_look_alike(&self, object: usize) -> bool {
-        let cards = &self.scene.cards;
+        let cards = &self.sketch.cards;
         (0..cards.len()).any(|other| other != object && looks_like(cards[other], cards[object]))
     }
 

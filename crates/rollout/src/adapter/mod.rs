@@ -1,0 +1,228 @@
+//! Actions of every space as native commands, and back.
+//!
+//! This is the only place where a space, a rotation or a gripper that is not the native one is read or written.
+//! End-effector motions become joint targets by inverse kinematics that continues from where the motion is counted
+//! from; a pose that no configuration reaches is refused, never replaced by another.
+
+mod gripper;
+mod rotation;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{ActionFrame, ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, Pose, RobotModel};
+use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
+
+/// Reads and writes actions of one contract for one robot.
+#[derive(Clone, Debug)]
+pub struct Adapter {
+    spec: ActionSpec,
+    robot: Arc<RobotModel>,
+    /// Only for end-effector spaces.
+    kinematics: Option<InverseKinematics>,
+    control_period_s: f64,
+    /// Control steps that one action lasts.
+    repeat: usize,
+}
+
+/// Where changes are counted from; all in radians, base to hand.
+#[derive(Clone, Copy, Debug)]
+pub struct ArmReference<'a> {
+    /// Arm joint targets of the command in force; the robot's home before the first one.
+    pub command: &'a [f64],
+    /// Arm joint positions now.
+    pub measured: &'a [f64],
+    /// Arm joint positions when the chunk was asked for.
+    pub chunk_start: &'a [f64],
+}
+
+/// Why an action is none.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AdapterError {
+    /// A contract that cannot be kept.
+    #[error(transparent)]
+    Contract(#[from] ActionMismatch),
+    /// The robot has no kinematics for end-effector motions.
+    #[error(transparent)]
+    Robot(#[from] ModelError),
+    /// An action of another length.
+    #[error("expected {expected} numbers ({spec}), got {got}")]
+    Length {
+        /// Number of numbers.
+        expected: usize,
+        /// What they mean.
+        spec: String,
+        /// What was given.
+        got: usize,
+    },
+    /// A number that is none.
+    #[error("number {index} of the action is {value}, expected a finite one")]
+    NotFinite {
+        /// Its index.
+        index: usize,
+        /// Its value.
+        value: f32,
+    },
+    /// Numbers that are no rotation.
+    #[error("expected a rotation as {encoding}, got {numbers:?}")]
+    NoRotation {
+        /// Name of the encoding.
+        encoding: &'static str,
+        /// What was given.
+        numbers: Vec<f64>,
+    },
+    /// A pose that no configuration of the arm reaches.
+    #[error("no configuration of the arm brings the tcp to x {x_m:.3}, y {y_m:.3}, z {z_m:.3} m in that orientation")]
+    OutOfReach {
+        /// Along x, metres.
+        x_m: f64,
+        /// Along y, metres.
+        y_m: f64,
+        /// Along z, metres.
+        z_m: f64,
+    },
+}
+
+impl Adapter {
+    /// For actions of a contract, each of which lasts `repeat` control steps of `control_period_s`.
+    ///
+    /// # Errors
+    /// A contract that contradicts itself, or a robot without kinematics.
+    pub fn new(
+        spec: ActionSpec,
+        robot: &Arc<RobotModel>,
+        ik: &IkSettings,
+        control_period_s: f64,
+        repeat: usize,
+    ) -> Result<Self, AdapterError> {
+        spec.check()?;
+        let kinematics = match spec.space.is_joint() {
+            true => None,
+            false => Some(InverseKinematics::new(Chain::new(robot)?, ik.clone())),
+        };
+        Ok(Self { spec, robot: Arc::clone(robot), kinematics, control_period_s, repeat: repeat.max(1) })
+    }
+
+    /// The native commands of an action, one per control step that it lasts.
+    ///
+    /// # Errors
+    /// An action of the wrong length, with a number that is none, with no rotation, or out of reach.
+    pub fn to_native(&self, action: &[f32], from: ArmReference) -> Result<Vec<Vec<f32>>, AdapterError> {
+        let dof = self.robot.arm_dof();
+        let expected = self.spec.length(dof);
+        if action.len() != expected {
+            return Err(AdapterError::Length { expected, spec: self.spec.to_string(), got: action.len() });
+        }
+        if let Some((index, &value)) = action.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+            return Err(AdapterError::NotFinite { index, value });
+        }
+        let (motion, grip) = action.split_at(expected - 1);
+        let motion: Vec<f64> = motion.iter().copied().map(f64::from).collect();
+        let width = gripper::width_m(self.spec.gripper, grip[0], &self.robot.gripper);
+        let reference = self.reference(from);
+        let command = |arm: &[f64]| arm.iter().map(|&q| q as f32).chain([width]).collect::<Vec<f32>>();
+        let moved = |share: f64| reference.iter().zip(&motion).map(|(q, v)| q + v * share).collect::<Vec<f64>>();
+        let arm = match self.spec.space {
+            ActionSpace::JointPosition => motion,
+            ActionSpace::JointDelta => moved(1.0),
+            ActionSpace::JointVelocity => {
+                let steps = 1..=self.repeat;
+                return Ok(steps.map(|step| command(&moved(step as f64 * self.control_period_s))).collect());
+            }
+            ActionSpace::EePose => self.configuration(&self.decode_pose(&motion)?, reference)?,
+            ActionSpace::EeDelta => {
+                let world_from_tcp = self.robot.tcp_pose(reference);
+                self.configuration(&self.apply(&self.decode_pose(&motion)?, &world_from_tcp), reference)?
+            }
+        };
+        Ok(vec![command(&arm); self.repeat])
+    }
+
+    /// The action whose last native command is `command`: [`Adapter::to_native`] backwards.
+    ///
+    /// Encodings that hold less than the command, as a gripper with a threshold, lose the rest.
+    ///
+    /// # Errors
+    /// A command of the wrong length or not finite.
+    pub fn from_native(&self, command: &[f32], from: ArmReference) -> Result<Vec<f32>, AdapterError> {
+        let dof = self.robot.arm_dof();
+        if command.len() != dof + 1 {
+            let (expected, got) = (dof + 1, command.len());
+            return Err(AdapterError::Length { expected, spec: ActionSpec::native().to_string(), got });
+        }
+        if let Some((index, &value)) = command.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+            return Err(AdapterError::NotFinite { index, value });
+        }
+        let (arm, width) = command.split_at(dof);
+        let arm: Vec<f64> = arm.iter().copied().map(f64::from).collect();
+        let reference = self.reference(from);
+        let moved = |divisor: f64| arm.iter().zip(reference).map(|(to, from)| (to - from) / divisor).collect();
+        let motion: Vec<f64> = match self.spec.space {
+            ActionSpace::JointPosition => arm,
+            ActionSpace::JointDelta => moved(1.0),
+            ActionSpace::JointVelocity => moved(self.control_period_s * self.repeat as f64),
+            ActionSpace::EePose => self.encode_pose(&self.robot.tcp_pose(&arm)),
+            ActionSpace::EeDelta => {
+                self.encode_pose(&self.change(&self.robot.tcp_pose(reference), &self.robot.tcp_pose(&arm)))
+            }
+        };
+        let grip = gripper::number(self.spec.gripper, width[0], &self.robot.gripper);
+        Ok(motion.into_iter().map(|value| value as f32).chain([grip]).collect())
+    }
+
+    fn reference<'a>(&self, from: ArmReference<'a>) -> &'a [f64] {
+        match (self.spec.space, self.spec.delta_from) {
+            // An absolute pose continues from the command, so that the arm does not change its posture on the way.
+            (ActionSpace::JointPosition | ActionSpace::EePose, _) | (_, DeltaFrom::Command) => from.command,
+            (_, DeltaFrom::Measured) => from.measured,
+            (_, DeltaFrom::ChunkStart) => from.chunk_start,
+        }
+    }
+
+    fn configuration(&self, world_from_tcp: &Pose, reference: &[f64]) -> Result<Vec<f64>, AdapterError> {
+        let DVec3 { x: x_m, y: y_m, z: z_m } = world_from_tcp.position;
+        let kinematics = self.kinematics.as_ref().ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })?;
+        kinematics
+            .continue_from(world_from_tcp, reference, f64::INFINITY)
+            .or_else(|| kinematics.solutions(world_from_tcp, reference).next())
+            .ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })
+    }
+
+    /// A tcp pose after a change, in the axes of the contract.
+    fn apply(&self, change: &Pose, world_from_tcp: &Pose) -> Pose {
+        match self.spec.frame {
+            ActionFrame::EndEffector => *world_from_tcp * *change,
+            ActionFrame::World => {
+                Pose::new(world_from_tcp.position + change.position, change.rotation * world_from_tcp.rotation)
+            }
+        }
+    }
+
+    /// The change between two tcp poses, in the axes of the contract.
+    fn change(&self, world_from_old: &Pose, world_from_new: &Pose) -> Pose {
+        match self.spec.frame {
+            ActionFrame::EndEffector => world_from_old.inverse() * *world_from_new,
+            ActionFrame::World => Pose::new(
+                world_from_new.position - world_from_old.position,
+                world_from_new.rotation * world_from_old.rotation.inverse(),
+            ),
+        }
+    }
+
+    fn decode_pose(&self, motion: &[f64]) -> Result<Pose, AdapterError> {
+        let (position, numbers) = motion.split_at(3);
+        let rotation = rotation::decode(self.spec.rotation, numbers).ok_or_else(|| AdapterError::NoRotation {
+            encoding: rotation::words(self.spec.rotation),
+            numbers: numbers.to_vec(),
+        })?;
+        Ok(Pose::new(DVec3::from_slice(position), rotation))
+    }
+
+    fn encode_pose(&self, pose: &Pose) -> Vec<f64> {
+        let mut numbers = pose.position.to_array().to_vec();
+        numbers.extend(rotation::encode(self.spec.rotation, pose.rotation));
+        numbers
+    }
+}

@@ -1,0 +1,251 @@
+use std::sync::Arc;
+
+use genmanip_assets::panda;
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{
+    ActionFrame, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec, Pose, RobotModel, RotationEncoding,
+};
+use genmanip_motion::IkSettings;
+use proptest::prelude::*;
+
+use super::{Adapter, AdapterError, ArmReference, rotation};
+
+const SPACES: [ActionSpace; 5] = [
+    ActionSpace::JointPosition,
+    ActionSpace::JointDelta,
+    ActionSpace::JointVelocity,
+    ActionSpace::EePose,
+    ActionSpace::EeDelta,
+];
+const REFERENCES: [DeltaFrom; 3] = [DeltaFrom::Command, DeltaFrom::Measured, DeltaFrom::ChunkStart];
+const ROTATIONS: [RotationEncoding; 5] = [
+    RotationEncoding::QuatWxyz,
+    RotationEncoding::QuatXyzw,
+    RotationEncoding::SixD,
+    RotationEncoding::FixedXyzEuler,
+    RotationEncoding::AxisAngle,
+];
+const GRIPPERS: [GripperEncoding; 6] = [
+    GripperEncoding::WidthM,
+    GripperEncoding::OpenFraction,
+    GripperEncoding::ClosedFraction,
+    GripperEncoding::PlusOneOpen,
+    GripperEncoding::PlusOneClosed,
+    GripperEncoding::Closed255,
+];
+
+fn robot() -> Arc<RobotModel> {
+    panda()
+}
+
+/// Actions at 15 Hz, four control steps each.
+fn adapter(spec: ActionSpec) -> Adapter {
+    Adapter::new(spec, &robot(), &IkSettings::default(), 1.0 / 60.0, 4).unwrap()
+}
+
+/// Every contract there is, but for thresholds.
+fn any_spec() -> impl Strategy<Value = ActionSpec> {
+    let frames = [ActionFrame::World, ActionFrame::EndEffector];
+    (0..SPACES.len(), 0..REFERENCES.len(), 0..frames.len(), 0..ROTATIONS.len(), 0..GRIPPERS.len()).prop_map(
+        move |(space, reference, frame, rotation, gripper)| ActionSpec {
+            delta_from: REFERENCES[reference],
+            // An absolute pose has no frame of its own.
+            frame: if SPACES[space] == ActionSpace::EePose { ActionFrame::World } else { frames[frame] },
+            rotation: ROTATIONS[rotation],
+            ..ActionSpec::new(SPACES[space], GRIPPERS[gripper])
+        },
+    )
+}
+
+/// A configuration well within the limits, and small steps from it.
+fn any_motion() -> impl Strategy<Value = [Vec<f64>; 4]> {
+    let shares = || prop::collection::vec(0.15..0.85_f64, 7);
+    let steps = || prop::collection::vec(-0.08..0.08_f64, 7);
+    (shares(), steps(), steps(), steps()).prop_map(|(shares, a, b, c)| {
+        let robot = robot();
+        let at = |step: &[f64]| {
+            let joints = robot.arm_joints().zip(&shares).zip(step);
+            joints.map(|((joint, share), step)| joint.lower + share * (joint.upper - joint.lower) + step).collect()
+        };
+        [at(&[0.0; 7]), at(&a), at(&b), at(&c)]
+    })
+}
+
+proptest! {
+    /// To a space and back: the same joint targets, or at least the same tcp pose, and the same opening.
+    #[test]
+    fn every_contract_gives_back_what_it_was_given(
+        spec in any_spec(), [command, measured, chunk_start, target] in any_motion(), width in 0.0..0.08_f32,
+    ) {
+        let (adapter, robot) = (adapter(spec), robot());
+        let from = ArmReference { command: &command, measured: &measured, chunk_start: &chunk_start };
+        let wanted: Vec<f32> = target.iter().map(|&q| q as f32).chain([width]).collect();
+        let action = adapter.from_native(&wanted, from).unwrap();
+        prop_assert_eq!(action.len(), spec.length(7));
+        let commands = adapter.to_native(&action, from).unwrap();
+        prop_assert_eq!(commands.len(), 4);
+        let last = commands.last().unwrap();
+        prop_assert!((last[7] - width).abs() < 1e-6, "{} for {}", last[7], width);
+        let arm: Vec<f64> = last[..7].iter().map(|&q| f64::from(q)).collect();
+        if spec.space.is_joint() {
+            let largest = arm.iter().zip(&target).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            prop_assert!(largest < 1e-6, "{largest} rad");
+        } else {
+            let (reached, goal) = (robot.tcp_pose(&arm), robot.tcp_pose(&target));
+            prop_assert!((reached.position - goal.position).length() < 1e-5);
+            prop_assert!(reached.angle_to(&goal) < 2e-3, "{} rad", reached.angle_to(&goal));
+        }
+        prop_assert!(last.iter().all(|value| value.is_finite()));
+    }
+
+    #[test]
+    fn rotations_survive_every_encoding(q in prop::array::uniform4(-1.0..1.0_f64)) {
+        prop_assume!(q.iter().map(|v| v * v).sum::<f64>() > 0.01);
+        let wanted = DQuat::from_array(q).normalize();
+        for encoding in ROTATIONS {
+            let numbers = rotation::encode(encoding, wanted);
+            prop_assert_eq!(numbers.len(), encoding.length());
+            let back = rotation::decode(encoding, &numbers).unwrap();
+            prop_assert!(back.dot(wanted).abs() > 1.0 - 1e-9, "{encoding:?}: {back} for {wanted}");
+        }
+    }
+}
+
+/// What each number means at the two ends, with a threshold and beyond the range.
+#[test]
+fn grippers_open_and_shut_the_right_way_round() {
+    let home = robot().home.clone();
+    let from = ArmReference { command: &home, measured: &home, chunk_start: &home };
+    let width = |encoding, binary_threshold, number: f32| {
+        let spec = ActionSpec {
+            gripper: GripperSpec { encoding, binary_threshold },
+            ..ActionSpec::new(ActionSpace::JointPosition, encoding)
+        };
+        let action: Vec<f32> = home.iter().map(|&q| q as f32).chain([number]).collect();
+        adapter(spec).to_native(&action, from).unwrap()[0][7]
+    };
+    let cases = [
+        (GripperEncoding::WidthM, None, [(0.0, 0.0), (0.03, 0.03), (0.08, 0.08)]),
+        (GripperEncoding::OpenFraction, None, [(0.0, 0.0), (0.5, 0.04), (1.0, 0.08)]),
+        (GripperEncoding::ClosedFraction, None, [(0.0, 0.08), (0.75, 0.02), (1.0, 0.0)]),
+        (GripperEncoding::ClosedFraction, Some(0.5), [(0.5, 0.08), (0.51, 0.0), (7.0, 0.0)]),
+        (GripperEncoding::PlusOneOpen, None, [(-1.0, 0.0), (0.0, 0.04), (1.5, 0.08)]),
+        (GripperEncoding::PlusOneClosed, None, [(-1.0, 0.08), (0.0, 0.04), (1.0, 0.0)]),
+        (GripperEncoding::PlusOneClosed, Some(0.0), [(-0.01, 0.08), (0.0, 0.08), (0.01, 0.0)]),
+        (GripperEncoding::WidthM, Some(0.02), [(0.01, 0.0), (0.02, 0.0), (0.021, 0.08)]),
+        (GripperEncoding::Closed255, None, [(0.0, 0.08), (127.5, 0.04), (255.0, 0.0)]),
+    ];
+    for (encoding, threshold, numbers) in cases {
+        for (number, expected) in numbers {
+            let got = width(encoding, threshold, number);
+            assert!((got - expected).abs() < 1e-6, "{encoding:?} {threshold:?}: {number} is {got} m, not {expected} m");
+        }
+    }
+}
+
+/// A turn of a tenth of a radian about the world's x and about the hand's own, from a hand that points down.
+#[test]
+fn changes_are_along_the_axes_of_the_contract() {
+    let robot = robot();
+    let home = robot.home.clone();
+    let from = ArmReference { command: &home, measured: &home, chunk_start: &home };
+    let start = robot.tcp_pose(&home);
+    for (frame, along, about) in [
+        (ActionFrame::World, DVec3::new(0.02, 0.0, 0.0), DVec3::X),
+        (
+            ActionFrame::EndEffector,
+            start.transform_vector(DVec3::new(0.02, 0.0, 0.0)),
+            start.transform_vector(DVec3::X),
+        ),
+    ] {
+        let spec = ActionSpec {
+            frame,
+            rotation: RotationEncoding::AxisAngle,
+            ..ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::OpenFraction)
+        };
+        let commands = adapter(spec).to_native(&[0.02, 0.0, 0.0, 0.1, 0.0, 0.0, 1.0], from).unwrap();
+        let arm: Vec<f64> = commands[0][..7].iter().map(|&q| f64::from(q)).collect();
+        let expected = Pose::new(start.position + along, DQuat::from_axis_angle(about, 0.1) * start.rotation);
+        let reached = robot.tcp_pose(&arm);
+        assert!((reached.position - expected.position).length() < 1e-5, "{frame:?}");
+        assert!(reached.angle_to(&expected) < 1e-3, "{frame:?}");
+    }
+}
+
+/// A joint that turns at 0.6 rad/s has gone 0.01 rad further after each control step.
+#[test]
+fn speeds_are_a_ramp() {
+    let home = robot().home.clone();
+    let from = ArmReference { command: &home, measured: &home, chunk_start: &home };
+    let spec = ActionSpec::new(ActionSpace::JointVelocity, GripperEncoding::WidthM);
+    let commands = adapter(spec).to_native(&[0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08], from).unwrap();
+    for (step, command) in commands.iter().enumerate() {
+        let gone = f64::from(command[0]) - home[0];
+        assert!((gone - 0.01 * (step + 1) as f64).abs() < 1e-6, "step {step}: {gone} rad");
+    }
+}
+
+#[test]
+fn what_is_no_action_is_refused() {
+    let home = robot().home.clone();
+    let from = ArmReference { command: &home, measured: &home, chunk_start: &home };
+    let pose = |rotation| ActionSpec { rotation, ..ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM) };
+    let cases: [(ActionSpec, &[f32], &str); 5] = [
+        (ActionSpec::native(), &[0.0; 7], "expected 8 numbers (joint_position, gripper width_m), got 7"),
+        (
+            pose(RotationEncoding::SixD),
+            &[0.0; 8],
+            "expected 10 numbers (ee_pose in the world frame with 6d, gripper width_m), got 8",
+        ),
+        (
+            pose(RotationEncoding::QuatWxyz),
+            &[0.5, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.08],
+            "a quaternion, w first, got [0.0",
+        ),
+        (
+            pose(RotationEncoding::AxisAngle),
+            &[0.5, 0.0, f32::NAN, 0.0, 0.0, 0.0, 0.08],
+            "number 2 of the action is NaN",
+        ),
+        (
+            pose(RotationEncoding::AxisAngle),
+            &[1.5, 0.0, 0.3, 0.0, 3.1, 0.0, 0.08],
+            "no configuration of the arm brings",
+        ),
+    ];
+    for (spec, action, message) in cases {
+        let error = adapter(spec).to_native(action, from).unwrap_err();
+        assert!(error.to_string().contains(message), "{error}");
+    }
+    let backwards = ActionSpec { frame: ActionFrame::EndEffector, ..pose(RotationEncoding::QuatWxyz) };
+    let error = Adapter::new(backwards, &robot(), &IkSettings::default(), 1.0 / 60.0, 1).unwrap_err();
+    assert!(matches!(error, AdapterError::Contract(_)), "{error}");
+}
+
+/// Actions of another contract are refused with both sides named, and parts that nobody reads do not count.
+#[test]
+fn contracts_are_compared_by_what_is_read() {
+    let delta = ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::PlusOneClosed);
+    let same = ActionSpec { rotation: RotationEncoding::SixD, ..ActionSpec::native() };
+    assert_eq!(ActionSpec::native().require_same(&same), Ok(()));
+    let cases = [
+        (ActionSpec::native(), "space of the action: expected ee_delta, got joint_position"),
+        (
+            ActionSpec { delta_from: DeltaFrom::ChunkStart, ..delta },
+            "reference of the action: expected command, got chunk_start",
+        ),
+        (
+            ActionSpec { frame: ActionFrame::EndEffector, ..delta },
+            "frame of the action: expected world, got end_effector",
+        ),
+        (ActionSpec { rotation: RotationEncoding::SixD, ..delta }, "expected quat_wxyz, got 6d"),
+        (
+            ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::PlusOneOpen),
+            "gripper of the action: expected plus_one_closed, got plus_one_open",
+        ),
+    ];
+    for (given, message) in cases {
+        let error = delta.require_same(&given).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+}

@@ -1,0 +1,204 @@
+//! Evaluating policies on scenarios: one results file per policy in `evaluation/`.
+//!
+//! ```text
+//! evaluation/LABEL.json          the results, when every case was tried
+//! evaluation/LABEL/episodes/     the episodes, where they are kept
+//! evaluation/LABEL/results.jsonl, identity.json   an evaluation that is not finished: it continues there
+//! ```
+
+mod stream;
+mod suite;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use genmanip_assets::{Catalogue, GraspLibrary};
+use genmanip_bench::{EvaluationReport, StatisticsSettings, text_table};
+use genmanip_core::{Document, EpisodeResult, NotRun};
+use genmanip_data::EpisodeStore;
+use genmanip_rollout::RolloutError;
+use genmanip_rollout::collect::Resources;
+use genmanip_rollout::evaluate::Case;
+
+use crate::error::RunError;
+use crate::folder::RunFolder;
+use crate::inputs;
+use crate::policies::{PolicyContext, PolicyFactory};
+use crate::progress::Progress;
+
+use stream::{Identity, Stream};
+pub use suite::Suite;
+
+/// Where an evaluation is written and how it is run.
+#[derive(Clone, Debug, Default)]
+pub struct EvaluateOptions {
+    /// Folder of a run in which `evaluation/` is written; `None` to write nothing.
+    pub out: Option<PathBuf>,
+    /// Whether episodes are kept, to be watched.
+    pub keep_episodes: bool,
+    /// Worker threads.
+    pub workers: usize,
+}
+
+/// Evaluates the policies, one after the other, on every case of a suite, and writes one file for each.
+///
+/// Results are kept as they come: an evaluation that was interrupted, or whose policy could not be reached, continues
+/// where it stopped. When `stop` becomes true, the reports of the policies before the one under way are returned.
+///
+/// # Errors
+/// When there is no scenario, a file cannot be written, or an episode broke.
+pub fn evaluate(
+    suite: &Suite,
+    policies: &[PolicyFactory],
+    options: &EvaluateOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Vec<EvaluationReport>, RunError> {
+    let folder = options.out.as_deref().map(|out| suite.folder(out)).transpose()?;
+    let mut reports = Vec::new();
+    for policy in policies {
+        let started = Instant::now();
+        let report = one(suite, policy, folder.as_ref(), options, progress, stop)?;
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+        let report = report.ok_or_else(|| {
+            RunError::input(format!("policy {} could not be reached for any episode", policy.label()))
+                .with_hint("see that it runs, then start again; nothing was counted")
+        })?;
+        if let Some(folder) = &folder {
+            let file = folder.join("evaluation").join(format!("{}.json", report.label));
+            inputs::write_file(&file, report.to_json().as_bytes())?;
+            folder.time_phase(&format!("evaluate {}", report.label), started.elapsed().as_secs_f64());
+        }
+        reports.push(report);
+    }
+    if let Some(folder) = &folder {
+        folder.save_timings()?;
+    }
+    Ok(reports)
+}
+
+/// Evaluates one policy; `None` when it could not be reached at all, or was stopped.
+fn one(
+    suite: &Suite,
+    policy: &PolicyFactory,
+    folder: Option<&RunFolder>,
+    options: &EvaluateOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<EvaluationReport>, RunError> {
+    let label = suite.label(policy.label());
+    let planner = inputs::planner(&suite.settings.world, &suite.settings.planner)?;
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let identity = Identity::of(suite, policy, options.keep_episodes);
+    let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity)).transpose()?;
+    let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());
+    let is_left = |case: &&Case| results.iter().all(|result| result.id != case.id);
+    let cases: Vec<Case> = suite.cases.iter().filter(is_left).cloned().collect();
+    let keep = match &stream {
+        Some(stream) if options.keep_episodes => {
+            let store = EpisodeStore::create(stream.folder().join("episodes"));
+            Some(store.map_err(|error| RunError::broken("cannot keep episodes", error))?)
+        }
+        _ => None,
+    };
+    if let Some(store) = &keep {
+        store.sweep_partial().map_err(|error| RunError::broken("cannot keep episodes", error))?;
+    }
+    progress.begin(&label, cases.len());
+    let make = |stage: &_, case: &Case| {
+        let refuse = |error: RunError| match error {
+            RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
+            error => RolloutError::Spec { policy: policy.label().into(), reason: error.to_string() },
+        };
+        let recorded = suite.recorded(&case.id)?;
+        let context = PolicyContext {
+            stage,
+            recorded: recorded.as_ref(),
+            planner: &planner,
+            grasps: resources.grasps,
+            settings: &suite.settings,
+        };
+        policy.make(&context).map_err(refuse)
+    };
+    let finished = |outcome: &Result<EpisodeResult, NotRun>| -> Result<(), Stopped> {
+        if let (Some(stream), Ok(result)) = (&stream, outcome) {
+            stream.add(result)?;
+        }
+        progress.advance();
+        Ok(())
+    };
+    let shared = (resources, &suite.settings);
+    let evaluated =
+        genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), options.workers, stop, &finished)
+            .map_err(|error| match error {
+                Stopped::Run(error) => error,
+                Stopped::Episode(error) => RunError::broken(format!("evaluating {label} stopped"), error),
+            })?;
+    progress.end();
+    results.extend(evaluated.results);
+    if results.is_empty() || stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let report = EvaluationReport::new(
+        &suite.name,
+        &suite.scenarios,
+        results,
+        &suite.reference_paths_m,
+        &StatisticsSettings::default(),
+    )
+    .map_err(|error| RunError::broken(format!("cannot summarise {label}"), error))?;
+    if let (Some(stream), true) = (stream, evaluated.not_run.is_empty()) {
+        stream.close()?;
+    }
+    Ok(Some(EvaluationReport { label, cameras: suite.cameras.clone(), ..report }.leaving(evaluated.not_run)))
+}
+
+/// Why an evaluation stopped before its end.
+enum Stopped {
+    Run(RunError),
+    Episode(RolloutError),
+}
+
+impl From<RolloutError> for Stopped {
+    fn from(error: RolloutError) -> Self {
+        Self::Episode(error)
+    }
+}
+
+impl From<RunError> for Stopped {
+    fn from(error: RunError) -> Self {
+        Self::Run(error)
+    }
+}
+
+/// A table of success rates with their intervals.
+pub fn table(reports: &[EvaluationReport]) -> String {
+    let heads = ["policy", "episodes", "success at end", "95 % interval", "score", "not run"];
+    let any_left = reports.iter().any(|report| !report.not_run.is_empty());
+    let columns = if any_left { heads.len() } else { heads.len() - 1 };
+    let mut lines = vec![heads[..columns].iter().map(|&head| head.to_owned()).collect::<Vec<_>>()];
+    for report in reports {
+        let success = &report.summary.success;
+        let mut line = vec![
+            format!("{}{}", report.label, if report.oracle { " (oracle)" } else { "" }),
+            success.trials.to_string(),
+            format!("{:.1} %", 100.0 * success.value),
+            format!("{:.1}–{:.1} %", 100.0 * success.low, 100.0 * success.high),
+            format!("{:.3}", report.summary.score.value),
+        ];
+        if any_left {
+            line.push(report.not_run.len().to_string());
+        }
+        lines.push(line);
+    }
+    text_table(&lines)
+}
+
+/// Where the episodes of an evaluation are kept.
+pub fn kept_episodes(folder: &RunFolder, label: &str) -> PathBuf {
+    let evaluation: &Path = &folder.join("evaluation");
+    evaluation.join(label).join("episodes")
+}

@@ -1,0 +1,183 @@
+//! What is evaluated on: the scenarios of a run, or any that are named.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use genmanip_bench::reference_paths_m;
+use genmanip_core::{Camera, Document, Episode, Scenario, Task};
+use genmanip_data::{DataError, EpisodeStore};
+use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::evaluate::Case;
+
+use crate::error::RunError;
+use crate::folder::{Run, RunFolder};
+use crate::inputs;
+
+/// Scenarios with the streams of their episodes.
+pub struct Suite {
+    /// Its name.
+    pub name: String,
+    /// As they were frozen, in the order of their ids.
+    pub scenarios: Vec<Scenario>,
+    /// One episode for each of them.
+    pub cases: Vec<Case>,
+    /// Way of the tool that a good solution needs, by scenario id, m.
+    pub reference_paths_m: BTreeMap<String, f64>,
+    /// Settings of the loop.
+    pub settings: CollectSettings,
+    /// Name of the file whose cameras are used instead of the scenarios' own.
+    pub cameras: Option<String>,
+    /// Recorded episodes on the same scenarios.
+    store: Option<EpisodeStore>,
+}
+
+impl Suite {
+    /// The scenarios of a run: of all its recorded attempts, or, when nothing was collected, those in `scenarios/`.
+    ///
+    /// # Errors
+    /// When there is no run or no scenario.
+    pub fn of_run(path: &Path) -> Result<Self, RunError> {
+        let (folder, run) = RunFolder::open(path)?;
+        let store = folder.store()?;
+        let unreadable = |error: DataError| RunError::broken("cannot read the episodes", error);
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let (mut scenarios, mut cases, mut results) = (Vec::new(), Vec::new(), Vec::new());
+        for id in store.ids().map_err(unreadable)? {
+            let (result, is_recorded) = store.read_attempt(&id).map_err(unreadable)?;
+            if let (true, Some(scenario)) = (is_recorded, store.read_scenario(&id).map_err(unreadable)?) {
+                cases.push(Case { id, scenario: Arc::new(scenario.clone()), seed: result.seed });
+                scenarios.push(scenario);
+            }
+            results.push(result);
+        }
+        let given = folder.join("scenarios");
+        if cases.is_empty() && given.is_dir() {
+            return Ok(Self { settings: run.settings, name, ..Self::of_scenarios(&[given])? });
+        }
+        if cases.is_empty() {
+            return Err(RunError::input(format!("{} has no scenario to evaluate on", path.display()))
+                .with_hint("collect episodes first"));
+        }
+        let reference_paths_m = reference_paths_m(&results);
+        Ok(Self {
+            name,
+            scenarios,
+            cases,
+            reference_paths_m,
+            settings: run.settings,
+            cameras: None,
+            store: Some(store),
+        })
+    }
+
+    /// Scenario files, or folders of them, with default settings; each episode has the stream of its layout.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or two scenarios have one id.
+    pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, RunError> {
+        let mut scenarios: Vec<Scenario> = Vec::new();
+        for path in inputs::expand(paths)? {
+            let scenario: Scenario = inputs::read_document(&path)?;
+            if scenarios.iter().any(|other| other.id == scenario.id) {
+                let twin = format!("two scenarios are called `{}` (the second: {})", scenario.id, path.display());
+                return Err(RunError::input(twin).with_hint("scenario ids name episodes, so they must differ"));
+            }
+            scenarios.push(scenario);
+        }
+        scenarios.sort_by(|a, b| a.id.cmp(&b.id));
+        let Some(world) = scenarios.first().map(|scenario| scenario.world.clone()) else {
+            return Err(RunError::input("there is no scenario to evaluate on").with_hint("name scenario files"));
+        };
+        if let Some(other) = scenarios.iter().find(|scenario| scenario.world.robot != world.robot) {
+            let (ours, theirs) = (&world.robot.name, &other.world.robot.name);
+            let what = format!("scenario {} has robot `{theirs}` or its home, the others `{ours}`", other.id);
+            return Err(RunError::input(what).with_hint("evaluate the scenarios of one robot and home at a time"));
+        }
+        let case = |scenario: &Scenario| Case {
+            id: scenario.id.clone(),
+            scenario: Arc::new(scenario.clone()),
+            seed: scenario.seed,
+        };
+        let name = match paths {
+            [only] => inputs::stem(only),
+            _ => format!("{} scenarios", scenarios.len()),
+        };
+        Ok(Self {
+            name,
+            cases: scenarios.iter().map(case).collect(),
+            scenarios,
+            reference_paths_m: BTreeMap::new(),
+            settings: CollectSettings::in_world(world),
+            cameras: None,
+            store: None,
+        })
+    }
+
+    /// The same suite with the cameras of a file: each takes the place of the scenarios' camera of that name, or is
+    /// added. Results then name the file, and the label of the evaluation too.
+    ///
+    /// # Errors
+    /// When the file is no list of cameras.
+    pub fn with_cameras(mut self, file: &Path) -> Result<Self, RunError> {
+        let text = inputs::read_text(file, 1 << 20)?;
+        let cameras: Vec<Camera> = serde_json::from_str(&text).map_err(|error| {
+            RunError::input(format!("{} is no list of cameras", file.display())).because(error).with_hint(
+                "expected a JSON list of cameras as in a scenario: name, mount, mount_from_camera, intrinsics",
+            )
+        })?;
+        for case in &mut self.cases {
+            let mut scenario = (*case.scenario).clone();
+            for camera in &cameras {
+                match scenario.world.cameras.iter_mut().find(|own| own.name == camera.name) {
+                    Some(own) => own.clone_from(camera),
+                    None => scenario.world.cameras.push(camera.clone()),
+                }
+            }
+            case.scenario = Arc::new(scenario);
+        }
+        self.cameras = Some(inputs::stem(file));
+        Ok(self)
+    }
+
+    /// Whether episodes were recorded on the scenarios.
+    pub fn is_recorded(&self) -> bool {
+        self.store.is_some()
+    }
+
+    /// Label of a policy's evaluation on this suite, fit for the name of a file.
+    pub(super) fn label(&self, policy: &str) -> String {
+        let fit = |c: char| if c.is_ascii_alphanumeric() || "-_.+=@".contains(c) { c } else { '_' };
+        let cameras = self.cameras.iter().map(|cameras| format!("@{cameras}"));
+        format!("{policy}{}", cameras.collect::<String>()).chars().map(fit).collect()
+    }
+
+    /// What was recorded on the scenario of a case.
+    pub(super) fn recorded(&self, id: &str) -> Result<Option<Episode>, DataError> {
+        self.store.as_ref().map(|store| store.read(id)).transpose()
+    }
+
+    /// The folder that evaluations are written into: the run of the suite, or one that is made of its scenarios.
+    pub(super) fn folder(&self, out: &Path) -> Result<RunFolder, RunError> {
+        if self.store.is_some() {
+            return Ok(RunFolder::open(out)?.0);
+        }
+        let mut tasks: Vec<Task> = Vec::new();
+        for scenario in &self.scenarios {
+            if tasks.iter().all(|task| task.id != scenario.task.id) {
+                tasks.push(scenario.task.clone());
+            }
+        }
+        let of_task = |task: &Task| self.scenarios.iter().filter(|scenario| scenario.task.id == task.id).count();
+        let most = tasks.iter().map(of_task).max().unwrap_or_default();
+        let seed = self.scenarios.first().map_or(genmanip_core::Seed::new(0), |scenario| scenario.seed);
+        let folder = RunFolder::begin(out, &Run::new(tasks, most, self.settings.clone(), seed))?;
+        for scenario in &self.scenarios {
+            let path = folder.join("scenarios").join(format!("{}.json", scenario.id));
+            if !path.exists() {
+                inputs::write_file(&path, scenario.to_json().as_bytes())?;
+            }
+        }
+        Ok(folder)
+    }
+}
