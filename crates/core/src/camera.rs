@@ -3,12 +3,14 @@
 //! Optical axes: x right, y down, z forward. Pixel centres are at integer coordinates.
 //! Resizing by a factor s maps a coordinate c to (c + 0.5) · s - 0.5.
 
+use std::collections::BTreeMap;
+
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::Pose;
-use crate::world::Reserved;
 
 /// A camera: where it is and what it sees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,6 +30,9 @@ pub struct Camera {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<Reserved>,
 }
+
+/// Something that the format keeps a place for and this version does not know yet; checking refuses it.
+pub type Reserved = BTreeMap<String, Value>;
 
 /// What a camera is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
