@@ -6,8 +6,10 @@ use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 use genmanip_run::policies;
 
+pub use camera::*;
 pub use lab::*;
 
+mod camera;
 mod lab;
 
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
@@ -72,6 +74,12 @@ pub enum Command {
         /// What to do with grasps
         #[command(subcommand)]
         command: GraspsCommand,
+    },
+    /// List, add, change, remove and look through the cameras of a world or scenario
+    Camera {
+        /// What to do with cameras
+        #[command(subcommand)]
+        command: CameraCommand,
     },
     /// Measure the parts on cases of your own: agreement, validity, processor time
     Lab {

@@ -5,11 +5,13 @@
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
+//! - [`cameras`]: the cameras of worlds and scenarios, listed, edited and looked through.
 //! - [`inputs`] and [`robots`]: tasks, answers, scenarios and robots from files that anybody may have written.
 //!
 //! Every stage is a function from input, settings and seed to a result or a [`RunError`];
 //! it tells a [`Progress`] how far it is and prints nothing.
 
+pub mod cameras;
 pub mod collect;
 mod error;
 pub mod evaluate;
