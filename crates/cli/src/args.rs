@@ -6,11 +6,11 @@ use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 use genmanip_run::policies;
 
-pub use camera::*;
 pub use lab::*;
+pub use world::*;
 
-mod camera;
 mod lab;
+mod world;
 
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
 #[derive(Debug, Parser)]
@@ -75,7 +75,13 @@ pub enum Command {
         #[command(subcommand)]
         command: GraspsCommand,
     },
-    /// List, add, change, remove and look through the cameras of a world or scenario
+    /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
+    World {
+        /// What to do with worlds
+        #[command(subcommand)]
+        command: WorldCommand,
+    },
+    /// List, change and preview the cameras of worlds and scenarios
     Camera {
         /// What to do with cameras
         #[command(subcommand)]

@@ -1,7 +1,7 @@
 //! Why a layout cannot be made.
 
 use genmanip_assets::AssetError;
-use genmanip_core::{Atom, PlacedObject};
+use genmanip_core::{Atom, InterchangeError, PlacedObject};
 use genmanip_render::RenderError;
 use genmanip_scene::relations::Window;
 
@@ -31,6 +31,9 @@ pub enum LayoutError {
         /// The object.
         id: String,
     },
+    /// The task's groups of interchangeable copies make no sense.
+    #[error(transparent)]
+    Interchangeable(#[from] InterchangeError),
     /// Objects that stand on or lie in each other.
     #[error("{} stand on each other in a circle", ids.join(", "))]
     SupportCircle {

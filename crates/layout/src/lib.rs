@@ -116,6 +116,7 @@ pub fn lay_out_observed(
     let tried = tried.map_err(LayoutError::StaleGrasps)?;
     let edges = indexed_edges(&task.scene_graph)?;
     let id = |index: usize| task.scene_graph.nodes[index].id.clone();
+    task.check_interchangeable()?;
     let goal = task.judged_goal();
     let mut context = Context {
         task,
@@ -209,7 +210,7 @@ fn accept(
         return Err(Rejection::GoalHolds.into());
     }
     begin(Phase::Reaching);
-    let reach = ReachCheck { scene, world, planner, grasp: &settings.grasp, tried, seed };
+    let reach = ReachCheck { scene, world, planner, settings, tried, seed };
     if let Some(reason) = reach.unreachable(goal) {
         return Err(reason.into());
     }

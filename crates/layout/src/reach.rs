@@ -2,14 +2,15 @@
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Goal, Grasp, Pose, Seed, TriedGrasp, World};
-use genmanip_motion::{CollisionWorld, FeasibilitySettings, GeometryError, PickQuery, PickedObject, Planner};
+use genmanip_motion::{CollisionWorld, GeometryError, PickQuery, PickedObject, Planner};
 use genmanip_scene::relations::{PosedObject, PosedScene};
 
 use crate::articulation::{JointSettings, Sweeper, joint_changes};
-use crate::goal_pose::{GoalPoseSettings, GoalSearch};
+use crate::goal_pose::GoalSearch;
 use crate::moves::{Move, moves};
 use crate::obstacles;
 use crate::rejection::{NamedObject, Rejection};
+use crate::settings::LayoutSettings;
 
 /// Everything that whether a layout can be served depends on.
 pub(crate) struct ReachCheck<'a> {
@@ -19,8 +20,8 @@ pub(crate) struct ReachCheck<'a> {
     pub world: &'a World,
     /// Robot and gripper.
     pub planner: &'a Planner,
-    /// When an object counts as graspable.
-    pub grasp: &'a FeasibilitySettings,
+    /// When an object counts as graspable, how room at the goal is sought, and how joints are moved.
+    pub settings: &'a LayoutSettings,
     /// Known grasps of each object.
     pub tried: &'a [&'a [TriedGrasp]],
     /// Stream of this attempt.
@@ -42,16 +43,15 @@ impl ReachCheck<'_> {
 
     /// What stands in the way of moves that are made one after the other.
     fn obstacle(&self, steps: &[Move]) -> Option<Rejection> {
-        let Self { scene, world, planner, seed, .. } = *self;
+        let Self { scene, world, planner, settings, seed, .. } = *self;
         let occupied = obstacles::around(scene, None);
         let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
-        let settings = GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() };
         let mut after = scene.clone();
         steps.iter().enumerate().find_map(|(index, step)| {
             let object = scene.objects().nth(step.object)?;
             let named = || NamedObject::of(object);
             if let Some(state) = step.state() {
-                let Some(joints) = turned(step.object, state, scene, planner) else {
+                let Some(joints) = turned(step.object, state, scene, planner, &settings.joint) else {
                     return Some(Rejection::NoWayToState { object: named(), state: state.into() });
                 };
                 after.set_pose(step.object, object.pose, &joints);
@@ -71,7 +71,7 @@ impl ReachCheck<'_> {
                 upright: &upright,
                 workspace: &world.workspace,
                 relations: &world.relations,
-                settings: &settings,
+                settings: &settings.goal_pose,
             };
             let places = search.places(step, &steps[index + 1..], &usable, seed.fork("room"));
             let Some(place) = places.first() else { return Some(Rejection::NoRoomAtGoal(named())) };
@@ -95,7 +95,7 @@ impl ReachCheck<'_> {
             object: PickedObject { name: &object.id, world_from_object: object.pose, pieces: &pieces },
             goals: &[],
             arm: &planner.robot().home,
-            settings: self.grasp,
+            settings: &self.settings.grasp,
         };
         let within_reach = |candidates: Vec<Grasp>| query.grasps(candidates.into_iter()).next().is_some();
         let known = tried.get(index).copied().unwrap_or_default();
@@ -105,11 +105,16 @@ impl ReachCheck<'_> {
 }
 
 /// Joint positions of an object in a state; `None` when the arm cannot move every joint there, one after the other.
-fn turned(object: usize, state: &str, scene: &PosedScene, planner: &Planner) -> Option<Vec<f64>> {
-    let settings = JointSettings::default();
+fn turned(
+    object: usize,
+    state: &str,
+    scene: &PosedScene,
+    planner: &Planner,
+    settings: &JointSettings,
+) -> Option<Vec<f64>> {
     let mut scene = scene.clone();
     for change in joint_changes(&scene, object, state) {
-        let sweeper = Sweeper::new(&scene, &change, planner, &settings)?;
+        let sweeper = Sweeper::new(&scene, &change, planner, settings)?;
         sweeper.search(&planner.robot().home, &mut |_| Some(())).ok()?;
         let posed = scene.objects().nth(object)?;
         let (pose, mut joints) = (posed.pose, posed.joint_positions.clone());

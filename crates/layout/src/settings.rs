@@ -3,6 +3,9 @@
 use genmanip_motion::FeasibilitySettings;
 use serde::{Deserialize, Serialize};
 
+use crate::articulation::JointSettings;
+use crate::goal_pose::GoalPoseSettings;
+
 /// How layouts are searched and what they must satisfy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -36,6 +39,10 @@ pub struct LayoutSettings {
     pub wide_y_m: [f64; 2],
     /// When an object that is to be moved counts as graspable where it lies.
     pub grasp: FeasibilitySettings,
+    /// How room at the goal is sought.
+    pub goal_pose: GoalPoseSettings,
+    /// How a joint must be moved to count as movable by the arm.
+    pub joint: JointSettings,
     /// Height from which supported objects are let down, metres.
     pub drop_m: f64,
     /// Longest settling, simulated seconds.
@@ -81,6 +88,9 @@ impl Default for LayoutSettings {
             wide_y_m: [-0.48, 0.48],
             // Layout only asks whether there is a grasp; the expert plans its motions.
             grasp: FeasibilitySettings::reach_only(),
+            // Chosen: one place suffices, and where 250 draws find none there is hardly any.
+            goal_pose: GoalPoseSettings { count: 1, draws: 250, ..GoalPoseSettings::default() },
+            joint: JointSettings::default(),
             // Chosen: what falls farther may roll; what starts nearer may start inside.
             drop_m: 0.002,
             // Chosen: as in `SettleSettings`; what rolls longer is not at rest for a task either.

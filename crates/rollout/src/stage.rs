@@ -3,7 +3,9 @@
 use std::sync::{Arc, OnceLock};
 
 use genmanip_assets::{AssetError, AssetSource};
-use genmanip_core::{Camera, CameraRequest, Goal, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario};
+use genmanip_core::{
+    Camera, CameraRequest, Goal, InterchangeError, ObjectModel, ObjectState, PlacedObject, RobotModel, Scenario,
+};
 use genmanip_render::RenderAssets;
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest, ShapeCache};
 use genmanip_sim::{Scene, SceneObject, SimError};
@@ -39,6 +41,9 @@ pub enum RolloutError {
     /// An object is unknown or its physics have changed.
     #[error(transparent)]
     Asset(#[from] AssetError),
+    /// The task's groups of interchangeable copies make no sense.
+    #[error(transparent)]
+    Interchangeable(#[from] InterchangeError),
     /// The simulation refused or blew up.
     #[error(transparent)]
     Sim(#[from] SimError),
@@ -145,6 +150,7 @@ impl Stage {
         });
         let posed = PosedScene::new(posed.collect(), &scenario.world.surfaces, &mut ShapeCache::default());
         let relations = scenario.world.relations;
+        scenario.task.check_interchangeable()?;
         let goal = Arc::new(scenario.task.judged_goal().into_owned());
         let name = |(placed, model): (&PlacedObject, &Arc<ObjectModel>)| match placed.id == model.card.uid {
             true => model.card.name.clone(),

@@ -54,23 +54,7 @@ pub fn read_bytes(path: &Path, max_bytes: u64) -> Result<Vec<u8>, RunError> {
 /// # Errors
 /// As [`read_text`], and [`RunError::Document`].
 pub fn read_document<T: Document>(path: &Path) -> Result<T, RunError> {
-    parse_document(path, &read_document_text(path)?)
-}
-
-/// The text of a file that should be a document or a world.
-///
-/// # Errors
-/// As [`read_text`].
-pub(crate) fn read_document_text(path: &Path) -> Result<String, RunError> {
-    read_text(path, MAX_DOCUMENT_BYTES)
-}
-
-/// A versioned document from the text of a file.
-///
-/// # Errors
-/// [`RunError::Document`].
-pub(crate) fn parse_document<T: Document>(path: &Path, text: &str) -> Result<T, RunError> {
-    T::from_json(text).map_err(|error| not_a_document::<T>(path, error))
+    T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| not_a_document::<T>(path, error))
 }
 
 /// Reads a scenario and makes it ready: models built, physics compiled.
@@ -337,15 +321,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 /// When the file cannot be read, or all faults of the world at once.
 pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
     let Some(path) = path else { return Ok((*worlds::default_world()).clone()) };
-    parse_world(path, &read_document_text(path)?)
-}
-
-/// A world from the text of a file.
-///
-/// # Errors
-/// All faults of the world at once.
-pub(crate) fn parse_world(path: &Path, text: &str) -> Result<World, RunError> {
-    let faults = match worlds::read(text) {
+    let faults = match worlds::read(&read_text(path, MAX_DOCUMENT_BYTES)?) {
         Ok((world, _)) => match EngineSettings::read(&world.physics.engine) {
             Ok(_) => return Ok(world),
             Err(error) => vec![error.to_string()],

@@ -5,13 +5,12 @@
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
-//! - [`cameras`]: the cameras of worlds and scenarios, listed, edited and looked through.
+//! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
 //! - [`inputs`] and [`robots`]: tasks, answers, scenarios and robots from files that anybody may have written.
 //!
 //! Every stage is a function from input, settings and seed to a result or a [`RunError`];
 //! it tells a [`Progress`] how far it is and prints nothing.
 
-pub mod cameras;
 pub mod collect;
 mod error;
 pub mod evaluate;
@@ -27,6 +26,8 @@ mod progress;
 pub mod replay;
 pub mod report;
 pub mod robots;
+pub mod views;
+pub mod worlds;
 
 pub use error::{Cause, RunError};
 pub use folder::{Run, RunFolder, Timings};

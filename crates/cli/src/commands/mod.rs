@@ -1,6 +1,5 @@
 //! One module per verb.
 
-pub mod camera;
 pub mod collect;
 pub mod demo;
 pub mod doctor;
@@ -14,3 +13,4 @@ pub mod replay;
 pub mod report;
 pub mod task;
 pub mod task_new;
+pub mod world;

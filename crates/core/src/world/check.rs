@@ -50,12 +50,7 @@ impl World {
         self.check_surfaces(&mut faults);
         self.check_workspace(&mut faults);
         self.check_robot(robot, &mut faults);
-        for (index, camera) in self.cameras.iter().enumerate() {
-            let twin = self.cameras[..index].iter().any(|other| other.name == camera.name);
-            check_camera(camera, twin, &format!("cameras[{index}]"), &mut faults);
-        }
-        check_physics(&self.physics, &mut faults);
-        check_relations(&self.relations, &mut faults);
+        check_parts(&self.cameras, Some(&self.physics), Some(&self.relations), &mut faults);
         if self.light.is_some() {
             faults.push(reserved("light"));
         }
@@ -138,6 +133,25 @@ impl World {
     }
 }
 
+/// What is wrong with the parts that can be judged alone, as far as they are known.
+pub(super) fn check_parts(
+    cameras: &[Camera],
+    physics: Option<&PhysicsSettings>,
+    relations: Option<&RelationSettings>,
+    faults: &mut Vec<WorldFault>,
+) {
+    for (index, camera) in cameras.iter().enumerate() {
+        let twin = cameras[..index].iter().any(|other| other.name == camera.name);
+        check_camera(camera, twin, &format!("cameras[{index}]"), faults);
+    }
+    if let Some(physics) = physics {
+        check_physics(physics, faults);
+    }
+    if let Some(relations) = relations {
+        check_relations(relations, faults);
+    }
+}
+
 fn check_surface(surface: &SupportSurface, place: &str, faults: &mut Vec<WorldFault>) {
     let id = &surface.id;
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
@@ -174,7 +188,7 @@ fn check_surface(surface: &SupportSurface, place: &str, faults: &mut Vec<WorldFa
 }
 
 /// What is wrong with a camera; `place` is where it stands.
-pub(crate) fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<WorldFault>) {
+fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<WorldFault>) {
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if camera.name.is_empty() || camera.name.len() > 40 || !camera.name.chars().all(fits) {
         let expected = "1 to 40 letters, digits, - and _: it names files and columns";

@@ -3,7 +3,8 @@
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
-use super::{World, WorldFault};
+use super::check::check_parts;
+use super::{PhysicsSettings, RelationSettings, Workspace, World, WorldFault, WorldRobot};
 use crate::camera::CameraPreset;
 use crate::names::near_misses;
 use crate::{Camera, Document, Intrinsics, RobotModel};
@@ -98,12 +99,16 @@ impl WorldFile {
                 Vec::new()
             }
         };
-        let floor_z_m = self.section("floor_z_m", &mut faults);
-        let workspace = self.section("workspace", &mut faults);
-        let named = self.section("robot", &mut faults);
-        let physics = self.section("physics", &mut faults);
-        let relations = self.section("relations", &mut faults);
+        let floor_z_m: Option<f64> = self.section("floor_z_m", &mut faults);
+        let workspace: Option<Workspace> = self.section("workspace", &mut faults);
+        let named: Option<WorldRobot> = self.section("robot", &mut faults);
+        let physics: Option<PhysicsSettings> = self.section("physics", &mut faults);
+        let relations: Option<RelationSettings> = self.section("relations", &mut faults);
         let light = self.body.contains_key("light").then(|| self.section("light", &mut faults)).flatten();
+        if floor_z_m.is_none() || workspace.is_none() || named.is_none() || physics.is_none() || relations.is_none() {
+            // What can be read is checked all the same.
+            check_parts(&cameras, physics.as_ref(), relations.as_ref(), &mut faults);
+        }
         let (Some(floor_z_m), Some(workspace), Some(named), Some(physics), Some(relations)) =
             (floor_z_m, workspace, named, physics, relations)
         else {

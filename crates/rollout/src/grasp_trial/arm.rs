@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use genmanip_core::glam::{DQuat, DVec3};
-use genmanip_core::{Grasp, Piece, Pose, RobotModel, Seed, Shape};
+use genmanip_core::{Grasp, Pose, RobotModel, Seed, SupportSurface};
 use genmanip_motion::{
     Allowed, CloudGrasp, CollisionWorld, FeasibilitySettings, FeasibleGrasp, HalfTurn, PickQuery, PickedObject,
     PlanningScene,
@@ -93,7 +93,7 @@ pub(super) fn carry_out(
             order.swap(index, rng.random_range(0..=index));
         }
     }
-    let around = Around::new(table, seen);
+    let around = Around::new(table, &trials.world.surfaces, seen);
     let reachable = order.into_iter().find_map(|rank| {
         let motion = motion(trials, &around, &grasps[rank].grasp)?;
         Some((rank, motion))
@@ -114,7 +114,7 @@ pub(super) fn carry_out_one(
     grasp: &Grasp,
     opening: f64,
 ) -> Result<Option<Ending>, TrialError> {
-    let around = Around::new(table, &[]);
+    let around = Around::new(table, &trials.world.surfaces, &[]);
     let Some(motion) = motion(trials, &around, grasp) else { return Ok(None) };
     Ok(Some(simulate(trials, table, &motion, opening)?.0))
 }
@@ -128,13 +128,13 @@ struct Around {
 }
 
 impl Around {
-    fn new(table: &Table, points: &[DVec3]) -> Self {
+    fn new(table: &Table, surfaces: &[SupportSurface], points: &[DVec3]) -> Self {
         let mut seen = CollisionWorld::new();
         if !points.is_empty() {
             // A camera's points, which are finite, are always accepted.
             let _ = seen.add_points(SEEN, points, SEEN_RADIUS_M);
         }
-        Self { things: neighbours(table), seen }
+        Self { things: neighbours(table, surfaces), seen }
     }
 }
 
@@ -142,12 +142,13 @@ impl Around {
 const SEEN: &str = "seen";
 const SEEN_RADIUS_M: f64 = 0.003;
 
-/// Table and neighbours, for starting the arm where it touches nothing.
-fn neighbours(table: &Table) -> CollisionWorld {
+/// Support surfaces and neighbours, for starting the arm where it touches nothing.
+fn neighbours(table: &Table, surfaces: &[SupportSurface]) -> CollisionWorld {
     let mut world = CollisionWorld::new();
-    let slab = Piece::at(DVec3::new(0.55, 0.0, -0.05), Shape::Box { half_extents: DVec3::new(0.45, 0.8, 0.05) });
-    // Finite poses and the models' own pieces are always accepted.
-    let _ = world.add("table", &[slab], &Pose::IDENTITY);
+    // A checked world's boxes, finite poses and the models' own pieces are always accepted.
+    for surface in surfaces {
+        let _ = world.add(&surface.id, &surface.pieces(), &surface.world_from_surface());
+    }
     for (index, (model, pose)) in table.models.iter().zip(&table.poses).enumerate() {
         let _ = world.add(&index.to_string(), &model.links[0].pieces, pose);
     }

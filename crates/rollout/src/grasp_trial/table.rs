@@ -15,14 +15,24 @@ use super::{Class, TrialError};
 pub(super) const UTENSILS: [&str; 9] =
     ["spoon", "fork", "spatula", "ladle", "pan", "pen", "hammer", "screwdriver", "wrench"];
 
-/// Where the target stands, and how far it may be off, m.
+/// Where the target stands, and how far it may be off, m: chosen in the middle of what the arm reaches from all sides.
 const MIDDLE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
 const SPREAD_M: f64 = 0.05;
-/// Things in clutter, and how far from the middle they may stand, m.
+/// Things in clutter, and how far from the middle they may stand, m: chosen so that most stand within a hand's breadth
+/// of another.
 const CLUTTER: usize = 8;
 const CLUTTER_SPREAD_M: f64 = 0.17;
-/// Least distance between the bounding circles' sum and a place in clutter: some overlap of the circles is allowed, m.
+/// Least distance between the bounding circles' sum and a place in clutter: some overlap of the circles is allowed, m;
+/// chosen.
 const NEAR_M: f64 = 0.01;
+/// Places drawn per thing before it is left out, and after how many the area grows by a quarter: chosen, so that the last
+/// are drawn from twice the area's width.
+const DRAWS: u32 = 2000;
+const DRAWS_PER_AREA: u32 = 400;
+/// Height from which things are let down, m: chosen to be more than rounding and less than a bounce.
+const DROP_M: f64 = 0.001;
+/// Longest settling, simulated seconds: chosen, twice that of a layout, since these things start with gaps below them.
+const SETTLE_S: f64 = 4.0;
 
 /// Things at rest; the first one is the target.
 #[derive(Clone, Debug)]
@@ -62,7 +72,7 @@ impl Table {
 
     /// One thing upright at the usual place, at rest.
     pub(super) fn with_one(model: Arc<ObjectModel>, world: &World) -> Result<Self, TrialError> {
-        let mut table = Self { models: vec![model], poses: vec![Pose::from_position(MIDDLE + DVec3::Z * 0.001)] };
+        let mut table = Self { models: vec![model], poses: vec![Pose::from_position(MIDDLE + DVec3::Z * DROP_M)] };
         table.settle(world)?;
         Ok(table)
     }
@@ -70,7 +80,7 @@ impl Table {
     fn settle(&mut self, world: &World) -> Result<(), TrialError> {
         let scene = Scene::compile_without_robot(world, &self.objects())?;
         let mut settling = Sim::new(Arc::new(scene));
-        settling.settle(&SettleSettings { max_seconds: 4.0, ..SettleSettings::default() })?;
+        settling.settle(&SettleSettings { max_seconds: SETTLE_S, ..SettleSettings::default() })?;
         self.poses = settling.object_states().iter().map(|state| state.pose).collect();
         Ok(())
     }
@@ -100,10 +110,10 @@ fn places(models: &[Arc<ObjectModel>], seed: Seed) -> Vec<Pose> {
         let spread = if placed.is_empty() { SPREAD_M } else { CLUTTER_SPREAD_M };
         // Bounding circles of long things are generous: let them overlap by a third.
         let reach = 0.5 * radius(model) + 0.25 * model.card.size_m.x.min(model.card.size_m.y);
-        for draw in 0..2000 {
-            let wider = 1.0 + f64::from(draw / 400) * 0.25;
+        for draw in 0..DRAWS {
+            let wider = 1.0 + f64::from(draw / DRAWS_PER_AREA) * 0.25;
             let mut off = || wider * spread * (2.0 * rng.random::<f64>() - 1.0);
-            let position = MIDDLE + DVec3::new(off(), off(), 0.001);
+            let position = MIDDLE + DVec3::new(off(), off(), DROP_M);
             let yaw = TAU * rng.random::<f64>();
             let free = |(pose, other): &(Pose, f64)| pose.position.distance(position) > reach + other + NEAR_M;
             if placed.iter().all(free) {

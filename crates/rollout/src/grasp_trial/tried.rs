@@ -38,12 +38,16 @@ pub struct TryingSettings {
 impl Default for TryingSettings {
     fn default() -> Self {
         Self {
+            // Five trials, three millimetres, three degrees, friction of 0.4 to 0.7 and 30 % of the mass are what earlier
+            // experiments with this gripper used to tell sound grasps from lucky ones.
             trials: 5,
+            // Chosen: with two of five lost a grasp is below the share of 0.8 that layout and expert ask for.
             most_lost: 2,
             offset_m: 0.003,
             turn_rad: 0.052,
             least_friction: 0.57,
             mass_spread: 0.3,
+            // Chosen: every 30 degrees; the arm's reach changes little in between.
             yaws: 12,
         }
     }

@@ -1,0 +1,155 @@
+//! Arguments of `world` and `camera`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+/// Verbs for worlds.
+#[derive(Debug, Subcommand)]
+pub enum WorldCommand {
+    /// Write the built-in world, with comments, to start from
+    #[command(after_help = "Example:\n  genmanip world init --out my_world.toml")]
+    Init(WorldInitArguments),
+    /// List everything that is wrong with a world file; exit 1 when anything is
+    #[command(after_help = "Example:\n  genmanip world check my_world.toml")]
+    Check(WorldFileArguments),
+    /// Show a world, or the world of a scenario: surfaces, workspace, robot, cameras, hashes
+    #[command(after_help = "Example:\n  genmanip world show examples/worlds/side_table.toml --picture above.png")]
+    Show(WorldShowArguments),
+}
+
+/// Arguments of `world init`.
+#[derive(Debug, Args)]
+pub struct WorldInitArguments {
+    /// File to write instead of printing; an existing file is refused
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+/// Arguments of `world check`.
+#[derive(Debug, Args)]
+pub struct WorldFileArguments {
+    /// World: TOML or JSON
+    pub file: PathBuf,
+}
+
+/// Arguments of `world show`.
+#[derive(Debug, Args)]
+pub struct WorldShowArguments {
+    /// World (TOML or JSON) or scenario
+    pub file: PathBuf,
+    /// Also draw it from above into this PNG file
+    #[arg(long, value_name = "FILE.png")]
+    pub picture: Option<PathBuf>,
+}
+
+/// Verbs for the cameras of worlds and scenarios.
+#[derive(Debug, Subcommand)]
+pub enum CameraCommand {
+    /// List the cameras of a world or scenario; without a file, the presets
+    #[command(after_help = "Example:\n  genmanip camera list my_world.toml")]
+    List(CameraListArguments),
+    /// Add a camera to a file
+    #[command(
+        after_help = "Example:\n  genmanip camera add my_world.toml front --preset d435 --eye 1.5,0,0.8 --target 0.5,0,0"
+    )]
+    Add(CameraEditArguments),
+    /// Change a camera of a file; what is not said stays as it is
+    #[command(after_help = "Example:\n  genmanip camera set my_world.toml front --size 640x360 --fov-deg 45")]
+    Set(CameraEditArguments),
+    /// Take a camera out of a file
+    #[command(after_help = "Example:\n  genmanip camera remove my_world.toml front")]
+    Remove(CameraRemoveArguments),
+    /// Draw what cameras see: the robot at home, and the objects of a scenario
+    #[command(after_help = "Examples:\n  genmanip camera preview my_world.toml front --out front.png\n  \
+                      genmanip camera preview SCENARIO --size 640x360 --out views/")]
+    Preview(CameraPreviewArguments),
+}
+
+/// Arguments of `camera list`.
+#[derive(Debug, Args)]
+pub struct CameraListArguments {
+    /// World (TOML or JSON) or scenario
+    pub file: Option<PathBuf>,
+}
+
+/// Arguments of `camera add` and `camera set`.
+#[derive(Debug, Args)]
+pub struct CameraEditArguments {
+    /// World (TOML or JSON) or scenario; it is edited in place
+    pub file: PathBuf,
+    /// Name of the camera
+    pub name: String,
+    /// Projection of a camera that can be bought, see `genmanip camera list`
+    #[arg(long, value_name = "PRESET")]
+    pub preset: Option<String>,
+    /// Pixels per row and rows
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Vertical field of view, degrees
+    #[arg(long, value_parser = parse_angle)]
+    pub fov_deg: Option<f64>,
+    /// Where it is: x,y,z in metres, the robot's base frame
+    #[arg(long, requires = "target", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
+    pub eye: Option<[f64; 3]>,
+    /// What it looks at: x,y,z in metres
+    #[arg(long, requires = "eye", allow_hyphen_values = true, value_parser = parse_point, value_name = "X,Y,Z")]
+    pub target: Option<[f64; 3]>,
+    /// Mount it where the robot has its wrist camera
+    #[arg(long, conflicts_with_all = ["eye", "target"])]
+    pub hand: bool,
+}
+
+/// Arguments of `camera remove`.
+#[derive(Debug, Args)]
+pub struct CameraRemoveArguments {
+    /// World (TOML or JSON) or scenario; it is edited in place
+    pub file: PathBuf,
+    /// Name of the camera
+    pub name: String,
+}
+
+/// Arguments of `camera preview`.
+#[derive(Debug, Args)]
+pub struct CameraPreviewArguments {
+    /// World (TOML or JSON) or scenario
+    pub file: PathBuf,
+    /// Names of cameras [default: all]
+    pub names: Vec<String>,
+    /// A picture (.png, .jpg) of all views, or a folder that gets NAME.png of each
+    #[arg(long, value_name = "PNG|DIR")]
+    pub out: PathBuf,
+    /// Pixels per row and rows of each view [default: the camera's]; another ratio cuts two edges off
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once(['x', 'X', '×']).ok_or("expected WIDTHxHEIGHT, e.g. 640x360")?;
+    let side = |text: &str| match text.trim().parse::<u32>() {
+        Ok(pixels) if (1..=8192).contains(&pixels) => Ok(pixels),
+        _ => Err(format!("expected 1 to 8192 pixels, got `{text}`")),
+    };
+    Ok([side(sides.0)?, side(sides.1)?])
+}
+
+fn parse_angle(text: &str) -> Result<f64, String> {
+    let degrees: f64 = text.parse().map_err(|_| "expected degrees".to_owned())?;
+    if degrees > 0.0 && degrees < 180.0 {
+        Ok(degrees)
+    } else {
+        Err("expected an angle between 0 and 180 degrees".into())
+    }
+}
+
+fn parse_point(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|number| number.trim().parse())
+        .collect::<Result<_, _>>()
+        .map_err(|_| format!("expected x,y,z in metres, got `{text}`"))?;
+    match numbers.as_slice() {
+        &[x, y, z] if [x, y, z].iter().all(|number: &f64| number.is_finite()) => Ok([x, y, z]),
+        _ => Err(format!("expected three finite numbers x,y,z in metres, got `{text}`")),
+    }
+}
