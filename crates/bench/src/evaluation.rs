@@ -33,6 +33,7 @@ pub struct EvaluationReport {
     /// Kind of each task, by its id.
     pub kinds: BTreeMap<String, TaskKind>,
     /// Way of the tool that a good solution needs, by scenario id, m: see [`reference_paths_m`].
+    #[serde(default)]
     pub reference_paths_m: BTreeMap<String, f64>,
     /// One per episode, ordered by scenario, seed and id.
     pub results: Vec<EpisodeResult>,

@@ -3,12 +3,14 @@
 //! Optical axes: x right, y down, z forward. Pixel centres are at integer coordinates.
 //! Resizing by a factor s maps a coordinate c to (c + 0.5) · s - 0.5.
 
+use std::collections::BTreeMap;
+
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::Pose;
-use crate::world::Reserved;
 
 /// A camera: where it is and what it sees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,6 +30,9 @@ pub struct Camera {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<Reserved>,
 }
+
+/// Something that the format keeps a place for and this version does not know yet; checking refuses it.
+pub type Reserved = BTreeMap<String, Value>;
 
 /// What a camera is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -108,11 +113,6 @@ impl Intrinsics {
         2.0 * (f64::from(self.width) / 2.0 / self.fx).atan()
     }
 
-    /// Intrinsics of a camera that can be bought, by the name of its preset; see [`PRESETS`].
-    pub fn preset(name: &str) -> Option<Self> {
-        PRESETS.iter().find(|preset| preset.name == name).map(CameraPreset::intrinsics)
-    }
-
     /// Pixel of a point in the camera's frame; `None` behind the camera.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         (point.z > 1e-9)
@@ -145,12 +145,30 @@ impl Intrinsics {
             cy: (self.cy + 0.5) * sy - 0.5,
         }
     }
+
+    /// As much of the same view as fills another size with pixels of the same shape.
+    ///
+    /// Where the ratio of the sides changes, two opposite edges are cut off; [`Intrinsics::resized`] would stretch.
+    #[must_use]
+    pub fn filling(&self, width: u32, height: u32) -> Self {
+        let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        let scale = sx.max(sy);
+        let moved = |c: f64, old: u32, new: u32| (c + 0.5 - f64::from(old) / 2.0) * scale + f64::from(new) / 2.0 - 0.5;
+        Self {
+            width,
+            height,
+            fx: self.fx * scale,
+            fy: self.fy * scale,
+            cx: moved(self.cx, self.width, width),
+            cy: moved(self.cy, self.height, height),
+        }
+    }
 }
 
 /// A camera that can be bought, as a pinhole with square pixels.
 ///
 /// Colour and depth of one device are two presets: they see different fields.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CameraPreset {
     /// Name on the command line and in world files, e.g. `d435`.
     pub name: &'static str,
@@ -230,7 +248,17 @@ pub const PRESETS: [CameraPreset; 8] = [
 ];
 
 impl CameraPreset {
-    /// Its projection.
+    /// The preset of a name; `None` if there is none.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        PRESETS.iter().find(|preset| preset.name == name)
+    }
+
+    /// Names of all presets.
+    pub fn names() -> [&'static str; PRESETS.len()] {
+        PRESETS.map(|preset| preset.name)
+    }
+
+    /// Its projection at its own size; [`Intrinsics::filling`] gives it at another one.
     pub fn intrinsics(&self) -> Intrinsics {
         let [width, height] = self.size_px;
         Intrinsics::from_horizontal_fov(width, height, self.horizontal_fov_deg.to_radians())

@@ -30,6 +30,7 @@ pub mod image;
 mod interchange;
 pub mod json;
 pub mod mesh;
+pub mod names;
 pub mod object;
 pub mod policy;
 pub mod pose;

@@ -6,11 +6,11 @@ use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, AtomVerdict, Pose, Relation, Seed, Unit, Workspace};
 use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, judge_atom, placement_window, planar_gap};
 use rand::{Rng, RngExt};
-use serde::{Deserialize, Serialize};
 
 use crate::between;
 use crate::moves::{Move, references};
 use crate::placement::let_down;
+use crate::settings::GoalPoseSettings;
 
 /// A place for the object and what will carry it there.
 #[derive(Clone, Debug)]
@@ -43,36 +43,6 @@ const LEFT_M: f64 = 0.0005;
 /// How far the top of another thing may be over an object's bottom and still count as below it, metres; chosen, more than
 /// contacts sink in.
 const BELOW_M: f64 = 0.002;
-
-/// How goal poses are searched.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct GoalPoseSettings {
-    /// Goal poses kept.
-    pub count: usize,
-    /// Goal poses drawn at most.
-    pub draws: usize,
-    /// How far inside its threshold a direction must hold, metres; for `between` as many radians as weigh the same,
-    /// see [`Unit::normalise`].
-    pub margin_m: f64,
-    /// Free space around the object in the plane, metres.
-    pub clearance_m: f64,
-}
-
-impl Default for GoalPoseSettings {
-    fn default() -> Self {
-        Self {
-            // Chosen: a pick looks at every grasp with each of them.
-            count: 10,
-            // A bound of the search, chosen.
-            draws: 600,
-            // Chosen: letting go and settling move things by a few millimetres.
-            margin_m: 0.012,
-            // Chosen: room for a finger beside the object, less than a layout keeps.
-            clearance_m: 0.015,
-        }
-    }
-}
 
 /// Where to put things so that goals hold.
 #[derive(Clone, Copy, Debug)]

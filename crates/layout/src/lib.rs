@@ -30,10 +30,10 @@ mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
 pub use error::{LayoutError, Unfinished};
-pub use goal_pose::{GoalPose, GoalPoseSettings, GoalSearch};
+pub use goal_pose::{GoalPose, GoalSearch};
 pub use moves::{Move, moves, references};
 pub use rejection::{NamedObject, Rejection, Rejections};
-pub use settings::LayoutSettings;
+pub use settings::{GoalPoseSettings, LayoutSettings};
 
 use context::{Context, GoalRoom};
 use genmanip_assets::{AssetSource, GraspLibrary};

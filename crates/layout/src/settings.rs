@@ -4,7 +4,6 @@ use genmanip_motion::FeasibilitySettings;
 use serde::{Deserialize, Serialize};
 
 use crate::articulation::JointSettings;
-use crate::goal_pose::GoalPoseSettings;
 
 /// How layouts are searched and what they must satisfy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -109,6 +108,36 @@ impl Default for LayoutSettings {
             min_pixels: 100,
             // Chosen: with less than a third in view a thing is hard to name.
             min_visible_share: 0.3,
+        }
+    }
+}
+
+/// How goal poses are searched.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GoalPoseSettings {
+    /// Goal poses kept.
+    pub count: usize,
+    /// Goal poses drawn at most.
+    pub draws: usize,
+    /// How far inside its threshold a direction must hold, metres; for `between` as many radians as weigh the same,
+    /// see [`genmanip_core::Unit::normalise`].
+    pub margin_m: f64,
+    /// Free space around the object in the plane, metres.
+    pub clearance_m: f64,
+}
+
+impl Default for GoalPoseSettings {
+    fn default() -> Self {
+        Self {
+            // Chosen: a pick looks at every grasp with each of them.
+            count: 10,
+            // A bound of the search, chosen.
+            draws: 600,
+            // Chosen: letting go and settling move things by a few millimetres.
+            margin_m: 0.012,
+            // Chosen: room for a finger beside the object, less than a layout keeps.
+            clearance_m: 0.015,
         }
     }
 }

@@ -42,7 +42,9 @@ pub fn read_bytes(path: &Path, max_bytes: u64) -> Result<Vec<u8>, RunError> {
         RunError::file("read", path, error).with_hint("check the path; relative paths start at the current folder")
     })?;
     let mut bytes = Vec::new();
-    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| RunError::file("read", path, error))?;
+    file.take(max_bytes.saturating_add(1))
+        .read_to_end(&mut bytes)
+        .map_err(|error| RunError::file("read", path, error))?;
     if bytes.len() as u64 > max_bytes {
         return Err(RunError::TooLarge { path: path.to_owned(), limit_bytes: max_bytes });
     }

@@ -5,7 +5,7 @@
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
-//! - [`worlds`]: world files and cameras: check, show, edit in place.
+//! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
 //! - [`inputs`] and [`robots`]: tasks, answers, scenarios and robots from files that anybody may have written.
 //!
 //! Every stage is a function from input, settings and seed to a result or a [`RunError`];
@@ -26,6 +26,7 @@ mod progress;
 pub mod replay;
 pub mod report;
 pub mod robots;
+pub mod views;
 pub mod worlds;
 
 pub use error::{Cause, RunError};

@@ -1,12 +1,11 @@
-//! World files and the cameras of worlds and scenarios: checking, showing, editing in place, pictures.
+//! World files and the cameras of worlds and scenarios: checking, showing, editing in place.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use genmanip_assets::{AssetSource, Catalogue, worlds};
+use genmanip_assets::worlds;
+use genmanip_core::camera::CameraPreset;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault};
-use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 use genmanip_sim::EngineSettings;
 
 use crate::error::RunError;
@@ -86,33 +85,6 @@ impl Setting {
         self.world().camera(name).ok_or_else(|| RunError::unknown("camera", "cameras", name, &known))
     }
 
-    /// A PNG picture through a camera, the robot at home with open fingers, the objects of a scenario at their start.
-    ///
-    /// # Errors
-    /// When an object is unknown or the picture cannot be drawn.
-    pub fn picture(&self, camera: &Camera) -> Result<Vec<u8>, RunError> {
-        let robot = inputs::robot(self.world())?;
-        let objects = match self {
-            Self::World(_) => &[][..],
-            Self::Scenario(scenario) => &scenario.objects,
-        };
-        let models = objects.iter().map(|placed| {
-            let broken = |error| RunError::broken(format!("cannot draw object {}", placed.id), error);
-            Catalogue::builtin().instance(placed).map_err(broken)
-        });
-        let models = models.collect::<Result<Vec<_>, RunError>>()?;
-        let not_drawn = |error| RunError::broken(format!("camera {} gives no picture", camera.name), error);
-        let assets = RenderAssets::new(Arc::clone(&robot), &models, Some(self.world())).map_err(not_drawn)?;
-        let poses = objects.iter().map(|placed| (placed.pose, placed.joint_positions.as_slice()));
-        let state = assets.frame_state(&robot.home, robot.gripper.max_width, poses).map_err(not_drawn)?;
-        let mut out = [FrameBuffers::default()];
-        let mut renderer = Renderer::new(assets, RenderVariation::default());
-        renderer.render(&[ViewJob::new(&state, camera, Channels::RGB)], &mut out).map_err(not_drawn)?;
-        let [FrameBuffers { width, height, rgb, .. }] = out;
-        encode::png_rgb(width, height, &rgb)
-            .map_err(|error| RunError::broken(format!("cannot encode the picture of camera {}", camera.name), error))
-    }
-
     /// A camera that looks straight down on all support surfaces.
     pub fn from_above(&self) -> Camera {
         let bounds = self.world().surfaces.iter().map(genmanip_core::SupportSurface::bounds);
@@ -146,9 +118,11 @@ impl CameraChange {
     /// A camera with this said about it; `before` is the camera so far.
     fn applied(&self, name: &str, before: Option<&Camera>, robot: &RobotModel) -> Result<Camera, RunError> {
         let needs = |what: &str| RunError::input(format!("camera `{name}` needs {what}"));
-        let known = genmanip_core::camera::PRESETS.map(|preset| preset.name);
+        let known = CameraPreset::names();
         let preset = self.preset.as_ref().map(|preset| {
-            Intrinsics::preset(preset).ok_or_else(|| RunError::unknown("preset", "presets", preset, &known))
+            CameraPreset::named(preset)
+                .map(CameraPreset::intrinsics)
+                .ok_or_else(|| RunError::unknown("preset", "presets", preset, &known))
         });
         let base = preset.transpose()?.or(before.map(|camera| camera.intrinsics));
         let intrinsics = match (base, self.size_px, self.vertical_fov_rad) {
@@ -157,7 +131,7 @@ impl CameraChange {
                 Intrinsics::from_vertical_fov(width, height, fov)
             }
             (None, Some([width, height]), Some(fov)) => Intrinsics::from_vertical_fov(width, height, fov),
-            (Some(base), Some([width, height]), None) => base.resized(width, height),
+            (Some(base), Some([width, height]), None) => base.filling(width, height),
             (Some(base), None, None) => base,
             (None, _, _) => return Err(needs("--preset, or --size and --fov-deg")),
         };

@@ -1,5 +1,6 @@
 //! Checks of the built-in data, with the geometry they share.
 
+mod cameras;
 mod grasps;
 mod joints;
 mod objects;

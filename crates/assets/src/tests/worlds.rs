@@ -1,7 +1,6 @@
 //! Worlds from text: the default one, every fault at once, and what makes two of them differ.
 
-use genmanip_core::{Camera, CameraMount, Document, Pose, Scenario, World, WorldPart};
-use glam::{DVec2, DVec3};
+use genmanip_core::{CameraMount, Document, World, WorldPart};
 
 use crate::worlds::{DEFAULT_TEXT, default_world, read};
 use crate::{panda, robots};
@@ -58,7 +57,7 @@ fn every_fault_is_said_at_once_and_where_it_is() {
         &["cameras[4].preset", "cameras[1].name", "physics.physics_rate_hz"],
     );
     check(&[("vertical_fov_deg = 58.0", "")], &["cameras[4]"]);
-    check(&[("target_m = [0.42, 0.0, 0.07]", "")], &["cameras[0]"]);
+    check(&[("target_m = [0.45, 0.0, 0.12]", "")], &["cameras[0]"]);
 }
 
 #[test]
@@ -100,44 +99,6 @@ fn robots_are_found_by_name_and_refused_by_field() {
     world.robot.physics_hash = "v2:0".into();
     let error = robots::of_world(&world).unwrap_err().to_string();
     assert!(error.contains("robot.physics_hash"), "{error}");
-}
-
-/// Pixel of a point of the world; `None` behind the camera.
-fn pixel(camera: &Camera, point: DVec3) -> Option<DVec2> {
-    camera.intrinsics.project(camera.world_from_camera(&Pose::IDENTITY).inverse().transform_point(point))
-}
-
-/// Mean pixels per metre over the middle of the workspace.
-fn scale(camera: &Camera) -> f64 {
-    let places = [0.3, 0.5, 0.7].into_iter().flat_map(|x| [-0.3, 0.0, 0.3].map(|y| DVec3::new(x, y, 0.05)));
-    let camera_from_world = camera.mount_from_camera.inverse();
-    places.map(|point| camera.intrinsics.fx / camera_from_world.transform_point(point).z).sum::<f64>() / 9.0
-}
-
-#[test]
-fn the_default_cameras_frame_the_workspace_and_the_hand() {
-    let world = default_world();
-    let old = include_str!("../../../cli/testdata/version_1/scenarios/001_long_horizon-000.json");
-    let old = Scenario::from_json(old).unwrap().world;
-    let hand = panda().link_poses(&panda().home, 0.08)[panda().hand];
-    for camera in world.cameras.iter().filter(|camera| camera.mount == CameraMount::World) {
-        let (width, height) = (f64::from(camera.intrinsics.width), f64::from(camera.intrinsics.height));
-        assert_eq!((width, height), (512.0, 288.0));
-        let corners = world.workspace.x.iter().flat_map(|&x| world.workspace.y.map(|y| DVec3::new(x, y, 0.0)));
-        let columns: Vec<f64> = corners.map(|corner| pixel(camera, corner).unwrap().x.clamp(0.0, width)).collect();
-        let (least, most) = columns.iter().fold((width, 0.0_f64), |(a, b), &x| (a.min(x), b.max(x)));
-        let share = (most - least) / width;
-        assert!(share >= 0.70, "{}: the workspace fills {share:.2} of the width", camera.name);
-        let larger = scale(camera) / scale(old.camera(&camera.name).unwrap());
-        assert!((1.25..1.5).contains(&larger), "{}: things are {larger:.2} times as large as before", camera.name);
-        if ["overview", "static"].contains(&camera.name.as_str()) {
-            for along_m in [0.0, 0.0584, 0.1034] {
-                let at = pixel(camera, hand.transform_point(DVec3::Z * along_m)).unwrap();
-                let is_inside = at.cmpge(DVec2::ZERO).all() && at.cmplt(DVec2::new(width, height)).all();
-                assert!(is_inside, "{}: the hand at home is at {at}", camera.name);
-            }
-        }
-    }
 }
 
 #[test]

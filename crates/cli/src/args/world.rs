@@ -60,8 +60,9 @@ pub enum CameraCommand {
     /// Take a camera out of a file
     #[command(after_help = "Example:\n  genmanip camera remove my_world.toml front")]
     Remove(CameraRemoveArguments),
-    /// Draw what a camera sees: the robot at home, and the objects of a scenario
-    #[command(after_help = "Example:\n  genmanip camera preview my_world.toml front --out front.png")]
+    /// Draw what cameras see: the robot at home, and the objects of a scenario
+    #[command(after_help = "Examples:\n  genmanip camera preview my_world.toml front --out front.png\n  \
+                      genmanip camera preview SCENARIO --size 640x360 --out views/")]
     Preview(CameraPreviewArguments),
 }
 
@@ -113,11 +114,14 @@ pub struct CameraRemoveArguments {
 pub struct CameraPreviewArguments {
     /// World (TOML or JSON) or scenario
     pub file: PathBuf,
-    /// Name of the camera
-    pub name: String,
-    /// PNG file to write
-    #[arg(long, value_name = "FILE.png")]
+    /// Names of cameras [default: all]
+    pub names: Vec<String>,
+    /// A picture (.png, .jpg) of all views, or a folder that gets NAME.png of each
+    #[arg(long, value_name = "PNG|DIR")]
     pub out: PathBuf,
+    /// Pixels per row and rows of each view [default: the camera's]; another ratio cuts two edges off
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {

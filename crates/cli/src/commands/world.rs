@@ -7,6 +7,7 @@ use genmanip_bench::text_table;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, CameraMount, Document};
 use genmanip_run::inputs;
+use genmanip_run::views;
 use genmanip_run::worlds::{self, CameraChange, CameraEdit, Setting};
 use serde_json::json;
 
@@ -43,9 +44,9 @@ pub fn run_camera(command: &CameraCommand, printer: &Printer) -> Result<ExitStat
         }
         CameraCommand::Preview(arguments) => {
             let setting = Setting::read(&arguments.file)?;
-            let camera = setting.camera(&arguments.name)?;
-            inputs::write_file(&arguments.out, &setting.picture(camera)?)?;
-            printer.data(&json!({"picture": arguments.out}), &arguments.out.display().to_string());
+            let written = views::preview(&setting, &arguments.names, arguments.size, &arguments.out)?;
+            let lines = written.iter().map(|one| format!("{}: {}\n", one.file.display(), one.cameras.join(", ")));
+            printer.data(&written, &lines.collect::<String>());
         }
     }
     Ok(ExitStatus::Done)
@@ -111,7 +112,7 @@ fn show(file: &Path, picture: Option<&Path>, printer: &Printer) -> Result<ExitSt
         cameras_table(&world.cameras),
     );
     if let Some(path) = picture {
-        inputs::write_file(path, &setting.picture(&setting.from_above())?)?;
+        inputs::write_file(path, &views::picture(&setting, &setting.from_above())?)?;
         printer.say(format!("wrote {}", path.display()));
     }
     printer.data(&json!({"world": world, "hashes": hashes}), &text);

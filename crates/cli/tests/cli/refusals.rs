@@ -52,7 +52,7 @@ fn workplace() -> tempfile::TempDir {
     changed("newer.json", &|s| s["schema"] = "genmanip.scenario/3".into());
     changed("stranger.json", &|s| s["objects"][0]["asset"]["uid"] = "101".into());
     changed("other_physics.json", &|s| s["objects"][0]["physics_hash"] = format!("v2:{}", "0".repeat(16)).into());
-    changed("other_robot.json", &|s| s["robot"] = "ur5".into());
+    changed("other_robot.json", &|s| s["world"]["robot"]["name"] = "ur5".into());
     changed("short_home.json", &|s| s["world"]["robot"]["home"] = json!([0.0, 0.1]));
     changed("wrong_joints.json", &|s| s["objects"][0]["joint_positions"] = json!([0.5]));
     folder

@@ -5,12 +5,15 @@ use serde_json::{Map, Value, json};
 
 use super::check::check_parts;
 use super::{PhysicsSettings, RelationSettings, Workspace, World, WorldFault, WorldRobot};
+use crate::camera::CameraPreset;
+use crate::names::near_misses;
 use crate::{Camera, Document, Intrinsics, RobotModel};
 
 /// A world file before its shorthands are resolved.
 ///
-/// Shorthands: `robot` may leave out hash and home; a camera may say `eye_m` and `target_m` instead of a pose, a size
-/// with a field of view or a `preset` instead of intrinsics, and one on the hand may leave its pose to the robot.
+/// Shorthands: `robot` may leave out hash and home; a camera may say `eye_m` and `target_m` in the frame of its mount
+/// instead of a pose, a size with a field of view or a `preset` instead of intrinsics, and one on the hand may leave
+/// its pose to the robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldFile {
     body: Map<String, Value>,
@@ -143,7 +146,7 @@ pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Came
             if !(eye - target).is_finite() || eye.distance(target) < 1e-6 {
                 return Err(WorldFault::new(format!("{place}.target_m"), "another point than eye_m", target));
             }
-            body.insert("mount".into(), "world".into());
+            body.entry("mount").or_insert_with(|| "world".into());
             body.insert("mount_from_camera".into(), json!(Camera::pose_looking_at(eye, target)));
         }
         (None, None) => {}
@@ -154,10 +157,18 @@ pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Came
         body.insert("mount_from_camera".into(), json!(pose));
     }
     let mut intrinsics = match preset {
-        Some(preset) => Some(Intrinsics::preset(preset.as_str().unwrap_or_default()).ok_or_else(|| {
-            let known = crate::camera::PRESETS.map(|preset| preset.name).join(", ");
-            WorldFault::new(format!("{place}.preset"), format!("one of {known}"), preset)
-        })?),
+        Some(preset) => {
+            let name = preset.as_str().unwrap_or_default();
+            let known = CameraPreset::names();
+            let found = CameraPreset::named(name).map(CameraPreset::intrinsics).ok_or_else(|| {
+                let fault = WorldFault::new(format!("{place}.preset"), format!("one of {}", known.join(", ")), &preset);
+                match near_misses(name, &known).first() {
+                    Some(near) => fault.hint(format!("did you mean `{near}`?")),
+                    None => fault,
+                }
+            });
+            Some(found?)
+        }
         None => None,
     };
     if let Some(size) = size {
@@ -176,7 +187,7 @@ pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Came
             (None, Some(value), None) => {
                 Intrinsics::from_horizontal_fov(width, height, angle(value, "horizontal_fov_deg")?)
             }
-            (None, None, Some(preset)) => preset.resized(width, height),
+            (None, None, Some(preset)) => preset.filling(width, height),
             _ => {
                 let expected = "size_px with one of preset, vertical_fov_deg and horizontal_fov_deg";
                 return Err(WorldFault::new(place, expected, "none or several of them"));

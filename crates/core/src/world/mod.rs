@@ -14,8 +14,6 @@ mod surface;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
-use std::collections::BTreeMap;
 
 pub use check::WorldFault;
 pub use compare::{WorldDifference, WorldHashes, WorldPart};
@@ -23,6 +21,7 @@ pub use file::{WorldFile, read_camera};
 pub use settings::{PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};
 
+use crate::camera::Reserved;
 use crate::{Camera, Document};
 
 /// Everything about a scenario that is neither its task nor its objects.
@@ -51,9 +50,6 @@ pub struct World {
 impl Document for World {
     const SCHEMA: &'static str = "genmanip.world/1";
 }
-
-/// Something that the format keeps a place for and this version does not know yet; checking refuses it.
-pub type Reserved = BTreeMap<String, Value>;
 
 /// The robot of a world: which one, that it is the very same one, and how it starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -21,7 +21,16 @@ const CATALOGUE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/data/cat
 
 fn catalogue() -> Vec<ObjectCard> {
     let text = std::fs::read_to_string(CATALOGUE).unwrap();
-    serde_json::from_str(&text).unwrap()
+    let records: Vec<serde_json::Map<String, serde_json::Value>> = serde_json::from_str(&text).unwrap();
+    let card = |mut record: serde_json::Map<String, serde_json::Value>| {
+        let asset = serde_json::json!({"source": "builtin", "uid": record["uid"], "version": record["version"]});
+        record.insert("asset".into(), asset);
+        for more in ["version", "looks", "fragile", "upright_only", "affordances", "recipe"] {
+            record.remove(more);
+        }
+        serde_json::from_value(record.into()).unwrap()
+    };
+    records.into_iter().map(card).collect()
 }
 
 /// File name without ending, and answer, in order.

@@ -19,9 +19,9 @@ fn old_world() -> World {
     Scenario::from_json(VERSION_1).unwrap().world
 }
 
-/// The hashes were taken by the first version with worlds, when its text and states were equal to those of the last one
-/// without on a scene of catalogue objects. They change only when recordings of version 1 can no longer be replayed;
-/// `cli` replays two of them.
+/// The text's hash is that of the last version without worlds; the state's was taken when recordings of that version
+/// replayed to their last bit (the rollout tests replay two of them).
+/// They change only when such recordings can no longer be replayed.
 #[test]
 fn the_world_of_version_1_compiles_to_the_model_it_was() {
     let world = old_world();

@@ -1,0 +1,56 @@
+//! Names that somebody mistyped.
+
+/// The known name that is most likely meant; empty if none looks like it.
+///
+/// Two names look alike if one contains the other or a third of the letters at most would have to change.
+///
+/// ```
+/// assert_eq!(genmanip_core::names::near_misses("expret", &["expert", "replay"]), ["expert"]);
+/// ```
+pub fn near_misses(got: &str, known: &[&str]) -> Vec<String> {
+    let distance = |name: &str| {
+        let contained = got.len() > 2 && (name.contains(got) || got.contains(name));
+        if contained { 0 } else { edits(got, name) }
+    };
+    let mut near: Vec<(usize, &str)> = known.iter().map(|name| (distance(name), *name)).collect();
+    near.retain(|(distance, name)| 3 * distance <= name.chars().count());
+    near.sort();
+    near.first().map(|(_, name)| (*name).to_owned()).into_iter().collect()
+}
+
+/// How many letters have to be put in, left out or changed (Levenshtein's distance).
+fn edits(from: &str, to: &str) -> usize {
+    let to: Vec<char> = to.chars().collect();
+    let mut row: Vec<usize> = (0..=to.len()).collect();
+    for (i, letter) in from.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in to.iter().enumerate() {
+            let changed = diagonal + usize::from(letter != *other);
+            diagonal = row[j + 1];
+            row[j + 1] = changed.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[to.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::near_misses;
+
+    #[test]
+    fn a_slip_finds_the_name_that_is_meant() {
+        let known = ["expert", "replay", "do_nothing", "d415"];
+        let cases = [
+            ("expret", Some("expert")),
+            ("Replay", Some("replay")),
+            ("nothing", Some("do_nothing")),
+            ("do-nothing", Some("do_nothing")),
+            ("D415", Some("d415")),
+            ("magic", None),
+            ("", None),
+        ];
+        for (got, wanted) in cases {
+            assert_eq!(near_misses(got, &known).first().map(String::as_str), wanted, "{got}");
+        }
+    }
+}

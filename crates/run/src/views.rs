@@ -1,0 +1,131 @@
+//! What the cameras of a world or scenario see before anything moves.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use genmanip_assets::{AssetSource, Catalogue};
+use genmanip_core::Camera;
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
+use serde::Serialize;
+
+use crate::error::RunError;
+use crate::inputs;
+use crate::worlds::Setting;
+
+/// White between the pictures of a sheet, pixels; chosen.
+const GAP_PX: usize = 4;
+/// Quality of JPEG sheets, 1-100; chosen: compression is hardly seen.
+const JPEG_QUALITY: u8 = 88;
+
+/// A picture that was written.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Preview {
+    /// Cameras in the picture, row by row.
+    pub cameras: Vec<String>,
+    /// Where it is.
+    pub file: PathBuf,
+}
+
+/// Draws what cameras see: the robot at home with open fingers over the table, the objects of a scenario at their start.
+///
+/// `out` with the ending .png, .jpg or .jpeg is one picture, a sheet where there are several cameras; without an ending
+/// it is a folder that gets NAME.png of each. Without names all cameras are drawn, without a size each at its own.
+///
+/// # Errors
+/// When there is no such camera, an object or the robot is not that of this program, or a picture cannot be drawn or
+/// written.
+pub fn preview(
+    setting: &Setting,
+    names: &[String],
+    size_px: Option<[u32; 2]>,
+    out: &Path,
+) -> Result<Vec<Preview>, RunError> {
+    let chosen: Vec<&Camera> = match names {
+        [] => setting.world().cameras.iter().collect(),
+        names => names.iter().map(|name| setting.camera(name)).collect::<Result<_, _>>()?,
+    };
+    if chosen.is_empty() {
+        return Err(RunError::input("there is no camera to look through").with_hint("see `genmanip camera add --help`"));
+    }
+    let sized = |camera: &Camera| {
+        let [width, height] = size_px.unwrap_or([camera.intrinsics.width, camera.intrinsics.height]);
+        Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() }
+    };
+    let cameras: Vec<Camera> = chosen.into_iter().map(sized).collect();
+    let name = |camera: &Camera| camera.name.clone();
+    match out.extension().and_then(|ending| ending.to_str()) {
+        Some(ending @ ("png" | "jpg" | "jpeg")) => {
+            let sheet = sheet(&draw(setting, &cameras)?);
+            let encoded = match ending {
+                "png" => encode::png_rgb(sheet.width, sheet.height, &sheet.rgb),
+                _ => encode::jpeg_rgb(sheet.width, sheet.height, &sheet.rgb, JPEG_QUALITY),
+            };
+            inputs::write_file(out, &encoded.map_err(|error| RunError::broken("cannot encode the sheet", error))?)?;
+            Ok(vec![Preview { cameras: cameras.iter().map(name).collect(), file: out.into() }])
+        }
+        Some(ending) if !out.is_dir() => Err(RunError::input(format!("cannot write pictures as .{ending}"))
+            .with_hint("--out is a folder, or a picture that ends in .png or .jpg")),
+        _ => {
+            let write = |(camera, picture): (&Camera, FrameBuffers)| {
+                let file = out.join(format!("{}.png", camera.name));
+                inputs::write_file(&file, &png(camera, &picture)?)?;
+                Ok(Preview { cameras: vec![camera.name.clone()], file })
+            };
+            cameras.iter().zip(draw(setting, &cameras)?).map(write).collect()
+        }
+    }
+}
+
+/// The same through one camera, as a PNG file.
+///
+/// # Errors
+/// As [`preview`].
+pub fn picture(setting: &Setting, camera: &Camera) -> Result<Vec<u8>, RunError> {
+    let picture = draw(setting, std::slice::from_ref(camera))?.swap_remove(0);
+    png(camera, &picture)
+}
+
+fn png(camera: &Camera, picture: &FrameBuffers) -> Result<Vec<u8>, RunError> {
+    encode::png_rgb(picture.width, picture.height, &picture.rgb)
+        .map_err(|error| RunError::broken(format!("cannot encode the picture of camera {}", camera.name), error))
+}
+
+/// One picture per camera.
+fn draw(setting: &Setting, cameras: &[Camera]) -> Result<Vec<FrameBuffers>, RunError> {
+    let robot = inputs::robot(setting.world())?;
+    let objects = match setting {
+        Setting::World(_) => &[][..],
+        Setting::Scenario(scenario) => &scenario.objects,
+    };
+    let models = objects.iter().map(|placed| {
+        let broken = |error| RunError::broken(format!("cannot draw object {}", placed.id), error);
+        Catalogue::builtin().instance(placed).map_err(broken)
+    });
+    let models = models.collect::<Result<Vec<_>, RunError>>()?;
+    let not_drawn = |error| RunError::broken("the cameras give no picture", error);
+    let assets = RenderAssets::new(Arc::clone(&robot), &models, Some(setting.world())).map_err(not_drawn)?;
+    let poses = objects.iter().map(|placed| (placed.pose, placed.joint_positions.as_slice()));
+    let state = assets.frame_state(&robot.home, robot.gripper.max_width, poses).map_err(not_drawn)?;
+    let jobs: Vec<ViewJob> = cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::RGB)).collect();
+    let mut pictures = vec![FrameBuffers::default(); jobs.len()];
+    Renderer::new(assets, RenderVariation::default()).render(&jobs, &mut pictures).map_err(not_drawn)?;
+    Ok(pictures)
+}
+
+/// Pictures row by row in one, as square as their number allows; each in a cell of the largest one's size.
+fn sheet(pictures: &[FrameBuffers]) -> FrameBuffers {
+    let columns = (1..=pictures.len()).find(|columns| columns * columns >= pictures.len()).unwrap_or(1);
+    let rows = pictures.len().div_ceil(columns);
+    let largest = |side: fn(&FrameBuffers) -> u32| pictures.iter().map(side).max().unwrap_or(0) as usize;
+    let (cell_width, cell_height) = (largest(|p| p.width) + GAP_PX, largest(|p| p.height) + GAP_PX);
+    let (width, height) = (columns * cell_width - GAP_PX, rows * cell_height - GAP_PX);
+    let mut rgb = vec![255; width * height * 3];
+    for (index, picture) in pictures.iter().enumerate() {
+        let (left, top) = (index % columns * cell_width, index / columns * cell_height);
+        for (row, pixels) in picture.rgb.chunks_exact(picture.width as usize * 3).enumerate() {
+            let start = ((top + row) * width + left) * 3;
+            rgb[start..start + pixels.len()].copy_from_slice(pixels);
+        }
+    }
+    FrameBuffers { width: width as u32, height: height as u32, rgb, ..FrameBuffers::default() }
+}
