@@ -16,7 +16,7 @@ use genmanip_scene::designer::{DesignSettings, design_many};
 
 use genmanip_sim::EngineSettings;
 
-use crate::error::RunError;
+use crate::error::{Cause, RunError};
 
 /// Largest file that is read as a document, bytes.
 const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
@@ -65,12 +65,13 @@ pub fn read_document<T: Document>(path: &Path) -> Result<T, RunError> {
 /// As [`read_document`], and when objects or robot are not those the scenario was made with.
 pub fn read_stage(path: &Path) -> Result<Stage, RunError> {
     let scenario: Scenario = read_document(path)?;
-    let robot = robot(&scenario.world)?;
-    Stage::open(Arc::new(scenario), Catalogue::builtin(), &robot).map_err(|error| {
+    let unsuited = |error: Cause| {
         RunError::input(format!("{} cannot be set up", path.display()))
             .because(error)
             .with_hint("a scenario belongs to the objects and robot it was made with; lay its task out again")
-    })
+    };
+    let robot = robots::of_world(&scenario.world).map_err(|error| unsuited(error.into()))?;
+    Stage::open(Arc::new(scenario), Catalogue::builtin(), &robot).map_err(|error| unsuited(error.into()))
 }
 
 fn not_a_document<T: Document>(path: &Path, source: DocumentError) -> RunError {
