@@ -212,6 +212,15 @@ impl Atom {
             Self::State { object, .. } => object,
         }
     }
+
+    /// Ids of all instances it names, the subject first.
+    pub fn objects(&self) -> impl Iterator<Item = &str> {
+        let (reference, second) = match self {
+            Self::Relation { reference, second_reference, .. } => (Some(reference), second_reference.as_ref()),
+            Self::State { .. } => (None, None),
+        };
+        std::iter::once(self.subject()).chain(reference.into_iter().chain(second).map(String::as_str))
+    }
 }
 
 impl Relation {

@@ -19,6 +19,8 @@ pub struct Stage {
     pub scenario: Arc<Scenario>,
     /// Its goal as it is judged, see [`genmanip_core::Task::judged_goal`].
     pub goal: Arc<Goal>,
+    /// Objects whose place or state a look at the goal depends on: those it names, and those with named states.
+    pub judged: Arc<[usize]>,
     /// Models of its objects, in its order.
     pub models: Vec<Arc<ObjectModel>>,
     /// The robot.
@@ -157,8 +159,13 @@ impl Stage {
             false => scenario.task.name_of(&placed.id),
         };
         let names = scenario.objects.iter().zip(&models).map(name).collect();
+        let judged = scenario.objects.iter().zip(&models).enumerate().filter(|(_, (placed, model))| {
+            let named = goal.alternatives.iter().flatten().any(|atom| atom.objects().any(|id| id == placed.id));
+            named || !model.joint_states.is_empty()
+        });
+        let judged = judged.map(|(index, _)| index).collect();
         let drawn = Arc::default();
-        Ok(Self { goal, names, scenario, models, robot: Arc::clone(robot), scene, relations, posed, drawn })
+        Ok(Self { goal, judged, names, scenario, models, robot: Arc::clone(robot), scene, relations, posed, drawn })
     }
 
     /// The scene at the start, as relations see it.
