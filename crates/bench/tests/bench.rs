@@ -163,7 +163,7 @@ fn scenario(task: &Task, number: u64) -> Scenario {
         task: task.clone(),
         seed: Seed::new(number),
         objects: Vec::new(),
-        world: World::from_json(include_str!("../../core/testdata/world.json")).unwrap(),
+        world: World::from_json(include_str!("../../core/testdata/world.json")).expect("a whole world"),
         genmanip_version: "0.1.0".into(),
     }
 }

@@ -34,6 +34,9 @@ pub struct Evaluated {
     pub not_run: Vec<NotRun>,
 }
 
+/// What became of a case: its judged result, or why its policy could not be reached.
+pub type Outcome = Result<EpisodeResult, NotRun>;
+
 /// Runs a policy on every case; with a store, episodes are kept in it.
 ///
 /// `finished` hears of each case as it ends, from the thread that ran it.
@@ -47,7 +50,7 @@ pub fn evaluate<E: From<RolloutError> + Send>(
     keep: Option<&EpisodeStore>,
     workers: usize,
     stop: &AtomicBool,
-    finished: &(dyn Fn(&Result<EpisodeResult, NotRun>) -> Result<(), E> + Sync),
+    finished: &(dyn Fn(&Outcome) -> Result<(), E> + Sync),
 ) -> Result<Evaluated, E> {
     let outcomes = in_parallel(cases, workers, stop, &|case| {
         let outcome = run(case, make_policy, resources, settings, keep)?;

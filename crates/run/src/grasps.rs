@@ -62,6 +62,7 @@ pub struct BakedRow {
 ///
 /// # Errors
 /// When an object is unknown or cannot be grasped, the file cannot be read or written, or a trial broke.
+#[expect(clippy::too_many_arguments, reason = "what is baked, where, how, and who listens")]
 pub fn bake(
     out: &Path,
     uids: &[String],

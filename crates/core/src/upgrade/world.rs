@@ -1,5 +1,7 @@
 //! The world as it was before it was data.
 
+#![expect(clippy::approx_constant, reason = "frozen as they were written")]
+
 use serde_json::{Map, Value, json};
 
 use super::lacks;

@@ -17,6 +17,9 @@ pub(super) struct Listener<'c> {
     choices: Vec<Vec<String>>,
 }
 
+/// Noun phrases, each with the ids of what it means.
+pub type Phrases = Vec<(String, Vec<String>)>;
+
 /// What a phrase may mean: first what it certainly means, then what it means in some layouts.
 struct Candidates<'c> {
     things: Vec<Thing<'c>>,
@@ -30,7 +33,7 @@ impl<'c> Listener<'c> {
     }
 
     /// Noun phrases heard so far with what they mean, and the copies of which they mean any.
-    pub fn into_phrases(self) -> (Vec<(String, Vec<String>)>, Vec<Vec<String>>) {
+    pub fn into_phrases(self) -> (Phrases, Vec<Vec<String>>) {
         (self.phrases, self.choices)
     }
 
