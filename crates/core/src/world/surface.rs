@@ -12,7 +12,7 @@ use crate::{Aabb, Piece, Pose, Shape};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SupportSurface {
-    /// What tasks call it in edges and goals; `table` for the first one.
+    /// What files call it; `table` for the first one. Tasks cannot name a further one yet.
     pub id: String,
     /// What people call it, e.g. `side table`.
     pub name: String,
