@@ -57,7 +57,7 @@ fn every_fault_is_said_at_once_and_where_it_is() {
         &["cameras[4].preset", "cameras[1].name", "physics.physics_rate_hz"],
     );
     check(&[("vertical_fov_deg = 58.0", "")], &["cameras[4]"]);
-    check(&[("target_m = [0.45, 0.0, 0.12]", "")], &["cameras[0]"]);
+    check(&[("target_m = [0.46, 0.0, 0.08]", "")], &["cameras[0]"]);
 }
 
 #[test]
