@@ -11,6 +11,7 @@ pub mod environment;
 pub mod expert;
 pub mod fit;
 pub mod grasp;
+pub mod hostile;
 pub mod layout;
 pub mod motion;
 pub mod relations;

@@ -48,10 +48,59 @@ pub enum LabCommand {
                       genmanip lab environment --store out/run --json\n\n\
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
+    /// Hand the program changed files of every kind, in calls of its own under limits of memory and time
+    #[command(after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
+                      genmanip lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
+                      Run it in the project's folder. Minutes are processor time of all calls; each may use 1 GiB\n\
+                      and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first.")]
+    Hostile(HostileArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
     Fit(FitArguments),
+}
+
+/// Arguments of `lab hostile`.
+#[derive(Debug, Args)]
+pub struct HostileArguments {
+    /// Seed of the changes
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Processor time of all calls together, minutes
+    #[arg(long, default_value_t = 1.0, value_parser = parse_minutes)]
+    pub minutes: f64,
+    /// Change only this kind
+    #[arg(long, value_parser = genmanip_lab::hostile::KINDS)]
+    pub kind: Option<String>,
+    /// Write all messages to this file
+    #[arg(long, value_name = "FILE")]
+    pub refusals: Option<PathBuf>,
+    /// Copy what broke something into this folder
+    #[arg(long, value_name = "DIR")]
+    pub found: Option<PathBuf>,
+    /// Also race so many pairs of starts with different seeds for one folder
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
+    pub races: usize,
+    /// Also kill so many runs at random moments, continue them and compare the bytes
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
+    pub kills: usize,
+    /// The project's folder, for its examples
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub project: PathBuf,
+}
+
+fn parse_minutes(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(minutes) if (0.0..=10_000.0).contains(&minutes) => Ok(minutes),
+        _ => Err("expected minutes from 0 to 10000".into()),
+    }
+}
+
+fn parse_few(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count @ 0..=100_000) => Ok(count),
+        _ => Err("expected a whole number from 0 to 100000".into()),
+    }
 }
 
 /// Arguments of `lab fit`.

@@ -7,8 +7,9 @@ use genmanip_assets::worlds::default_world;
 use genmanip_core::{Seed, Task};
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
+use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
-use genmanip_lab::{answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered};
+use genmanip_lab::{answers, design, environment, expert, fit, grasp, hostile, layout, motion, relations, rendered};
 use genmanip_run::{inputs, robots};
 
 use crate::args::{self, LabCommand};
@@ -40,6 +41,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         LabCommand::Fit(arguments) => {
             let measured = fit::measure(&arguments.trials, &arguments.test, arguments.constant)?;
             printer.data(&measured, &fit::in_words(&measured));
+        }
+        LabCommand::Hostile(arguments) => {
+            let measured = hostile::measure(&hostile_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &hostile::in_words(&measured));
         }
         LabCommand::Grasp(arguments) => {
             let measured =
@@ -88,6 +93,22 @@ fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64) -> Result<Vec<Task>,
     }
     let known = inputs::read_tasks(paths)?;
     Ok((0..count).flat_map(|_| known.iter().cloned()).collect())
+}
+
+fn hostile_arguments(arguments: &args::HostileArguments) -> Result<HostileArguments, Failed> {
+    let own = |what: &str, found: std::io::Result<PathBuf>| {
+        found.map_err(|error| Failed::because(format!("cannot find {what}"), &error).hint("name it with --project"))
+    };
+    Ok(HostileArguments {
+        program: own("the program itself", std::env::current_exe())?,
+        project: own("the project's folder", arguments.project.canonicalize())?,
+        minutes: arguments.minutes,
+        kind: arguments.kind.clone(),
+        refusals: arguments.refusals.clone(),
+        found: arguments.found.clone(),
+        races: arguments.races,
+        kills: arguments.kills,
+    })
 }
 
 fn grasp_arguments(arguments: &args::GraspArguments) -> Result<GraspArguments, Failed> {
