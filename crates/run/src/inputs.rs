@@ -233,13 +233,19 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError>
 ///
 /// # Errors
 /// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
-pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, RunError> {
+pub fn check_bare(
+    path: &Path,
+    objects: &[String],
+    world: Option<&Path>,
+    kind: &str,
+    min_objects: usize,
+) -> Result<AnswerReport, RunError> {
     let kind = task_kind(kind)?;
     let request = TaskRequest {
         id: id_from(path),
         kind,
         offered: offered(objects)?,
-        surfaces: Vec::new(),
+        surfaces: read_world(world)?.named_surfaces(),
         min_objects,
         between: false,
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
