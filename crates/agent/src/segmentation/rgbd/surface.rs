@@ -108,7 +108,8 @@ fn smoothed(inverse: &[f32], colors: &[Vec3], width: usize, noise: f32) -> Vec<f
                     }
                 }
                 let color = colors[index];
-                let (mut sum, mut weights) = (here, 1.0);
+                // A line through the neighbours, at this place: an average would be off where they lie on one side only.
+                let (mut weights, mut x, mut xx, mut v, mut xv) = (1.0, 0.0, 0.0, 0.0, 0.0);
                 for other in (index - back * step..=index + ahead * step).step_by(step) {
                     let value = values[other];
                     if other == index || value <= 0.0 || (value - here).abs() > SMOOTHING_NOISES * 1.5 * noise {
@@ -116,10 +117,15 @@ fn smoothed(inverse: &[f32], colors: &[Vec3], width: usize, noise: f32) -> Vec<f
                     }
                     let difference = (colors[other] - color).length_squared() / (SMOOTHING_COLOR * SMOOTHING_COLOR);
                     let weight = 1.0 / (1.0 + difference * difference);
-                    sum += weight * value;
+                    let apart = if other < index { -(((index - other) / step) as f32) } else { ((other - index) / step) as f32 };
                     weights += weight;
+                    x += weight * apart;
+                    xx += weight * apart * apart;
+                    v += weight * (value - here);
+                    xv += weight * apart * (value - here);
                 }
-                sum / weights
+                let determinant = weights * xx - x * x;
+                here + if determinant > 1e-3 { (xx * v - x * xv) / determinant } else { v / weights }
             })
             .collect()
     };
