@@ -141,6 +141,7 @@ impl Designer {
             id: format!("llm_{}_{seed}_{index:04}", kind.name()),
             kind,
             offered: offered.clone().unwrap_or_default(),
+            surfaces: Vec::new(),
             min_objects: self.settings.min_objects,
             between: false,
             source: format!("language model {}", self.model_name),

@@ -54,6 +54,7 @@ fn request(kind: TaskKind) -> TaskRequest {
         id: "test".into(),
         kind,
         offered: uids.iter().map(|uid| cards.iter().find(|card| card.uid == *uid).unwrap().clone()).collect(),
+        surfaces: Vec::new(),
         min_objects: 3,
         between: false,
         source: "test".into(),
