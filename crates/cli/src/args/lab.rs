@@ -100,7 +100,7 @@ pub struct FitArguments {
 #[derive(Debug, Args)]
 pub struct EnvironmentArguments {
     /// Seed of tasks, layouts and attempts
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Designed tasks, one attempt of the expert each
     #[arg(long, default_value_t = 10, value_parser = super::parse_count)]
@@ -114,7 +114,7 @@ pub struct EnvironmentArguments {
 #[derive(Debug, Args)]
 pub struct DesignArguments {
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Tasks, the six kinds in turn
     #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
@@ -125,7 +125,7 @@ pub struct DesignArguments {
 #[derive(Debug, Args)]
 pub struct AnswersArguments {
     /// Seed of the fuzzer
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Texts that the fuzzer makes
     #[arg(long, default_value_t = 10_000, value_parser = super::parse_count)]
@@ -151,7 +151,7 @@ pub struct RelationsArguments {
     #[arg(long, conflicts_with_all = ["cases", "profile"])]
     pub rendered: bool,
     /// Seed of the layouts
-    #[arg(long, default_value_t = 0, requires = "rendered")]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed, requires = "rendered")]
     pub seed: u64,
     /// Scenes that are laid out
     #[arg(long, default_value_t = 500, requires = "rendered", value_parser = super::parse_count)]
@@ -168,7 +168,7 @@ pub struct ExpertArguments {
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed of tasks, layouts and attempts
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Tasks of the rule-based designer, the six kinds in turn
     #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
@@ -203,10 +203,10 @@ pub struct MotionArguments {
     #[arg(long, value_name = "LINK", requires = "robot")]
     pub tip: Option<String>,
     /// Seed of the searches, and of the problems that are made
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Longest edge of the search tree, rad; without it, the planner's own
-    #[arg(long, value_name = "RAD", value_parser = super::parse_positive)]
+    #[arg(long, value_name = "RAD", value_parser = super::parse_edge)]
     pub rrt_range: Option<f64>,
     /// Poses at which the inverse kinematics are measured; a numeric arm gets one for 200 of them
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = super::parse_count)]
@@ -223,7 +223,7 @@ pub struct LabLayoutArguments {
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed of tasks and layouts
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Tasks to design and lay out; with --tasks: layouts of each
     #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
@@ -240,7 +240,7 @@ pub struct LabLayoutArguments {
 #[derive(Debug, Args)]
 pub struct GraspArguments {
     /// Seed of things, views and noise
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Trials per class
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
