@@ -58,6 +58,34 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
     Fit(FitArguments),
+    /// Segment what the data cameras see, from colour and depth, and compare with the renderer's ids
+    #[command(after_help = "Examples:\n  genmanip lab segment --seed 1 --count 60 --json\n  \
+                      genmanip lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
+                      Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
+    Segment(SegmentArguments),
+}
+
+/// Arguments of `lab segment`.
+#[derive(Debug, Args)]
+pub struct SegmentArguments {
+    /// Seed of tasks, layouts and noise
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Scenes, each seen by two cameras
+    #[arg(long, default_value_t = 40, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Depth as this camera measures it, instead of the exact one
+    #[arg(long, value_parser = ["d435"])]
+    pub noise: Option<String>,
+    /// Where masks come from; `oracle` is the renderer's truth
+    #[arg(long, default_value = "rgbd", value_parser = ["rgbd", "oracle"])]
+    pub masks: String,
+    /// Fit the weights by which regions are joined to these scenes, instead of measuring
+    #[arg(long, conflicts_with_all = ["masks", "out"])]
+    pub fit: bool,
+    /// Folder for pictures of the worst views: image, truth, masks
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `lab hostile`.

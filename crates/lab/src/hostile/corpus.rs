@@ -200,7 +200,10 @@ impl Corpus {
                     .with_hint(format!("kinds are {}", KINDS.join(", "))));
             }
         };
-        let call = calls[rng.random_range(0..calls.len())].split(' ').map(String::from).collect();
+        let call: Vec<String> = calls[rng.random_range(0..calls.len())].split(' ').map(String::from).collect();
+        // What a refused call of these has finished is kept.
+        let writes = ["evaluate", "report", "new", "preview"];
+        let only_reads = !call.iter().take(2).any(|word| writes.contains(&word.as_str()));
         let is_target = |name: &str| match kind {
             "episodes" => name.starts_with("run/episodes/") || name == "run/run.json",
             "evaluations" => name.starts_with("run/evaluation/") || name == "run/timings.json" || name == "run/run.json",
@@ -211,7 +214,7 @@ impl Corpus {
             _ => true,
         };
         let targets = (0..files.len()).filter(|&index| is_target(&files[index].0)).collect();
-        Ok(Case { kind: kind.into(), files, targets, call, only_reads: !matches!(kind, "evaluations") })
+        Ok(Case { kind: kind.into(), files, targets, call, only_reads })
     }
 
     /// A file as large as its reader takes, in the place of a sound one.
@@ -228,6 +231,7 @@ impl Corpus {
         case.targets = vec![case.files.len() - 1];
         case.call = filling.call.split(' ').map(String::from).collect();
         case.kind = FULL.into();
+        case.only_reads = false;
         Ok(case)
     }
 
