@@ -49,10 +49,12 @@ pub enum LabCommand {
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
     /// Hand the program changed files of every kind, in calls of its own under limits of memory and time
-    #[command(after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
+    #[command(
+        after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
                       genmanip lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
                       Run it in the project's folder. Minutes are processor time of all calls; each may use 1 GiB\n\
-                      and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first.")]
+                      and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first."
+    )]
     Hostile(HostileArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\

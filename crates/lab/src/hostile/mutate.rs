@@ -5,14 +5,49 @@ use serde_json::{Map, Value, json};
 
 /// Numbers that readers trip over, as they are written.
 const NUMBERS: [&str; 26] = [
-    "0", "-0.0", "-1", "1", "2", "255", "65536", "2147483648", "-2147483649", "4294967296", "9007199254740993",
-    "18446744073709551615", "18446744073709551616", "1e308", "-1e308", "1e-320", "1e9", "1e5", "1000", "0.001", "1e-6",
-    "-0.5", "NaN", "inf", "-inf", "1e999",
+    "0",
+    "-0.0",
+    "-1",
+    "1",
+    "2",
+    "255",
+    "65536",
+    "2147483648",
+    "-2147483649",
+    "4294967296",
+    "9007199254740993",
+    "18446744073709551615",
+    "18446744073709551616",
+    "1e308",
+    "-1e308",
+    "1e-320",
+    "1e9",
+    "1e5",
+    "1000",
+    "0.001",
+    "1e-6",
+    "-0.5",
+    "NaN",
+    "inf",
+    "-inf",
+    "1e999",
 ];
 /// Texts that readers trip over.
 const TEXTS: [&str; 14] = [
-    "", " ", "..", ".", "../../outside/canary", "../outside/victim", "/etc/passwd", "/dev/zero", "a/b", "\u{0}", "\u{202e}x",
-    "none", "001", "é\u{1F600}",
+    "",
+    " ",
+    "..",
+    ".",
+    "../../outside/canary",
+    "../outside/victim",
+    "/etc/passwd",
+    "/dev/zero",
+    "a/b",
+    "\u{0}",
+    "\u{202e}x",
+    "none",
+    "001",
+    "é\u{1F600}",
 ];
 
 pub(super) fn number(rng: &mut impl Rng) -> &'static str {
@@ -123,7 +158,9 @@ pub(super) fn tokens(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
         3 => in_one(&text, &quoted(&text), rng, &|_, rng| self::text(rng)),
         4 => in_one(&text, &quoted(&text), rng, &|old, rng| {
             let other = quoted(&text);
-            other.get(rng.random_range(0..other.len().max(1))).map_or(old.to_owned(), |&(from, to)| text[from..to].to_owned())
+            other
+                .get(rng.random_range(0..other.len().max(1)))
+                .map_or(old.to_owned(), |&(from, to)| text[from..to].to_owned())
         }),
         _ => {
             let mut lines: Vec<&str> = text.lines().collect();
@@ -211,6 +248,39 @@ pub(super) fn blind(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
             let number = number[rng.random_range(0..number.len())].to_le_bytes();
             let end = (at + 4).min(bytes.len());
             bytes[at..end].copy_from_slice(&number[..end - at]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use genmanip_core::Seed;
+
+    use super::*;
+
+    #[test]
+    fn changes_are_the_same_for_a_seed_and_never_the_input_alone() {
+        let samples =
+            [&b"{\"a\": [1, {\"b\": \"x\"}], \"c\": null}"[..], b"a = 1.5\n[b]\nc = \"x\"\n", b"\xff\x00\x80", b""];
+        for name in ["json", "tokens", "blind"] {
+            let all = |seed: u64| -> Vec<Vec<u8>> {
+                let mut rng = Seed::new(seed).rng();
+                let changed = |index: usize| {
+                    let mut bytes = samples[index % samples.len()].to_vec();
+                    match name {
+                        "json" => json(&mut bytes, &mut rng),
+                        "tokens" => tokens(&mut bytes, &mut rng),
+                        _ => blind(&mut bytes, &mut rng),
+                    }
+                    bytes
+                };
+                (0..2000).map(changed).collect()
+            };
+            let first = all(1);
+            assert_eq!(first, all(1), "{name}");
+            let different =
+                first.iter().enumerate().filter(|(index, bytes)| ***bytes != *samples[index % samples.len()]);
+            assert!(different.count() > 1500, "{name} changes too little");
         }
     }
 }
