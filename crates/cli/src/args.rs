@@ -6,9 +6,11 @@ use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 use genmanip_run::policies;
 
+pub use assets::*;
 pub use lab::*;
 pub use world::*;
 
+mod assets;
 mod lab;
 mod world;
 
@@ -74,6 +76,12 @@ pub enum Command {
         /// What to do with grasps
         #[command(subcommand)]
         command: GraspsCommand,
+    },
+    /// List, find, show, draw, export and audit objects
+    Assets {
+        /// What to do with objects
+        #[command(subcommand)]
+        command: AssetsCommand,
     },
     /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
     World {
