@@ -125,12 +125,12 @@ pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     Ok(tasks)
 }
 
-/// Tasks of the rule-based designer, the six kinds in turn.
+/// Tasks of the rule-based designer about the objects of a catalogue, the six kinds in turn.
 ///
 /// # Errors
 /// When the designer finds no task.
-pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, RunError> {
-    let cards = Catalogue::builtin().cards();
+pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<Vec<Task>, RunError> {
+    let cards = catalogue.cards();
     let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
         .map_err(|error| RunError::broken("the designer gave up", error))?;
     Ok(batch.tasks)
@@ -260,12 +260,12 @@ pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
 fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, RunError> {
     let catalogue = Catalogue::builtin();
     uids.iter()
-        .map(|uid| match catalogue.card(uid_of(uid)) {
+        .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::full().card(uid_of(uid))) {
             Some(card) => Ok(card.clone()),
             // Asking for the model of an object without a card says which ones look alike.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
                 RunError::broken("an offered object is not in the catalogue", error)
-                    .with_hint("uids are three digits, 001 to 064")
+                    .with_hint("uids are 001 to 064, or as `genmanip assets list` says")
             }),
         })
         .collect()

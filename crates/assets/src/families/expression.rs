@@ -37,8 +37,11 @@ pub fn evaluate(text: &str, scope: &dyn Scope) -> Result<Value, String> {
     value.map_err(|error| format!("`{text}`: {error}"))
 }
 
-/// A number as JSON.
+/// A number as JSON; a whole one without a fraction, so that it can count things.
 pub fn number(value: f64) -> Value {
+    if value.fract() == 0.0 && value.abs() < 1e15 {
+        return Value::from(value as i64);
+    }
     serde_json::Number::from_f64(value).map_or(Value::Null, Value::Number)
 }
 
