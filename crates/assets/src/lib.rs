@@ -50,6 +50,6 @@ pub use error::AssetError;
 pub use families::{Families, Family};
 pub use grasps::{GraspFile, GraspLibrary, GraspProvenance, ObjectGrasps};
 pub use handle::{HANDLE, handle_bounds};
-pub use robot::{panda, robot_from_json};
+pub use robot::{panda, panda_2f85, robot_from_json};
 pub use source::AssetSource;
 pub use variant::variant;

@@ -48,7 +48,9 @@ pub fn read_families(folder: &Path) -> Result<Families, RunError> {
 /// # Errors
 /// When it cannot be drawn.
 pub fn portrait(model: &Arc<ObjectModel>, joints: &[f64], pixels: u32) -> Result<Vec<u8>, RunError> {
-    portrait_from(model, &Pose::from_position(DVec3::new(0.5, 0.0, 0.0)), joints, DVec3::new(-0.8, -0.42, 0.62), pixels)
+    // Fronts face the robot; handles of cups point away from it and labels to its right.
+    let direction = if model.card.is_articulated { [-0.8, -0.42, 0.62] } else { [-0.36, -0.82, 0.62] };
+    portrait_from(model, &Pose::from_position(DVec3::new(0.5, 0.0, 0.0)), joints, DVec3::from_array(direction), pixels)
 }
 
 /// The same posed and seen from a direction.

@@ -335,6 +335,32 @@ pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
         .with_hint(format!("`genmanip world check {}` lists every fault", path.display())))
 }
 
+/// The world in a file or the default one, with another robot when one is named.
+///
+/// # Errors
+/// As [`read_world`], and when there is no such robot.
+pub fn read_world_with(path: Option<&Path>, robot: Option<&str>) -> Result<World, RunError> {
+    let world = read_world(path)?;
+    let Some(name) = robot else { return Ok(world) };
+    worlds::with_robot(&world, name)
+        .map_err(|error| RunError::input(format!("robot `{name}` cannot be used")).because(error))
+}
+
+/// Refuses a world whose robot is another than the one that was named.
+///
+/// # Errors
+/// Names both robots.
+pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), RunError> {
+    match named {
+        Some(name) if name != world.robot.name => Err(RunError::input(format!(
+            "the scenario was laid out for robot `{}`, not for `{name}`",
+            world.robot.name
+        ))
+        .with_hint(format!("lay its task out again with --robot {name}"))),
+        _ => Ok(()),
+    }
+}
+
 /// The robot of a world, starting where the world says.
 ///
 /// # Errors

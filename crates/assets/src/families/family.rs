@@ -126,8 +126,10 @@ impl Family {
             let known: Vec<&str> = self.vars.keys().map(String::as_str).collect();
             return Err(format!("it has no parameter `{unknown}`, only {}", known.join(", ")));
         }
+        // Its own stream, so that objects of one seed differ from family to family.
+        let stream = seed.fork(&self.family);
         let draw =
-            Draw { family: self, params, seed, palettes, known: RefCell::default(), chain: Cell::default() };
+            Draw { family: self, params, seed: stream, palettes, known: RefCell::default(), chain: Cell::default() };
         let words = self.words(&draw, library)?;
         let states: Vec<Value> = expanded(&self.states, &draw, library)?;
         let recipe: Recipe = read(serde_json::json!({
@@ -145,7 +147,7 @@ impl Family {
         if let Some(flaw) = recipe.flaw(&card) {
             return Err(flaw);
         }
-        let mut model = recipe.build(&card, seed);
+        let mut model = recipe.build(&card, stream);
         let closed = vec![0.0; model.joint_count()];
         model.card.size_m = rounded(model.world_bounds(&Pose::IDENTITY, &closed).size());
         let bounds = model.world_bounds(&Pose::IDENTITY, &closed);

@@ -124,6 +124,9 @@ pub struct FreezeArguments {
     /// File to write
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+    /// Take the families from the data files of this folder
+    #[arg(long, value_name = "DIR")]
+    pub families: Option<PathBuf>,
     /// Rigid objects, the built-in ones included
     #[arg(long, default_value_t = 1000)]
     pub rigid: usize,

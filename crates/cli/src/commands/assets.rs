@@ -216,8 +216,10 @@ fn freeze(arguments: &FreezeArguments, printer: &Printer) -> Result<ExitStatus, 
     let known = Catalogue::builtin().cards();
     let of_kind = |articulated: bool| known.iter().filter(|card: &&ObjectCard| card.is_articulated == articulated).count();
     let (rigid, articulated) = (arguments.rigid - of_kind(false), arguments.articulated - of_kind(true));
+    let own = arguments.families.as_deref().map(assets::read_families).transpose()?;
+    let families = own.as_ref().unwrap_or_else(|| Families::builtin());
     printer.begin("choosing", rigid + articulated);
-    let list = choose(Families::builtin(), rigid, articulated, known, &mut || printer.advance())
+    let list = choose(families, rigid, articulated, known, &mut || printer.advance())
         .map_err(|error| Failed::because("a family cannot make an object", &error))?;
     printer.end();
     write_list(&arguments.out, &to_text(&list))?;

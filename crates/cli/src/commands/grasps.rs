@@ -27,7 +27,7 @@ pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, 
     let baked = grasps::bake(
         &arguments.out,
         &arguments.objects,
-        &inputs::read_world(None)?,
+        &inputs::read_world_with(None, arguments.robot.as_deref())?,
         &settings,
         seed,
         workers,

@@ -52,7 +52,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 [] => inputs::designed_tasks(arguments.count, arguments.seed, catalogue(&arguments.catalog))?,
                 named => inputs::read_tasks(named)?,
             };
-            let world = inputs::read_world(arguments.world.as_deref())?;
+            let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = expert::measure(&tasks, &world, arguments.tries, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &expert::in_words(&measured));
         }
@@ -66,7 +66,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         }
         LabCommand::Layout(arguments) => {
             let tasks = layout_tasks(&arguments.tasks, arguments.count, arguments.seed, catalogue(&arguments.catalog))?;
-            let world = inputs::read_world(arguments.world.as_deref())?;
+            let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
         }
