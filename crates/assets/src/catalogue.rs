@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, Seed};
 
-use crate::parts::Part;
 use crate::listed::listed;
 use crate::notes::Split;
+use crate::parts::Part;
 use crate::recipe::Recipe;
 use crate::record::Record;
 use crate::search::Index;

@@ -84,10 +84,8 @@ pub fn notes(card: &ObjectCard) -> Notes {
         AssetRef::Generated { .. } => "made by a parametric family of this project",
         AssetRef::Imported { .. } => "imported",
     };
-    let path = family.map_or_else(
-        || vec![card.general_category.clone(), card.category.clone()],
-        |family| family.path.clone(),
-    );
+    let path =
+        family.map_or_else(|| vec![card.general_category.clone(), card.category.clone()], |family| family.path.clone());
     let synonyms = family.map_or_else(Vec::new, |family| family.synonyms.clone());
     let mut accepted = vec![card.category.clone()];
     accepted.extend(synonyms.iter().cloned());
@@ -123,13 +121,15 @@ fn parts(model: &ObjectModel, family: Option<&Family>) -> Vec<PartNote> {
             let entry = bounds.entry(part.name.as_str()).or_insert(Aabb::EMPTY);
             *entry = corners.fold(*entry, |bounds, corner| bounds.including(corner));
         }
-        notes.extend(bounds.into_iter().map(|(name, link_bounds)| PartNote {
-            name: name.to_owned(),
-            link: link.name.clone(),
-            link_bounds,
-            affordances: family
-                .and_then(|family| family.part_affordances.get(name).cloned())
-                .unwrap_or_else(|| usual(name, model)),
+        notes.extend(bounds.into_iter().map(|(name, link_bounds)| {
+            PartNote {
+                name: name.to_owned(),
+                link: link.name.clone(),
+                link_bounds,
+                affordances: family
+                    .and_then(|family| family.part_affordances.get(name).cloned())
+                    .unwrap_or_else(|| usual(name, model)),
+            }
         }));
     }
     notes

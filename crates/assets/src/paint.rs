@@ -232,8 +232,10 @@ impl Canvas {
                 let height = height.min(width * aspect / repeat / (long + weight).max(0.1));
                 let half = Vec2::new(long + weight, 1.0 + weight) * height / 2.0;
                 let place = |p: Vec2| Vec2::new(p.x - long / 2.0, 0.5 - p.y) * height;
-                let segments: Vec<[Vec2; 2]> =
-                    strokes.iter().flat_map(|stroke| stroke.windows(2).map(|ends| [place(ends[0]), place(ends[1])])).collect();
+                let segments: Vec<[Vec2; 2]> = strokes
+                    .iter()
+                    .flat_map(|stroke| stroke.windows(2).map(|ends| [place(ends[0]), place(ends[1])]))
+                    .collect();
                 self.blend_rows(*color, around(at, half.y), |p| {
                     let d = from(p, *at, *repeat);
                     if d.x.abs() > half.x {

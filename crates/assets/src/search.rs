@@ -16,15 +16,50 @@ const STOP: &str = "a an the i me my we you it is are be am can could would some
 const NOT: [&str; 6] = ["not", "no", "without", "isnt", "never", "non"];
 /// Words of a query and what they stand for besides.
 const ALIKE: [(&str, &str); 44] = [
-    ("beverage", "drink"), ("drinking", "drink"), ("sip", "drink"), ("gray", "grey"), ("see-through", "transparent"),
-    ("clear", "transparent"), ("wooden", "wood"), ("metallic", "metal"), ("steel", "metal"), ("fruit", "fruit"),
-    ("veggie", "vegetable"), ("veg", "vegetable"), ("produce", "fruit"), ("hold", "container"), ("holds", "container"),
-    ("store", "container"), ("receptacle", "container"), ("vessel", "container"), ("openable", "opens"), ("opened", "opens"),
-    ("open", "opens"), ("writing", "write"), ("cutting", "cut"), ("slice", "cut"), ("eating", "eat"), ("food", "food"),
-    ("toy", "toys"), ("cutlery", "utensil"), ("silverware", "utensil"), ("flatware", "utensil"), ("dishware", "tableware"),
-    ("crockery", "tableware"), ("stationery", "office"), ("bathroom", "bathroom"), ("hygiene", "bathroom"), ("wash", "wash"),
-    ("washing", "wash"), ("cleaning", "clean"), ("breakable", "fragile"), ("movable", "articulated"), ("joint", "articulated"),
-    ("tv", "remote"), ("cooking", "cook"), ("lamp", "light"),
+    ("beverage", "drink"),
+    ("drinking", "drink"),
+    ("sip", "drink"),
+    ("gray", "grey"),
+    ("see-through", "transparent"),
+    ("clear", "transparent"),
+    ("wooden", "wood"),
+    ("metallic", "metal"),
+    ("steel", "metal"),
+    ("fruit", "fruit"),
+    ("veggie", "vegetable"),
+    ("veg", "vegetable"),
+    ("produce", "fruit"),
+    ("hold", "container"),
+    ("holds", "container"),
+    ("store", "container"),
+    ("receptacle", "container"),
+    ("vessel", "container"),
+    ("openable", "opens"),
+    ("opened", "opens"),
+    ("open", "opens"),
+    ("writing", "write"),
+    ("cutting", "cut"),
+    ("slice", "cut"),
+    ("eating", "eat"),
+    ("food", "food"),
+    ("toy", "toys"),
+    ("cutlery", "utensil"),
+    ("silverware", "utensil"),
+    ("flatware", "utensil"),
+    ("dishware", "tableware"),
+    ("crockery", "tableware"),
+    ("stationery", "office"),
+    ("bathroom", "bathroom"),
+    ("hygiene", "bathroom"),
+    ("wash", "wash"),
+    ("washing", "wash"),
+    ("cleaning", "clean"),
+    ("breakable", "fragile"),
+    ("movable", "articulated"),
+    ("joint", "articulated"),
+    ("tv", "remote"),
+    ("cooking", "cook"),
+    ("lamp", "light"),
 ];
 
 /// What must hold besides the words.
@@ -134,8 +169,7 @@ impl Index {
                 entry.1.push(index);
             }
         }
-        let excluded: BTreeSet<u32> =
-            query.without.iter().flat_map(|word| self.stated(word)).collect();
+        let excluded: BTreeSet<u32> = query.without.iter().flat_map(|word| self.stated(word)).collect();
         let fits = |number: &u32| {
             let entry = &self.entries[*number as usize];
             !excluded.contains(number) && query.filter.holds(entry)
@@ -143,7 +177,11 @@ impl Index {
         let mut found: Vec<(u32, f64, Vec<usize>)> = if query.words.is_empty() {
             (0..self.entries.len() as u32).filter(fits).map(|number| (number, 0.0, Vec::new())).collect()
         } else {
-            scores.into_iter().filter(|(number, _)| fits(number)).map(|(number, (s, words))| (number, s, words)).collect()
+            scores
+                .into_iter()
+                .filter(|(number, _)| fits(number))
+                .map(|(number, (s, words))| (number, s, words))
+                .collect()
         };
         let most = found.iter().map(|(_, _, words)| words.len()).max().unwrap_or(0);
         found.retain(|(_, _, words)| words.len() == most);
@@ -209,7 +247,11 @@ impl Query {
                 if is_stop(&word) {
                     continue;
                 }
-                if negated || minus { without.push(word) } else { words.push(word) }
+                if negated || minus {
+                    without.push(word)
+                } else {
+                    words.push(word)
+                }
                 negated = false;
             }
             // A clause ends at a comma, and so does what it denies.
@@ -257,7 +299,9 @@ impl Filter {
         let has = |wanted: &Option<String>, have: &[&[String]]| {
             let Some(wanted) = wanted else { return true };
             let wanted = words_of(wanted);
-            have.iter().flat_map(|texts| texts.iter()).any(|text| words_of(text).iter().any(|word| wanted.contains(word)))
+            have.iter()
+                .flat_map(|texts| texts.iter())
+                .any(|text| words_of(text).iter().any(|word| wanted.contains(word)))
         };
         let longest = card.size_m.max_element();
         has(&self.color, &[&card.colors])

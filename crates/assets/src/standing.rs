@@ -61,10 +61,8 @@ fn support(pieces: &[Piece], center: DVec3, rotation: DQuat) -> (f64, f64) {
     let back = rotation.inverse();
     let height = |point: DVec3| (rotation * point).z;
     let lowest = pieces.iter().map(|piece| height(piece.support(back * DVec3::NEG_Z))).fold(f64::INFINITY, f64::min);
-    let low: Vec<&Piece> = pieces
-        .iter()
-        .filter(|piece| height(piece.support(back * DVec3::NEG_Z)) < lowest + TOUCHING_M)
-        .collect();
+    let low: Vec<&Piece> =
+        pieces.iter().filter(|piece| height(piece.support(back * DVec3::NEG_Z)) < lowest + TOUCHING_M).collect();
     let margin = (0..DIRECTIONS).map(|index| {
         let angle = TAU * index as f64 / DIRECTIONS as f64;
         let outward = DVec3::new(angle.cos(), angle.sin(), 0.0);

@@ -123,7 +123,8 @@ pub fn measure(
     workers: usize,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let wanted: Vec<&Family> = families.all().filter(|family| chosen.is_none_or(|name| family.family == name)).collect();
+    let wanted: Vec<&Family> =
+        families.all().filter(|family| chosen.is_none_or(|name| family.family == name)).collect();
     if wanted.is_empty() {
         return Err(LabError::input(format!("there is no family `{}`", chosen.unwrap_or_default())));
     }
@@ -362,7 +363,12 @@ fn ball(radius: f64) -> ObjectModel {
 }
 
 /// What is wrong with a state, if anything: it must last, and no other state's intervals may hold what it is.
-fn state_holds(model: &Arc<ObjectModel>, name: &str, nominal: &[f64], world: &World) -> Result<Option<String>, SimError> {
+fn state_holds(
+    model: &Arc<ObjectModel>,
+    name: &str,
+    nominal: &[f64],
+    world: &World,
+) -> Result<Option<String>, SimError> {
     let start = Pose::from_position(PLACE + DVec3::Z * DROP_M);
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &[placed("0", model, start, nominal)])?));
     sim.advance((WATCH_S * STEPS_HZ) as u32)?;
@@ -379,7 +385,8 @@ fn state_holds(model: &Arc<ObjectModel>, name: &str, nominal: &[f64], world: &Wo
         })
         .map(|state| state.name.as_str())
         .collect();
-    let wrong = || format!("put into state {name}, its joints are at {joints:.3?} 2 s later, which is state {holding:?}");
+    let wrong =
+        || format!("put into state {name}, its joints are at {joints:.3?} 2 s later, which is state {holding:?}");
     Ok((holding != [name]).then(wrong))
 }
 
@@ -459,7 +466,8 @@ fn start_ms() -> f64 {
 
 /// The same in words.
 pub fn in_words(measured: &Measured) -> String {
-    let Measured { objects, failed, build_cpu_s, distinct_descriptions, drift_mm_max, penetration_mm_max, .. } = measured;
+    let Measured { objects, failed, build_cpu_s, distinct_descriptions, drift_mm_max, penetration_mm_max, .. } =
+        measured;
     let share = |part: usize, of: usize| format!("{part} of {of} ({:.1} %)", 100.0 * part as f64 / of.max(1) as f64);
     let mut text = format!(
         "objects       {objects}, {failed} failed, made in {build_cpu_s:.1} s of processor time\ndescriptions  {}\n\

@@ -6,15 +6,13 @@ use std::sync::Arc;
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{AssetSource, Families};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose};
+use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose, limits};
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
 use crate::error::RunError;
 use crate::inputs;
 use crate::progress::Progress;
 
-/// Largest data file of families that is read, bytes.
-const MAX_FAMILIES_BYTES: u64 = 4 << 20;
 /// Vertical field of view of a portrait, rad: a long lens, so that shapes look as they are.
 const PORTRAIT_FOV: f64 = 0.42;
 /// Share of the distance that the radius of an object is in a portrait.
@@ -27,7 +25,7 @@ const PORTRAIT_FILL: f64 = 0.19;
 pub fn read_families(folder: &Path) -> Result<Families, RunError> {
     let mut files = Vec::new();
     for path in inputs::expand(&[folder.to_owned()])? {
-        files.push((inputs::stem(&path), inputs::read_text(&path, MAX_FAMILIES_BYTES)?));
+        files.push((inputs::stem(&path), inputs::read_text(&path, limits::FAMILIES)?));
     }
     let named = |name: &str| {
         let found = files.iter().find(|(stem, _)| stem == name).map(|(_, text)| text.clone());

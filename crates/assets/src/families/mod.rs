@@ -106,8 +106,12 @@ impl Families {
     ) -> Result<ObjectModel, AssetError> {
         let refused = |reason: String| AssetError::NotGenerated { family: family.to_owned(), reason };
         let known = self.families.get(family).ok_or_else(|| {
-            let near: Vec<&str> = self.families.keys().map(String::as_str).filter(|name| is_near(name, family)).collect();
-            refused(format!("there is no such family; near misses: {}", if near.is_empty() { "none".into() } else { near.join(", ") }))
+            let near: Vec<&str> =
+                self.families.keys().map(String::as_str).filter(|name| is_near(name, family)).collect();
+            refused(format!(
+                "there is no such family; near misses: {}",
+                if near.is_empty() { "none".into() } else { near.join(", ") }
+            ))
         })?;
         known.instance(params, seed, &self.palettes, &self.library).map_err(refused)
     }

@@ -21,7 +21,9 @@ fn there_are_enough_families() {
     assert!(count(&|family| !family.articulated && family.unseen) >= 16);
     assert!(count(&|family| family.articulated) >= 12);
     // The families speak for every category of the built-in objects they share.
-    assert!(families.all().all(|family| !family.synonyms.is_empty() && !family.uses.is_empty() && family.path.len() > 1));
+    assert!(
+        families.all().all(|family| !family.synonyms.is_empty() && !family.uses.is_empty() && family.path.len() > 1)
+    );
 }
 
 #[test]
@@ -60,7 +62,10 @@ fn objects_of_every_family_are_sound() {
             let poses = geometry_notes(&model).stable_poses;
             check(poses.first().is_some_and(|pose| pose.margin_m > 0.0), format!("tips over: {:?}", poses.first()));
             let moving = model.links.iter().filter(|link| link.joint.is_some());
-            check(moving.clone().all(|link| crate::handle_bounds(link).is_some()), "a moving link without handle".into());
+            check(
+                moving.clone().all(|link| crate::handle_bounds(link).is_some()),
+                "a moving link without handle".into(),
+            );
         }
     }
     assert!(flaws.is_empty(), "{} flaws:\n{}", flaws.len(), flaws.join("\n"));
@@ -116,7 +121,10 @@ fn wrong_data_says_where() {
     check(record(json!([{"use": "nothing"}]), json!({})), "there is no shape `nothing`");
     check(record(json!([{"blok": {}}]), json!({})), "unknown variant `blok`");
     check(record(json!([]), json!({"a": "=b", "b": "=a"})), "without");
-    let loops = record(json!([{"block": {"size": ["=a", 0.1, 0.1], "finish": {"color": "#ffffff"}}}]), json!({"a": "=b", "b": "=a"}));
+    let loops = record(
+        json!([{"block": {"size": ["=a", 0.1, 0.1], "finish": {"color": "#ffffff"}}}]),
+        json!({"a": "=b", "b": "=a"}),
+    );
     check(loops, "follows from itself");
 }
 
@@ -125,13 +133,17 @@ fn the_list_is_whole_and_as_the_families_make_it() {
     let full = Catalogue::full();
     let (articulated, rigid): (Vec<_>, Vec<_>) = full.cards().iter().partition(|card| card.is_articulated);
     assert_eq!((rigid.len(), articulated.len()), (1000, 120));
-    let distinct = |of: &dyn Fn(&genmanip_core::ObjectCard) -> String| full.cards().iter().map(of).collect::<BTreeSet<_>>().len();
+    let distinct =
+        |of: &dyn Fn(&genmanip_core::ObjectCard) -> String| full.cards().iter().map(of).collect::<BTreeSet<_>>().len();
     assert_eq!(distinct(&|card| card.uid.clone()), 1120);
     assert!(distinct(&|card| card.description.clone()) >= 1120 * 97 / 100);
     for one in listed().iter().step_by(23) {
         let model = full.model(&one.card.asset).unwrap();
         assert_eq!(model.card, one.card, "the list is stale: `genmanip assets freeze` makes it anew");
-        assert!((model.world_bounds(&Pose::IDENTITY, &[]).size() - one.card.size_m).abs().max_element() < 0.02 || model.joint_count() > 0);
+        assert!(
+            (model.world_bounds(&Pose::IDENTITY, &[]).size() - one.card.size_m).abs().max_element() < 0.02
+                || model.joint_count() > 0
+        );
     }
     // Families and single objects are kept for testing.
     let with = |split: Split| listed().iter().filter(|one| one.split == split).count();
@@ -153,17 +165,47 @@ fn searches_find_what_people_mean() {
     let cases = [
         ("something to drink from", "drinkware|cup|glass|pitcher|kettle|mug"),
         ("something to drink from that is not red", "drinkware|cup|glass|pitcher|mug"),
-        ("cup", "cup"), ("coffee mug", "mug"), ("red mug", "mug"), ("wine glass", "wine glass"),
-        ("fork", "fork"), ("cutlery", "cutlery"), ("knife", "knife"), ("wooden spoon", "spoon"),
-        ("frying pan", "pan"), ("fruit", "fruit"), ("vegetable", "vegetables|vegetable"), ("citrus", "citrus"),
-        ("apple", "apple"), ("aubergine", "eggplant"), ("donut", "doughnut"), ("loaf of bread", "bread"),
-        ("cheese", "cheese"), ("egg", "egg"), ("soft drink", "soda can|drink"), ("tin of soup", "food tin|tin"),
-        ("jam", "jar"), ("tea", "tea"), ("milk", "milk"), ("breakfast cereal", "cereal"),
-        ("something to write with", "writing|pen|pencil|marker"), ("ballpoint", "pen"), ("book", "books"),
-        ("rubber", "eraser|rubber|ball"), ("sticky tape", "tape"), ("dice", "die"), ("lego", "toy brick"),
-        ("flashlight", "torch"), ("spanner", "wrench"), ("hammer", "hammer"), ("soap", "soap"),
-        ("toothbrush", "toothbrush"), ("trash can", "bin"), ("notebook computer", "laptop"),
-        ("chest of drawers", "drawer cabinet"), ("tap", "faucet"), ("container:yes material:glass", "glass|tumbler"),
+        ("cup", "cup"),
+        ("coffee mug", "mug"),
+        ("red mug", "mug"),
+        ("wine glass", "wine glass"),
+        ("fork", "fork"),
+        ("cutlery", "cutlery"),
+        ("knife", "knife"),
+        ("wooden spoon", "spoon"),
+        ("frying pan", "pan"),
+        ("fruit", "fruit"),
+        ("vegetable", "vegetables|vegetable"),
+        ("citrus", "citrus"),
+        ("apple", "apple"),
+        ("aubergine", "eggplant"),
+        ("donut", "doughnut"),
+        ("loaf of bread", "bread"),
+        ("cheese", "cheese"),
+        ("egg", "egg"),
+        ("soft drink", "soda can|drink"),
+        ("tin of soup", "food tin|tin"),
+        ("jam", "jar"),
+        ("tea", "tea"),
+        ("milk", "milk"),
+        ("breakfast cereal", "cereal"),
+        ("something to write with", "writing|pen|pencil|marker"),
+        ("ballpoint", "pen"),
+        ("book", "books"),
+        ("rubber", "eraser|rubber|ball"),
+        ("sticky tape", "tape"),
+        ("dice", "die"),
+        ("lego", "toy brick"),
+        ("flashlight", "torch"),
+        ("spanner", "wrench"),
+        ("hammer", "hammer"),
+        ("soap", "soap"),
+        ("toothbrush", "toothbrush"),
+        ("trash can", "bin"),
+        ("notebook computer", "laptop"),
+        ("chest of drawers", "drawer cabinet"),
+        ("tap", "faucet"),
+        ("container:yes material:glass", "glass|tumbler"),
     ];
     let mut flaws = Vec::new();
     for (query, expected) in cases {
@@ -188,7 +230,11 @@ fn searches_exclude_and_filter() {
     let all = |query: &str| index.search(query, &Filter::default(), usize::MAX);
     assert!(all("mug not red").iter().all(|one| !one.card.colors.iter().any(|color| color == "red")));
     assert!(all("mug -blue").len() < all("mug").len());
-    assert!(all("color:red container:yes").iter().all(|one| one.card.is_container && one.card.colors.contains(&"red".into())));
+    assert!(
+        all("color:red container:yes")
+            .iter()
+            .all(|one| one.card.is_container && one.card.colors.contains(&"red".into()))
+    );
     assert!(all("articulated:yes").iter().all(|one| one.card.is_articulated) && all("articulated:yes").len() == 120);
     assert!(all("max-size:0.1 graspable:yes").iter().all(|one| one.card.size_m.max_element() <= 0.1));
     assert!(all("split:unseen_family").iter().all(|one| Catalogue::full().split(&one.card.uid) == Split::UnseenFamily));

@@ -84,7 +84,7 @@ pub struct SheetArguments {
     #[arg(long, value_name = "DIR", requires = "family")]
     pub families: Option<PathBuf>,
     /// First seed of new objects
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Objects to draw, or new objects of each family
     #[arg(long, value_name = "N", value_parser = super::parse_count)]

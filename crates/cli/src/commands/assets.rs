@@ -66,7 +66,8 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
     let model = assets::model(catalogue, &arguments.uid)?;
     let (card, geometry, known) = (&model.card, geometry_notes(&model), notes(&model.card));
     let joints: Vec<_> = model.links.iter().filter_map(|link| link.joint.as_ref()).collect();
-    let states: Vec<_> = model.joint_states.iter().map(|state| json!({"name": state.name, "joints": state.intervals})).collect();
+    let states: Vec<_> =
+        model.joint_states.iter().map(|state| json!({"name": state.name, "joints": state.intervals})).collect();
     let grasps = GraspLibrary::builtin()
         .of(&panda(), &model)
         .map_err(|error| Failed::because("the tried grasps cannot be used", &error))?;
@@ -107,7 +108,8 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
         text += &format!("  {:<10} {:<14} {size} mm  {}\n", part.link, part.name, part.affordances.join(", "));
     }
     for joint in &joints {
-        text += &format!("\njoint      {} ({:?}) {:.3} to {:.3}", joint.name, joint.kind, joint.range[0], joint.range[1]);
+        text +=
+            &format!("\njoint      {} ({:?}) {:.3} to {:.3}", joint.name, joint.kind, joint.range[0], joint.range[1]);
     }
     for state in &model.joint_states {
         text += &format!("\nstate      {}", state.name);
@@ -205,7 +207,9 @@ fn audit(arguments: &AuditArguments, printer: &Printer) -> Result<ExitStatus, Fa
     let findings = audit::audit(catalogue(&arguments.catalog.catalog), printer)?;
     let mut rows = vec![["uid", "name", "what", "got", "expected"].map(String::from).to_vec()];
     for finding in &findings {
-        rows.push([&finding.uid, &finding.name, &finding.what, &finding.got, &finding.expected].map(String::clone).to_vec());
+        rows.push(
+            [&finding.uid, &finding.name, &finding.what, &finding.got, &finding.expected].map(String::clone).to_vec(),
+        );
     }
     let text = if findings.is_empty() { "nothing implausible\n".to_owned() } else { text_table(&rows) };
     printer.data(&findings, &text);
@@ -214,7 +218,8 @@ fn audit(arguments: &AuditArguments, printer: &Printer) -> Result<ExitStatus, Fa
 
 fn freeze(arguments: &FreezeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let known = Catalogue::builtin().cards();
-    let of_kind = |articulated: bool| known.iter().filter(|card: &&ObjectCard| card.is_articulated == articulated).count();
+    let of_kind =
+        |articulated: bool| known.iter().filter(|card: &&ObjectCard| card.is_articulated == articulated).count();
     let (rigid, articulated) = (arguments.rigid - of_kind(false), arguments.articulated - of_kind(true));
     let own = arguments.families.as_deref().map(assets::read_families).transpose()?;
     let families = own.as_ref().unwrap_or_else(|| Families::builtin());

@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
-use genmanip_assets::{Catalogue, Families, panda};
+use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_assets::worlds::default_world;
+use genmanip_assets::{Catalogue, Families, panda};
 use genmanip_core::{Seed, Task};
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::motion::{MotionArguments, Source};
-use genmanip_lab::{answers, assets, design, environment, expert, fit, grasp, layout, motion, relations, rendered};
-use genmanip_run::{inputs, robots};
+use genmanip_lab::{
+    answers, assets, design, environment, expert, fit, grasp, layout, motion, relations, rendered, segment,
+};
+use genmanip_run::{OracleSegmenter, inputs, robots};
 
 use crate::args::{self, LabCommand};
 use crate::commands::assets::catalogue;
@@ -25,7 +28,8 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &answers::in_words(&measured));
         }
         LabCommand::Design(arguments) => {
-            let measured = design::measure(catalogue(&arguments.catalog).cards(), arguments.count, Seed::new(arguments.seed))?;
+            let measured =
+                design::measure(catalogue(&arguments.catalog).cards(), arguments.count, Seed::new(arguments.seed))?;
             printer.data(&measured, &design::in_words(&measured));
         }
         LabCommand::Environment(arguments) => {
@@ -70,6 +74,9 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
         }
+        LabCommand::Segment(arguments) => {
+            segment_of(arguments, printer)?;
+        }
         LabCommand::Motion(arguments) => {
             let measured = motion::measure(&motion_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &motion::in_words(&measured));
@@ -87,6 +94,24 @@ fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Resu
     let tasks = inputs::read_tasks(std::slice::from_ref(&arguments.tasks))?;
     let measured = rendered::measure(&tasks, &default_world(), arguments.count, Seed::new(arguments.seed), printer)?;
     printer.data(&measured, &rendered::in_words(&measured));
+    Ok(())
+}
+
+fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(), Failed> {
+    let asked = segment::SegmentArguments {
+        count: arguments.count,
+        is_noisy: arguments.noise.is_some(),
+        out: arguments.out.clone(),
+    };
+    let (world, seed, rgbd) = (default_world(), Seed::new(arguments.seed), RgbdSegmenter::default());
+    if arguments.fit {
+        let fitted = segment::fit::fit_weights(&asked, &rgbd, &world, seed, printer)?;
+        printer.data(&fitted, &segment::fit::in_words(&fitted));
+        return Ok(());
+    }
+    let segmenter: &dyn Segmenter = if arguments.masks == "oracle" { &OracleSegmenter } else { &rgbd };
+    let measured = segment::measure(&asked, segmenter, &world, seed, printer)?;
+    printer.data(&measured, &segment::in_words(&measured));
     Ok(())
 }
 
