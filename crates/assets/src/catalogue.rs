@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, Seed};
 
+use crate::data_file::read;
 use crate::listed::listed;
 use crate::notes::Split;
 use crate::parts::Part;
@@ -226,10 +227,4 @@ pub(crate) fn check_parts(file: &str, owner: &str, parts: &[Part]) -> Result<(),
 /// Built-in objects use their number as seed, so that the seed in a scenario says something.
 fn seed_of(uid: &str) -> Seed {
     uid.parse().map_or_else(|_| Seed::new(0).fork(uid), Seed::new)
-}
-
-pub(crate) fn read<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, AssetError> {
-    let mut reader = serde_json::Deserializer::from_str(text);
-    serde_path_to_error::deserialize(&mut reader)
-        .map_err(|error| AssetError::Data { file: file.to_owned(), message: error.to_string() })
 }

@@ -20,6 +20,7 @@
 
 mod catalogue;
 mod color;
+mod data_file;
 mod error;
 mod families;
 mod finish;

@@ -32,7 +32,7 @@ pub struct Listed {
 /// Never in a tested build: the data file is compiled in.
 pub fn listed() -> &'static [Listed] {
     static LISTED: OnceLock<Vec<Listed>> = OnceLock::new();
-    LISTED.get_or_init(|| crate::catalogue::read("instances", LIST).expect("built-in data files are tested"))
+    LISTED.get_or_init(|| crate::data_file::read("instances", LIST).expect("built-in data files are tested"))
 }
 
 /// Chooses a list anew: so many rigid and articulated objects, evenly over the families, from seeds 1, 2, … of each,

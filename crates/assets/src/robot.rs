@@ -8,7 +8,8 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use crate::AssetError;
-use crate::catalogue::{check_parts, read};
+use crate::catalogue::check_parts;
+use crate::data_file::read;
 use crate::parts::{Part, assemble};
 
 /// The Franka Emika Panda with its parallel hand; the same `Arc` every time.

@@ -15,6 +15,8 @@ use crate::progress::Progress;
 
 /// Vertical field of view of a portrait, rad: a long lens, so that shapes look as they are.
 const PORTRAIT_FOV: f64 = 0.42;
+/// Of written JPEG pictures: no artefacts to be seen at a label.
+const JPEG_QUALITY: u8 = 88;
 /// Share of the distance that the radius of an object is in a portrait.
 const PORTRAIT_FILL: f64 = 0.19;
 
@@ -77,7 +79,7 @@ pub fn portrait_from(
     Ok(out.rgb)
 }
 
-/// Portraits row by row in one PNG.
+/// Portraits row by row in one picture: JPEG where the path ends so, else PNG.
 ///
 /// # Errors
 /// As [`portrait`].
@@ -85,6 +87,7 @@ pub fn sheet(
     models: &[Arc<ObjectModel>],
     columns: usize,
     cell: u32,
+    path: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<u8>, RunError> {
     progress.begin("drawing", models.len());
@@ -94,14 +97,14 @@ pub fn sheet(
         progress.advance();
     }
     progress.end();
-    tiled(&pictures, columns, cell)
+    tiled(&pictures, columns, cell, path)
 }
 
-/// Square pictures row by row in one PNG.
+/// Square pictures row by row in one: JPEG where the path ends so, else PNG.
 ///
 /// # Errors
 /// When it cannot be encoded.
-pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32) -> Result<Vec<u8>, RunError> {
+pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32, path: &Path) -> Result<Vec<u8>, RunError> {
     let columns = columns.clamp(1, pictures.len().max(1));
     let rows = pictures.len().div_ceil(columns);
     let (width, height) = (columns * cell as usize, rows * cell as usize);
@@ -113,7 +116,14 @@ pub fn tiled(pictures: &[Vec<u8>], columns: usize, cell: u32) -> Result<Vec<u8>,
             sheet[start..start + pixels.len()].copy_from_slice(pixels);
         }
     }
-    encode::png_rgb(width as u32, height as u32, &sheet).map_err(|error| RunError::broken("cannot encode", error))
+    let is_jpeg = path.extension().is_some_and(|ending| ending == "jpg" || ending == "jpeg");
+    let (width, height) = (width as u32, height as u32);
+    let encoded = if is_jpeg {
+        encode::jpeg_rgb(width, height, &sheet, JPEG_QUALITY)
+    } else {
+        encode::png_rgb(width, height, &sheet)
+    };
+    encoded.map_err(|error| RunError::broken("the picture cannot be encoded", error))
 }
 
 /// The model of an object of a catalogue.

@@ -63,7 +63,7 @@ impl Families {
     pub fn from_json(files: &[(&str, &str)], shapes: &str, palettes: &str) -> Result<Self, AssetError> {
         let mut families = BTreeMap::new();
         for (file, text) in files {
-            let records: Vec<Family> = crate::catalogue::read(file, text)?;
+            let records: Vec<Family> = crate::data_file::read(file, text)?;
             for family in records {
                 if let Some(twice) = families.insert(family.family.clone(), family) {
                     let message = format!("{}: expected one family of that name", twice.family);
@@ -71,8 +71,8 @@ impl Families {
                 }
             }
         }
-        let library = crate::catalogue::read("shapes", shapes)?;
-        let palettes = crate::catalogue::read("palettes", palettes)?;
+        let library = crate::data_file::read("shapes", shapes)?;
+        let palettes = crate::data_file::read("palettes", palettes)?;
         Ok(Self { families, palettes, library })
     }
 

@@ -63,7 +63,7 @@ pub struct SearchArguments {
 pub struct ShowAssetArguments {
     /// Uid of the object
     pub uid: String,
-    /// Write a picture of it from four sides: PNG
+    /// Write a picture of it from four sides, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub picture: Option<PathBuf>,
 }
@@ -74,7 +74,7 @@ pub struct SheetArguments {
     /// Words and filters of the objects to draw
     #[arg(value_name = "QUERY")]
     pub query: Vec<String>,
-    /// PNG to write
+    /// Picture to write, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Draw new objects of this family instead; `all` for each in turn

@@ -116,14 +116,14 @@ fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus,
     }
     printer.data(&value, &text);
     if let Some(path) = &arguments.picture {
-        inputs::write_file(path, &views(&model)?)?;
+        inputs::write_file(path, &views(&model, path)?)?;
         printer.say(format!("wrote {}", path.display()));
     }
     Ok(ExitStatus::Done)
 }
 
 /// From the robot's left, its right, behind and above; in each named state instead where there are some.
-fn views(model: &Arc<ObjectModel>) -> Result<Vec<u8>, RunError> {
+fn views(model: &Arc<ObjectModel>, path: &Path) -> Result<Vec<u8>, RunError> {
     let at = Pose::from_position(DVec3::new(0.5, 0.0, 0.0));
     let closed = vec![0.0; model.joint_count()];
     let directions = [[-0.8, 0.5, 0.6], [-0.8, -0.5, 0.6], [0.8, 0.45, 0.5], [-0.25, 0.0, 1.0]].map(DVec3::from_array);
@@ -134,7 +134,7 @@ fn views(model: &Arc<ObjectModel>) -> Result<Vec<u8>, RunError> {
     for state in &model.joint_states {
         pictures.push(assets::portrait_from(model, &at, &state.nominal, directions[1], VIEW_PX)?);
     }
-    assets::tiled(&pictures, 4, VIEW_PX)
+    assets::tiled(&pictures, 4, VIEW_PX, path)
 }
 
 fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -153,7 +153,7 @@ fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Fa
     if models.is_empty() {
         return Err(Failed::new("there is nothing to draw").hint("see `genmanip assets list`"));
     }
-    let picture = assets::sheet(&models, arguments.columns, arguments.cell, printer)?;
+    let picture = assets::sheet(&models, arguments.columns, arguments.cell, &arguments.out, printer)?;
     inputs::write_file(&arguments.out, &picture)?;
     let columns = arguments.columns.min(models.len());
     let place = |(index, model): (usize, &Arc<ObjectModel>)| {
