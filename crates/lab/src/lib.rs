@@ -4,6 +4,7 @@
 //! Figures are of one thread and in processor time; nothing is printed.
 
 pub mod answers;
+pub mod assets;
 pub mod calibration;
 mod clock;
 pub mod design;

@@ -33,6 +33,10 @@ pub enum LabCommand {
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
     Motion(MotionArguments),
+    /// Make new objects of all families and try them: stability, grasps, containers, states, cost of physics
+    #[command(after_help = "Example:\n  genmanip lab assets --seed 7 --count 200 --json\n\n\
+                      The families in turn, each with seeds of its own; docs/concepts/assets.md says what is measured.")]
+    Assets(LabAssetsArguments),
     /// Lay designed tasks out, once each, and audit what comes of it
     #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
@@ -157,6 +161,9 @@ pub struct EnvironmentArguments {
     /// Step through the episodes stored here instead: a run, its episodes, or one of them
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
 }
 
 /// Arguments of `lab design`.
@@ -168,6 +175,9 @@ pub struct DesignArguments {
     /// Tasks, the six kinds in turn
     #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
     pub count: usize,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
 }
 
 /// Arguments of `lab answers`.
@@ -216,6 +226,9 @@ pub struct ExpertArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
@@ -228,6 +241,9 @@ pub struct ExpertArguments {
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
 }
 
 /// Arguments of `lab motion`.
@@ -271,6 +287,9 @@ pub struct LabLayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed of tasks and layouts
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
@@ -283,6 +302,29 @@ pub struct LabLayoutArguments {
     /// Unmentioned objects to add to each scene
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+}
+
+/// Arguments of `lab assets`.
+#[derive(Debug, Args)]
+pub struct LabAssetsArguments {
+    /// Seed of the objects
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Objects to make, the families in turn
+    #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Only this family
+    #[arg(long, value_name = "NAME")]
+    pub family: Option<String>,
+    /// Take the families from the data files of this folder
+    #[arg(long, value_name = "DIR")]
+    pub families: Option<PathBuf>,
+    /// Threads; the figures in processor time are of one
+    #[arg(long, value_name = "N")]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `lab grasp`.
