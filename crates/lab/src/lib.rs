@@ -14,6 +14,7 @@ pub mod grasp;
 pub mod layout;
 pub mod motion;
 pub mod relations;
+pub mod render;
 pub mod rendered;
 
 pub use clock::cpu_clock;

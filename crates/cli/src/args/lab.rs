@@ -48,6 +48,11 @@ pub enum LabCommand {
                       genmanip lab environment --store out/run --json\n\n\
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
+    /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
+    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
+                      One thread, processor time, medians over the frames of the episode; the static camera is drawn \
+                      first and draws the shadows, which the wrist camera shares.")]
+    Render(RenderArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
@@ -80,6 +85,14 @@ pub struct EnvironmentArguments {
     /// Step through the episodes stored here instead: a run, its episodes, or one of them
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
+}
+
+/// Arguments of `lab render`.
+#[derive(Debug, Args)]
+pub struct RenderArguments {
+    /// Seed of objects, layout and episode
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
 }
 
 /// Arguments of `lab design`.
