@@ -29,6 +29,7 @@ mod hash;
 pub mod image;
 mod interchange;
 pub mod json;
+pub mod limits;
 pub mod mesh;
 pub mod names;
 pub mod object;
@@ -69,7 +70,7 @@ pub use pose::Pose;
 pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario};
 pub use seed::Seed;
-pub use task::{Atom, Goal, GraphEdge, GraphNode, Relation, SceneGraph, Task, TaskKind};
+pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{
     Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World, WorldDifference, WorldFault, WorldFile,

@@ -205,7 +205,7 @@ impl Given {
 
     fn number(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, RunError> {
         let text = self.values.iter().find(|(known, ..)| *known == name).map_or("", |(_, value, _)| value);
-        text.parse().ok().filter(|value| range.contains(value)).ok_or_else(|| {
+        text.parse().ok().filter(|value| range.contains(value) && !value.is_sign_negative()).ok_or_else(|| {
             RunError::input(format!("policy {}: {name}={text} is not possible", self.policy)).with_hint(format!(
                 "expected a number from {} to {}",
                 range.start(),
@@ -253,6 +253,7 @@ mod tests {
             ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
             ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),
             ("do_nothing:seconds=-1", "seconds=-1 is not possible", "from 0 to 600"),
+            ("do_nothing:seconds=-0.0", "seconds=-0.0 is not possible", "from 0 to 600"),
             ("do_nothing:seconds=NaN", "seconds=NaN is not possible", "from 0 to 600"),
         ];
         for (text, what, hint) in cases {

@@ -2,14 +2,17 @@
 
 use std::path::PathBuf;
 
+use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::{Seed, Task};
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::motion::{MotionArguments, Source};
-use genmanip_lab::{answers, design, environment, expert, fit, grasp, layout, motion, relations, render, rendered};
-use genmanip_run::{inputs, robots};
+use genmanip_lab::{
+    answers, design, environment, expert, fit, grasp, layout, motion, relations, render, rendered, segment,
+};
+use genmanip_run::{OracleSegmenter, inputs, robots};
 
 use crate::args::{self, LabCommand};
 use crate::error::{ExitStatus, Failed};
@@ -65,6 +68,9 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let measured = render::measure(Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &render::in_words(&measured));
         }
+        LabCommand::Segment(arguments) => {
+            segment_of(arguments, printer)?;
+        }
         LabCommand::Motion(arguments) => {
             let measured = motion::measure(&motion_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &motion::in_words(&measured));
@@ -82,6 +88,24 @@ fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Resu
     let tasks = inputs::read_tasks(std::slice::from_ref(&arguments.tasks))?;
     let measured = rendered::measure(&tasks, &default_world(), arguments.count, Seed::new(arguments.seed), printer)?;
     printer.data(&measured, &rendered::in_words(&measured));
+    Ok(())
+}
+
+fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(), Failed> {
+    let asked = segment::SegmentArguments {
+        count: arguments.count,
+        is_noisy: arguments.noise.is_some(),
+        out: arguments.out.clone(),
+    };
+    let (world, seed, rgbd) = (default_world(), Seed::new(arguments.seed), RgbdSegmenter::default());
+    if arguments.fit {
+        let fitted = segment::fit::fit_weights(&asked, &rgbd, &world, seed, printer)?;
+        printer.data(&fitted, &segment::fit::in_words(&fitted));
+        return Ok(());
+    }
+    let segmenter: &dyn Segmenter = if arguments.masks == "oracle" { &OracleSegmenter } else { &rgbd };
+    let measured = segment::measure(&asked, segmenter, &world, seed, printer)?;
+    printer.data(&measured, &segment::in_words(&measured));
     Ok(())
 }
 

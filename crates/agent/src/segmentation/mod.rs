@@ -1,6 +1,18 @@
 //! Finding the things in an image: the interface that every source of masks implements.
+//!
+//! - [`Mask`] holds the pixels of one thing.
+//! - [`RgbdSegmenter`] is our own way: colour and depth, no model.
+//! - [`RobotSilhouette`] says which pixels are the robot's own.
+
+mod mask;
+pub mod rgbd;
+mod robot;
 
 use genmanip_core::RgbdImage;
+
+pub use mask::Mask;
+pub use rgbd::{RgbdSegmenter, RgbdSettings};
+pub use robot::RobotSilhouette;
 
 /// Anything that finds the things in an image: our own segmentation, a server, a recording.
 ///
@@ -22,17 +34,6 @@ pub struct SegmentQuestion<'a> {
     pub ignore: &'a [bool],
     /// The part of the image to be cut into parts of one thing; `None` to find the things of the whole image.
     pub within: Option<&'a Mask>,
-}
-
-/// The pixels of one thing.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Mask {
-    /// Pixels per row of the image.
-    pub width: u32,
-    /// Rows of the image.
-    pub height: u32,
-    /// Whether a pixel belongs to the thing, row by row from the top left.
-    pub pixels: Vec<bool>,
 }
 
 /// Why there are no masks.
