@@ -16,6 +16,7 @@ pub mod hostile;
 pub mod layout;
 pub mod motion;
 pub mod relations;
+pub mod render;
 pub mod rendered;
 pub mod segment;
 

@@ -58,6 +58,11 @@ pub enum LabCommand {
                       Run it in the project's folder. Minutes are processor time of all calls; each may use 1 GiB\n\
                       and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first.")]
     Hostile(HostileArguments),
+    /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
+    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
+                      One thread, processor time, medians over the frames of the episode; the static camera is drawn \
+                      first and draws the shadows, which the wrist camera shares.")]
+    Render(RenderArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
@@ -164,6 +169,14 @@ pub struct EnvironmentArguments {
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
     pub catalog: String,
+}
+
+/// Arguments of `lab render`.
+#[derive(Debug, Args)]
+pub struct RenderArguments {
+    /// Seed of objects, layout and episode
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
 }
 
 /// Arguments of `lab design`.

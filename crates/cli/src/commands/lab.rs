@@ -11,7 +11,7 @@ use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
-    answers, assets, design, environment, expert, fit, grasp, hostile, layout, motion, relations, rendered, segment,
+    answers, assets, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render, rendered, segment,
 };
 use genmanip_run::{OracleSegmenter, inputs, robots};
 
@@ -78,6 +78,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
+        }
+        LabCommand::Render(arguments) => {
+            let measured = render::measure(Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &render::in_words(&measured));
         }
         LabCommand::Segment(arguments) => {
             segment_of(arguments, printer)?;
