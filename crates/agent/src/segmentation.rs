@@ -50,3 +50,43 @@ pub enum SegmentError {
     #[error("the segmentation service: {0}")]
     Service(String),
 }
+
+impl Mask {
+    /// Whether there is a value for each pixel.
+    pub fn is_whole(&self) -> bool {
+        self.pixels.len() as u64 == u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Indices of the pixels that belong to the thing, in order.
+    pub fn indices(&self) -> impl Iterator<Item = usize> + '_ {
+        self.pixels.iter().enumerate().filter(|(_, inside)| **inside).map(|(index, _)| index)
+    }
+
+    /// The mask with all eight neighbours of its pixels.
+    #[must_use]
+    pub fn grown(&self) -> Self {
+        let mut grown = self.clone();
+        let (width, height) = (self.width as i64, self.height as i64);
+        for index in self.indices() {
+            let (x, y) = (index as i64 % width, index as i64 / width);
+            for (dx, dy) in [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)] {
+                let (x, y) = (x + dx, y + dy);
+                if (0..width).contains(&x) && (0..height).contains(&y) {
+                    grown.pixels[(y * width + x) as usize] = true;
+                }
+            }
+        }
+        grown
+    }
+
+    /// The pixels that both have, as a share of those that either has; 0 for masks of different sizes.
+    pub fn iou(&self, other: &Self) -> f64 {
+        if self.pixels.len() != other.pixels.len() {
+            return 0.0;
+        }
+        let pairs = || self.pixels.iter().zip(&other.pixels);
+        let both = pairs().filter(|(a, b)| **a && **b).count();
+        let either = pairs().filter(|(a, b)| **a || **b).count();
+        both as f64 / either.max(1) as f64
+    }
+}

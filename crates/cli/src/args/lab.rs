@@ -22,6 +22,12 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab expert --seed 2000 --count 60 --json\n\n\
                       One thread; processor time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
+    /// Let the agent do fresh tasks from RGB-D images, its questions answered by an oracle or a model
+    #[command(after_help = "Examples:\n  \
+                      genmanip lab agent --seed 7 --count 240 --vlm oracle --masks oracle --json\n  \
+                      genmanip lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
+                      One thread; processor time covers looking, asking, planning and physics, not the layout.")]
+    Agent(AgentArguments),
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
     #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
@@ -151,6 +157,41 @@ pub struct ExpertArguments {
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
+}
+
+/// Arguments of `lab agent`.
+#[derive(Debug, Args)]
+pub struct AgentArguments {
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Seed of tasks, layouts and episodes
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Episodes, the kinds in turn
+    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Kinds of tasks; `articulated` cannot be done by picking and placing
+    #[arg(long, value_delimiter = ',', default_value = "pick_and_place,spatial,appearance,common_sense,long_horizon")]
+    pub kinds: Vec<String>,
+    /// Who answers: `oracle` (the simulator's truth), or the settings file of a model
+    #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
+    pub vlm: String,
+    /// Where masks come from
+    #[arg(long, default_value = "oracle", value_parser = ["oracle"])]
+    pub masks: String,
+    /// One cell for the placement, or a path over the grid
+    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
+    pub path: String,
+    /// As published, or with everything that makes it sturdier
+    #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
+    pub preset: String,
+    /// Ask for the part to hold, too
+    #[arg(long)]
+    pub ctof: bool,
+    /// Write each episode's transcript and pictures into this folder
+    #[arg(long, value_name = "FOLDER")]
+    pub transcripts: Option<PathBuf>,
 }
 
 /// Arguments of `lab motion`.

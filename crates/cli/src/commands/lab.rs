@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::{Seed, Task};
+use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::motion::{MotionArguments, Source};
-use genmanip_lab::{answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered};
+use genmanip_lab::{agent, answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered};
+use genmanip_run::agents::AgentChoice;
 use genmanip_run::{inputs, robots};
 
 use crate::args::{self, LabCommand};
@@ -18,6 +20,11 @@ use crate::printer::Printer;
 pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
         LabCommand::Relations(arguments) => relations_of(arguments, printer)?,
+        LabCommand::Agent(arguments) => {
+            let world = inputs::read_world(arguments.world.as_deref())?;
+            let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &agent::in_words(&measured));
+        }
         LabCommand::Answers(arguments) => {
             let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);
             let measured = answers::measure(&arguments.answers, amount, Seed::new(arguments.seed), printer)?;
@@ -88,6 +95,19 @@ fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64) -> Result<Vec<Task>,
     }
     let known = inputs::read_tasks(paths)?;
     Ok((0..count).flat_map(|_| known.iter().cloned()).collect())
+}
+
+fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, Failed> {
+    let choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
+    let mut choice = AgentChoice { keeps_pictures: arguments.transcripts.is_some(), ..choice };
+    choice.settings.ctof = arguments.ctof;
+    Ok(AgentArguments {
+        names: [choice.model.name(), choice.masks.name()],
+        kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,
+        count: arguments.count,
+        transcripts: arguments.transcripts.clone(),
+        choice,
+    })
 }
 
 fn grasp_arguments(arguments: &args::GraspArguments) -> Result<GraspArguments, Failed> {

@@ -1,0 +1,248 @@
+//! The agent on fresh tasks and layouts, with a model and masks that may be oracles.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use genmanip_agent::ask::Moment;
+use genmanip_assets::{Catalogue, GraspLibrary};
+use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
+use genmanip_bench::text_table;
+use genmanip_core::{EpisodeResult, Seed, Task, TaskKind, World};
+use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_rollout::{Stage, run_episode};
+use genmanip_run::agents::{AgentChoice, keep};
+use genmanip_run::{Progress, inputs};
+use genmanip_scene::designer::{DesignSettings, design_many};
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::cpu_clock;
+
+/// Layouts tried per task; a task that cannot be laid out is no episode.
+const LAYOUTS: u64 = 5;
+/// Failed episodes of each class of which the evidence is kept.
+const SAMPLES: usize = 12;
+
+/// What the agent came to.
+#[derive(Serialize)]
+pub struct Measured {
+    /// Seed of tasks, layouts and episodes.
+    pub seed: u64,
+    /// Who answered.
+    pub vlm: String,
+    /// Where the masks came from.
+    pub masks: String,
+    /// `p2p` or `grid`.
+    pub path: String,
+    /// `full` or `paper`.
+    pub preset: String,
+    /// Whether any of it knew the simulator's truth.
+    pub oracle: bool,
+    /// Of the tasks of each kind.
+    pub kinds: BTreeMap<&'static str, Counted>,
+    /// Of all kinds but `long_horizon` together.
+    pub single_step: Counted,
+    /// Of all.
+    pub total: Counted,
+    /// Tasks that could not be laid out, which are no episodes.
+    pub not_laid_out: usize,
+}
+
+/// Episodes of some kind.
+#[derive(Default, Serialize)]
+pub struct Counted {
+    /// Episodes.
+    pub episodes: usize,
+    /// Share that succeeded.
+    pub success: f64,
+    /// 95 % interval of that (Wilson).
+    pub success_interval: [f64; 2],
+    /// Mean score.
+    pub score: f64,
+    /// Questions asked per episode.
+    pub asks_per_episode: f64,
+    /// Processor time per episode, s; layout apart.
+    pub cpu_s_per_episode: f64,
+    /// Failed episodes by class.
+    pub failures: BTreeMap<String, usize>,
+    /// What was seen in the first failed episodes of each class.
+    pub evidence: BTreeMap<String, Vec<String>>,
+    #[serde(skip)]
+    successes: usize,
+    #[serde(skip)]
+    scores: f64,
+    #[serde(skip)]
+    asks: usize,
+    #[serde(skip)]
+    cpu_s: f64,
+}
+
+/// What is to be measured.
+pub struct AgentArguments {
+    /// The agent.
+    pub choice: AgentChoice,
+    /// Names of its services, for the record.
+    pub names: [&'static str; 2],
+    /// Kinds of tasks.
+    pub kinds: Vec<TaskKind>,
+    /// Tasks, the kinds in turn.
+    pub count: usize,
+    /// Folder for transcripts and pictures of every episode.
+    pub transcripts: Option<PathBuf>,
+}
+
+struct Played {
+    result: EpisodeResult,
+    asks: usize,
+    cpu_s: f64,
+    evidence: Option<(String, String)>,
+}
+
+/// Lets the agent do each task once; one thread.
+///
+/// # Errors
+/// When an episode broke; one that fails is a result.
+pub fn measure(
+    arguments: &AgentArguments,
+    world: &World,
+    seed: Seed,
+    progress: &dyn Progress,
+) -> Result<Measured, LabError> {
+    let cards = Catalogue::builtin().cards();
+    let batch = design_many(&arguments.kinds, arguments.count, cards, seed, &DesignSettings::default());
+    let tasks = batch.map_err(|error| LabError::broken("the designer gave up", error))?.tasks;
+    let settings = CollectSettings::in_world(world.clone());
+    let planner = inputs::planner(world, &settings.planner)?;
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let [vlm, masks] = arguments.names.map(String::from);
+    let name = |value: serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+    let mut measured = Measured {
+        seed: seed.value(),
+        oracle: vlm == "oracle" || masks == "oracle",
+        vlm,
+        masks,
+        path: name(serde_json::to_value(arguments.choice.settings.path).unwrap_or_default()),
+        preset: arguments.choice.settings.preset.name().into(),
+        kinds: BTreeMap::new(),
+        single_step: Counted::default(),
+        total: Counted::default(),
+        not_laid_out: 0,
+    };
+    progress.begin("episodes", tasks.len());
+    for task in &tasks {
+        match play(arguments, task, resources, &settings, seed)? {
+            None => measured.not_laid_out += 1,
+            Some(played) => {
+                if task.kind != TaskKind::LongHorizon {
+                    measured.single_step.add(&played);
+                }
+                measured.kinds.entry(task.kind.name()).or_default().add(&played);
+                measured.total.add(&played);
+                if let (false, Some((class, evidence))) = (played.result.success, &played.evidence) {
+                    progress.note(&format!("{} {class}: {evidence}", played.result.id));
+                }
+            }
+        }
+        progress.advance();
+    }
+    progress.end();
+    Ok(measured)
+}
+
+/// One episode; `None` when the task cannot be laid out.
+fn play(
+    arguments: &AgentArguments,
+    task: &Task,
+    resources: Resources,
+    settings: &CollectSettings,
+    seed: Seed,
+) -> Result<Option<Played>, LabError> {
+    let stream = seed.fork("agent").fork(&task.id);
+    let broke = |what: &str, error| LabError::broken(format!("episode {} {what}", task.id), error);
+    for number in 0..LAYOUTS {
+        let attempt = Attempt { task, number, seed: stream.fork_index(number) };
+        let scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
+            Ok(scenario) => scenario,
+            Err(error) if error.is_defect() => return Err(LabError::broken("the layout broke", error)),
+            Err(_) => continue,
+        };
+        let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
+        let stage = stage.map_err(|error| broke("cannot be opened", error))?;
+        let mut clock = cpu_clock();
+        let mut made = arguments.choice.make(&stage, resources.planner, resources.grasps)?;
+        let episode = run_episode(&stage, made.policy.as_mut(), &attempt.id(), attempt.seed, &settings.rollout);
+        let result = episode.map_err(|error| broke("broke", error))?.result;
+        let cpu_s = clock();
+        let transcript = made.transcribed.transcript();
+        if let Some(folder) = &arguments.transcripts {
+            keep(&made.transcribed, &folder.join(&result.id))?;
+        }
+        let asks = transcript.moments.iter().filter(|moment| matches!(moment, Moment::Asked(_))).count();
+        let evidence = (!result.success).then(|| {
+            let acted = transcript.moments.iter().filter_map(|moment| match moment {
+                Moment::Acted { what, .. } => Some(what.as_str()),
+                Moment::Asked(_) => None,
+            });
+            let acted: Vec<&str> = acted.collect();
+            match &transcript.failure {
+                Some(failure) => (format!("{}/{}", failure.stage, failure.cause), failure.evidence.clone()),
+                None => {
+                    let failure = result.failure();
+                    let cause = failure.as_ref().map_or("unknown", |failure| failure.cause.name());
+                    let evidence = failure.map_or_else(String::new, |failure| failure.evidence);
+                    (cause.to_owned(), format!("{evidence}; {}", acted.join("; ")))
+                }
+            }
+        });
+        return Ok(Some(Played { result, asks, cpu_s, evidence }));
+    }
+    Ok(None)
+}
+
+impl Counted {
+    fn add(&mut self, played: &Played) {
+        self.episodes += 1;
+        self.successes += usize::from(played.result.success);
+        self.scores += played.result.verdict.score;
+        self.asks += played.asks;
+        self.cpu_s += played.cpu_s;
+        let count = self.episodes as f64;
+        self.success = self.successes as f64 / count;
+        self.success_interval = wilson_interval(self.successes, self.episodes, StatisticsSettings::default().z);
+        self.score = self.scores / count;
+        self.asks_per_episode = self.asks as f64 / count;
+        self.cpu_s_per_episode = self.cpu_s / count;
+        if let Some((class, evidence)) = &played.evidence {
+            *self.failures.entry(class.clone()).or_default() += 1;
+            let samples = self.evidence.entry(class.clone()).or_default();
+            if samples.len() < SAMPLES {
+                samples.push(format!("{}: {evidence}", played.result.id));
+            }
+        }
+    }
+}
+
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
+    let Measured { vlm, masks, path, preset, oracle, .. } = measured;
+    let head = ["kind", "episodes", "success", "95 %", "score", "asks", "CPU s", "failures"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    let all = [(&"single step", &measured.single_step), (&"all", &measured.total)];
+    for (kind, counted) in measured.kinds.iter().chain(all) {
+        let failures: Vec<String> = counted.failures.iter().map(|(class, count)| format!("{class} {count}")).collect();
+        let [low, high] = counted.success_interval;
+        rows.push(vec![
+            (*kind).to_owned(),
+            counted.episodes.to_string(),
+            format!("{:.1} %", 100.0 * counted.success),
+            format!("{:.1}–{:.1} %", 100.0 * low, 100.0 * high),
+            format!("{:.3}", counted.score),
+            format!("{:.1}", counted.asks_per_episode),
+            format!("{:.1}", counted.cpu_s_per_episode),
+            failures.join(", "),
+        ]);
+    }
+    let oracle = if *oracle { " (oracle)" } else { "" };
+    format!("model {vlm}, masks {masks}, path {path}, preset {preset}{oracle}\n{}", text_table(&rows))
+}

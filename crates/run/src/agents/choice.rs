@@ -1,0 +1,199 @@
+//! Which agent: its settings and its services, by name.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use genmanip_agent::ask::{ChatService, PromptSet, Transcribed, VisionModel};
+use genmanip_agent::segmentation::Segmenter;
+use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
+use genmanip_assets::GraspLibrary;
+use genmanip_chat::{CassetteChat, CassetteSettings, ServerSettings};
+use genmanip_core::{Policy, Seed};
+use genmanip_motion::Planner;
+use genmanip_rollout::Stage;
+use serde::Deserialize;
+
+use super::{ErrorRates, Oracle, OracleMasks, Truth, WithTruth};
+use crate::error::RunError;
+use crate::inputs;
+
+/// An agent that can be made for any episode.
+#[derive(Clone)]
+pub struct AgentChoice {
+    /// How it works.
+    pub settings: AgentSettings,
+    /// Who answers its questions.
+    pub model: ModelChoice,
+    /// Where its masks come from.
+    pub masks: MaskChoice,
+    /// How often the oracle errs on purpose.
+    pub errors: ErrorRates,
+    /// Folder of prompt files that replace the built-in ones.
+    pub prompts: Option<PathBuf>,
+    /// Whether pictures are kept with the transcript.
+    pub keeps_pictures: bool,
+}
+
+/// Who answers the agent's questions.
+#[derive(Clone)]
+pub enum ModelChoice {
+    /// The simulator's truth; results say oracle.
+    Oracle,
+    /// A chat server, or its recorded answers, as a settings file says.
+    Chat(Arc<ModelFile>),
+}
+
+/// Where the agent's masks come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaskChoice {
+    /// The renderer's ids; results say oracle.
+    Oracle,
+}
+
+/// The settings file of a model: the tables `server` and `cassettes`, as for task design.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ModelFile {
+    /// The server.
+    pub server: ServerSettings,
+    /// Recording and replaying.
+    pub cassettes: CassetteSettings,
+}
+
+/// An agent made for one episode.
+pub struct MadeAgent {
+    /// The policy.
+    pub policy: Box<dyn Policy>,
+    /// What it asks and does.
+    pub transcribed: Transcribed,
+    /// What its oracle services know, where it has any.
+    pub truth: Option<Truth>,
+}
+
+impl AgentChoice {
+    /// Oracle services and the settings of a preset.
+    pub fn oracle(preset: Preset, path: PathKind) -> Self {
+        Self {
+            settings: AgentSettings { path, ..AgentSettings::preset(preset) },
+            model: ModelChoice::Oracle,
+            masks: MaskChoice::Oracle,
+            errors: BTreeMap::new(),
+            prompts: None,
+            keeps_pictures: false,
+        }
+    }
+
+    /// From names: `oracle` or a settings file for the model, `oracle` for the masks, `p2p` or `grid`, `full` or
+    /// `paper`.
+    ///
+    /// # Errors
+    /// A name that nobody knows, and a settings file that cannot be used.
+    pub fn named(model: &str, masks: &str, path: &str, preset: &str) -> Result<Self, RunError> {
+        let preset = match preset {
+            "full" => Preset::Full,
+            "paper" => Preset::Paper,
+            _ => return Err(RunError::unknown("preset", "presets", preset, &["full", "paper"])),
+        };
+        let path = match path {
+            "p2p" => PathKind::P2p,
+            "grid" => PathKind::Grid,
+            _ => return Err(RunError::unknown("path", "paths", path, &["p2p", "grid"])),
+        };
+        let model = match model {
+            "oracle" => ModelChoice::Oracle,
+            file => ModelChoice::Chat(Arc::new(ModelFile::read(Path::new(file))?)),
+        };
+        let masks = match masks {
+            "oracle" => MaskChoice::Oracle,
+            _ => return Err(RunError::unknown("source of masks", "sources of masks", masks, &["oracle"])),
+        };
+        Ok(Self { model, masks, ..Self::oracle(preset, path) })
+    }
+
+    /// The agent for one episode.
+    ///
+    /// # Errors
+    /// A prompt file or a setting that cannot be used, and grasps that were tried with other physics.
+    pub fn make(&self, stage: &Stage, planner: &Arc<Planner>, grasps: &GraspLibrary) -> Result<MadeAgent, RunError> {
+        let truth = Truth::new(stage);
+        let knows = matches!(self.model, ModelChoice::Oracle) || self.masks == MaskChoice::Oracle;
+        let model: Arc<dyn VisionModel> = match &self.model {
+            ModelChoice::Oracle => {
+                let tried = stage.models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
+                let tried: Result<Vec<_>, genmanip_assets::AssetError> = tried.collect();
+                let tried = tried.map_err(|error| RunError::broken("the oracle cannot be made", error))?;
+                Arc::new(Oracle::new(truth.clone(), planner, tried, self.errors.clone()))
+            }
+            ModelChoice::Chat(file) => {
+                let chat = CassetteChat::open(&file.server, &file.cassettes, Seed::new(0).fork("retries"));
+                let chat = chat.map_err(|error| RunError::input("the model cannot be used").because(error))?;
+                let (model, parameters) = (file.server.model.clone(), file.server.parameters.clone());
+                Arc::new(ChatService { chat: Arc::new(chat), model, parameters })
+            }
+        };
+        let segmenter: Arc<dyn Segmenter> = match self.masks {
+            MaskChoice::Oracle => Arc::new(OracleMasks::new(truth.clone())),
+        };
+        let prompts = PromptSet::load(self.prompts.as_deref())
+            .map_err(|error| RunError::input("the agent's prompts cannot be used").because(error))?;
+        let transcribed = Transcribed::new(self.keeps_pictures);
+        let services = Services { model, segmenter, prompts: Arc::new(prompts) };
+        let agent = Agent::new(self.settings.clone(), services, planner, transcribed.clone());
+        Ok(match knows {
+            true => MadeAgent {
+                policy: Box::new(WithTruth::new(agent, truth.clone())),
+                transcribed,
+                truth: Some(truth),
+            },
+            false => MadeAgent { policy: Box::new(agent), transcribed, truth: None },
+        })
+    }
+}
+
+impl ModelChoice {
+    /// Its name in results.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Oracle => "oracle",
+            Self::Chat(_) => "chat",
+        }
+    }
+}
+
+impl MaskChoice {
+    /// Its name in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Oracle => "oracle",
+        }
+    }
+}
+
+impl ModelFile {
+    /// Reads a settings file.
+    ///
+    /// # Errors
+    /// When it cannot be read or used; values are never shown, since someone may have written a key there.
+    pub fn read(path: &Path) -> Result<Self, RunError> {
+        let text = inputs::read_text(path, 1 << 20)?;
+        let unusable = |error| RunError::input(format!("{} holds no settings of a model", path.display())).because(error);
+        let file: Self = genmanip_chat::from_toml(&text).map_err(unusable)?;
+        file.server.check().map_err(unusable)?;
+        Ok(file)
+    }
+}
+
+/// Writes a transcript and its pictures into a folder.
+///
+/// # Errors
+/// When a file cannot be written or a picture not be encoded.
+pub fn keep(transcribed: &Transcribed, folder: &Path) -> Result<(), RunError> {
+    use genmanip_core::Document;
+    for (name, picture) in transcribed.pictures() {
+        let path = folder.join(&name);
+        let png = picture.png().map_err(|error| RunError::file("write", &path, error))?;
+        inputs::write_file(&path, &png)?;
+    }
+    inputs::write_file(&folder.join("transcript.json"), transcribed.transcript().to_json().as_bytes())
+}
