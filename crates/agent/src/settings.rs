@@ -31,6 +31,8 @@ pub struct AgentSettings {
     pub reasks: usize,
     /// Whether the fingers are looked at after each pick: what is not held is picked again.
     pub look_again: bool,
+    /// Whether the other cameras' images are shown where the thing is not found in the first one's.
+    pub other_views: bool,
     /// Grasps tried per pick, best first.
     pub grasps: usize,
     /// Distance from the grab point within which grasps count, m.
@@ -73,6 +75,8 @@ pub struct MotionSettings {
     pub feasibility: FeasibilitySettings,
     /// Distance that is made do with where nothing else works, m.
     pub tight_clearance_m: f64,
+    /// Length of straight lines that is made do with, m.
+    pub short_m: f64,
     /// How much narrower than the grasp the width is that is commanded while holding, m.
     pub squeeze_m: f64,
     /// The fingers hold something when they stay this much wider than commanded, m.
@@ -110,6 +114,7 @@ impl AgentSettings {
             // Chosen: a model that did not manage in three goes rarely does.
             reasks: 2,
             look_again: true,
+            other_views: true,
             grasps: 48,
             // The specified default.
             grasp_radius_m: 0.08,
@@ -124,11 +129,24 @@ impl AgentSettings {
             Preset::Paper => Self {
                 picks: 1,
                 look_again: false,
+                other_views: false,
                 grasps: 1,
                 cells: CellSettings { snap: false, ..CellSettings::default() },
                 turns_deg: vec![0.0],
                 ..full
             },
+        }
+    }
+}
+
+impl MotionSettings {
+    /// The same with shorter straight lines and less clearance, for places at the edge of what the arm reaches.
+    pub(crate) fn short(&self) -> FeasibilitySettings {
+        FeasibilitySettings {
+            clearance_m: self.tight_clearance_m,
+            approach_m: self.short_m,
+            lift_m: self.short_m,
+            ..self.feasibility.clone()
         }
     }
 }
@@ -152,12 +170,14 @@ impl Default for MotionSettings {
                 object_clearance_m: None,
                 finger_room_m: None,
                 // Chosen: grasps from points cost more than those tried beforehand.
-                wanted: 8,
+                wanted: 24,
                 configurations: 16,
                 ..FeasibilitySettings::default()
             },
             // As the expert's.
             tight_clearance_m: 0.001,
+            // Chosen: the fingers' length beyond the palm is 4.5 cm.
+            short_m: 0.05,
             squeeze_m: 0.015,
             // Chosen: a fifth of the squeeze; the width is measured to a tenth of a millimetre.
             held_m: 0.003,

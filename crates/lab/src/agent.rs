@@ -176,7 +176,7 @@ fn play(
         let cpu_s = clock();
         let transcript = made.transcribed.transcript();
         if let Some(folder) = &arguments.transcripts {
-            keep(&made.transcribed, &folder.join(&result.id))?;
+            keep(&made.transcribed, 0, &folder.join(&result.id))?;
         }
         let asks = transcript.moments.iter().filter(|moment| matches!(moment, Moment::Asked(_))).count();
         let evidence = (!result.success).then(|| {

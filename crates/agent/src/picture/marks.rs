@@ -87,7 +87,7 @@ fn tint(picture: &mut Picture, mask: &Mask, color: Color) {
     for index in mask.indices() {
         let (x, y) = ((index % width) as i64, (index / width) as i64);
         let edge = [(-reach, 0), (reach, 0), (0, -reach), (0, reach)].iter().any(|(dx, dy)| !has(x + dx, y + dy));
-        picture.blend(x, y, color, if edge { 0.9 } else { 0.16 });
+        picture.blend(x, y, color, if edge { 0.9 } else { 0.05 });
     }
 }
 

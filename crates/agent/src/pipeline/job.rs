@@ -197,7 +197,7 @@ impl Placement<'_> {
             },
             ..Asked::new(stage, subtask)
         };
-        let place = |cell| places.get(&cell).copied().ok_or_else(|| no_place(stage, name));
+        let place = |cell| places.get(&cell).cloned().ok_or_else(|| no_place(stage, name));
         match agent.ask(view, asked)? {
             Answer::Point(answer) => Ok((place(answer.cell)?, Vec::new())),
             Answer::Path(answer) => {

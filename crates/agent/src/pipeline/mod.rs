@@ -35,6 +35,8 @@ pub struct Services {
 
 /// The modular manipulation system as a policy: it needs RGB-D images of fixed cameras and the robot's own state.
 pub struct Agent {
+    /// In results.
+    name: String,
     settings: AgentSettings,
     services: Services,
     planner: Arc<Planner>,
@@ -66,6 +68,7 @@ impl Agent {
     /// An agent that plans for the robot of `planner`; `transcribed` is filled as it works.
     pub fn new(settings: AgentSettings, services: Services, planner: &Arc<Planner>, transcribed: Transcribed) -> Self {
         Self {
+            name: "agent".into(),
             settings,
             services,
             planner: Arc::clone(planner),
@@ -79,6 +82,12 @@ impl Agent {
             all_picks: 0,
             phase: Phase::Free,
         }
+    }
+
+    /// The same agent under another name in results, which says what serves it.
+    #[must_use]
+    pub fn named(self, name: String) -> Self {
+        Self { name, ..self }
     }
 
     fn images(&self, observation: &Observation) -> Result<Vec<(String, Arc<RgbdImage>)>, PolicyError> {
@@ -144,11 +153,12 @@ impl Agent {
 
     /// Asks for everything about the current sub-task and takes hold of the thing.
     fn begin(&mut self, observation: &Observation, hand: &Hand) -> Result<ActionChunk, Stop> {
-        let sight = self.look(observation, hand)?;
-        let view = sight.shown().cloned().ok_or_else(|| PolicyError::Unsuited("needs a camera".into()))?;
+        let mut sight = self.look(observation, hand)?;
+        let mut view = sight.shown().cloned().ok_or_else(|| PolicyError::Unsuited("needs a camera".into()))?;
         if self.subtasks.is_empty() {
             self.decompose(&view)?;
         }
+        let mut camera = 0;
         loop {
             self.picks += 1;
             self.all_picks += 1;
@@ -165,6 +175,16 @@ impl Agent {
                 }
                 Err(failure) => {
                     self.transcribed.acted(observation.time_s, failure.to_string());
+                    // What one camera does not show, another may.
+                    camera += 1;
+                    let is_hidden = failure.stage == Stage::Object.name() && failure.cause == "not_found";
+                    if is_hidden && self.settings.other_views && camera < sight.views.len() {
+                        // Each view moves to the front in its turn.
+                        sight = sight.shown_by(camera);
+                        view = sight.views[0].clone();
+                        self.picks -= 1;
+                        continue;
+                    }
                     let asked_enough = Stage::ALL.iter().any(|stage| stage.name() == failure.stage);
                     if asked_enough || self.picks >= self.settings.picks {
                         return Err(failure.into());
@@ -243,7 +263,7 @@ impl Policy for Agent {
             size: self.settings.size,
             ..CameraRequest::new(name, ImageChannels::RGBD)
         };
-        PolicySpec { cameras: self.settings.cameras.iter().map(request).collect(), ..PolicySpec::native("agent", 60.0) }
+        PolicySpec { cameras: self.settings.cameras.iter().map(request).collect(), ..PolicySpec::native(&self.name, 60.0) }
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {

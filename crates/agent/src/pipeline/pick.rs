@@ -46,16 +46,18 @@ pub(super) fn plan(agent: &Agent, sight: &Sight, job: &Job, hand: &Hand, seed: S
         settings: &motion.feasibility,
     };
     let tight = FeasibilitySettings { clearance_m: motion.tight_clearance_m, ..motion.feasibility.clone() };
+    let short = motion.short();
     let mut problem = None;
-    for settings in [&motion.feasibility, &tight] {
+    for settings in [&motion.feasibility, &tight, &short] {
         let query = PickQuery { settings, ..query };
         let mut search = query.grasps(candidates.iter().cloned());
-        let found: Vec<FeasibleGrasp> = search.by_ref().collect();
-        for grasp in &found {
+        let mut tried = 0;
+        for grasp in search.by_ref() {
+            tried += 1;
             let planned = query
-                .approach(grasp)
-                .and_then(|approach| Ok((query.reach(grasp, &approach, seed.fork("reach"))?, approach)))
-                .and_then(|(reach, approach)| Ok((reach, approach, lift(&query, grasp)?)));
+                .approach(&grasp)
+                .and_then(|approach| Ok((query.reach(&grasp, &approach, seed.fork("reach"))?, approach)))
+                .and_then(|(reach, approach)| Ok((reach, approach, lift(&query, &grasp)?)));
             match planned {
                 Ok(motions) => {
                     let words = format!(
@@ -64,16 +66,18 @@ pub(super) fn plan(agent: &Agent, sight: &Sight, job: &Job, hand: &Hand, seed: S
                         (job.thing.pose * grasp.object_from_tcp.pose).position.distance(job.grab) * 1e3,
                         grasp.object_from_tcp.score,
                     );
-                    let commands = commands(agent, hand, grasp, &motions);
-                    return Ok(Pick { commands, grasp: grasp.clone(), points: job.around.clone(), words });
+                    let commands = commands(agent, hand, &grasp, &motions);
+                    return Ok(Pick { commands, grasp, points: job.around.clone(), words });
                 }
                 Err(error) => {
-                    let words = format!("{} grasps of {} in reach, none by a free motion: {error}", found.len(), job.name);
+                    let words = format!("grasps of {} in reach, none by a free motion: {error}", job.name);
                     problem = Some(FailedStage::new("motion", "blocked", words));
                 }
             }
         }
-        problem = problem.or_else(|| Some(no_grasp(&job.name, candidates.len(), &search.rejections())));
+        if tried == 0 {
+            problem = problem.or_else(|| Some(no_grasp(&job.name, candidates.len(), &search.rejections())));
+        }
     }
     Err(problem.unwrap_or_else(|| FailedStage::new("grasp", "none", format!("{} has no grasp", job.name))))
 }

@@ -47,16 +47,17 @@ pub(super) fn goals(agent: &Agent, job: &Job) -> Vec<PlaceGoal> {
         Some((_, last)) => vec![last.yaw_deg],
         None => agent.settings.turns_deg.clone(),
     };
-    turns.iter().map(|turn| goal(agent, &job.placing, *turn)).collect()
+    let points: Vec<DVec3> = std::iter::once(job.placing.point).chain(job.placing.others.iter().copied()).collect();
+    let all = turns.iter().flat_map(|turn| points.iter().map(move |point| (*turn, *point)));
+    all.map(|(turn, point)| goal(agent, &job.placing, point, turn)).collect()
 }
 
-fn goal(agent: &Agent, placing: &Placing, turn_deg: f64) -> PlaceGoal {
+fn goal(agent: &Agent, placing: &Placing, point: DVec3, turn_deg: f64) -> PlaceGoal {
     let motion = &agent.settings.motion;
-    let base = placing.point.z;
     PlaceGoal {
-        world_from_object: turned(placing.point, turn_deg),
+        world_from_object: turned(point, turn_deg),
         highest_release_m: if placing.hollow { f64::INFINITY } else { motion.max_open_release_m },
-        clear_height_m: (placing.rim_m - base).max(0.0) + motion.rim_clearance_m,
+        clear_height_m: (placing.rim_m - point.z).max(0.0) + motion.rim_clearance_m,
     }
 }
 
@@ -85,8 +86,9 @@ pub(super) fn plan(
 
 /// Puts the thing back to where it stood.
 pub(super) fn back(agent: &Agent, held: &Held, hand: &Hand, seed: Seed) -> Result<Vec<Vec<f32>>, PlanError> {
-    let placing = Placing { point: held.job.thing.pose.position, hollow: false, rim_m: held.job.thing.pose.position.z };
-    let goals = [goal(agent, &placing, 0.0)];
+    let point = held.job.thing.pose.position;
+    let placing = Placing { point, others: Vec::new(), hollow: false, rim_m: point.z };
+    let goals = [goal(agent, &placing, point, 0.0)];
     let (way, release, pose) = planned(agent, held, hand, &goals, &[], seed.fork("back"))?;
     Ok(commands(agent, held, hand, &way, &release, &pose))
 }
@@ -146,10 +148,14 @@ fn planned(
         settings: &motion.feasibility,
     };
     let mut problem = None;
-    for (index, goal) in goals.iter().enumerate() {
-        match query.first(std::slice::from_ref(goal), seed.fork("put").fork_index(index as u64)) {
-            Ok(release) => return Ok((carried, release, goal.world_from_object)),
-            Err(error) => problem = problem.or(error),
+    let short = motion.short();
+    for settings in [&motion.feasibility, &short] {
+        let query = PlaceQuery { settings, ..query };
+        for (index, goal) in goals.iter().enumerate() {
+            match query.first(std::slice::from_ref(goal), seed.fork("put").fork_index(index as u64)) {
+                Ok(release) => return Ok((carried, release, goal.world_from_object)),
+                Err(error) => problem = problem.or(error),
+            }
         }
     }
     Err(problem.unwrap_or(PlanError::Unreachable { what: "the place where to let go".into() }))

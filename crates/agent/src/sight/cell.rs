@@ -39,10 +39,12 @@ impl Default for CellSettings {
 }
 
 /// How a thing is put down somewhere.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Placing {
     /// The point over which the middle of its footprint comes to rest, world frame.
     pub point: DVec3,
+    /// Further free points in the same cell, for an arm that does not get to the first; nearest first.
+    pub others: Vec<DVec3>,
     /// Whether it may be let go of from high up, since what receives it is hollow.
     pub hollow: bool,
     /// Greatest height of what receives it, m.
@@ -76,6 +78,14 @@ struct Receiver {
     top_m: f64,
     hollow: bool,
 }
+
+/// A receiver this much longer than the moved thing takes two of them.
+const FITS_TWO: f64 = 2.2;
+/// Share of the room on a receiver that is used.
+const INSIDE: f64 = 0.8;
+/// Further points of a cell, and their least distance from each other, m.
+const OTHERS: usize = 3;
+const APART_M: f64 = 0.012;
 
 /// A receiver whose middle lies this much below its edge is hollow, m: more than plates and boards.
 const HOLLOW_M: f64 = 0.025;
@@ -133,7 +143,8 @@ impl<'a> Resolver<'a> {
         let index = self.view.masks.iter().position(|mask| mask.pixels[pixel]);
         let receiver = index.and_then(|index| self.things.get(index)?.as_ref());
         let rim_m = receiver.map_or(point.z, |receiver| receiver.top_m);
-        Some(Placing { point, hollow: receiver.is_some_and(|receiver| receiver.hollow), rim_m })
+        let hollow = receiver.is_some_and(|receiver| receiver.hollow);
+        Some(Placing { point, others: Vec::new(), hollow, rim_m })
     }
 
     /// Where the ray of a pixel meets the table.
@@ -151,20 +162,28 @@ impl<'a> Resolver<'a> {
         let center = self.table_point(middle)?;
         let mut points: Vec<DVec3> = pixels.iter().filter(|pixel| is_table(pixel)).filter_map(|&pixel| self.table_point(pixel)).collect();
         points.sort_by(|a, b| a.distance(center).total_cmp(&b.distance(center)));
-        let point = points.iter().copied().find(|point| self.is_free(*point, None)).or(points.first().copied())?;
-        Some(Placing { point, hollow: false, rim_m: self.table_m })
+        let free: Vec<DVec3> = points.iter().copied().filter(|point| self.is_free(*point, None)).collect();
+        let point = free.first().or(points.first()).copied()?;
+        Some(Placing { point, others: apart(&free), hollow: false, rim_m: self.table_m })
     }
 
     fn on_thing(&self, index: usize, pixels: &[usize]) -> Option<Placing> {
         let receiver = self.things.get(index)?.as_ref()?;
         let mask = &self.view.masks[index];
         let seen = pixels.iter().filter(|&&pixel| mask.pixels[pixel]).filter_map(|&pixel| self.view.image.point(pixel));
-        let middle = std::iter::once(receiver.middle);
-        let choices: Vec<DVec2> = middle.chain(seen.map(DVec3::truncate)).collect();
+        // Where two would fit, the cell says which side is meant; otherwise the middle is.
+        let room = receiver.half - self.thing.half;
+        let has_room_for_two = receiver.half.max_element() > FITS_TWO * self.thing.half.max_element();
+        let low = receiver.middle - room.max(DVec2::ZERO) * INSIDE;
+        let high = receiver.middle + room.max(DVec2::ZERO) * INSIDE;
+        let seen = seen.map(|point| point.truncate().clamp(low, high));
+        let middle = (!has_room_for_two).then_some(receiver.middle);
+        let choices: Vec<DVec2> = middle.into_iter().chain(centered(seen.collect())).collect();
         let at = |center: DVec2| center.extend(receiver.support_m(center, self.thing.half));
-        let free = choices.iter().copied().map(at).find(|point| self.is_free(*point, Some(index)));
-        let point = free.unwrap_or_else(|| at(receiver.middle));
-        Some(Placing { point, hollow: receiver.hollow, rim_m: receiver.top_m })
+        let free: Vec<DVec3> =
+            choices.iter().copied().map(at).filter(|point| self.is_free(*point, Some(index))).collect();
+        let point = free.first().copied().unwrap_or_else(|| at(receiver.middle));
+        Some(Placing { point, others: apart(&free), hollow: receiver.hollow, rim_m: receiver.top_m })
     }
 
     /// Whether no other thing rises above a place where the moved one would stand.
@@ -175,6 +194,24 @@ impl<'a> Resolver<'a> {
             other.heights.highest(point.truncate(), half).is_none_or(|top_m| top_m < point.z + 0.006)
         })
     }
+}
+
+/// The points of a cell, the one nearest to their mean first.
+fn centered(mut points: Vec<DVec2>) -> Vec<DVec2> {
+    let mean = points.iter().sum::<DVec2>() / points.len().max(1) as f64;
+    points.sort_by(|a, b| a.distance(mean).total_cmp(&b.distance(mean)));
+    points
+}
+
+/// A few of the points behind the first, apart from it and from each other.
+fn apart(points: &[DVec3]) -> Vec<DVec3> {
+    let mut kept: Vec<DVec3> = Vec::new();
+    for point in points {
+        if kept.len() <= OTHERS && kept.iter().all(|other| other.distance(*point) >= APART_M) {
+            kept.push(*point);
+        }
+    }
+    kept.into_iter().skip(1).collect()
 }
 
 impl Receiver {

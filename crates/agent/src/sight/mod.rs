@@ -80,6 +80,16 @@ impl Sight {
         self.views.first()
     }
 
+    /// The same with another view as the one that models are shown.
+    #[must_use]
+    pub fn shown_by(&self, view: usize) -> Self {
+        let mut views = self.views.clone();
+        let first = views.remove(view.min(views.len().saturating_sub(1)));
+        views.insert(0, first);
+        let same = same_things(&views);
+        Self { views, same }
+    }
+
     /// Points on the thing of a mask of the first view, from all cameras.
     pub fn points(&self, mask: usize) -> Vec<DVec3> {
         let mut points = Vec::new();

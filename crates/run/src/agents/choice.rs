@@ -9,7 +9,9 @@ use genmanip_agent::segmentation::Segmenter;
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
 use genmanip_chat::{CassetteChat, CassetteSettings, ServerSettings};
-use genmanip_core::{Policy, Seed};
+use genmanip_core::{
+    ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Seed,
+};
 use genmanip_motion::Planner;
 use genmanip_rollout::Stage;
 use serde::Deserialize;
@@ -111,6 +113,24 @@ impl AgentChoice {
         Ok(Self { model, masks, ..Self::oracle(preset, path) })
     }
 
+    /// The name in results: what serves the agent, and how it works.
+    pub fn name(&self) -> String {
+        let AgentSettings { preset, path, ctof, arrows, .. } = &self.settings;
+        let path = if *path == PathKind::Grid { "grid" } else { "p2p" };
+        let mut name = format!(
+            "agent vlm={} masks={} path={path} preset={}",
+            self.model.name(),
+            self.masks.name(),
+            preset.name()
+        );
+        name += if *ctof { " ctof" } else { "" };
+        name += if *arrows { "" } else { " no arrows" };
+        for (stage, rate) in self.errors.iter().filter(|(_, rate)| **rate > 0.0) {
+            name += &format!(" err_{}={rate}", stage.name());
+        }
+        name
+    }
+
     /// The agent for one episode.
     ///
     /// # Errors
@@ -139,7 +159,7 @@ impl AgentChoice {
             .map_err(|error| RunError::input("the agent's prompts cannot be used").because(error))?;
         let transcribed = Transcribed::new(self.keeps_pictures);
         let services = Services { model, segmenter, prompts: Arc::new(prompts) };
-        let agent = Agent::new(self.settings.clone(), services, planner, transcribed.clone());
+        let agent = Agent::new(self.settings.clone(), services, planner, transcribed.clone()).named(self.name());
         Ok(match knows {
             true => MadeAgent {
                 policy: Box::new(WithTruth::new(agent, truth.clone())),
@@ -184,16 +204,51 @@ impl ModelFile {
     }
 }
 
-/// Writes a transcript and its pictures into a folder.
+/// A policy whose agent's transcript is written after each of its turns.
+pub struct Transcribing {
+    policy: Box<dyn Policy>,
+    transcribed: Transcribed,
+    folder: PathBuf,
+    /// Pictures that were written.
+    written: usize,
+}
+
+impl Transcribing {
+    /// Writes into `folder`.
+    pub fn new(made: MadeAgent, folder: PathBuf) -> Self {
+        Self { policy: made.policy, transcribed: made.transcribed, folder, written: 0 }
+    }
+}
+
+impl Policy for Transcribing {
+    fn spec(&self) -> PolicySpec {
+        self.policy.spec()
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        self.written = 0;
+        self.policy.reset(start)
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let chunk = self.policy.act(observation);
+        let kept = keep(&self.transcribed, self.written, &self.folder);
+        self.written = kept.map_err(|error| PolicyError::Unsuited(format!("its transcript: {error}")))?;
+        chunk
+    }
+}
+
+/// Writes a transcript and its pictures from number `first` on into a folder; returns how many pictures there are.
 ///
 /// # Errors
 /// When a file cannot be written or a picture not be encoded.
-pub fn keep(transcribed: &Transcribed, folder: &Path) -> Result<(), RunError> {
-    use genmanip_core::Document;
-    for (name, picture) in transcribed.pictures() {
-        let path = folder.join(&name);
+pub fn keep(transcribed: &Transcribed, first: usize, folder: &Path) -> Result<usize, RunError> {
+    let pictures = transcribed.pictures();
+    for (name, picture) in pictures.iter().skip(first) {
+        let path = folder.join(name);
         let png = picture.png().map_err(|error| RunError::file("write", &path, error))?;
         inputs::write_file(&path, &png)?;
     }
-    inputs::write_file(&folder.join("transcript.json"), transcribed.transcript().to_json().as_bytes())
+    inputs::write_file(&folder.join("transcript.json"), transcribed.transcript().to_json().as_bytes())?;
+    Ok(pictures.len())
 }

@@ -9,7 +9,7 @@ mod masks;
 mod oracle;
 mod truth;
 
-pub use choice::{AgentChoice, MadeAgent, MaskChoice, ModelChoice, ModelFile, keep};
+pub use choice::{AgentChoice, MadeAgent, MaskChoice, ModelChoice, ModelFile, Transcribing, keep};
 pub use masks::OracleMasks;
 pub use oracle::{ErrorRates, Oracle};
 pub use truth::{Injection, Truth, WithTruth};

@@ -226,7 +226,13 @@ impl Oracle {
                 let mask = known.iter().find(|(object, _)| *object == support).map(|(_, mask)| mask);
                 placed.on(grid, targets, mask)
             }
-            None => targets.iter().filter_map(|(cell, point)| Some((placed.worth(*point)?, *cell))).collect(),
+            None => {
+                // Rather a place with little room than none.
+                let at = |room: Room| -> Vec<(f64, Cell)> {
+                    targets.iter().filter_map(|(cell, point)| Some((placed.worth(*point, room)?, *cell))).collect()
+                };
+                [Room::Ample, Room::Little, Room::Any].into_iter().map(at).find(|worth| !worth.is_empty()).unwrap_or_default()
+            }
         };
         worth.into_iter().max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, cell)| cell)
     }
@@ -267,6 +273,17 @@ fn best_mask(drawn: &[Mask], mask: &Mask) -> Option<usize> {
     overlaps.filter(|(_, iou)| *iou >= SAME_MASK).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }
 
+/// How much room a place must have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Room {
+    /// Clear of everything, where things may stand.
+    Ample,
+    /// Clear of everything, by however little.
+    Little,
+    /// The best there is, even if the goal does not quite hold there.
+    Any,
+}
+
 /// A thing that is put somewhere, in thought.
 struct Placed<'a> {
     oracle: &'a Oracle,
@@ -277,7 +294,7 @@ struct Placed<'a> {
 
 impl Placed<'_> {
     /// How well a point on the table serves, by its margins; `None` where it does not.
-    fn worth(&self, point: DVec3) -> Option<f64> {
+    fn worth(&self, point: DVec3, room: Room) -> Option<f64> {
         let stage = self.oracle.truth.stage();
         let bounds = self.scene.bounds(self.object)?;
         let mut after = self.scene.clone();
@@ -285,7 +302,7 @@ impl Placed<'_> {
         after.shift(self.object, to);
         let verdicts: Vec<AtomVerdict> =
             self.step.atoms.iter().map(|atom| judge_atom(&after, atom, &stage.relations)).collect();
-        if !verdicts.iter().all(|verdict| verdict.holds) {
+        if !verdicts.iter().all(|verdict| verdict.holds) && room != Room::Any {
             return None;
         }
         let gaps = (0..after.objects().len()).filter(|other| *other != self.object);
@@ -297,7 +314,13 @@ impl Placed<'_> {
             .min(moved.min.y - workspace.y[0])
             .min(workspace.y[1] - moved.max.y);
         let reached = self.oracle.planner.reaches_from_above(point + DVec3::Z * bounds.size().z);
-        if clear < TAKEN_M || inside < 0.0 || !reached {
+        let least = match room {
+            Room::Ample => TAKEN_M,
+            Room::Little => 0.0,
+            Room::Any => f64::NEG_INFINITY,
+        };
+        let is_out = clear < least || room == Room::Ample && inside < 0.0;
+        if is_out || !reached && room != Room::Any {
             return None;
         }
         let margin = verdicts.iter().map(AtomVerdict::normalised_margin).fold(f64::INFINITY, f64::min);
