@@ -185,6 +185,9 @@ pub struct NewArguments {
     /// Ask the model, record it or replay it instead of what the settings say: live, record or replay
     #[arg(long, value_name = "MODE")]
     pub cassettes: Option<String>,
+    /// World whose further support surfaces tasks may name; only with --designer llm
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
     /// Folder for the task documents
     #[arg(long)]
     pub out: PathBuf,
@@ -199,6 +202,9 @@ pub struct CheckArguments {
     /// Uids that were offered, for a bare answer
     #[arg(long, value_delimiter = ',')]
     pub objects: Vec<String>,
+    /// World whose further support surfaces were offered too, for a bare answer
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
     /// Kind of task that was asked for, for a bare answer
     #[arg(long, default_value = "pick_and_place")]
     pub kind: String,

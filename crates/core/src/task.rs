@@ -23,6 +23,9 @@ pub struct Task {
     pub scene_graph: SceneGraph,
     /// Cards of the instances in the scene, one per node of the graph and in its order.
     pub objects: Vec<ObjectCard>,
+    /// Support surfaces of the world, other than the table, that goal or graph stand things against.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<NamedSurface>,
     /// Groups of instances of one asset that stand for each other in the goal: it holds when it holds for any of them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub interchangeable: Vec<Vec<String>>,
@@ -71,6 +74,16 @@ impl TaskKind {
     }
 }
 
+/// A support surface as a task names it: a fixed thing that is no object of the scene, see [`crate::SupportSurface`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NamedSurface {
+    /// Id in the world, e.g. `side_table`.
+    pub id: String,
+    /// What people call it, e.g. `side table`.
+    pub name: String,
+}
+
 /// A disjunction of conjunctions: done when every atom of one alternative holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
@@ -89,7 +102,7 @@ pub enum Atom {
         subject: String,
         /// The relation.
         relation: Relation,
-        /// Id of the instance it is placed against.
+        /// Id of the instance, or of the support surface, it is placed against.
         reference: String,
         /// Second reference of `between`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -158,7 +171,7 @@ pub struct GraphEdge {
     pub subject: String,
     /// The relation.
     pub relation: Relation,
-    /// Id of the instance it is related to.
+    /// Id of the instance, or of the support surface, it is related to.
     pub reference: String,
     /// Second reference of `between`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -197,8 +210,17 @@ impl Task {
         self.objects.get(self.scene_graph.index_of(id)?)
     }
 
-    /// What people call an instance: `Red Mug`, and `Red Mug #2` for its second copy; the id where there is no card.
+    /// The support surface of that id, where the task names it.
+    pub fn surface(&self, id: &str) -> Option<&NamedSurface> {
+        self.surfaces.iter().find(|surface| surface.id == id)
+    }
+
+    /// What people call an instance: `Red Mug`, and `Red Mug #2` for its second copy; a surface by its name; the id where
+    /// there is no card.
     pub fn name_of(&self, id: &str) -> String {
+        if let Some(surface) = self.surface(id) {
+            return surface.name.clone();
+        }
         let name = self.card(id).map_or_else(|| uid_of(id).to_owned(), |card| card.name.clone());
         id.split_once('#').map_or(name.clone(), |(_, copy)| format!("{name} #{copy}"))
     }

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Atom, Goal, ObjectModel, Relation, Task, World};
-use genmanip_scene::relations::RelationSettings;
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Atom, Goal, ObjectModel, Relation, Task, Workspace, World};
+use genmanip_scene::relations::{RelationSettings, Window, placement_window};
 
 use crate::LayoutSettings;
 use crate::order::Step;
@@ -17,9 +18,11 @@ pub(crate) struct Context<'a> {
     pub models: Vec<Arc<ObjectModel>>,
     /// Joint positions of each object's initial state.
     pub joints: Vec<Vec<f64>>,
-    /// The graph's edges with the indices of their objects, subject first.
+    /// The graph's edges with the indices of their objects, subject first, surfaces left out.
     pub edges: Vec<(Atom, Vec<usize>)>,
     pub steps: Vec<Step>,
+    /// Per object, the index of the support surface that it, or what carries it, stands on.
+    pub grounds: Vec<usize>,
     /// Whether the goal moves the object.
     pub moved: Vec<bool>,
     /// Per alternative of the goal: where moved objects must find room.
@@ -37,7 +40,17 @@ pub(crate) struct Context<'a> {
 #[derive(Clone, Debug)]
 pub(crate) struct GoalRoom {
     pub object: usize,
+    /// Objects by their indices.
     pub anchors: Vec<(Relation, usize)>,
+    /// Support surfaces, by their indices in the world.
+    pub surfaces: Vec<(Relation, usize)>,
+}
+
+impl GoalRoom {
+    /// The surface it is to stand on, where nothing else carries it.
+    pub fn ground(&self) -> usize {
+        self.surfaces.iter().find(|(relation, _)| relation.is_support()).map_or(0, |(_, surface)| *surface)
+    }
 }
 
 impl Context<'_> {
@@ -48,21 +61,23 @@ impl Context<'_> {
         self.joints.truncate(nodes);
         self.moved.truncate(nodes);
         self.steps.truncate(nodes);
+        self.grounds.truncate(nodes);
         for model in models {
             self.steps.push(Step { object: self.models.len(), support: None, support_edge: None });
             self.joints.push(vec![0.0; model.joint_count()]);
             self.moved.push(false);
+            self.grounds.push(0);
             self.models.push(model);
         }
     }
 
-    /// Index of what the object stands on or lies in; `None` for the table.
     /// What the scene calls an object: a node by its id, a distractor by its uid.
     pub fn id(&self, object: usize) -> String {
         let node = self.task.scene_graph.nodes.get(object);
         node.map_or_else(|| self.models[object].card.uid.clone(), |node| node.id.clone())
     }
 
+    /// Index of the object that the object stands on or lies in; `None` for the table and other surfaces.
     pub fn support_of(&self, object: usize) -> Option<usize> {
         self.steps.iter().find(|step| step.object == object)?.support.map(|(support, _)| support)
     }
@@ -80,6 +95,35 @@ impl Context<'_> {
 
     fn is_distractor(&self, object: usize) -> bool {
         object >= self.task.scene_graph.nodes.len()
+    }
+
+    /// Where the bounds of what stands on a surface may be, without those that turn with it: of the table the `area`, of
+    /// another one the bounds of its top within its margin.
+    pub fn area(&self, ground: usize, area: Workspace) -> Workspace {
+        match self.world.surfaces.get(ground).filter(|_| ground > 0) {
+            Some(surface) => {
+                let (bounds, margin) = (surface.slab_bounds(), surface.edge_margin_m);
+                let within = |low: f64, high: f64| [low + margin, high - margin];
+                Workspace { x: within(bounds.min.x, bounds.max.x), y: within(bounds.min.y, bounds.max.y) }
+            }
+            None => area,
+        }
+    }
+
+    /// Index of a support surface other than the table.
+    pub fn surface(&self, id: &str) -> Option<usize> {
+        self.world.surfaces.iter().position(|surface| surface.id == id).filter(|&index| index > 0)
+    }
+
+    /// Height of a surface's top, metres.
+    pub fn height(&self, ground: usize) -> f64 {
+        self.world.surfaces.get(ground).map_or(0.0, |surface| surface.top_center_m.z)
+    }
+
+    /// Where a surface other than the table wants the middle of something that is related to it.
+    pub fn surface_window(&self, relation: Relation, surface: usize, size: DVec3) -> Option<Window> {
+        let bounds = self.world.surfaces.get(surface)?.slab_bounds();
+        placement_window(relation, &bounds, size, self.relations)
     }
 
     /// Smallest distance in the plane between two objects of which neither carries the other, metres.

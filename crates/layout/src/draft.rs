@@ -91,7 +91,7 @@ impl Draft {
     fn bound(&mut self, context: &Context, wide: bool) {
         let settings = context.settings;
         let workspace = context.world.workspace;
-        let area = match wide {
+        let table = match wide {
             true => workspace.within(settings.wide_x_m, settings.wide_y_m),
             false => workspace.within(settings.x_m, settings.y_m),
         };
@@ -110,8 +110,9 @@ impl Draft {
                     both(support + 1, step.object + 1, [low.x, high.x], [low.y, high.y], step.support_edge);
                 }
                 None => {
+                    let area = context.area(context.grounds[step.object], table);
                     let inside = |[low, high]: [f64; 2], half: f64| [low + half, high - half];
-                    both(ORIGIN, step.object + 1, inside(area.x, half.x), inside(area.y, half.y), None);
+                    both(ORIGIN, step.object + 1, inside(area.x, half.x), inside(area.y, half.y), step.support_edge);
                 }
             }
             if context.moved[step.object] {
@@ -124,9 +125,14 @@ impl Draft {
         for (number, room) in rooms.iter().enumerate() {
             let at = context.models.len() + number + 1;
             let (size, far) = (self.stances[room.object].bounds.size(), context.reach_m[1]);
-            let Workspace { x, y } = workspace;
+            let Workspace { x, y } = context.area(room.ground(), workspace);
             let half = size * 0.5;
             both(ORIGIN, at, [x[0] + half.x, far.min(x[1] - half.x)], [y[0] + half.y, y[1] - half.y], None);
+            for &(relation, surface) in room.surfaces.iter().filter(|(relation, _)| !relation.is_support()) {
+                if let Some(window) = context.surface_window(relation, surface, size) {
+                    both(ORIGIN, at, window.x, window.y, None);
+                }
+            }
             for &(relation, anchor) in &room.anchors {
                 let extent = self.stances[anchor].bounds.size();
                 let centered = Aabb { min: extent * -0.5, max: extent * 0.5 };
@@ -136,10 +142,18 @@ impl Draft {
             }
         }
         for (edge, (atom, indices)) in context.edges.iter().enumerate() {
-            let (Atom::Relation { relation, .. }, &[subject, reference]) = (atom, indices.as_slice()) else { continue };
+            let Atom::Relation { relation, reference, .. } = atom else { continue };
             if relation.is_support() {
                 continue;
             }
+            if let (&[subject], Some(surface)) = (indices.as_slice(), context.surface(reference)) {
+                let size = self.stances[subject].bounds.size();
+                if let Some(window) = context.surface_window(*relation, surface, size) {
+                    both(ORIGIN, subject + 1, window.x, window.y, Some(edge));
+                }
+                continue;
+            }
+            let &[subject, reference] = indices.as_slice() else { continue };
             let (anchor, size) = (self.stances[reference].bounds.size(), self.stances[subject].bounds.size());
             let centered = Aabb { min: anchor * -0.5, max: anchor * 0.5 };
             let Some(window) = placement_window(*relation, &centered, size, context.relations) else { continue };

@@ -31,6 +31,20 @@ pub enum LayoutError {
         /// The object.
         id: String,
     },
+    /// The task puts things on or near a surface that the world does not have.
+    #[error("the task needs a surface `{id}`, the world has {}", if known.is_empty() { "a table only".into() } else { known.join(", ") })]
+    UnknownSurface {
+        /// The surface.
+        id: String,
+        /// What surfaces the world has besides the table.
+        known: Vec<String>,
+    },
+    /// An object is called like one of the world's surfaces.
+    #[error("object `{id}` is called like a surface of the world")]
+    ObjectLikeSurface {
+        /// The id of both.
+        id: String,
+    },
     /// The task's groups of interchangeable copies make no sense.
     #[error(transparent)]
     Interchangeable(#[from] InterchangeError),

@@ -17,7 +17,7 @@ use crate::settings::GoalPoseSettings;
 pub struct GoalPose {
     /// `world_from_object` at rest.
     pub world_from_object: Pose,
-    /// Index of the object it will rest on or in; `None` for the table.
+    /// Index of the object it will rest on or in; `None` for the table and other surfaces.
     pub support: Option<usize>,
     /// Bounds of the object there.
     pub bounds: Aabb,
@@ -68,9 +68,10 @@ impl GoalSearch<'_> {
     pub fn places(&self, step: &Move, later: &[Move], usable: &dyn Fn(&Pose) -> bool, seed: Seed) -> Vec<GoalPose> {
         let rng = &mut seed.rng();
         let mut after = self.scene.clone();
-        let support = self.support_of(step);
-        let beside: Vec<&Move> =
-            later.iter().filter(|other| support.is_some() && self.support_of(other) == support).collect();
+        let base = self.base_of(step);
+        // What is put on a surface stands beside what is there, as on the table.
+        let support = base.filter(|&base| self.scene.surface_at(base).is_none());
+        let beside: Vec<&Move> = later.iter().filter(|other| base.is_some() && self.base_of(other) == base).collect();
         let (mut found, mut selfish): (Vec<(f64, GoalPose)>, Vec<_>) = (Vec::new(), Vec::new());
         let settings = self.settings;
         for draw in 0..settings.draws {
@@ -78,8 +79,7 @@ impl GoalSearch<'_> {
             let turn = if draw % 2 == 0 { 0.0 } else { rng.random_range(0.0..TAU) };
             let rotation = DQuat::from_rotation_z(turn) * self.upright[step.object];
             let spread = draw as f64 / settings.draws as f64;
-            if !self.propose(&mut after, step, support, rotation, spread, rng)
-                || !self.is_free(&after, step.object, support)
+            if !self.propose(&mut after, step, base, rotation, spread, rng) || !self.is_free(&after, step.object, base)
             {
                 continue;
             }
@@ -123,19 +123,20 @@ impl GoalSearch<'_> {
         })
     }
 
-    /// What a move puts its object on or into.
-    fn support_of(&self, step: &Move) -> Option<usize> {
+    /// The object or surface that a move puts its object on or into; `None` for the table.
+    fn base_of(&self, step: &Move) -> Option<usize> {
         step.atoms.iter().find_map(|atom| match atom {
             Atom::Relation { relation, reference, .. } if relation.is_support() => self.scene.index_of(reference),
             _ => None,
         })
     }
+
     /// Puts the object at a candidate pose; false when there is none. `spread` in 0-1 is how far from the middle.
     fn propose(
         &self,
         after: &mut PosedScene,
         step: &Move,
-        support: Option<usize>,
+        base: Option<usize>,
         rotation: DQuat,
         spread: f64,
         rng: &mut impl Rng,
@@ -145,7 +146,8 @@ impl GoalSearch<'_> {
         let (half, offset) = (bounds.size().truncate() * 0.5, bounds.center().truncate());
         let at =
             |center: DVec2, bottom: f64| Pose { position: (center - offset).extend(bottom - bounds.min.z), rotation };
-        if let Some(carrier) = support {
+        let surface = base.and_then(|base| self.scene.surfaces().get(self.scene.surface_at(base)?));
+        if let Some(carrier) = base.filter(|_| surface.is_none()) {
             let Some((posed, outer)) = self.scene.objects().nth(carrier).zip(self.scene.bounds(carrier)) else {
                 return false;
             };
@@ -153,10 +155,18 @@ impl GoalSearch<'_> {
             after.set_pose(step.object, at(center, outer.max.z + ABOVE_M), &object.joint_positions);
             return let_down(after, step.object, carrier, LEFT_M, self.relations);
         }
-        let mut low = DVec2::new(self.workspace.x[0], self.workspace.y[0]) + half;
-        let mut high = DVec2::new(self.workspace.x[1], self.workspace.y[1]) - half;
+        let area = surface.map_or(*self.workspace, |surface| {
+            let (bounds, margin) = (surface.slab_bounds(), surface.edge_margin_m + EDGE_M);
+            let within = |low: f64, high: f64| [low + margin, high - margin];
+            Workspace { x: within(bounds.min.x, bounds.max.x), y: within(bounds.min.y, bounds.max.y) }
+        });
+        let mut low = DVec2::new(area.x[0], area.y[0]) + half;
+        let mut high = DVec2::new(area.x[1], area.y[1]) - half;
         for atom in &step.atoms {
             let Atom::Relation { relation, .. } = atom else { continue };
+            if surface.is_some() && relation.is_support() {
+                continue;
+            }
             let anchor = |id: &str| self.scene.bounds(self.scene.index_of(id)?);
             let anchors: Vec<Aabb> = references(atom).filter_map(anchor).collect();
             if let (Relation::Between, [one, other]) = (relation, anchors.as_slice()) {
@@ -177,12 +187,18 @@ impl GoalSearch<'_> {
             return false;
         }
         let share = DVec2::new(rng.random(), rng.random());
-        after.set_pose(step.object, at(low + (high - low) * share, 0.0), &object.joint_positions);
-        true
+        let height = surface.map_or(0.0, |surface| surface.top_center_m.z);
+        after.set_pose(step.object, at(low + (high - low) * share, height), &object.joint_positions);
+        let outline = after.outline(step.object).unwrap_or_default();
+        surface.is_none_or(|surface| surface.is_over_top(outline.iter().copied(), EDGE_M))
     }
 
-    /// Whether nothing but its carrier, and what that stands on, is near the object in the plane.
+    /// Whether nothing but its carrier, and what that stands on, is near the object in the plane, and no surface or board
+    /// is beside it.
     fn is_free(&self, after: &PosedScene, moved: usize, support: Option<usize>) -> bool {
+        if after.hits_surface(moved, self.settings.clearance_m) {
+            return false;
+        }
         let Some(bounds) = after.bounds(moved) else { return false };
         after.objects().enumerate().all(|(index, other)| {
             // Whatever lies wholly below the object is what its carrier stands on.
@@ -190,7 +206,8 @@ impl GoalSearch<'_> {
             if index == moved || Some(index) == support || (support.is_some() && below) {
                 return true;
             }
-            let holds_carrier = support
+            let carrier = support.filter(|&support| after.surface_at(support).is_none());
+            let holds_carrier = carrier
                 .is_some_and(|carrier| other.model.card.is_container && planar_gap(after, carrier, index) == Some(0.0));
             holds_carrier || planar_gap(after, moved, index).is_some_and(|gap_m| gap_m >= self.settings.clearance_m)
         })

@@ -38,8 +38,8 @@ pub use settings::{GoalPoseSettings, LayoutSettings};
 use context::{Context, GoalRoom};
 use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{
-    AssetHashes, Atom, Goal, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, SceneGraph, Seed, Task,
-    TriedGrasp, Workspace, World,
+    AssetHashes, Atom, Goal, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, Seed, Task, TriedGrasp,
+    Workspace, World,
 };
 use genmanip_motion::Planner;
 use genmanip_scene::relations::{
@@ -114,7 +114,8 @@ pub fn lay_out_observed(
     check_robot(world, planner.robot())?;
     let tried = models.iter().map(|model| grasps.of(planner.robot(), model)).collect::<Result<Vec<_>, _>>();
     let tried = tried.map_err(LayoutError::StaleGrasps)?;
-    let edges = indexed_edges(&task.scene_graph)?;
+    check_surfaces(task, world)?;
+    let edges = indexed_edges(task)?;
     let id = |index: usize| task.scene_graph.nodes[index].id.clone();
     task.check_interchangeable()?;
     let goal = task.judged_goal();
@@ -123,8 +124,9 @@ pub fn lay_out_observed(
         goal: &goal,
         joints: models.iter().enumerate().map(|(index, model)| initial_joints(task, index, model)).collect(),
         moved: task.scene_graph.nodes.iter().map(|node| is_moved(&goal, &node.id)).collect(),
-        goal_rooms: goal_rooms(task, &goal),
+        goal_rooms: goal_rooms(task, &goal, world),
         goal_betweens: goal_betweens(task, &goal),
+        grounds: grounds(&edges, models.len(), world),
         steps: order::steps(&edges, models.len(), id)?,
         models,
         edges,
@@ -246,8 +248,46 @@ fn reach_m(world: &World, robot: &RobotModel) -> [f64; 2] {
     robot.reach.map_or([0.0, corner], |reach| reach.from_above_m)
 }
 
-/// The graph's edges with the indices of their objects among the nodes, subject first.
-fn indexed_edges(graph: &SceneGraph) -> Result<Vec<(Atom, Vec<usize>)>, LayoutError> {
+/// Whether the world has every surface that the task names, and no object is called like one.
+fn check_surfaces(task: &Task, world: &World) -> Result<(), LayoutError> {
+    let further = || world.surfaces.iter().skip(1).map(|surface| surface.id.as_str());
+    if let Some(missing) = task.surfaces.iter().find(|named| !further().any(|id| id == named.id)) {
+        let known = further().map(str::to_owned).collect();
+        return Err(LayoutError::UnknownSurface { id: missing.id.clone(), known });
+    }
+    match task.scene_graph.nodes.iter().find(|node| world.surface(&node.id).is_some()) {
+        Some(node) => Err(LayoutError::ObjectLikeSurface { id: node.id.clone() }),
+        None => Ok(()),
+    }
+}
+
+/// Per object, the support surface that it, or what carries it, stands on.
+fn grounds(edges: &[(Atom, Vec<usize>)], count: usize, world: &World) -> Vec<usize> {
+    let of_edge = |(atom, indices): &(Atom, Vec<usize>)| match atom {
+        Atom::Relation { relation, reference, .. } if relation.is_support() => {
+            let surface = world.surfaces.iter().position(|surface| surface.id == *reference);
+            Some((*indices.first()?, surface, indices.get(1).copied()))
+        }
+        _ => None,
+    };
+    let supports: Vec<_> = edges.iter().filter_map(of_edge).collect();
+    let ground = |mut object: usize| {
+        // Circles are refused elsewhere; here they must only end.
+        for _ in 0..count {
+            match supports.iter().find(|(subject, ..)| *subject == object) {
+                Some((_, Some(surface), _)) => return *surface,
+                Some((_, None, Some(carrier))) => object = *carrier,
+                _ => return 0,
+            }
+        }
+        0
+    };
+    (0..count).map(ground).collect()
+}
+
+/// The graph's edges with the indices of their objects among the nodes, subject first, surfaces left out.
+fn indexed_edges(task: &Task) -> Result<Vec<(Atom, Vec<usize>)>, LayoutError> {
+    let graph = &task.scene_graph;
     let index_of = |id: &String, edge: &Atom| {
         let found = graph.nodes.iter().position(|node| node.id == *id);
         found.ok_or_else(|| LayoutError::NotANode { edge: edge.to_string(), id: id.clone() })
@@ -258,6 +298,7 @@ fn indexed_edges(graph: &SceneGraph) -> Result<Vec<(Atom, Vec<usize>)>, LayoutEr
         .map(|edge| {
             let atom = edge.atom();
             let ids = [&edge.subject, &edge.reference].into_iter().chain(&edge.second_reference);
+            let ids = ids.enumerate().filter(|(place, id)| *place == 0 || task.surface(id).is_none()).map(|(_, id)| id);
             let indices = ids.map(|id| index_of(id, &atom)).collect::<Result<Vec<_>, _>>()?;
             Ok((atom, indices))
         })
@@ -270,7 +311,7 @@ fn is_moved(goal: &Goal, id: &str) -> bool {
 }
 
 /// Where each alternative of the goal wants what it moves, as far as that is related to objects that stay.
-fn goal_rooms(task: &Task, goal: &Goal) -> Vec<Vec<GoalRoom>> {
+fn goal_rooms(task: &Task, goal: &Goal, world: &World) -> Vec<Vec<GoalRoom>> {
     let index_of = |id: &str| task.scene_graph.index_of(id);
     let of_alternative = |atoms: &Vec<Atom>| {
         let mut rooms: Vec<GoalRoom> = Vec::new();
@@ -278,14 +319,18 @@ fn goal_rooms(task: &Task, goal: &Goal) -> Vec<Vec<GoalRoom>> {
             let Atom::Relation { subject, relation, reference, .. } = atom else { continue };
             let moves =
                 |id: &str| atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id);
-            let (Some(object), Some(anchor)) = (index_of(subject), index_of(reference)) else { continue };
-            if moves(reference) || *relation == Relation::Between {
+            let surface = task.surface(reference);
+            let surface = surface.and_then(|named| world.surfaces.iter().position(|surface| surface.id == named.id));
+            let (Some(object), anchor) = (index_of(subject), index_of(reference)) else { continue };
+            if moves(reference) || *relation == Relation::Between || (anchor.is_none() && surface.is_none()) {
                 continue;
             }
-            match rooms.iter_mut().find(|room| room.object == object) {
-                Some(room) => room.anchors.push((*relation, anchor)),
-                None => rooms.push(GoalRoom { object, anchors: vec![(*relation, anchor)] }),
-            }
+            let at = rooms.iter().position(|room| room.object == object).unwrap_or_else(|| {
+                rooms.push(GoalRoom { object, anchors: Vec::new(), surfaces: Vec::new() });
+                rooms.len() - 1
+            });
+            rooms[at].anchors.extend(anchor.map(|anchor| (*relation, anchor)));
+            rooms[at].surfaces.extend(surface.map(|surface| (*relation, surface)));
         }
         rooms
     };

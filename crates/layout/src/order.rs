@@ -11,16 +11,16 @@ use crate::LayoutError;
 pub(crate) struct Step {
     /// Index of the object.
     pub object: usize,
-    /// Index of what it stands on or lies in, and how; `None` for the table.
+    /// Index of the object it stands on or lies in, and how; `None` for the table and other surfaces.
     pub support: Option<(usize, Relation)>,
-    /// Index of the edge that says so.
+    /// Index of the edge that says what it stands on, a surface too.
     pub support_edge: Option<usize>,
 }
 
 /// Objects in topological order of support, each after the objects it is related to where possible;
 /// what stands between others comes after them.
 ///
-/// `edges` are the graph's edges with the indices of their objects, subject first.
+/// `edges` are the graph's edges with the indices of their objects, subject first, surfaces left out.
 ///
 /// # Errors
 /// [`LayoutError::SupportCircle`] with the indices that could not be ordered, as their ids by `id`.
@@ -52,7 +52,7 @@ pub(crate) fn steps(
         };
         let step = |object: usize| {
             let edge = support_edge(object);
-            let support = edge.and_then(|edge| Some((edges[edge].1[1], relation(&edges[edge].0)?)));
+            let support = edge.and_then(|edge| Some((*edges[edge].1.get(1)?, relation(&edges[edge].0)?)));
             Step { object, support, support_edge: edge }
         };
         let ready = (0..count)

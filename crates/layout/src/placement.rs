@@ -5,7 +5,8 @@ use std::sync::Arc;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Aabb, Atom, ObjectCard, Pose, Relation, Seed, Unit};
 use genmanip_scene::relations::{
-    PosedObject, PosedScene, RelationSettings, ShapeCache, contact_below, judge_atom, outlines_apart, placement_window,
+    PosedObject, PosedScene, RelationSettings, ShapeCache, Window, contact_below, judge_atom, outlines_apart,
+    placement_window,
 };
 use rand::{Rng, RngExt};
 
@@ -174,8 +175,9 @@ impl Search<'_> {
         let stance = &self.draft.stances[object];
         match step.support.zip(stance.seat) {
             None => {
-                let bounds = moved_to(&stance.bounds, center);
-                let pose = stance.pose(center, 0.0);
+                let height = context.height(context.grounds[object]);
+                let bounds = moved_to(&stance.bounds, center, height);
+                let pose = stance.pose(center, height);
                 // Most candidates fall here, by their bounds alone.
                 if let Some(blocker) = self.neighbour(object, &bounds, None) {
                     return self.refuse(object, blocker, rejections);
@@ -205,10 +207,24 @@ impl Search<'_> {
             }
         }
         let Some(bounds) = self.scene.bounds(object) else { return false };
+        if !self.is_on_its_surface(step) {
+            rejections.count(Rejection::RelationsLeaveNoRoom);
+            self.blame_relatives(object);
+            return false;
+        }
         if let Some(blocker) = self.neighbour(object, &bounds, Some(&self.scene)) {
             return self.refuse(object, blocker, rejections);
         }
         self.edges_hold(object, rejections)
+    }
+
+    /// Whether an object keeps within the top of the surface it stands on, and clear of all surfaces and their boards.
+    fn is_on_its_surface(&self, step: &Step) -> bool {
+        let ground = self.context.grounds[step.object];
+        let surface = self.context.world.surfaces.get(ground).filter(|_| ground > 0 && step.support.is_none());
+        let outline = self.scene.outline(step.object).unwrap_or_default();
+        surface.is_none_or(|surface| surface.is_over_top(outline.iter().copied(), 0.0))
+            && !self.scene.hits_surface(step.object, self.context.settings.min_gap_m)
     }
 
     fn put(&mut self, object: usize, pose: Pose) {
@@ -250,7 +266,8 @@ impl Search<'_> {
             let gap = context.gap(object, other);
             let apart = (bounds.min - theirs.max).max(theirs.min - bounds.max);
             let planar = apart.truncate().max(DVec2::ZERO).length();
-            let beside = context.support_of(object) == context.support_of(other);
+            let beside = context.support_of(object) == context.support_of(other)
+                && context.grounds[object] == context.grounds[other];
             if planar >= gap || context.carries(other, object) || context.carries(object, other) {
                 return false;
             }
@@ -330,16 +347,24 @@ impl Search<'_> {
     fn is_free_somewhere(&mut self, room: &GoalRoom, rng: &mut impl Rng) -> bool {
         let context = self.context;
         let bounds = self.draft.stances[room.object].bounds;
-        let area = context.world.workspace;
+        let ground = room.ground();
+        let area = context.area(ground, context.world.workspace);
         let half = bounds.size().truncate() * 0.5;
         let mut low = DVec2::new(area.x[0], area.y[0]) + half;
         let mut high = DVec2::new(area.x[1], area.y[1]) - half;
+        let mut narrow = |window: Option<Window>| {
+            if let Some(window) = window {
+                low = low.max(DVec2::new(window.x[0], window.y[0]));
+                high = high.min(DVec2::new(window.x[1], window.y[1]));
+            }
+        };
         for &(relation, anchor) in &room.anchors {
             let anchor = self.scene.bounds(anchor);
             let window = anchor.and_then(|at| placement_window(relation, &at, bounds.size(), context.relations));
-            let Some(window) = window else { continue };
-            low = low.max(DVec2::new(window.x[0], window.y[0]));
-            high = high.min(DVec2::new(window.x[1], window.y[1]));
+            narrow(window);
+        }
+        for &(relation, surface) in room.surfaces.iter().filter(|(relation, _)| !relation.is_support()) {
+            narrow(context.surface_window(relation, surface, bounds.size()));
         }
         if low.cmpgt(high).any() {
             return false;
@@ -347,7 +372,7 @@ impl Search<'_> {
         let clearance = DVec3::new(GOAL_CLEARANCE_M, GOAL_CLEARANCE_M, 0.0);
         (0..context.settings.candidates_per_object).any(|_| {
             let center = low + (high - low) * DVec2::new(rng.random(), rng.random());
-            let there = moved_to(&bounds, center);
+            let there = moved_to(&bounds, center, context.height(ground));
             let there = Aabb { min: there.min - clearance, max: there.max + clearance };
             let blocker = self.placed.iter().copied().filter(|&other| other != room.object).find(|&other| {
                 let overlap = |at: Aabb| at.min.cmplt(there.max).all() && there.min.cmplt(at.max).all();
@@ -389,8 +414,9 @@ impl Search<'_> {
     }
 }
 
-fn moved_to(bounds: &Aabb, center: DVec2) -> Aabb {
-    let by = (center - bounds.center().truncate()).extend(-bounds.min.z);
+/// Bounds with their middle over a point and their bottom at a height.
+fn moved_to(bounds: &Aabb, center: DVec2, height: f64) -> Aabb {
+    let by = (center - bounds.center().truncate()).extend(height - bounds.min.z);
     Aabb { min: bounds.min + by, max: bounds.max + by }
 }
 

@@ -187,9 +187,12 @@ fn check_objects(path: &Path, task: &Task) -> Result<(), RunError> {
     }
     let atoms = || task.goal.alternatives.iter().flatten().cloned().map(|atom| ("goal", atom));
     for (place, atom) in atoms().chain(graph.edges.iter().map(|edge| ("scene_graph.edges", edge.atom()))) {
-        for id in std::iter::once(atom.subject()).chain(references(&atom)) {
-            if graph.index_of(id).is_none() {
-                return refused(place, id, "is no node of the scene");
+        if graph.index_of(atom.subject()).is_none() {
+            return refused(place, atom.subject(), "is no node of the scene");
+        }
+        for id in references(&atom) {
+            if graph.index_of(id).is_none() && task.surface(id).is_none() {
+                return refused(place, id, "is no node of the scene, and no support surface of the task");
             }
         }
     }
@@ -218,6 +221,7 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError>
         id: id_from(path),
         kind: recorded.task_type,
         offered: offered(&recorded.objects)?,
+        surfaces: recorded.surfaces,
         min_objects: recorded.num_objects,
         between: false,
         source: format!("recorded answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
@@ -229,12 +233,19 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError>
 ///
 /// # Errors
 /// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
-pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, RunError> {
+pub fn check_bare(
+    path: &Path,
+    objects: &[String],
+    world: Option<&Path>,
+    kind: &str,
+    min_objects: usize,
+) -> Result<AnswerReport, RunError> {
     let kind = task_kind(kind)?;
     let request = TaskRequest {
         id: id_from(path),
         kind,
         offered: offered(objects)?,
+        surfaces: read_world(world)?.named_surfaces(),
         min_objects,
         between: false,
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),

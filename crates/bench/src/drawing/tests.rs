@@ -46,6 +46,7 @@ fn task(names: &[&str], edges: Vec<GraphEdge>, alternatives: Vec<Vec<Atom>>) -> 
             edges,
         },
         objects: uids.iter().zip(names).map(|(uid, name)| card(uid, name)).collect(),
+        surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: "test".into(),
     }

@@ -42,7 +42,8 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
         let report = if arguments.objects.is_empty() {
             inputs::check_recorded(&file, &inputs::read_text(&file, 4 << 20)?)?
         } else {
-            inputs::check_bare(&file, &arguments.objects, &arguments.kind, arguments.min_objects)?
+            let world = arguments.world.as_deref();
+            inputs::check_bare(&file, &arguments.objects, world, &arguments.kind, arguments.min_objects)?
         };
         checked.push(Checked { file: file.display().to_string(), report: CheckedReport::from(report) });
     }

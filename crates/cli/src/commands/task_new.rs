@@ -41,6 +41,10 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
         return Err(Failed::new("--settings and --cassettes are for language models")
             .hint("add --designer llm, or leave them out"));
     }
+    if is_rules && arguments.world.is_some() {
+        return Err(Failed::new("--world is for language models: the rules name no surface but the table")
+            .hint("leave it out; `layout` and `collect` lay tasks out in a world with --world"));
+    }
     if !(0.0..=1.0).contains(&arguments.copies) || (!is_rules && arguments.copies > 0.0) {
         return Err(Failed::new(format!("--copies {} is not possible", arguments.copies))
             .hint("expected a share of scenes, 0 to 1, with --designer rules"));
@@ -75,7 +79,8 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
     let settings = settings(arguments)?;
     let seed = Seed::new(arguments.seed);
     let designer = Designer::open(&settings, seed)
-        .map_err(|error| Failed::because("the language model cannot be asked", &error))?;
+        .map_err(|error| Failed::because("the language model cannot be asked", &error))?
+        .with_surfaces(inputs::read_world(arguments.world.as_deref())?.named_surfaces());
     printer.begin("asking", arguments.count);
     let mut outcomes: Vec<GenerationOutcome> = Vec::new();
     for (index, &kind) in kinds.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Fixed slabs that things stand on.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ use crate::{Aabb, Piece, Pose, Shape};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SupportSurface {
-    /// What files call it; `table` for the first one. Tasks cannot name a further one yet.
+    /// What files call it; `table` for the first one. Tasks name a further one by it.
     pub id: String,
     /// What people call it, e.g. `side table`.
     pub name: String,
@@ -61,6 +61,18 @@ impl SupportSurface {
         let of = |center: DVec3, size: DVec3| Piece::at(center, Shape::Box { half_extents: size * 0.5 });
         let slab = of(DVec3::new(0.0, 0.0, -self.size_m.z * 0.5), self.size_m);
         std::iter::once(slab).chain(self.boards.iter().map(|board| of(board.center_m, board.size_m))).collect()
+    }
+
+    /// Bounds of the slab alone in the world.
+    pub fn slab_bounds(&self) -> Aabb {
+        Aabb::from_pieces(&self.world_from_surface(), self.pieces().iter().take(1))
+    }
+
+    /// Whether points of the world's plane are over the top and at least its margin, and `more_m`, inside its edges.
+    pub fn is_over_top(&self, mut points: impl Iterator<Item = DVec2>, more_m: f64) -> bool {
+        let surface_from_world = self.world_from_surface().inverse();
+        let half = self.size_m.truncate() * 0.5 - DVec2::splat(self.edge_margin_m + more_m);
+        points.all(|point| surface_from_world.transform_point(point.extend(0.0)).truncate().abs().cmple(half).all())
     }
 
     /// Bounds of all of it in the world.

@@ -77,6 +77,7 @@ pub fn scenario(number: usize) -> Scenario {
             goal: Goal::default(),
             scene_graph: SceneGraph::default(),
             objects: Vec::new(),
+            surfaces: Vec::new(),
             interchangeable: Vec::new(),
             source: "made up".into(),
         },

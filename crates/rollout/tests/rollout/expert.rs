@@ -73,6 +73,7 @@ fn joint_task(uid: &str, from: &str, to: &str) -> Task {
         goal: Goal { alternatives: vec![vec![Atom::State { object: uid.into(), state: to.into() }]] },
         scene_graph: SceneGraph { description: String::new(), nodes: vec![node], edges: Vec::new() },
         objects: vec![card],
+        surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: "test".into(),
     }

@@ -180,6 +180,7 @@ fn task() -> Task {
             edges: Vec::new(),
         },
         objects: objects.to_vec(),
+        surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: "test".into(),
     }

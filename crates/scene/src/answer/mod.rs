@@ -14,6 +14,7 @@
 //!     id: "demo".into(),
 //!     kind: TaskKind::PickAndPlace,
 //!     offered: Vec::new(),
+//!     surfaces: Vec::new(),
 //!     min_objects: 3,
 //!     between: false,
 //!     source: "doc example".into(),
@@ -38,7 +39,7 @@ mod tests;
 mod words;
 
 use genmanip_core::asset::instance_ids;
-use genmanip_core::{ObjectCard, Task, TaskKind};
+use genmanip_core::{NamedSurface, ObjectCard, Task, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +61,9 @@ pub struct TaskRequest {
     /// Cards of the objects the model could choose from, one per instance: the second card of an asset offers its
     /// second copy, under the uid `001#2`.
     pub offered: Vec<ObjectCard>,
+    /// Support surfaces, other than the table, that things may be put on or near.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<NamedSurface>,
     /// Smallest number of objects in the scene.
     pub min_objects: usize,
     /// Whether `between` is a position, with the second reference in `obj3` and `obj3_uid`; no part of the published
@@ -130,9 +134,22 @@ pub fn check_answer(raw: &str, request: &TaskRequest) -> AnswerReport {
 }
 
 impl TaskRequest {
-    /// What the answer calls the offered objects: uids, numbered from the second copy of an asset on.
+    /// What the answer calls the offered objects: uids, numbered from the second copy of an asset on; then the surfaces.
     pub fn ids(&self) -> Vec<String> {
-        instance_ids(self.offered.iter().map(|card| card.uid.as_str()))
+        let mut ids = instance_ids(self.offered.iter().map(|card| card.uid.as_str()));
+        ids.extend(self.surfaces.iter().map(|surface| surface.id.clone()));
+        ids
+    }
+
+    /// What people call each of [`TaskRequest::ids`].
+    fn names(&self) -> Vec<&str> {
+        let objects = self.offered.iter().map(|card| card.name.as_str());
+        objects.chain(self.surfaces.iter().map(|surface| surface.name.as_str())).collect()
+    }
+
+    /// Whether one of [`TaskRequest::ids`] is a surface.
+    fn is_surface(&self, index: usize) -> bool {
+        index >= self.offered.len()
     }
 }
 

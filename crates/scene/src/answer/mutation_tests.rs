@@ -238,6 +238,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         goal: Goal { alternatives },
         objects: objects.collect(),
         scene_graph: SceneGraph { description, nodes, edges },
+        surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: request.source.clone(),
     };

@@ -1,7 +1,7 @@
 //! Recorded answers: what was offered, what came back, and what is to be made of it.
 
 use genmanip_core::asset::uid_of;
-use genmanip_core::{ObjectCard, TaskKind};
+use genmanip_core::{NamedSurface, ObjectCard, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,9 @@ pub struct RecordedAnswer {
     pub task_type: TaskKind,
     /// Uids of the offered objects, one per instance: `001#2` or a second `001` is the second copy of `001`.
     pub objects: Vec<String>,
+    /// Support surfaces of the world, other than the table, that were offered to put things on or near.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<NamedSurface>,
     /// Smallest number of nodes.
     pub num_objects: usize,
     /// The text as it came.
@@ -68,6 +71,7 @@ impl RecordedAnswer {
             id: id.into(),
             kind: self.task_type,
             offered: self.objects.iter().map(card).collect::<Result<_, _>>()?,
+            surfaces: self.surfaces.clone(),
             min_objects: self.num_objects,
             between: false,
             source: format!("recorded answer {id}"),

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use genmanip_core::asset::uid_of;
-use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Task};
+use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, Task};
 
 use super::TaskRequest;
 use super::decode::{RawAnswer, RawCondition, RawEdge, RawNode, RawObject};
@@ -66,9 +66,26 @@ impl Draft {
     /// Ids of the offered objects in the task: where only one copy of an asset is in the scene, its uid.
     fn ids(&self, request: &TaskRequest) -> Vec<String> {
         let uid = |index: usize| request.offered.get(index).map(|card| &card.uid);
-        let alone = |index: usize| self.nodes.iter().filter(|node| uid(node.object) == uid(index)).count() == 1;
+        // A surface has no copies, and no node.
+        let alone = |index: usize| {
+            !request.is_surface(index) && self.nodes.iter().filter(|node| uid(node.object) == uid(index)).count() == 1
+        };
         let ids = request.ids().into_iter().enumerate();
         ids.map(|(index, id)| if alone(index) { uid_of(&id).to_owned() } else { id }).collect()
+    }
+
+    /// The surfaces that goal and graph name, in the order of the request.
+    fn surfaces(&self, request: &TaskRequest) -> Vec<NamedSurface> {
+        let goal = self.alternatives.iter().flatten().filter_map(|condition| match condition.test {
+            Test::Relation(_, reference, _) => Some(reference),
+            Test::State(_) => None,
+        });
+        let named: BTreeSet<usize> = goal.chain(self.edges.iter().map(|edge| edge.reference)).collect();
+        let surfaces = request.surfaces.iter().enumerate();
+        surfaces
+            .filter(|(index, _)| named.contains(&(request.offered.len() + index)))
+            .map(|(_, one)| one.clone())
+            .collect()
     }
 
     /// The task; `None` when something essential could not be resolved.
@@ -119,6 +136,7 @@ impl Draft {
                 edges: edges.collect::<Option<Vec<_>>>()?,
             },
             objects: self.nodes.iter().filter_map(|node| request.offered.get(node.object).cloned()).collect(),
+            surfaces: self.surfaces(request),
             interchangeable: Vec::new(),
             source: request.source.clone(),
         })
@@ -127,8 +145,8 @@ impl Draft {
 
 /// Resolves every part of an answer.
 pub(super) fn resolve(answer: RawAnswer, request: &TaskRequest, findings: &mut Findings) -> Draft {
-    let (offered, between) = (request.offered.as_slice(), request.between);
-    let mut resolver = Resolver { offered, ids: request.ids(), between, seen: BTreeSet::new(), findings };
+    let mut resolver =
+        Resolver { request, ids: request.ids(), names: request.names(), seen: BTreeSet::new(), findings };
     let written_conditions = answer.alternatives.iter().map(Vec::len).collect();
     let alternatives = answer
         .alternatives
@@ -178,11 +196,11 @@ enum EdgeReading {
 }
 
 struct Resolver<'a> {
-    offered: &'a [ObjectCard],
-    /// What the answer calls each of them.
+    request: &'a TaskRequest,
+    /// What the answer calls each object and surface that was offered.
     ids: Vec<String>,
-    /// Whether `between` is a word of the format.
-    between: bool,
+    /// What people call them.
+    names: Vec<&'a str>,
     /// Flaws of objects already noted, so that one wrong uid is one flaw however often it is used.
     seen: BTreeSet<(FlawKind, String)>,
     findings: &'a mut Findings,
@@ -215,6 +233,7 @@ impl Resolver<'_> {
                     beside = Some(self.state(subject, state, &raw.path)?);
                 }
                 let second = self.second(relation, raw.second.as_ref(), &raw.path).ok()?;
+                self.check_surfaces(subject, relation, [Some(reference), second], &raw.path).ok()?;
                 Test::Relation(relation, reference, second)
             }
             (None, Named::Absent, Some(state)) => Test::State(self.state(subject, state, &raw.path)?),
@@ -263,10 +282,11 @@ impl Resolver<'_> {
         };
         match (subject, self.relation(position, &raw.path), reference) {
             (Named::Object(subject), Some(relation), Named::Object(reference)) => {
-                match self.second(relation, raw.second.as_ref(), &raw.path) {
-                    Ok(second) => {
-                        EdgeReading::Edge(Edge { subject, relation, reference, second, path: raw.path.clone() })
-                    }
+                let Ok(second) = self.second(relation, raw.second.as_ref(), &raw.path) else {
+                    return EdgeReading::Unreadable;
+                };
+                match self.check_surfaces(subject, relation, [Some(reference), second], &raw.path) {
+                    Ok(()) => EdgeReading::Edge(Edge { subject, relation, reference, second, path: raw.path.clone() }),
                     Err(Noted) => EdgeReading::Unreadable,
                 }
             }
@@ -291,8 +311,38 @@ impl Resolver<'_> {
         }
     }
 
+    /// Surfaces do not move, and things are on or near them only.
+    fn check_surfaces(
+        &mut self,
+        subject: usize,
+        relation: Relation,
+        references: [Option<usize>; 2],
+        path: &str,
+    ) -> Result<(), Noted> {
+        let is_surface = |index: &usize| self.request.is_surface(*index);
+        if is_surface(&subject) {
+            let message = format!("expected an object in obj1, got the {}", self.names[subject]);
+            self.findings.reject(FlawKind::NotGraspable, path, message, "a support surface stays: name it in obj2");
+            return Err(Noted);
+        }
+        let fits = matches!(relation, Relation::On | Relation::Top | Relation::Near);
+        if let Some(index) = references.into_iter().flatten().find(is_surface).filter(|_| !fits) {
+            let message =
+                format!("expected `on`, `top` or `near` with the {}, got `{}`", self.names[index], relation.name());
+            self.findings.reject(FlawKind::UnknownRelation, path, message, "other relations are between objects");
+            return Err(Noted);
+        }
+        Ok(())
+    }
+
     fn node(&mut self, raw: &RawNode) -> Option<Node> {
         let object = match self.object(&raw.object) {
+            Named::Object(index) if self.request.is_surface(index) => {
+                let message = format!("expected an object, got the {}", self.names[index]);
+                let what = "dropped: support surfaces are always there";
+                self.findings.repair(FlawKind::EdgeOnTable, raw.path.as_str(), message, what);
+                return None;
+            }
             Named::Object(index) => index,
             Named::Absent => {
                 let message = "expected a uid, got none";
@@ -349,8 +399,7 @@ impl Resolver<'_> {
         let Some(name) = raw.name.as_deref() else {
             return Named::Absent;
         };
-        let named: Vec<usize> =
-            (0..self.offered.len()).filter(|&index| same_name(&self.offered[index].name, name)).collect();
+        let named: Vec<usize> = (0..self.names.len()).filter(|&index| same_name(self.names[index], name)).collect();
         match named.as_slice() {
             [index] => {
                 let message = format!("expected the uid of `{}`, got none", shortened(name));
@@ -374,15 +423,14 @@ impl Resolver<'_> {
 
     /// Names may be shortened or reworded, but not be exactly another object's.
     fn check_name(&mut self, raw: &RawObject, index: usize) -> Named {
-        let card = &self.offered[index];
-        let Some(name) = raw.name.as_deref().filter(|name| !same_name(&card.name, name)) else {
+        let Some(name) = raw.name.as_deref().filter(|name| !same_name(self.names[index], name)) else {
             return Named::Object(index);
         };
-        let Some(other) = self.offered.iter().position(|other| same_name(&other.name, name)) else {
+        let Some(other) = self.names.iter().position(|other| same_name(other, name)) else {
             return Named::Object(index);
         };
         let (own, other) = (&self.ids[index], &self.ids[other]);
-        let message = format!("expected `{}` for uid `{own}`, got `{name}`, which is `{other}`", card.name);
+        let message = format!("expected `{}` for uid `{own}`, got `{name}`, which is `{other}`", self.names[index]);
         if self.seen.insert((FlawKind::UidNameMismatch, format!("{own}\u{0}{other}"))) {
             self.findings.reject(FlawKind::UidNameMismatch, raw.path.as_str(), message, "name and uid must agree");
         }
@@ -408,7 +456,7 @@ impl Resolver<'_> {
 
     fn relation(&mut self, word: &str, path: &str) -> Option<Relation> {
         let path = format!("{path}.position");
-        if self.between && word == Relation::Between.name() {
+        if self.request.between && word == Relation::Between.name() {
             return Some(Relation::Between);
         }
         if let Some(relation) = Relation::OF_PAIRS.iter().copied().find(|relation| relation.name() == word) {
@@ -433,23 +481,23 @@ impl Resolver<'_> {
     }
 
     fn state(&mut self, object: usize, state: &str, path: &str) -> Option<String> {
-        let card = &self.offered[object];
-        if card.states.iter().any(|known| known == state) {
+        let states = self.request.offered.get(object).map_or(&[][..], |card| &card.states);
+        if states.iter().any(|known| known == state) {
             return Some(state.to_owned());
         }
         let plain = |text: &str| text.to_ascii_lowercase().replace([' ', '-'], "_");
-        let mut meant = card.states.iter().filter(|known| plain(known) == plain(state));
+        let mut meant = states.iter().filter(|known| plain(known) == plain(state));
         if let (Some(known), None) = (meant.next(), meant.next()) {
-            let message = format!("expected one of {:?}, got `{}`", card.states, shortened(state));
+            let message = format!("expected one of {states:?}, got `{}`", shortened(state));
             self.findings.repair(FlawKind::StateSpelling, path, message, format!("read as `{known}`"));
             return Some(known.clone());
         }
         if self.first_time(FlawKind::UnknownState, &format!("{object}\u{0}{state}")) {
-            let expected = if card.states.is_empty() { "none".into() } else { format!("one of {:?}", card.states) };
+            let expected = if states.is_empty() { "none".into() } else { format!("one of {states:?}") };
             let message = format!(
                 "expected {expected} as state of `{}` ({}), got `{}`",
                 self.ids[object],
-                card.name,
+                self.names[object],
                 shortened(state)
             );
             self.findings.reject(FlawKind::UnknownState, path, message, "states come from the object's own list");

@@ -24,12 +24,14 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> R
         },
         scene_graph: scene.graph(draft.description.clone()),
         objects: offered.clone(),
+        surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: "rules".into(),
     };
     let request = TaskRequest {
         id: task.id.clone(),
         kind,
+        surfaces: Vec::new(),
         min_objects: scene.len().min(3),
         offered,
         between: true,

@@ -94,6 +94,7 @@ pub fn measure(
             id: task.id.clone(),
             kind: task.kind,
             offered: cards.iter().chain(copies).cloned().collect(),
+            surfaces: Vec::new(),
             min_objects: settings.objects[0],
             between: true,
             source: task.source.clone(),

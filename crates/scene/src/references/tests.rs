@@ -223,6 +223,7 @@ fn identical_copies_are_one_thing_to_say_and_two_to_choose_from() {
             goal: genmanip_core::Goal { alternatives: vec![vec![atom]] },
             scene_graph,
             objects,
+            surfaces: Vec::new(),
             interchangeable: Vec::new(),
             source: String::new(),
         };

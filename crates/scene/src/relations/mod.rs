@@ -21,6 +21,7 @@ mod cloud;
 mod cloud_tests;
 mod contact;
 mod extent;
+mod fixed;
 mod judge;
 mod pair;
 mod posed;

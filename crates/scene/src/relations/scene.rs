@@ -5,8 +5,13 @@ use std::sync::{Arc, OnceLock};
 use genmanip_core::{Aabb, ObjectModel, Piece, Pose, Shape, SupportSurface};
 use glam::{DAffine3, DVec2, DVec3};
 
+use super::fixed;
 use super::shape::{ObjectShape, ShapeCache, outline_directions, outline_points};
 use crate::planar::Polygon;
+
+/// How far below the top of a surface something may be and still count as standing on it, metres; chosen, more than
+/// contacts sink in and less than any slab is thick.
+const SUNK_M: f64 = 0.002;
 
 /// An object at its pose.
 #[derive(Clone, Debug)]
@@ -22,9 +27,15 @@ pub struct PosedObject {
 }
 
 /// Objects at their poses, ready to be judged. Outlines are computed when first needed.
+///
+/// Indices count the objects; behind the last one come the support surfaces other than the table, which are judged like
+/// objects but stay where they are.
 #[derive(Clone, Debug)]
 pub struct PosedScene {
+    /// Objects, then surfaces.
     pub(super) bodies: Vec<Body>,
+    /// How many of the bodies are objects.
+    count: usize,
     surfaces: Arc<[SupportSurface]>,
 }
 
@@ -65,14 +76,22 @@ impl PosedScene {
     /// Places objects among the support surfaces of their world, the table first; shapes come from the cache or are
     /// prepared into it.
     pub fn new(objects: Vec<PosedObject>, surfaces: &[SupportSurface], shapes: &mut ShapeCache) -> Self {
-        let bodies = objects
+        let count = objects.len();
+        let mut bodies: Vec<Body> = objects
             .into_iter()
             .map(|object| {
                 let shape = shapes.get(&object.model);
                 Body::new(object, shape)
             })
             .collect();
-        Self { bodies, surfaces: surfaces.into() }
+        bodies.extend(surfaces.iter().skip(1).map(|surface| {
+            let model = Arc::new(fixed::model(surface));
+            // Another world may have another surface of that id, so the cache is no help.
+            let shape = Arc::new(shapes.shape_of(&model));
+            let (id, pose) = (surface.id.clone(), surface.world_from_surface());
+            Body::new(PosedObject { id, model, pose, joint_positions: Vec::new() }, shape)
+        }));
+        Self { bodies, count, surfaces: surfaces.into() }
     }
 
     /// The support surfaces, the table first.
@@ -82,17 +101,39 @@ impl PosedScene {
 
     /// The objects.
     pub fn objects(&self) -> impl ExactSizeIterator<Item = &PosedObject> {
-        self.bodies.iter().map(|body| &body.object)
+        self.bodies[..self.count].iter().map(|body| &body.object)
     }
 
-    /// Index of an object.
+    /// The support surface with an index, by its place among [`PosedScene::surfaces`]; `None` for an object.
+    pub fn surface_at(&self, index: usize) -> Option<usize> {
+        // The table has no index.
+        (self.count..self.bodies.len()).contains(&index).then(|| index - self.count + 1)
+    }
+
+    /// Whether an object is in a support surface or one of its boards, or beside one by less than a margin, seen with boxes
+    /// around all of them; what stands on a surface is not in it. False in a world that has a table only.
+    pub fn hits_surface(&self, index: usize, margin_m: f64) -> bool {
+        let Some(bounds) = self.bounds(index).filter(|_| self.surfaces.len() > 1) else { return false };
+        let mut pieces = self.surfaces.iter().flat_map(|surface| {
+            let world_from_surface = surface.world_from_surface();
+            surface.pieces().into_iter().map(move |piece| Aabb::from_pieces(&world_from_surface, [&piece]))
+        });
+        pieces.any(|piece| {
+            let beside = margin_m * DVec3::new(1.0, 1.0, 0.0);
+            bounds.min.cmplt(piece.max + beside).all()
+                && (piece.min - beside).cmplt(bounds.max).all()
+                && bounds.min.z < piece.max.z - SUNK_M
+        })
+    }
+
+    /// Index of an object or a support surface other than the table.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.bodies.iter().position(|body| body.object.id == id)
     }
 
     /// Moves one object; the geometry of the others is kept. An index out of range changes nothing.
     pub fn set_pose(&mut self, index: usize, world_from_object: Pose, joint_positions: &[f64]) {
-        if let Some(body) = self.bodies.get_mut(index) {
+        if let Some(body) = self.bodies[..self.count].get_mut(index) {
             let object = PosedObject {
                 pose: world_from_object,
                 joint_positions: joint_positions.to_vec(),
@@ -105,7 +146,7 @@ impl PosedScene {
 
     /// Moves one object without turning it, which keeps its outlines. An index out of range changes nothing.
     pub fn shift(&mut self, index: usize, by: DVec3) {
-        if let Some(body) = self.bodies.get_mut(index) {
+        if let Some(body) = self.bodies[..self.count].get_mut(index) {
             body.shift(by);
         }
     }

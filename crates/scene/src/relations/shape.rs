@@ -57,6 +57,11 @@ impl ShapeCache {
         Self { shapes: HashMap::new(), samples }
     }
 
+    /// The shape of a model that is not to be kept, sampled as the others are.
+    pub(super) fn shape_of(&self, model: &Arc<ObjectModel>) -> ObjectShape {
+        ObjectShape::new(model, self.samples)
+    }
+
     /// The shape of a model.
     pub fn get(&mut self, model: &Arc<ObjectModel>) -> Arc<ObjectShape> {
         let samples = self.samples;

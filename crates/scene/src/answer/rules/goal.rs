@@ -18,7 +18,8 @@ pub(super) fn check(draft: &Draft, request: &TaskRequest, findings: &mut Finding
     for condition in draft.alternatives.iter().flatten() {
         check_condition(condition, draft, request, findings);
         for object in objects(condition) {
-            if !draft.nodes.iter().any(|node| node.object == object) && missing.insert(object) {
+            let is_known = request.is_surface(object) || draft.nodes.iter().any(|node| node.object == object);
+            if !is_known && missing.insert(object) {
                 let message = format!("expected a node for {}, got none", object_name(request, object));
                 findings.reject(
                     FlawKind::MissingNode,

@@ -50,8 +50,8 @@ pub(super) fn check_consistency(draft: &Draft, request: &TaskRequest, findings: 
 
 /// `007 (Porcelain Plate)`.
 pub(super) fn object_name(request: &TaskRequest, index: usize) -> String {
-    let card = request.offered.get(index);
-    card.map_or_else(String::new, |card| format!("{} ({})", request.ids()[index], card.name))
+    let name = request.names().get(index).copied();
+    name.map_or_else(String::new, |name| format!("{} ({name})", request.ids()[index]))
 }
 
 fn drop_repeated_nodes(draft: &mut Draft, request: &TaskRequest, findings: &mut Findings) {
@@ -77,7 +77,7 @@ fn check_nodes_of_edges(draft: &Draft, request: &TaskRequest, findings: &mut Fin
     let mut missing: BTreeMap<usize, &str> = BTreeMap::new();
     for edge in &draft.edges {
         for object in [edge.subject, edge.reference].into_iter().chain(edge.second) {
-            if !draft.nodes.iter().any(|node| node.object == object) {
+            if !request.is_surface(object) && !draft.nodes.iter().any(|node| node.object == object) {
                 missing.entry(object).or_insert(&edge.path);
             }
         }
