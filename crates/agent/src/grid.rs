@@ -52,10 +52,8 @@ impl Grid {
     /// The cell that holds a pixel; `None` outside of the picture.
     pub fn cell_at(&self, x: f64, y: f64) -> Option<Cell> {
         let (x, y) = ((x + 0.5) / f64::from(self.width), (y + 0.5) / f64::from(self.height));
-        ((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y)).then(|| Cell {
-            row: (y * f64::from(self.rows)) as u32,
-            column: (x * f64::from(self.columns)) as u32,
-        })
+        ((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y))
+            .then(|| Cell { row: (y * f64::from(self.rows)) as u32, column: (x * f64::from(self.columns)) as u32 })
     }
 
     /// The cell of a label such as `C4`; `None` for anything that is not drawn.

@@ -3,7 +3,9 @@
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::question::{Marks, Question, Stage};
+use super::complaint::Complaint;
+use super::question::{Marks, Question};
+use super::stage::Stage;
 use crate::grid::{Cell, Grid};
 
 /// Longest answer that is read, bytes: a hundred times a long path.
@@ -91,36 +93,6 @@ pub struct CheckAnswer {
     pub scene_description: String,
     /// The verdict of the model.
     pub finished: bool,
-}
-
-/// Why an answer does not fit.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
-#[serde(rename_all = "snake_case")]
-pub enum Complaint {
-    /// It is not the JSON object that was asked for.
-    #[error("{0}")]
-    Format(String),
-    /// It names a mark that was not drawn.
-    #[error("{0}")]
-    Undrawn(String),
-    /// It says that no mark fits.
-    #[error("it says that no numbered {0} fits; look again, one of them may")]
-    NotFound(String),
-    /// The thing cannot be put there.
-    #[error("{0}")]
-    Unusable(String),
-}
-
-impl Complaint {
-    /// The name under which failures are counted.
-    pub fn cause(&self) -> &'static str {
-        match self {
-            Self::Format(_) => "format",
-            Self::Undrawn(_) => "undrawn",
-            Self::NotFound(_) => "not_found",
-            Self::Unusable(_) => "unusable",
-        }
-    }
 }
 
 /// Reads an answer to a question.
@@ -216,7 +188,8 @@ fn bare_object(text: &str) -> Result<&str, Complaint> {
         return Err(Complaint::Format(format!("it has {size} bytes, expected {LONGEST_ANSWER} at most")));
     }
     let text = text.trim();
-    let fenced = text.strip_prefix("```json").or_else(|| text.strip_prefix("```")).and_then(|rest| rest.strip_suffix("```"));
+    let fenced =
+        text.strip_prefix("```json").or_else(|| text.strip_prefix("```")).and_then(|rest| rest.strip_suffix("```"));
     let text = fenced.unwrap_or(text).trim();
     if text.starts_with('{') && text.ends_with('}') || text.starts_with('[') && text.ends_with(']') {
         return Ok(text);
@@ -225,7 +198,8 @@ fn bare_object(text: &str) -> Result<&str, Complaint> {
 }
 
 fn read<T: DeserializeOwned>(text: &str) -> Result<T, Complaint> {
-    serde_json::from_str(text).map_err(|error| Complaint::Format(format!("it is not the JSON that was asked for: {error}")))
+    serde_json::from_str(text)
+        .map_err(|error| Complaint::Format(format!("it is not the JSON that was asked for: {error}")))
 }
 
 fn decompose(text: &str) -> Result<DecomposeAnswer, Complaint> {

@@ -5,20 +5,23 @@
 //! fails: no mark is ever taken by default.
 
 mod answer;
+mod complaint;
 mod model;
 mod prompt;
 mod question;
+mod stage;
 mod transcript;
 
 pub use answer::{
-    Answer, CheckAnswer, Complaint, DecomposeAnswer, GrabPointAnswer, MarkAnswer, PathAnswer, PathCell, PointAnswer,
-    parse,
+    Answer, CheckAnswer, DecomposeAnswer, GrabPointAnswer, MarkAnswer, PathAnswer, PathCell, PointAnswer, parse,
 };
+pub use complaint::{Complaint, Refused};
 pub use model::{Answered, ChatService, ServiceError, VisionModel};
 pub(crate) use prompt::Inputs;
-pub use prompt::{PromptError, PromptSet, PromptStamp};
-pub use question::{Marks, Question, Shown, Stage};
-pub use transcript::{Exchange, FailedStage, Moment, Refused, Transcript, Transcribed};
+pub use prompt::{PromptError, PromptSet};
+pub use question::{Marks, Question, Shown};
+pub use stage::{PromptStamp, Stage};
+pub use transcript::{Exchange, FailedStage, Moment, Transcribed, Transcript};
 
 /// An answer that fits the question, however often it takes to get one: `1 + reasks` times at most.
 ///

@@ -6,10 +6,10 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
-use super::question::Stage;
+use super::stage::{PromptStamp, Stage};
 
 /// All prompts of the agent.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,18 +22,6 @@ pub struct PromptSet {
 struct Prompt {
     stamp: PromptStamp,
     text: String,
-}
-
-/// Which prompt was used.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PromptStamp {
-    /// Name, e.g. `agent.object`.
-    pub id: String,
-    /// Grows with every change of the text.
-    pub version: u32,
-    /// First twelve digits of the SHA-256 of the text, in case somebody forgot to raise the version.
-    pub sha256: String,
 }
 
 /// Why a prompt cannot be used.

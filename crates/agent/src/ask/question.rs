@@ -6,60 +6,13 @@ use std::sync::Arc;
 use genmanip_chat::{ChatRequest, Image, ImageError, Message, Part, ReplySchema};
 use genmanip_core::RgbdImage;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::prompt::PromptStamp;
-use super::transcript::Refused;
+use super::complaint::Refused;
+use super::stage::{PromptStamp, Stage};
 use crate::grid::{Cell, Grid};
 use crate::picture::Picture;
 use crate::segmentation::Mask;
-
-/// The stages that ask a model, in their order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Stage {
-    /// An instruction into picks and places.
-    Decompose,
-    /// Which numbered mask is to be moved.
-    Object,
-    /// Which numbered part of it is to be held.
-    Part,
-    /// Which of five points to hold it at.
-    GrabPoint,
-    /// A way over the lettered grid, with heights and turns.
-    GridPath,
-    /// The one cell where to put it.
-    PointToPoint,
-    /// Whether the task is done.
-    Check,
-}
-
-impl Stage {
-    /// All stages.
-    pub const ALL: [Self; 7] = [
-        Self::Decompose,
-        Self::Object,
-        Self::Part,
-        Self::GrabPoint,
-        Self::GridPath,
-        Self::PointToPoint,
-        Self::Check,
-    ];
-
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Decompose => "decompose",
-            Self::Object => "object",
-            Self::Part => "part",
-            Self::GrabPoint => "grab_point",
-            Self::GridPath => "grid_path",
-            Self::PointToPoint => "point_to_point",
-            Self::Check => "check",
-        }
-    }
-}
 
 /// One question, with everything that decides whether an answer fits.
 #[derive(Clone, Debug)]

@@ -6,9 +6,8 @@ use genmanip_chat::Usage;
 use genmanip_core::Document;
 use serde::{Deserialize, Serialize};
 
-use super::answer::Complaint;
-use super::prompt::PromptStamp;
-use super::question::{Question, Stage};
+use super::question::Question;
+use super::stage::{PromptStamp, Stage};
 use crate::picture::Picture;
 
 /// Everything that was asked and done in one episode.
@@ -68,15 +67,6 @@ pub struct Exchange {
     pub usage: Option<Usage>,
 }
 
-/// An answer that was not taken.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Refused {
-    /// Its beginning.
-    pub answer: String,
-    /// What was wrong.
-    pub complaint: Complaint,
-}
-
 /// A stage that failed, which ends the episode.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[error("{stage} failed ({cause}): {evidence}")]
@@ -128,8 +118,7 @@ impl Transcribed {
     /// Begins afresh.
     pub(crate) fn begin(&self, instruction: &str, preset: &str) {
         let mut kept = self.lock();
-        let transcript =
-            Transcript { instruction: instruction.into(), preset: preset.into(), ..Transcript::default() };
+        let transcript = Transcript { instruction: instruction.into(), preset: preset.into(), ..Transcript::default() };
         *kept = Kept { transcript, keeps_pictures: kept.keeps_pictures, ..Kept::default() };
     }
 

@@ -145,13 +145,11 @@ fn labels(picture: &Picture, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
             };
             let overlap = |middle: [f64; 2], placed: &[[f64; 4]]| {
                 let [left, top, right, bottom] = bounds(middle, size);
-                let outside = left < 0.0
-                    || top < 0.0
-                    || right > f64::from(picture.width)
-                    || bottom > f64::from(picture.height);
-                let crossing = placed.iter().any(|other| {
-                    left < other[2] && right > other[0] && top < other[3] && bottom > other[1]
-                });
+                let outside =
+                    left < 0.0 || top < 0.0 || right > f64::from(picture.width) || bottom > f64::from(picture.height);
+                let crossing = placed
+                    .iter()
+                    .any(|other| left < other[2] && right > other[0] && top < other[3] && bottom > other[1]);
                 outside || crossing
             };
             let fits_on = size[0] * size[1] <= HIDDEN_SHARE * area as f64;

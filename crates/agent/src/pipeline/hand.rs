@@ -8,6 +8,8 @@ use crate::settings::AgentSettings;
 
 /// Name of the table among the obstacles.
 const TABLE: &str = "table";
+/// Name of the thing among the obstacles.
+pub(super) const THING: &str = "the thing";
 /// Name of what the cameras see, among the obstacles.
 const SEEN: &str = "what is seen";
 /// Half of the table's size, m: more than an arm reaches.

@@ -93,7 +93,8 @@ impl Agent {
     fn images(&self, observation: &Observation) -> Result<Vec<(String, Arc<RgbdImage>)>, PolicyError> {
         let image = |name: &String| {
             let image = observation.images.get(name).filter(|image| !image.depth_m.is_empty());
-            let image = image.ok_or_else(|| PolicyError::Unsuited(format!("needs colour and depth of camera `{name}`")))?;
+            let image =
+                image.ok_or_else(|| PolicyError::Unsuited(format!("needs colour and depth of camera `{name}`")))?;
             Ok((name.clone(), Arc::new(image.clone())))
         };
         self.settings.cameras.iter().map(image).collect()
@@ -259,11 +260,12 @@ impl Agent {
 
 impl Policy for Agent {
     fn spec(&self) -> PolicySpec {
-        let request = |name: &String| CameraRequest {
-            size: self.settings.size,
-            ..CameraRequest::new(name, ImageChannels::RGBD)
-        };
-        PolicySpec { cameras: self.settings.cameras.iter().map(request).collect(), ..PolicySpec::native(&self.name, 60.0) }
+        let request =
+            |name: &String| CameraRequest { size: self.settings.size, ..CameraRequest::new(name, ImageChannels::RGBD) };
+        PolicySpec {
+            cameras: self.settings.cameras.iter().map(request).collect(),
+            ..PolicySpec::native(&self.name, 60.0)
+        }
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {

@@ -7,14 +7,11 @@ use genmanip_motion::{
 };
 use glam::DVec3;
 
-use super::hand::{self, Hand};
+use super::hand::{self, Hand, THING};
 use super::job::Job;
 use super::{Agent, put};
 use crate::ask::FailedStage;
 use crate::sight::Sight;
-
-/// Name of the thing among the obstacles.
-pub(super) const THING: &str = "the thing";
 
 /// A planned pick.
 pub(super) struct Pick {
@@ -86,12 +83,8 @@ pub(super) fn plan(agent: &Agent, sight: &Sight, job: &Job, hand: &Hand, seed: S
 fn near_grab_point(agent: &Agent, sight: &Sight, job: &Job) -> Result<Vec<Grasp>, FailedStage> {
     let settings = &agent.settings;
     let eyes = sight.eyes();
-    let target = CloudTarget {
-        points: &job.thing.points,
-        cameras: &eyes,
-        scene: &job.around,
-        table_height: settings.table_m,
-    };
+    let target =
+        CloudTarget { points: &job.thing.points, cameras: &eyes, scene: &job.around, table_height: settings.table_m };
     let found = agent.planner.cloud_grasps(&target);
     let found = found.map_err(|error| FailedStage::new("grasp", "unsuited", format!("{}: {error}", job.name)))?;
     let count = found.len();
@@ -140,7 +133,12 @@ fn no_grasp(name: &str, candidates: usize, rejections: &GraspRejections) -> Fail
     FailedStage::new("grasp", cause, evidence)
 }
 
-fn commands(agent: &Agent, hand: &Hand, grasp: &FeasibleGrasp, (reach, approach, lift): &(Path, Path, Path)) -> Vec<Vec<f32>> {
+fn commands(
+    agent: &Agent,
+    hand: &Hand,
+    grasp: &FeasibleGrasp,
+    (reach, approach, lift): &(Path, Path, Path),
+) -> Vec<Vec<f32>> {
     let (planner, motion) = (&*agent.planner, &agent.settings.motion);
     let (open, hold) = (grasp.opening_m, put::hold_width(grasp, motion));
     let mut all = commands::fingers(reach.start(), hand.width_m, open.max(hand.width_m), motion.rest_steps);

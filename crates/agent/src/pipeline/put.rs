@@ -7,10 +7,9 @@ use genmanip_motion::{
 };
 use glam::{DQuat, DVec3};
 
-use super::hand::{self, Hand};
-use super::job::Job;
-use super::pick::THING;
 use super::Agent;
+use super::hand::{self, Hand, THING};
+use super::job::Job;
 use crate::ask::FailedStage;
 use crate::settings::MotionSettings;
 use crate::sight::Placing;
@@ -80,7 +79,8 @@ pub(super) fn plan(
         FailedStage::new("motion", "blocked", evidence)
     })?;
     let at = pose.position;
-    let words = format!("at ({:.3}, {:.3}, {:.3}) m, turned by {:.0} degrees", at.x, at.y, at.z, pose.yaw().to_degrees());
+    let words =
+        format!("at ({:.3}, {:.3}, {:.3}) m, turned by {:.0} degrees", at.x, at.y, at.z, pose.yaw().to_degrees());
     Ok((commands(agent, held, hand, &way, &release, &pose), words))
 }
 
@@ -128,7 +128,8 @@ fn planned(
         let carrying =
             PlanningScene { world: &world, attached: Some(&attached), allowed: &nothing, gripper_width: hand.width_m };
         let over = turned(*point + DVec3::Z * cell.height_m, cell.yaw_deg) * held.grasp.object_from_tcp.pose;
-        let configs: Vec<Vec<f64>> = planner.ik_each(&over, &arm).take(motion.feasibility.goal_configurations).collect();
+        let configs: Vec<Vec<f64>> =
+            planner.ik_each(&over, &arm).take(motion.feasibility.goal_configurations).collect();
         if configs.is_empty() {
             return Err(PlanError::Unreachable { what: format!("cell {} at {} m", cell.cell, cell.height_m) });
         }

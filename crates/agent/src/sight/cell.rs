@@ -52,7 +52,13 @@ pub struct Placing {
 }
 
 /// The places of all cells into which a thing can be put.
-pub fn targets(sight: &Sight, moved: usize, thing: &Thing, table_m: f64, settings: &CellSettings) -> BTreeMap<Cell, Placing> {
+pub fn targets(
+    sight: &Sight,
+    moved: usize,
+    thing: &Thing,
+    table_m: f64,
+    settings: &CellSettings,
+) -> BTreeMap<Cell, Placing> {
     let Some(view) = sight.shown() else { return BTreeMap::new() };
     let grid = Grid::usual(view.image.width(), view.image.height());
     let resolver = Resolver::new(sight, view, moved, thing, table_m, settings);
@@ -115,7 +121,9 @@ impl<'a> Resolver<'a> {
         }
         let covered = |mask: &Mask| pixels.iter().filter(|&&pixel| mask.pixels[pixel]).count();
         let counts = self.view.masks.iter().enumerate().filter(|(index, _)| *index != self.moved);
-        let most = counts.map(|(index, mask)| (covered(mask), index)).max_by_key(|&(count, index)| (count, usize::MAX - index));
+        let most = counts
+            .map(|(index, mask)| (covered(mask), index))
+            .max_by_key(|&(count, index)| (count, usize::MAX - index));
         let of_thing = most.filter(|(count, _)| *count as f64 >= self.settings.thing_share * pixels.len() as f64);
         match of_thing {
             Some((_, index)) => self.on_thing(index, &pixels),
@@ -127,9 +135,12 @@ impl<'a> Resolver<'a> {
     fn pixels(&self, grid: &Grid, cell: Cell) -> Vec<usize> {
         let [left, top, right, bottom] = grid.edges(cell);
         let count = self.settings.samples.max(1);
-        let at = |low: f64, high: f64, index: usize| (low + (high - low) * (index as f64 + 0.5) / count as f64) as usize;
+        let at =
+            |low: f64, high: f64, index: usize| (low + (high - low) * (index as f64 + 0.5) / count as f64) as usize;
         let width = grid.width as usize;
-        (0..count).flat_map(|row| (0..count).map(move |column| at(top, bottom, row) * width + at(left, right, column))).collect()
+        (0..count)
+            .flat_map(|row| (0..count).map(move |column| at(top, bottom, row) * width + at(left, right, column)))
+            .collect()
     }
 
     /// The measured point under a pixel, as it is.
@@ -160,7 +171,8 @@ impl<'a> Resolver<'a> {
         };
         let middle = pixels[pixels.len() / 2];
         let center = self.table_point(middle)?;
-        let mut points: Vec<DVec3> = pixels.iter().filter(|pixel| is_table(pixel)).filter_map(|&pixel| self.table_point(pixel)).collect();
+        let mut points: Vec<DVec3> =
+            pixels.iter().filter(|pixel| is_table(pixel)).filter_map(|&pixel| self.table_point(pixel)).collect();
         points.sort_by(|a, b| a.distance(center).total_cmp(&b.distance(center)));
         let free: Vec<DVec3> = points.iter().copied().filter(|point| self.is_free(*point, None)).collect();
         let point = free.first().or(points.first()).copied()?;
@@ -190,9 +202,9 @@ impl<'a> Resolver<'a> {
     fn is_free(&self, point: DVec3, on: Option<usize>) -> bool {
         let half = self.thing.half + self.settings.clearance_m;
         let others = self.things.iter().enumerate().filter(|(index, _)| Some(*index) != on);
-        others.filter_map(|(_, thing)| thing.as_ref()).all(|other| {
-            other.heights.highest(point.truncate(), half).is_none_or(|top_m| top_m < point.z + 0.006)
-        })
+        others
+            .filter_map(|(_, thing)| thing.as_ref())
+            .all(|other| other.heights.highest(point.truncate(), half).is_none_or(|top_m| top_m < point.z + 0.006))
     }
 }
 

@@ -148,7 +148,8 @@ fn schemas_are_closed_and_hold_only_drawn_numbers() {
         let schema = question(stage).schema();
         assert_eq!(schema["additionalProperties"], false, "{}", stage.name());
         let names: Vec<&String> = schema["properties"].as_object().unwrap().keys().collect();
-        let required: Vec<&str> = schema["required"].as_array().unwrap().iter().filter_map(|name| name.as_str()).collect();
+        let required: Vec<&str> =
+            schema["required"].as_array().unwrap().iter().filter_map(|name| name.as_str()).collect();
         assert_eq!(names, required);
     }
     assert_eq!(question(Stage::Object).schema()["properties"]["number"]["enum"], serde_json::json!([-1, 1, 2, 3]));

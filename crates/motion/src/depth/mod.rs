@@ -127,9 +127,8 @@ pub(crate) fn robot_pixels(
     check(0, image)?;
     let robot: Vec<Solid> = checker.solids(config).filter(|(_, is_robot)| *is_robot).map(|(solid, _)| solid).collect();
     let margin = settings.robot_margin_m;
-    let sees = |index: usize| {
-        image.point(index).is_some_and(|point| robot.iter().any(|solid| solid.is_within(point, margin)))
-    };
+    let sees =
+        |index: usize| image.point(index).is_some_and(|point| robot.iter().any(|solid| solid.is_within(point, margin)));
     Ok((0..image.depth_m.len()).map(sees).collect())
 }
 

@@ -9,9 +9,7 @@ use genmanip_agent::segmentation::Segmenter;
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
 use genmanip_chat::{CassetteChat, CassetteSettings, ServerSettings};
-use genmanip_core::{
-    ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Seed,
-};
+use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Seed};
 use genmanip_motion::Planner;
 use genmanip_rollout::Stage;
 use serde::Deserialize;
@@ -117,12 +115,8 @@ impl AgentChoice {
     pub fn name(&self) -> String {
         let AgentSettings { preset, path, ctof, arrows, .. } = &self.settings;
         let path = if *path == PathKind::Grid { "grid" } else { "p2p" };
-        let mut name = format!(
-            "agent vlm={} masks={} path={path} preset={}",
-            self.model.name(),
-            self.masks.name(),
-            preset.name()
-        );
+        let mut name =
+            format!("agent vlm={} masks={} path={path} preset={}", self.model.name(), self.masks.name(), preset.name());
         name += if *ctof { " ctof" } else { "" };
         name += if *arrows { "" } else { " no arrows" };
         for (stage, rate) in self.errors.iter().filter(|(_, rate)| **rate > 0.0) {
@@ -161,11 +155,9 @@ impl AgentChoice {
         let services = Services { model, segmenter, prompts: Arc::new(prompts) };
         let agent = Agent::new(self.settings.clone(), services, planner, transcribed.clone()).named(self.name());
         Ok(match knows {
-            true => MadeAgent {
-                policy: Box::new(WithTruth::new(agent, truth.clone())),
-                transcribed,
-                truth: Some(truth),
-            },
+            true => {
+                MadeAgent { policy: Box::new(WithTruth::new(agent, truth.clone())), transcribed, truth: Some(truth) }
+            }
             false => MadeAgent { policy: Box::new(agent), transcribed, truth: None },
         })
     }
@@ -197,7 +189,8 @@ impl ModelFile {
     /// When it cannot be read or used; values are never shown, since someone may have written a key there.
     pub fn read(path: &Path) -> Result<Self, RunError> {
         let text = inputs::read_text(path, 1 << 20)?;
-        let unusable = |error| RunError::input(format!("{} holds no settings of a model", path.display())).because(error);
+        let unusable =
+            |error| RunError::input(format!("{} holds no settings of a model", path.display())).because(error);
         let file: Self = genmanip_chat::from_toml(&text).map_err(unusable)?;
         file.server.check().map_err(unusable)?;
         Ok(file)

@@ -161,9 +161,14 @@ impl Oracle {
             return json!({"number": -1, "part_name": "not_found", "color": "not_found"});
         };
         let step = self.step(&question.instruction);
-        let speaks = |part: &Mask| step.as_ref().map_or(0.0, |step| {
-            part.indices().filter_map(|index| question.view.point(index)).map(|point| self.grasps_near(step.object, point)).sum()
-        });
+        let speaks = |part: &Mask| {
+            step.as_ref().map_or(0.0, |step| {
+                part.indices()
+                    .filter_map(|index| question.view.point(index))
+                    .map(|point| self.grasps_near(step.object, point))
+                    .sum()
+            })
+        };
         let mut number = (0..parts.len()).max_by(|a, b| speaks(&parts[*a]).total_cmp(&speaks(&parts[*b]))).unwrap_or(0);
         if self.errs(question) && parts.len() > 1 {
             number = (number + 1 + self.draw(question, parts.len() - 1)) % parts.len();
@@ -175,9 +180,8 @@ impl Oracle {
     fn grasps_near(&self, object: usize, point: DVec3) -> f64 {
         let scene = self.truth.scene();
         let Some(posed) = scene.objects().nth(object) else { return 0.0 };
-        let near = |tried: &&TriedGrasp| {
-            posed.pose.transform_point(tried.grasp.pose.position).distance(point) < NEAR_POINT_M
-        };
+        let near =
+            |tried: &&TriedGrasp| posed.pose.transform_point(tried.grasp.pose.position).distance(point) < NEAR_POINT_M;
         self.grasps.get(object).into_iter().flatten().filter(near).map(TriedGrasp::share).sum()
     }
 
@@ -231,7 +235,11 @@ impl Oracle {
                 let at = |room: Room| -> Vec<(f64, Cell)> {
                     targets.iter().filter_map(|(cell, point)| Some((placed.worth(*point, room)?, *cell))).collect()
                 };
-                [Room::Ample, Room::Little, Room::Any].into_iter().map(at).find(|worth| !worth.is_empty()).unwrap_or_default()
+                [Room::Ample, Room::Little, Room::Any]
+                    .into_iter()
+                    .map(at)
+                    .find(|worth| !worth.is_empty())
+                    .unwrap_or_default()
             }
         };
         worth.into_iter().max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, cell)| cell)
@@ -246,9 +254,7 @@ impl Oracle {
         let _ = question;
         let start = grid.cell_at(sum[0], sum[1]).unwrap_or(goal);
         let middle = Cell { row: (start.row + goal.row) / 2, column: (start.column + goal.column) / 2 };
-        let step = |cell: Cell, height_m: f64| {
-            json!({"grid_number": cell.to_string(), "height_m": height_m, "claw_orientation": 0.0})
-        };
+        let step = |cell: Cell, height_m: f64| json!({"grid_number": cell.to_string(), "height_m": height_m, "claw_orientation": 0.0});
         let is_far = start.row.abs_diff(goal.row) + start.column.abs_diff(goal.column) > 3;
         let mut path = vec![step(start, END_M)];
         path.extend(is_far.then(|| step(middle, CARRY_M)));
@@ -344,7 +350,8 @@ impl Placed<'_> {
         let share = |cell: Cell| {
             let Some(mask) = carrier else { return 1.0 };
             let [left, top, right, bottom] = grid.edges(cell).map(|edge| edge as usize);
-            let pixels = (top..bottom).flat_map(|row| (left..right).map(move |column| row * mask.width as usize + column));
+            let pixels =
+                (top..bottom).flat_map(|row| (left..right).map(move |column| row * mask.width as usize + column));
             let area = ((right - left) * (bottom - top)).max(1) as f64;
             pixels.filter(|pixel| mask.pixels[*pixel]).count() as f64 / area
         };
@@ -352,9 +359,8 @@ impl Placed<'_> {
         let worth = |(cell, point): (&Cell, &DVec3)| {
             let share = share(*cell);
             let is_on = share >= ON_THING.min(0.9 * most) && share > 0.0;
-            let distance = |place: &genmanip_layout::GoalPose| {
-                place.bounds.center().truncate().distance(point.truncate())
-            };
+            let distance =
+                |place: &genmanip_layout::GoalPose| place.bounds.center().truncate().distance(point.truncate());
             let near = places.iter().map(distance).fold(f64::INFINITY, f64::min);
             is_on.then_some((-near.min(1.0) + 0.002 * share, *cell))
         };
