@@ -172,6 +172,9 @@ impl Default for MotionSettings {
                 // Chosen: grasps from points cost more than those tried beforehand.
                 wanted: 24,
                 configurations: 16,
+                configurations_kept: 2,
+                // Chosen: near the edge of reach most configurations end a straight line at a joint limit.
+                goal_configurations: 12,
                 ..FeasibilitySettings::default()
             },
             // As the expert's.

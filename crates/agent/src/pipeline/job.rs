@@ -61,7 +61,7 @@ impl Job {
         let held = if settings.ctof { part(agent, view, mask, subtask)? } else { view.masks[mask].clone() };
         let pixel = grab_point(agent, view, &plain, &held, &name, seed)?;
         let grab = view.image.point(pixel).unwrap_or(thing.pose.position);
-        let places = targets(sight, mask, &thing, settings.table_m, &settings.cells);
+        let places = targets(sight, mask, &thing, &around, settings.table_m, &settings.cells);
         let asked = Placement { view, plain: &plain, mask, name: &name, pixel, subtask };
         let (placing, way) = asked.ask(agent, &places)?;
         Ok(Self { name, thing, around, grab, placing, way })

@@ -155,7 +155,8 @@ fn planned(
         for (index, goal) in goals.iter().enumerate() {
             match query.first(std::slice::from_ref(goal), seed.fork("put").fork_index(index as u64)) {
                 Ok(release) => return Ok((carried, release, goal.world_from_object)),
-                Err(error) => problem = problem.or(error),
+                // The place that is tried first is seldom the one that nearly works.
+                Err(error) => problem = error.or(problem),
             }
         }
     }

@@ -33,7 +33,7 @@ impl Default for CellSettings {
             thing_share: 0.3,
             // Chosen: room for the error of a release; fingers have their own test.
             clearance_m: 0.008,
-            samples: 5,
+            samples: 7,
         }
     }
 }
@@ -52,16 +52,19 @@ pub struct Placing {
 }
 
 /// The places of all cells into which a thing can be put.
+///
+/// `around` are the points of everything but the moved thing and the table.
 pub fn targets(
     sight: &Sight,
     moved: usize,
     thing: &Thing,
+    around: &[DVec3],
     table_m: f64,
     settings: &CellSettings,
 ) -> BTreeMap<Cell, Placing> {
     let Some(view) = sight.shown() else { return BTreeMap::new() };
     let grid = Grid::usual(view.image.width(), view.image.height());
-    let resolver = Resolver::new(sight, view, moved, thing, table_m, settings);
+    let resolver = Resolver::new(sight, view, moved, thing, around, table_m, settings);
     grid.cells().filter_map(|cell| Some((cell, resolver.placing(&grid, cell)?))).collect()
 }
 
@@ -73,6 +76,8 @@ struct Resolver<'a> {
     settings: &'a CellSettings,
     /// Heights of each thing of the shown view, but for the moved one.
     things: Vec<Option<Receiver>>,
+    /// Heights of everything but the moved thing.
+    around: HeightMap,
 }
 
 /// A thing that may receive another.
@@ -85,6 +90,12 @@ struct Receiver {
     hollow: bool,
 }
 
+/// The part of the table that an arm reaches, m.
+const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
+/// Free space around a place that is told apart, m: more makes no place better.
+const CLEARANCES_M: [f64; 7] = [0.024, 0.02, 0.016, 0.012, 0.008, 0.004, 0.0];
+/// What is lower than this above a place is no obstacle there, m.
+const LOW_M: f64 = 0.006;
 /// A receiver this much longer than the moved thing takes two of them.
 const FITS_TWO: f64 = 2.2;
 /// Share of the room on a receiver that is used.
@@ -105,12 +116,14 @@ impl<'a> Resolver<'a> {
         view: &'a View,
         moved: usize,
         thing: &'a Thing,
+        around: &[DVec3],
         table_m: f64,
         settings: &'a CellSettings,
     ) -> Self {
         let receiver = |mask: usize| (mask != moved).then(|| Receiver::new(&sight.points(mask), table_m)).flatten();
         let things = (0..view.masks.len()).map(receiver).collect();
-        Self { view, moved, thing, table_m, settings, things }
+        let around = HeightMap::new(REACH_M[0], REACH_M[1], around.iter().copied());
+        Self { view, moved, thing, table_m, settings, things, around }
     }
 
     fn placing(&self, grid: &Grid, cell: Cell) -> Option<Placing> {
@@ -171,10 +184,21 @@ impl<'a> Resolver<'a> {
         };
         let middle = pixels[pixels.len() / 2];
         let center = self.table_point(middle)?;
-        let mut points: Vec<DVec3> =
-            pixels.iter().filter(|pixel| is_table(pixel)).filter_map(|&pixel| self.table_point(pixel)).collect();
-        points.sort_by(|a, b| a.distance(center).total_cmp(&b.distance(center)));
-        let free: Vec<DVec3> = points.iter().copied().filter(|point| self.is_free(*point, None)).collect();
+        let points = pixels.iter().filter(|pixel| is_table(pixel)).filter_map(|&pixel| self.table_point(pixel));
+        let clearance = |point: DVec3| {
+            let half = self.thing.half;
+            let is_free = |margin: f64| {
+                self.around.highest(point.truncate(), half + margin).is_none_or(|top_m| top_m < point.z + LOW_M)
+            };
+            CLEARANCES_M.into_iter().find(|margin| is_free(*margin)).unwrap_or(-1.0)
+        };
+        // The middle of a gap is what its cell means; where all is free, the centre.
+        let mut points: Vec<(f64, DVec3)> = points.map(|point| (clearance(point), point)).collect();
+        let distance = |point: DVec3| point.distance(center);
+        points.sort_by(|a, b| b.0.total_cmp(&a.0).then(distance(a.1).total_cmp(&distance(b.1))));
+        let free: Vec<DVec3> =
+            points.iter().filter(|(room, _)| *room >= self.settings.clearance_m).map(|(_, point)| *point).collect();
+        let points: Vec<DVec3> = points.into_iter().map(|(_, point)| point).collect();
         let point = free.first().or(points.first()).copied()?;
         Some(Placing { point, others: apart(&free), hollow: false, rim_m: self.table_m })
     }
@@ -204,7 +228,7 @@ impl<'a> Resolver<'a> {
         let others = self.things.iter().enumerate().filter(|(index, _)| Some(*index) != on);
         others
             .filter_map(|(_, thing)| thing.as_ref())
-            .all(|other| other.heights.highest(point.truncate(), half).is_none_or(|top_m| top_m < point.z + 0.006))
+            .all(|other| other.heights.highest(point.truncate(), half).is_none_or(|top_m| top_m < point.z + LOW_M))
     }
 }
 
