@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
+use genmanip_core::Seed;
 use genmanip_run::policies;
 
 pub use lab::*;
@@ -15,6 +16,8 @@ mod world;
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
 #[derive(Debug, Parser)]
 #[command(name = "genmanip", version, about, max_term_width = 100)]
+#[command(after_help = "Exit codes: 0 done, 1 the request could not be met, 2 the command line was not understood,\n\
+                        130 stopped by a second Ctrl-C. Data goes to stdout, talk to stderr.")]
 pub struct Arguments {
     /// Print data as JSON on stdout
     #[arg(long, global = true)]
@@ -135,7 +138,7 @@ pub struct BakeArguments {
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Seed of candidates and trials
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Candidates per object, at most
     #[arg(long, default_value_t = 24, value_parser = parse_count)]
@@ -171,7 +174,7 @@ pub struct NewArguments {
     #[arg(long, default_value_t = 12, value_parser = parse_count)]
     pub count: usize,
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Who invents them: rules, or llm (a language model)
     #[arg(long, default_value = "rules")]
@@ -236,7 +239,7 @@ pub struct LayoutArguments {
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Folder for the scenario files
     #[arg(long)]
@@ -277,10 +280,10 @@ pub struct PlanArguments {
     #[arg(long, value_name = "WIDTH", default_value_t = 0.08)]
     pub gripper: f64,
     /// Seed of the search
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Longest edge of the search tree, rad
-    #[arg(long, value_name = "RAD", value_parser = parse_positive)]
+    #[arg(long, value_name = "RAD", value_parser = parse_edge)]
     pub rrt_range: Option<f64>,
     /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
     #[arg(long, value_name = "FILE")]
@@ -309,7 +312,7 @@ pub struct CollectArguments {
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse_count)]
@@ -323,6 +326,9 @@ pub struct CollectArguments {
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
+    /// Set damaged episodes aside, in damaged/ of the run, and make them anew
+    #[arg(long)]
+    pub repair: bool,
 }
 
 /// The policies of the registry, and an example.
@@ -343,11 +349,26 @@ fn parse_count(text: &str) -> Result<usize, String> {
     }
 }
 
-fn parse_positive(text: &str) -> Result<f64, String> {
+fn parse_edge(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
-        _ => Err("expected a positive number".into()),
+        _ => Err("expected a number from 1e-6 to 1e6".into()),
     }
+}
+
+/// Seeds are stored in JSON, whose readers keep 53 bits.
+fn parse_seed(text: &str) -> Result<u64, String> {
+    match text.parse() {
+        Ok(seed) if seed <= Seed::MAX => Ok(seed),
+        _ => Err(format!("expected a whole number from 0 to {}", Seed::MAX)),
+    }
+}
+
+/// Negative numbers reach the parsers of their options, which say what they expect; they are no options themselves.
+pub fn taking_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes_value = |arg: &clap::Arg| arg.get_action().takes_values();
+    let command = command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });
+    command.mut_subcommands(taking_negative_numbers)
 }
 
 fn parse_fps(text: &str) -> Result<u32, String> {
@@ -370,7 +391,7 @@ pub struct DemoArguments {
     #[arg(long, default_value_t = 2, value_parser = parse_count)]
     pub episodes: usize,
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]

@@ -29,6 +29,7 @@ mod hash;
 pub mod image;
 mod interchange;
 pub mod json;
+pub mod limits;
 pub mod mesh;
 pub mod names;
 pub mod object;

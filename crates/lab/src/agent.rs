@@ -2,16 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
-use genmanip_agent::ask::Moment;
+use genmanip_agent::ask::{Moment, Stage};
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_bench::text_table;
 use genmanip_core::{EpisodeResult, Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
-use genmanip_rollout::{Stage, run_episode};
-use genmanip_run::agents::{AgentChoice, keep};
+use genmanip_rollout::{Stage as Scene, run_episode};
+use genmanip_run::agents::{AgentChoice, FailureClass, Injection, classify, keep};
 use genmanip_run::{Progress, inputs};
 use genmanip_scene::designer::{DesignSettings, design_many};
 use serde::Serialize;
@@ -47,6 +47,8 @@ pub struct Measured {
     pub total: Counted,
     /// Tasks that could not be laid out, which are no episodes.
     pub not_laid_out: usize,
+    /// Failed episodes with an injected error, by its stage.
+    pub injected: BTreeMap<&'static str, Injected>,
 }
 
 /// Episodes of some kind.
@@ -96,7 +98,28 @@ struct Played {
     result: EpisodeResult,
     asks: usize,
     cpu_s: f64,
-    evidence: Option<(String, String)>,
+    blame: Option<Blame>,
+    /// The first wrong answer that was given on purpose.
+    injected: Option<Injection>,
+}
+
+/// Why an episode failed.
+struct Blame {
+    class: FailureClass,
+    evidence: String,
+}
+
+/// Failed episodes with a wrong answer that was given on purpose.
+#[derive(Default, Serialize)]
+pub struct Injected {
+    /// Failed episodes.
+    pub failed: usize,
+    /// Of these, how many the analysis labelled with what was injected; it never sees the injection.
+    pub labelled: usize,
+    /// What else it said, by class.
+    pub labels: BTreeMap<&'static str, usize>,
+    /// Of those that failed, how many succeed when only the injected answer is replaced by the right one.
+    pub flips: usize,
 }
 
 /// Lets the agent do each task once; one thread.
@@ -128,10 +151,11 @@ pub fn measure(
         single_step: Counted::default(),
         total: Counted::default(),
         not_laid_out: 0,
+        injected: BTreeMap::new(),
     };
     progress.begin("episodes", tasks.len());
     for task in &tasks {
-        match play(arguments, task, resources, &settings, seed)? {
+        match play(arguments, &arguments.choice, task, resources, &settings, seed)? {
             None => measured.not_laid_out += 1,
             Some(played) => {
                 if task.kind != TaskKind::LongHorizon {
@@ -139,8 +163,17 @@ pub fn measure(
                 }
                 measured.kinds.entry(task.kind.name()).or_default().add(&played);
                 measured.total.add(&played);
-                if let (false, Some((class, evidence))) = (played.result.success, &played.evidence) {
-                    progress.note(&format!("{} {class}: {evidence}", played.result.id));
+                if let Some(Blame { class, evidence }) = &played.blame {
+                    progress.note(&format!("{} {}: {evidence}", played.result.id, class.name()));
+                    if let Some(injection) = played.injected {
+                        let flipped = AgentChoice { forgiven: Some(injection.ask), ..arguments.choice.clone() };
+                        let again = play(arguments, &flipped, task, resources, &settings, seed)?;
+                        let counted = measured.injected.entry(injection.stage.name()).or_default();
+                        counted.failed += 1;
+                        counted.labelled += usize::from(is_label_of(*class, injection.stage));
+                        *counted.labels.entry(class.name()).or_default() += 1;
+                        counted.flips += usize::from(again.is_some_and(|again| again.result.success));
+                    }
                 }
             }
         }
@@ -153,6 +186,7 @@ pub fn measure(
 /// One episode; `None` when the task cannot be laid out.
 fn play(
     arguments: &AgentArguments,
+    choice: &AgentChoice,
     task: &Task,
     resources: Resources,
     settings: &CollectSettings,
@@ -167,10 +201,10 @@ fn play(
             Err(error) if error.is_defect() => return Err(LabError::broken("the layout broke", error)),
             Err(_) => continue,
         };
-        let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
+        let stage = Scene::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
         let stage = stage.map_err(|error| broke("cannot be opened", error))?;
         let mut clock = cpu_clock();
-        let mut made = arguments.choice.make(&stage, resources.planner, resources.grasps)?;
+        let mut made = choice.make(&stage, resources.planner, resources.grasps)?;
         let episode = run_episode(&stage, made.policy.as_mut(), &attempt.id(), attempt.seed, &settings.rollout);
         let result = episode.map_err(|error| broke("broke", error))?.result;
         let cpu_s = clock();
@@ -179,25 +213,31 @@ fn play(
             keep(&made.transcribed, 0, &folder.join(&result.id))?;
         }
         let asks = transcript.moments.iter().filter(|moment| matches!(moment, Moment::Asked(_))).count();
-        let evidence = (!result.success).then(|| {
-            let acted = transcript.moments.iter().filter_map(|moment| match moment {
-                Moment::Acted { what, .. } => Some(what.as_str()),
-                Moment::Asked(_) => None,
-            });
-            let acted: Vec<&str> = acted.collect();
-            match &transcript.failure {
-                Some(failure) => (format!("{}/{}", failure.stage, failure.cause), failure.evidence.clone()),
-                None => {
-                    let failure = result.failure();
-                    let cause = failure.as_ref().map_or("unknown", |failure| failure.cause.name());
-                    let evidence = failure.map_or_else(String::new, |failure| failure.evidence);
-                    (cause.to_owned(), format!("{evidence}; {}", acted.join("; ")))
-                }
-            }
+        let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let injected = made.truth.as_ref().and_then(|truth| truth.injected().first().copied());
+        let blame = (!result.success).then(|| {
+            let (class, blamed) = classify(&heard, transcript.failure.as_ref());
+            let said = transcript.failure.as_ref().map(ToString::to_string);
+            let judged = result.failure().map(|failure| failure.to_string()).unwrap_or_default();
+            Blame { class, evidence: format!("{blamed}; {}", said.unwrap_or(judged)) }
         });
-        return Ok(Some(Played { result, asks, cpu_s, evidence }));
+        return Ok(Some(Played { result, asks, cpu_s, blame, injected }));
     }
     Ok(None)
+}
+
+/// Whether a label says what was injected in a stage.
+fn is_label_of(class: FailureClass, stage: Stage) -> bool {
+    match stage {
+        Stage::Decompose => class == FailureClass::Decomposition,
+        Stage::Object => class == FailureClass::GraspGrounding,
+        Stage::Part | Stage::GrabPoint => class == FailureClass::GraspProposal,
+        // A random cell may hold another reference, or none.
+        Stage::GridPath | Stage::PointToPoint => {
+            matches!(class, FailureClass::PlanGrounding | FailureClass::PlanLocation)
+        }
+        Stage::Check => class == FailureClass::Checker,
+    }
 }
 
 impl Counted {
@@ -213,9 +253,9 @@ impl Counted {
         self.score = self.scores / count;
         self.asks_per_episode = self.asks as f64 / count;
         self.cpu_s_per_episode = self.cpu_s / count;
-        if let Some((class, evidence)) = &played.evidence {
-            *self.failures.entry(class.clone()).or_default() += 1;
-            let samples = self.evidence.entry(class.clone()).or_default();
+        if let Some(Blame { class, evidence }) = &played.blame {
+            *self.failures.entry(class.name().into()).or_default() += 1;
+            let samples = self.evidence.entry(class.name().into()).or_default();
             if samples.len() < SAMPLES {
                 samples.push(format!("{}: {evidence}", played.result.id));
             }
@@ -244,5 +284,10 @@ pub fn in_words(measured: &Measured) -> String {
         ]);
     }
     let oracle = if *oracle { " (oracle)" } else { "" };
-    format!("model {vlm}, masks {masks}, path {path}, preset {preset}{oracle}\n{}", text_table(&rows))
+    let mut text = format!("model {vlm}, masks {masks}, path {path}, preset {preset}{oracle}\n{}", text_table(&rows));
+    for (stage, injected) in &measured.injected {
+        let Injected { failed, labelled, flips, .. } = injected;
+        text += &format!("\nerrors in {stage}: {failed} episodes failed, {labelled} labelled so, {flips} succeed without");
+    }
+    text
 }

@@ -9,10 +9,9 @@ use serde_json::{Map, Value};
 use crate::LabError;
 use crate::calibration::Calibration;
 use genmanip_bench::text_table;
+use genmanip_core::limits;
 use genmanip_run::inputs;
 
-/// Largest file of trials that is read, bytes.
-const MAX_FILE_BYTES: u64 = 256 << 20;
 /// Pull of every weight to 0, as if one trial more had been seen for it.
 const RIDGE: f64 = 1.0;
 /// Newton steps; the likelihood is concave, so that ten would do.
@@ -48,7 +47,7 @@ pub struct Reliability {
 }
 
 /// One trial: its features in the order of the names, after a constant 1, and whether the grasp held.
-type Sample = (Vec<f64>, bool);
+pub(crate) type Sample = (Vec<f64>, bool);
 
 /// Fits the weights to trials, or with `constant` only their constant, and tests them on others.
 ///
@@ -98,7 +97,7 @@ fn weights(vector: &[f64], names: &[String]) -> Weights {
 fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
     let mut samples = Vec::new();
     for path in paths {
-        for (index, line) in inputs::read_text(path, MAX_FILE_BYTES)?.lines().enumerate() {
+        for (index, line) in inputs::read_text(path, limits::TRIALS)?.lines().enumerate() {
             let trial: Value = serde_json::from_str(line).map_err(|error| broken(path, index, &error.to_string()))?;
             if trial["grasp"].is_null() && !trial["ending"].is_null() {
                 continue;
@@ -119,12 +118,12 @@ fn broken(path: &Path, index: usize, why: &str) -> LabError {
         .with_hint("expected a file of `genmanip lab grasp --out`")
 }
 
-fn chance(weights: &[f64], features: &[f64]) -> f64 {
+pub(crate) fn chance(weights: &[f64], features: &[f64]) -> f64 {
     1.0 / (1.0 + (-weights.iter().zip(features).map(|(weight, feature)| weight * feature).sum::<f64>()).exp())
 }
 
 /// Logistic regression by Newton's method (iteratively reweighted least squares) with a ridge; the constant is free.
-fn fit(samples: &[Sample]) -> Vec<f64> {
+pub(crate) fn fit(samples: &[Sample]) -> Vec<f64> {
     let size = samples.first().map_or(0, |(features, _)| features.len());
     let mut weights = vec![0.0; size];
     for _ in 0..STEPS {

@@ -189,19 +189,6 @@ impl Planner {
         depth::unexplained_points(&self.checker(around, 0.0), config, images, &self.settings.depth)
     }
 
-    /// Which pixels of a depth image see the robot at `config`, or what it carries; row by row.
-    ///
-    /// # Errors
-    /// An image that cannot be used, or a configuration of another robot.
-    pub fn robot_pixels(
-        &self,
-        around: &PlanningScene,
-        config: &[f64],
-        image: &RgbdImage,
-    ) -> Result<Vec<bool>, DepthError> {
-        depth::robot_pixels(&self.checker(around, 0.0), config, image, &self.settings.depth)
-    }
-
     /// A short, smooth, collision-free path from `start` to one of `goals`.
     pub fn plan_joint(
         &self,

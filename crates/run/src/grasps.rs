@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps};
 use genmanip_bench::text_table;
+use genmanip_core::limits;
 use genmanip_core::{Document, ObjectModel, Seed, TriedGrasp, World};
 use genmanip_motion::{GraspSettings, PlannerSettings};
 use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, try_all};
@@ -16,9 +17,6 @@ use serde_json::json;
 use crate::error::RunError;
 use crate::inputs;
 use crate::progress::Progress;
-
-/// Largest file of grasps that is read, bytes.
-const MAX_FILE_BYTES: u64 = 64 << 20;
 
 /// How grasps are tried.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -133,7 +131,7 @@ fn nothing(made_by: &GraspProvenance) -> GraspFile {
 /// # Errors
 /// When it cannot be read or is no such file.
 pub fn read(path: &Path) -> Result<GraspFile, RunError> {
-    GraspFile::from_json(&inputs::read_text(path, MAX_FILE_BYTES)?).map_err(|error| {
+    GraspFile::from_json(&inputs::read_text(path, limits::GRASPS)?).map_err(|error| {
         RunError::input(format!("{} is no valid {} file", path.display(), GraspFile::SCHEMA))
             .because(error)
             .with_hint("expected a file that `genmanip grasps bake` wrote")

@@ -58,7 +58,7 @@ pub const POLICIES: [PolicyEntry; 4] = [
 /// What may be said about the agent.
 const AGENT_ARGUMENTS: [PolicyArgument; 14] = [
     PolicyArgument { name: "vlm", default: "oracle", about: "who answers: oracle, or the settings file of a model" },
-    PolicyArgument { name: "masks", default: "oracle", about: "where masks come from: oracle" },
+    PolicyArgument { name: "masks", default: "rgbd", about: "where masks come from: rgbd, or oracle" },
     PolicyArgument { name: "path", default: "p2p", about: "p2p asks for one cell, grid for a path over the grid" },
     PolicyArgument { name: "preset", default: "full", about: "paper is as published, full is sturdier" },
     PolicyArgument { name: "ctof", default: "no", about: "yes asks for the part to hold, too" },
@@ -267,7 +267,7 @@ impl Given {
 
     fn number(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, RunError> {
         let text = self.text(name);
-        text.parse().ok().filter(|value| range.contains(value)).ok_or_else(|| {
+        text.parse().ok().filter(|value| range.contains(value) && !value.is_sign_negative()).ok_or_else(|| {
             RunError::input(format!("policy {}: {name}={text} is not possible", self.policy)).with_hint(format!(
                 "expected a number from {} to {}",
                 range.start(),
@@ -333,10 +333,11 @@ mod tests {
             ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
             ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),
             ("do_nothing:seconds=-1", "seconds=-1 is not possible", "from 0 to 600"),
-            ("agent:masks=none", "unknown source of masks `none`", "sources of masks are oracle"),
+            ("agent:masks=none", "unknown source of masks `none`", "sources of masks are oracle, rgbd"),
             ("agent:vlm=none.toml", "cannot read none.toml", ""),
             ("agent:ctof=1", "ctof=1 is not possible", "yes or no"),
             ("agent:err_check=2", "err_check=2 is not possible", "from 0 to 1"),
+            ("do_nothing:seconds=-0.0", "seconds=-0.0 is not possible", "from 0 to 600"),
             ("do_nothing:seconds=NaN", "seconds=NaN is not possible", "from 0 to 600"),
         ];
         for (text, what, hint) in cases {

@@ -11,14 +11,14 @@ use genmanip_core::{
     ActionChunk, CameraRequest, EpisodeStart, Failure, FailureCause, ImageChannels, Observation, Policy, PolicyError,
     PolicySpec, RgbdImage, Seed,
 };
-use genmanip_motion::Planner;
+use genmanip_motion::{GeometryError, Planner};
 
 use self::hand::Hand;
 use self::job::Job;
 use self::put::Held;
 use crate::ask::{Answer, FailedStage, Marks, PromptSet, Question, Shown, Stage, Transcribed, VisionModel, ask};
 use crate::picture::marks;
-use crate::segmentation::Segmenter;
+use crate::segmentation::{RobotSilhouette, Segmenter};
 use crate::settings::AgentSettings;
 use crate::sight::{Sight, View};
 
@@ -40,6 +40,7 @@ pub struct Agent {
     settings: AgentSettings,
     services: Services,
     planner: Arc<Planner>,
+    silhouette: RobotSilhouette,
     transcribed: Transcribed,
     seed: Seed,
     instruction: String,
@@ -66,11 +67,20 @@ enum Phase {
 
 impl Agent {
     /// An agent that plans for the robot of `planner`; `transcribed` is filled as it works.
-    pub fn new(settings: AgentSettings, services: Services, planner: &Arc<Planner>, transcribed: Transcribed) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// A robot with a broken collision piece.
+    pub fn new(
+        settings: AgentSettings,
+        services: Services,
+        planner: &Arc<Planner>,
+        transcribed: Transcribed,
+    ) -> Result<Self, GeometryError> {
+        Ok(Self {
             name: "agent".into(),
             settings,
             services,
+            silhouette: RobotSilhouette::new(planner.robot())?,
             planner: Arc::clone(planner),
             transcribed,
             seed: Seed::new(0),
@@ -81,7 +91,7 @@ impl Agent {
             picks: 0,
             all_picks: 0,
             phase: Phase::Free,
-        }
+        })
     }
 
     /// The same agent under another name in results, which says what serves it.
@@ -103,11 +113,8 @@ impl Agent {
     /// What is seen now, segmented.
     fn look(&self, observation: &Observation, hand: &Hand) -> Result<Sight, Stop> {
         let images = self.images(observation)?;
-        let world = hand::table(&self.settings);
-        let around = hand::empty(&world, hand.width_m);
-        let robot = |(_, image): &(String, Arc<RgbdImage>)| self.planner.robot_pixels(&around, &hand.arm, image);
-        let ignore = images.iter().map(robot).collect::<Result<Vec<_>, _>>();
-        let ignore = ignore.map_err(|error| FailedStage::new("look", "unsuited", error.to_string()))?;
+        let robot = |(_, image): &(String, Arc<RgbdImage>)| self.silhouette.pixels(&hand.arm, hand.width_m, image);
+        let ignore: Vec<Vec<bool>> = images.iter().map(robot).collect();
         let sight = Sight::new(images, &ignore, self.services.segmenter.as_ref());
         Ok(sight.map_err(|error| FailedStage::new("segmentation", "service", error.to_string()))?)
     }

@@ -85,17 +85,25 @@ fn near_grab_point(agent: &Agent, sight: &Sight, job: &Job) -> Result<Vec<Grasp>
     let eyes = sight.eyes();
     let target =
         CloudTarget { points: &job.thing.points, cameras: &eyes, scene: &job.around, table_height: settings.table_m };
-    let found = agent.planner.cloud_grasps(&target);
-    let found = found.map_err(|error| FailedStage::new("grasp", "unsuited", format!("{}: {error}", job.name)))?;
-    let count = found.len();
+    let unsuited = |error| FailedStage::new("grasp", "unsuited", format!("{}: {error}", job.name));
     let thing_from_world = job.thing.pose.inverse();
-    let near: Vec<Grasp> = found
-        .into_iter()
-        .map(|found| found.grasp)
-        .filter(|grasp| grasp.pose.position.distance(job.grab) <= settings.grasp_radius_m)
-        .map(|grasp| Grasp { pose: thing_from_world * grasp.pose, ..grasp })
-        .take(settings.grasps)
-        .collect();
+    let (mut count, mut near) = (0, Vec::new());
+    // Deep in a container, walls hide the sides of a thing from all cameras and everything counts as taken: then only
+    // what is seen is in the way, and the motions are tested against that.
+    for target in [target, CloudTarget { scene: &[], ..target }] {
+        let found = agent.planner.cloud_grasps(&target).map_err(unsuited)?;
+        count += found.len();
+        near = found
+            .into_iter()
+            .map(|found| found.grasp)
+            .filter(|grasp| grasp.pose.position.distance(job.grab) <= settings.grasp_radius_m)
+            .map(|grasp| Grasp { pose: thing_from_world * grasp.pose, ..grasp })
+            .take(settings.grasps)
+            .collect::<Vec<Grasp>>();
+        if !near.is_empty() {
+            break;
+        }
+    }
     if near.is_empty() {
         let evidence = format!("of {count} grasps of {} none is near the grab point", job.name);
         return Err(FailedStage::new("grasp", "none", evidence));

@@ -58,6 +58,34 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
     Fit(FitArguments),
+    /// Segment what the data cameras see, from colour and depth, and compare with the renderer's ids
+    #[command(after_help = "Examples:\n  genmanip lab segment --seed 1 --count 60 --json\n  \
+                      genmanip lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
+                      Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
+    Segment(SegmentArguments),
+}
+
+/// Arguments of `lab segment`.
+#[derive(Debug, Args)]
+pub struct SegmentArguments {
+    /// Seed of tasks, layouts and noise
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Scenes, each seen by two cameras
+    #[arg(long, default_value_t = 40, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Depth as this camera measures it, instead of the exact one
+    #[arg(long, value_parser = ["d435"])]
+    pub noise: Option<String>,
+    /// Where masks come from; `oracle` is the renderer's truth
+    #[arg(long, default_value = "rgbd", value_parser = ["rgbd", "oracle"])]
+    pub masks: String,
+    /// Fit the weights by which regions are joined to these scenes, instead of measuring
+    #[arg(long, conflicts_with_all = ["masks", "out"])]
+    pub fit: bool,
+    /// Folder for pictures of the worst views: image, truth, masks
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `lab fit`.
@@ -78,7 +106,7 @@ pub struct FitArguments {
 #[derive(Debug, Args)]
 pub struct EnvironmentArguments {
     /// Seed of tasks, layouts and attempts
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Designed tasks, one attempt of the expert each
     #[arg(long, default_value_t = 10, value_parser = super::parse_count)]
@@ -92,7 +120,7 @@ pub struct EnvironmentArguments {
 #[derive(Debug, Args)]
 pub struct DesignArguments {
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Tasks, the six kinds in turn
     #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
@@ -103,7 +131,7 @@ pub struct DesignArguments {
 #[derive(Debug, Args)]
 pub struct AnswersArguments {
     /// Seed of the fuzzer
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Texts that the fuzzer makes
     #[arg(long, default_value_t = 10_000, value_parser = super::parse_count)]
@@ -129,7 +157,7 @@ pub struct RelationsArguments {
     #[arg(long, conflicts_with_all = ["cases", "profile"])]
     pub rendered: bool,
     /// Seed of the layouts
-    #[arg(long, default_value_t = 0, requires = "rendered")]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed, requires = "rendered")]
     pub seed: u64,
     /// Scenes that are laid out
     #[arg(long, default_value_t = 500, requires = "rendered", value_parser = super::parse_count)]
@@ -146,7 +174,7 @@ pub struct ExpertArguments {
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed of tasks, layouts and attempts
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Tasks of the rule-based designer, the six kinds in turn
     #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
@@ -178,7 +206,7 @@ pub struct AgentArguments {
     #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
     pub vlm: String,
     /// Where masks come from
-    #[arg(long, default_value = "oracle", value_parser = ["oracle"])]
+    #[arg(long, default_value = "rgbd", value_parser = ["rgbd", "oracle"])]
     pub masks: String,
     /// One cell for the placement, or a path over the grid
     #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
@@ -189,6 +217,9 @@ pub struct AgentArguments {
     /// Ask for the part to hold, too
     #[arg(long)]
     pub ctof: bool,
+    /// Let the oracle answer a share of a stage's asks wrongly, and test the failure analysis by that
+    #[arg(long, value_name = "STAGE=SHARE")]
+    pub error: Vec<String>,
     /// Write each episode's transcript and pictures into this folder
     #[arg(long, value_name = "FOLDER")]
     pub transcripts: Option<PathBuf>,
@@ -216,10 +247,10 @@ pub struct MotionArguments {
     #[arg(long, value_name = "LINK", requires = "robot")]
     pub tip: Option<String>,
     /// Seed of the searches, and of the problems that are made
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Longest edge of the search tree, rad; without it, the planner's own
-    #[arg(long, value_name = "RAD", value_parser = super::parse_positive)]
+    #[arg(long, value_name = "RAD", value_parser = super::parse_edge)]
     pub rrt_range: Option<f64>,
     /// Poses at which the inverse kinematics are measured; a numeric arm gets one for 200 of them
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = super::parse_count)]
@@ -236,7 +267,7 @@ pub struct LabLayoutArguments {
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed of tasks and layouts
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Tasks to design and lay out; with --tasks: layouts of each
     #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
@@ -253,7 +284,7 @@ pub struct LabLayoutArguments {
 #[derive(Debug, Args)]
 pub struct GraspArguments {
     /// Seed of things, views and noise
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Trials per class
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_assets::panda;
 use genmanip_assets::worlds::default_world;
 use genmanip_core::{Seed, Task};
@@ -9,9 +10,11 @@ use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::motion::{MotionArguments, Source};
-use genmanip_lab::{agent, answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered};
+use genmanip_lab::{
+    agent, answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered, segment,
+};
 use genmanip_run::agents::AgentChoice;
-use genmanip_run::{inputs, robots};
+use genmanip_run::{OracleSegmenter, inputs, robots};
 
 use crate::args::{self, LabCommand};
 use crate::error::{ExitStatus, Failed};
@@ -68,6 +71,9 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
         }
+        LabCommand::Segment(arguments) => {
+            segment_of(arguments, printer)?;
+        }
         LabCommand::Motion(arguments) => {
             let measured = motion::measure(&motion_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &motion::in_words(&measured));
@@ -88,6 +94,24 @@ fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Resu
     Ok(())
 }
 
+fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(), Failed> {
+    let asked = segment::SegmentArguments {
+        count: arguments.count,
+        is_noisy: arguments.noise.is_some(),
+        out: arguments.out.clone(),
+    };
+    let (world, seed, rgbd) = (default_world(), Seed::new(arguments.seed), RgbdSegmenter::default());
+    if arguments.fit {
+        let fitted = segment::fit::fit_weights(&asked, &rgbd, &world, seed, printer)?;
+        printer.data(&fitted, &segment::fit::in_words(&fitted));
+        return Ok(());
+    }
+    let segmenter: &dyn Segmenter = if arguments.masks == "oracle" { &OracleSegmenter } else { &rgbd };
+    let measured = segment::measure(&asked, segmenter, &world, seed, printer)?;
+    printer.data(&measured, &segment::in_words(&measured));
+    Ok(())
+}
+
 /// The tasks that were named, as often as asked, or designed ones of all kinds.
 fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64) -> Result<Vec<Task>, Failed> {
     if paths.is_empty() {
@@ -101,6 +125,9 @@ fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, F
     let choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
     let mut choice = AgentChoice { keeps_pictures: arguments.transcripts.is_some(), ..choice };
     choice.settings.ctof = arguments.ctof;
+    for error in &arguments.error {
+        choice.add_error(error)?;
+    }
     Ok(AgentArguments {
         names: [choice.model.name(), choice.masks.name()],
         kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,

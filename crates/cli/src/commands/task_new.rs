@@ -5,6 +5,7 @@ use std::path::Path;
 use genmanip_assets::Catalogue;
 use genmanip_bench::text_table;
 use genmanip_chat::CassetteMode;
+use genmanip_core::limits;
 use genmanip_core::{Document, Seed, Task, TaskKind};
 use genmanip_llm::{Designer, GenerationOutcome, LlmSettings};
 use genmanip_run::{Progress, inputs};
@@ -17,9 +18,6 @@ use crate::printer::Printer;
 
 /// Folder beside the tasks with what the model answered and what was wrong with it.
 const ROUNDS: &str = "rounds";
-
-/// Largest settings file, bytes.
-const MAX_SETTINGS_BYTES: u64 = 1 << 20;
 
 #[derive(Serialize)]
 struct Row {
@@ -38,7 +36,7 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     };
     let is_rules = arguments.designer == "rules";
     if is_rules && (arguments.settings.is_some() || arguments.cassettes.is_some()) {
-        return Err(Failed::new("--settings and --cassettes are for language models")
+        return Err(Failed::misused("--settings and --cassettes are for language models")
             .hint("add --designer llm, or leave them out"));
     }
     if is_rules && arguments.world.is_some() {
@@ -46,13 +44,15 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
             .hint("leave it out; `layout` and `collect` lay tasks out in a world with --world"));
     }
     if !(0.0..=1.0).contains(&arguments.copies) || (!is_rules && arguments.copies > 0.0) {
-        return Err(Failed::new(format!("--copies {} is not possible", arguments.copies))
+        return Err(Failed::misused(format!("--copies {} is not possible", arguments.copies))
             .hint("expected a share of scenes, 0 to 1, with --designer rules"));
     }
     let rows = match arguments.designer.as_str() {
         "rules" => by_rules(arguments, &kinds, printer)?,
         "llm" => by_language_model(arguments, &kinds, printer)?,
-        other => return Err(Failed::new(format!("there is no designer `{other}`")).hint("expected rules or llm")),
+        other => {
+            return Err(Failed::misused(format!("unknown designer `{other}`")).hint("expected rules or llm"));
+        }
     };
     printer.data(&rows, &in_words(&rows));
     let refused = rows.iter().filter(|row| row.refused.is_some()).count();
@@ -95,7 +95,7 @@ fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
     let path = arguments.settings.as_deref().ok_or_else(|| {
         Failed::new("a language model needs --settings FILE").hint("see docs/guides/language-models.md")
     })?;
-    let text = inputs::read_text(path, MAX_SETTINGS_BYTES)?;
+    let text = inputs::read_text(path, limits::SETTINGS)?;
     let mut settings = LlmSettings::from_toml(&text)
         .map_err(|error| Failed::because(format!("cannot use the settings in {}", path.display()), &error))?;
     if let Some(mode) = &arguments.cassettes {
@@ -105,7 +105,7 @@ fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
             "replay" => CassetteMode::Replay,
             other => {
                 let what = format!("cassettes cannot be used in the mode `{other}`");
-                return Err(Failed::new(what).hint("expected live, record or replay"));
+                return Err(Failed::misused(what).hint("expected live, record or replay"));
             }
         };
     }

@@ -15,7 +15,7 @@ mod surface;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use check::WorldFault;
+pub use check::{WorldFault, camera_faults};
 pub use compare::{WorldDifference, WorldHashes, WorldPart};
 pub use file::{WorldFile, read_camera};
 pub use settings::{PhysicsSettings, RelationSettings};

@@ -113,25 +113,6 @@ pub(crate) fn unexplained_points(
     if saw { Ok(points) } else { Err(DepthError::Blind { images: images.len() }) }
 }
 
-/// Which pixels see the robot at `config`, or what it carries; row by row.
-pub(crate) fn robot_pixels(
-    checker: &Checker,
-    config: &[f64],
-    image: &RgbdImage,
-    settings: &DepthSettings,
-) -> Result<Vec<bool>, DepthError> {
-    let expected = checker.chain().dof();
-    if config.len() != expected || !config.iter().all(|q| q.is_finite()) {
-        return Err(DepthError::Configuration { expected, got: config.to_vec() });
-    }
-    check(0, image)?;
-    let robot: Vec<Solid> = checker.solids(config).filter(|(_, is_robot)| *is_robot).map(|(solid, _)| solid).collect();
-    let margin = settings.robot_margin_m;
-    let sees =
-        |index: usize| image.point(index).is_some_and(|point| robot.iter().any(|solid| solid.is_within(point, margin)));
-    Ok((0..image.depth_m.len()).map(sees).collect())
-}
-
 fn check(index: usize, image: &RgbdImage) -> Result<(), DepthError> {
     let Intrinsics { width, height, fx, fy, cx, cy } = image.intrinsics;
     if image.depth_m.len() as u64 != u64::from(width) * u64::from(height) {

@@ -2,19 +2,21 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
-use genmanip_agent::ask::{ChatService, PromptSet, Transcribed, VisionModel};
-use genmanip_agent::segmentation::Segmenter;
+use genmanip_agent::ask::{ChatService, PromptSet, Stage, Transcribed, VisionModel};
+use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
 use genmanip_chat::{CassetteChat, CassetteSettings, ServerSettings};
-use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Seed};
+use genmanip_core::{
+    ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Seed, limits,
+};
 use genmanip_motion::Planner;
-use genmanip_rollout::Stage;
+use genmanip_rollout::Stage as Scene;
 use serde::Deserialize;
 
-use super::{ErrorRates, Oracle, OracleMasks, Truth, WithTruth};
+use super::{ErrorRates, Heard, Oracle, OracleMasks, Truth, Witness, WithTruth};
 use crate::error::RunError;
 use crate::inputs;
 
@@ -29,6 +31,9 @@ pub struct AgentChoice {
     pub masks: MaskChoice,
     /// How often the oracle errs on purpose.
     pub errors: ErrorRates,
+    /// The ask that the oracle answers right whatever the rates say: a counterfactual, since everything before it is
+    /// the same.
+    pub forgiven: Option<usize>,
     /// Folder of prompt files that replace the built-in ones.
     pub prompts: Option<PathBuf>,
     /// Whether pictures are kept with the transcript.
@@ -47,6 +52,8 @@ pub enum ModelChoice {
 /// Where the agent's masks come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MaskChoice {
+    /// Colour and depth alone.
+    Rgbd,
     /// The renderer's ids; results say oracle.
     Oracle,
 }
@@ -69,6 +76,8 @@ pub struct MadeAgent {
     pub transcribed: Transcribed,
     /// What its oracle services know, where it has any.
     pub truth: Option<Truth>,
+    /// What its answers were worth, where the truth is known.
+    pub heard: Arc<Mutex<Heard>>,
 }
 
 impl AgentChoice {
@@ -79,12 +88,13 @@ impl AgentChoice {
             model: ModelChoice::Oracle,
             masks: MaskChoice::Oracle,
             errors: BTreeMap::new(),
+            forgiven: None,
             prompts: None,
             keeps_pictures: false,
         }
     }
 
-    /// From names: `oracle` or a settings file for the model, `oracle` for the masks, `p2p` or `grid`, `full` or
+    /// From names: `oracle` or a settings file for the model, `rgbd` or `oracle` for the masks, `p2p` or `grid`, `full` or
     /// `paper`.
     ///
     /// # Errors
@@ -105,10 +115,27 @@ impl AgentChoice {
             file => ModelChoice::Chat(Arc::new(ModelFile::read(Path::new(file))?)),
         };
         let masks = match masks {
+            "rgbd" => MaskChoice::Rgbd,
             "oracle" => MaskChoice::Oracle,
-            _ => return Err(RunError::unknown("source of masks", "sources of masks", masks, &["oracle"])),
+            _ => return Err(RunError::unknown("source of masks", "sources of masks", masks, &["oracle", "rgbd"])),
         };
         Ok(Self { model, masks, ..Self::oracle(preset, path) })
+    }
+
+    /// Lets the oracle err: `STAGE=SHARE`, e.g. `object=0.2`.
+    ///
+    /// # Errors
+    /// An unknown stage, or a share outside of 0 to 1.
+    pub fn add_error(&mut self, text: &str) -> Result<(), RunError> {
+        let (name, share) = text.split_once('=').unwrap_or((text, ""));
+        let known = Stage::ALL.map(Stage::name);
+        let stage = Stage::ALL.into_iter().find(|stage| stage.name() == name);
+        let stage = stage.ok_or_else(|| RunError::unknown("stage", "stages", name, &known))?;
+        let share = share.parse().ok().filter(|share| (0.0..=1.0).contains(share)).ok_or_else(|| {
+            RunError::input(format!("`{text}` is no share of errors")).with_hint("expected STAGE=SHARE, 0 to 1")
+        })?;
+        self.errors.insert(stage, share);
+        Ok(())
     }
 
     /// The name in results: what serves the agent, and how it works.
@@ -129,7 +156,7 @@ impl AgentChoice {
     ///
     /// # Errors
     /// A prompt file or a setting that cannot be used, and grasps that were tried with other physics.
-    pub fn make(&self, stage: &Stage, planner: &Arc<Planner>, grasps: &GraspLibrary) -> Result<MadeAgent, RunError> {
+    pub fn make(&self, stage: &Scene, planner: &Arc<Planner>, grasps: &GraspLibrary) -> Result<MadeAgent, RunError> {
         let truth = Truth::new(stage);
         let knows = matches!(self.model, ModelChoice::Oracle) || self.masks == MaskChoice::Oracle;
         let model: Arc<dyn VisionModel> = match &self.model {
@@ -137,7 +164,8 @@ impl AgentChoice {
                 let tried = stage.models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
                 let tried: Result<Vec<_>, genmanip_assets::AssetError> = tried.collect();
                 let tried = tried.map_err(|error| RunError::broken("the oracle cannot be made", error))?;
-                Arc::new(Oracle::new(truth.clone(), planner, tried, self.errors.clone()))
+                let oracle = Oracle::new(truth.clone(), planner, tried, self.errors.clone());
+                Arc::new(oracle.forgiving(self.forgiven))
             }
             ModelChoice::Chat(file) => {
                 let chat = CassetteChat::open(&file.server, &file.cassettes, Seed::new(0).fork("retries"));
@@ -147,18 +175,27 @@ impl AgentChoice {
             }
         };
         let segmenter: Arc<dyn Segmenter> = match self.masks {
+            MaskChoice::Rgbd => Arc::new(RgbdSegmenter::default()),
             MaskChoice::Oracle => Arc::new(OracleMasks::new(truth.clone())),
+        };
+        let heard = Arc::new(Mutex::new(Heard::default()));
+        let model = match knows {
+            true => Arc::new(Witness::new(model, truth.clone(), Arc::clone(&heard))) as Arc<dyn VisionModel>,
+            false => model,
         };
         let prompts = PromptSet::load(self.prompts.as_deref())
             .map_err(|error| RunError::input("the agent's prompts cannot be used").because(error))?;
         let transcribed = Transcribed::new(self.keeps_pictures);
         let services = Services { model, segmenter, prompts: Arc::new(prompts) };
-        let agent = Agent::new(self.settings.clone(), services, planner, transcribed.clone()).named(self.name());
+        let agent = Agent::new(self.settings.clone(), services, planner, transcribed.clone())
+            .map_err(|error| RunError::broken("the agent cannot be made", error))?
+            .named(self.name());
         Ok(match knows {
             true => {
-                MadeAgent { policy: Box::new(WithTruth::new(agent, truth.clone())), transcribed, truth: Some(truth) }
+                let policy = Box::new(WithTruth::new(agent, truth.clone()));
+                MadeAgent { policy, transcribed, truth: Some(truth), heard }
             }
-            false => MadeAgent { policy: Box::new(agent), transcribed, truth: None },
+            false => MadeAgent { policy: Box::new(agent), transcribed, truth: None, heard },
         })
     }
 }
@@ -177,6 +214,7 @@ impl MaskChoice {
     /// Its name in results.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Rgbd => "rgbd",
             Self::Oracle => "oracle",
         }
     }
@@ -188,7 +226,7 @@ impl ModelFile {
     /// # Errors
     /// When it cannot be read or used; values are never shown, since someone may have written a key there.
     pub fn read(path: &Path) -> Result<Self, RunError> {
-        let text = inputs::read_text(path, 1 << 20)?;
+        let text = inputs::read_text(path, limits::SETTINGS)?;
         let unusable =
             |error| RunError::input(format!("{} holds no settings of a model", path.display())).because(error);
         let file: Self = genmanip_chat::from_toml(&text).map_err(unusable)?;

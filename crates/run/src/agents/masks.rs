@@ -3,6 +3,7 @@
 use genmanip_agent::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
 
 use super::Truth;
+use crate::oracle_segmenter::OracleSegmenter;
 
 /// Fewest pixels that are a mask: what is smaller cannot be seen by anyone.
 const FEWEST_PIXELS: usize = 20;
@@ -21,16 +22,12 @@ impl OracleMasks {
 
 impl Segmenter for OracleMasks {
     fn segment(&self, question: &SegmentQuestion) -> Result<Vec<Mask>, SegmentError> {
-        // Nothing is known of parts.
-        if let Some(whole) = question.within {
-            return Ok(vec![whole.clone()]);
-        }
-        let masks = self.truth.masks(question.image).ok_or_else(|| SegmentError::Unsuited {
+        let known = self.truth.image(question.image).ok_or_else(|| SegmentError::Unsuited {
             needed: "an image of this episode".into(),
             found: "another one".into(),
         })?;
-        let mut masks: Vec<Mask> =
-            masks.into_iter().map(|(_, mask)| mask).filter(|mask| mask.indices().count() >= FEWEST_PIXELS).collect();
+        let mut masks = OracleSegmenter.segment(&SegmentQuestion { image: &known, ..question.clone() })?;
+        masks.retain(|mask| mask.area() >= FEWEST_PIXELS);
         // By where they are in the picture, so that numbers say nothing about the scene.
         masks.sort_by_key(|mask| mask.indices().next());
         Ok(masks)

@@ -8,8 +8,10 @@ mod choice;
 mod masks;
 mod oracle;
 mod truth;
+mod witness;
 
 pub use choice::{AgentChoice, MadeAgent, MaskChoice, ModelChoice, ModelFile, Transcribing, keep};
 pub use masks::OracleMasks;
 pub use oracle::{ErrorRates, Oracle};
 pub use truth::{Injection, Truth, WithTruth};
+pub use witness::{FailureClass, Heard, Testimony, Witness, classify};

@@ -44,6 +44,8 @@ pub struct Oracle {
     /// Per object, its grasps that were tried beforehand.
     grasps: Vec<Vec<TriedGrasp>>,
     errors: ErrorRates,
+    /// The ask that it answers right whatever the rates say.
+    forgiven: Option<usize>,
     /// What each sub-task that it worded is about.
     subtasks: Mutex<BTreeMap<String, Move>>,
 }
@@ -51,7 +53,13 @@ pub struct Oracle {
 impl Oracle {
     /// For one episode; `grasps` are those that were tried beforehand, per object.
     pub fn new(truth: Truth, planner: &Arc<Planner>, grasps: Vec<Vec<TriedGrasp>>, errors: ErrorRates) -> Self {
-        Self { truth, planner: Arc::clone(planner), grasps, errors, subtasks: Mutex::default() }
+        Self { truth, planner: Arc::clone(planner), grasps, errors, forgiven: None, subtasks: Mutex::default() }
+    }
+
+    /// The same, but right in one ask: what would have come of it.
+    #[must_use]
+    pub fn forgiving(self, ask: Option<usize>) -> Self {
+        Self { forgiven: ask, ..self }
     }
 
     /// Whether this answer is to be wrong, decided by the episode's seed and the number of the ask.
@@ -61,7 +69,7 @@ impl Oracle {
         let draw = |seed: genmanip_core::Seed| {
             seed.fork("oracle error").fork_index(question.ask as u64).rng().random::<f64>() < rate
         };
-        let errs = rate > 0.0 && seed.is_some_and(draw);
+        let errs = rate > 0.0 && self.forgiven != Some(question.ask) && seed.is_some_and(draw);
         if errs {
             self.truth.now().injected.push(Injection { ask: question.ask, stage: question.stage });
         }

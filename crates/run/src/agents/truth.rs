@@ -55,6 +55,10 @@ impl Truth {
         self.now.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    pub(super) fn state(&self) -> Option<PrivilegedState> {
+        self.now().state.clone()
+    }
+
     /// Everything where it is now.
     pub(super) fn scene(&self) -> PosedScene {
         match &self.now().state {
@@ -63,13 +67,17 @@ impl Truth {
         }
     }
 
-    /// The masks of all objects in an image that was shown, by their index; `None` for an image that is not known.
-    pub(super) fn masks(&self, image: &RgbdImage) -> Option<Vec<(usize, Mask)>> {
-        let now = self.now();
+    /// A shown image as the renderer made it, with ids; `None` for an image that is not known.
+    pub(super) fn image(&self, image: &RgbdImage) -> Option<RgbdImage> {
         let same = |known: &&RgbdImage| {
             known.world_from_camera == image.world_from_camera && known.intrinsics == image.intrinsics
         };
-        let known = now.images.iter().find(same)?;
+        self.now().images.iter().find(same).cloned()
+    }
+
+    /// The masks of all objects in an image that was shown, by their index; `None` for an image that is not known.
+    pub(super) fn masks(&self, image: &RgbdImage) -> Option<Vec<(usize, Mask)>> {
+        let known = self.image(image)?;
         let (width, height) = (known.width(), known.height());
         let count = self.stage.models.len();
         let mut masks = vec![Mask { width, height, pixels: vec![false; known.ids.len()] }; count];

@@ -56,6 +56,7 @@ pub fn evaluate(
     stop: &AtomicBool,
 ) -> Result<Vec<EvaluationReport>, RunError> {
     let folder = options.out.as_deref().map(|out| suite.folder(out)).transpose()?;
+    suite.left_out.iter().for_each(|note| progress.note(note));
     let mut reports = Vec::new();
     for policy in policies {
         let started = Instant::now();
