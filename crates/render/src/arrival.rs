@@ -96,8 +96,7 @@ impl Arrival {
         }
         self.surface.clear();
         self.surface.resize(width * height, 0);
-        let tile =
-            TileSummary { surface: 0, reach: 0, shadow_tiles: [[0; 2]; 2], key: NO_RANGE, ambient: NO_RANGE };
+        let tile = TileSummary { surface: 0, reach: 0, shadow_tiles: [[0; 2]; 2], key: NO_RANGE, ambient: NO_RANGE };
         self.tiles.clear();
         self.tiles.resize(self.columns * self.rows, tile);
     }
@@ -227,7 +226,8 @@ impl Arrival {
             for row in rows {
                 self.raw_key[row * self.width..][columns.clone()].fill(UNKNOWN);
                 if row % 2 == 0 {
-                    self.raw_half[row / 2 * self.half_width..][columns.start / 2..columns.end.div_ceil(2)].fill(UNKNOWN);
+                    self.raw_half[row / 2 * self.half_width..][columns.start / 2..columns.end.div_ceil(2)]
+                        .fill(UNKNOWN);
                 }
             }
         }
@@ -378,12 +378,12 @@ impl Arrival {
                 let (surface, depth) = (self.surface[pixel], self.depth[pixel]);
                 let (mut sum, mut total) = (0.0, 0.0);
                 let (left, top) = (column / 2, row / 2);
-                let (right, bottom) = ((left + column % 2).min(self.half_width - 1), (top + row % 2).min(self.half_height - 1));
+                let (right, bottom) =
+                    ((left + column % 2).min(self.half_width - 1), (top + row % 2).min(self.half_height - 1));
                 for (x, y) in [(left, top), (right, top), (left, bottom), (right, bottom)] {
                     let fine = 2 * y * self.width + 2 * x;
                     let value = self.half[y * self.half_width + x];
-                    let is_same =
-                        (self.surface[fine] == surface) & ((self.depth[fine] - depth).abs() < 0.02 * depth);
+                    let is_same = (self.surface[fine] == surface) & ((self.depth[fine] - depth).abs() < 0.02 * depth);
                     // A thin thing between the coarse pixels takes what is known around it.
                     let weight = if value < 0.0 {
                         0.0

@@ -120,7 +120,8 @@ impl ShadowMap {
             self.layers.follow::<false>(&self.motions, draw);
         }
         if self.layers.changed.contains(&true) {
-            for (changed_in, _) in self.changed_in.iter_mut().zip(&self.layers.changed).filter(|(_, changed)| **changed) {
+            for (changed_in, _) in self.changed_in.iter_mut().zip(&self.layers.changed).filter(|(_, changed)| **changed)
+            {
                 *changed_in = self.version;
             }
             self.summarise();
@@ -443,8 +444,8 @@ fn spiral() -> &'static [[f32; 2]; TAPS] {
 /// Sine and cosine of one of the turns.
 pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
     static TABLE: std::sync::OnceLock<[(f32, f32); TURNS]> = std::sync::OnceLock::new();
-    let turns =
-        TABLE.get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
+    let turns = TABLE
+        .get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
     turns[turn as usize % TURNS]
 }
 

@@ -208,7 +208,8 @@ fn episode(assets: &RenderAssets) -> Vec<FrameState> {
 fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
     let (assets, _) = toy();
     let fixed = camera(192, 108);
-    let hand = Camera { mount: CameraMount::Hand, mount_from_camera: Pose::from_position(DVec3::Z * -0.3), ..camera(96, 54) };
+    let hand =
+        Camera { mount: CameraMount::Hand, mount_from_camera: Pose::from_position(DVec3::Z * -0.3), ..camera(96, 54) };
     let small = camera(64, 36);
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let mut least = usize::MAX;
@@ -216,7 +217,11 @@ fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
         for camera in [&fixed, &hand, &small] {
             let mut out = [FrameBuffers::default()];
             renderer.render(&[ViewJob::new(frame, camera, Channels::ALL)], &mut out).unwrap();
-            assert!(out[0] == draw(&assets, frame, camera, Channels::ALL), "frame {index}, camera of {} px", out[0].width);
+            assert!(
+                out[0] == draw(&assets, frame, camera, Channels::ALL),
+                "frame {index}, camera of {} px",
+                out[0].width
+            );
             if std::ptr::eq(camera, &fixed) {
                 least = least.min(renderer.shaded_pixels());
             }

@@ -22,6 +22,12 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab expert --seed 2000 --count 60 --json\n\n\
                       One thread; processor time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
+    /// Let the agent do fresh tasks from RGB-D images, its questions answered by an oracle or a model
+    #[command(after_help = "Examples:\n  \
+                      genmanip lab agent --seed 7 --count 240 --vlm oracle --masks oracle --json\n  \
+                      genmanip lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
+                      One thread; processor time covers looking, asking, planning and physics, not the layout.")]
+    Agent(AgentArguments),
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
     #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
@@ -53,10 +59,12 @@ pub enum LabCommand {
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
     /// Hand the program changed files of every kind, in calls of its own under limits of memory and time
-    #[command(after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
+    #[command(
+        after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
                       genmanip lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
                       Run it in the project's folder. Minutes are processor time of all calls; each may use 1 GiB\n\
-                      and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first.")]
+                      and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first."
+    )]
     Hostile(HostileArguments),
     /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
     #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
@@ -257,6 +265,44 @@ pub struct ExpertArguments {
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
     pub catalog: String,
+}
+
+/// Arguments of `lab agent`.
+#[derive(Debug, Args)]
+pub struct AgentArguments {
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Seed of tasks, layouts and episodes
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Episodes, the kinds in turn
+    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Kinds of tasks; `articulated` cannot be done by picking and placing
+    #[arg(long, value_delimiter = ',', default_value = "pick_and_place,spatial,appearance,common_sense,long_horizon")]
+    pub kinds: Vec<String>,
+    /// Who answers: `oracle` (the simulator's truth), or the settings file of a model
+    #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
+    pub vlm: String,
+    /// Where masks come from
+    #[arg(long, default_value = "rgbd", value_parser = ["rgbd", "oracle"])]
+    pub masks: String,
+    /// One cell for the placement, or a path over the grid
+    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
+    pub path: String,
+    /// As published, or with everything that makes it sturdier
+    #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
+    pub preset: String,
+    /// Ask for the part to hold, too
+    #[arg(long)]
+    pub ctof: bool,
+    /// Let the oracle answer a share of a stage's asks wrongly, and test the failure analysis by that
+    #[arg(long, value_name = "STAGE=SHARE")]
+    pub error: Vec<String>,
+    /// Write each episode's transcript and pictures into this folder
+    #[arg(long, value_name = "FOLDER")]
+    pub transcripts: Option<PathBuf>,
 }
 
 /// Arguments of `lab motion`.

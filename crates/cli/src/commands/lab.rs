@@ -6,13 +6,16 @@ use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, Families, panda};
 use genmanip_core::{Seed, Task};
+use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
-    answers, assets, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render, rendered, segment,
+    agent, answers, assets, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render,
+    rendered, segment,
 };
+use genmanip_run::agents::AgentChoice;
 use genmanip_run::{OracleSegmenter, inputs, robots};
 
 use crate::args::{self, LabCommand};
@@ -23,6 +26,11 @@ use crate::printer::Printer;
 pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
         LabCommand::Relations(arguments) => relations_of(arguments, printer)?,
+        LabCommand::Agent(arguments) => {
+            let world = inputs::read_world(arguments.world.as_deref())?;
+            let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &agent::in_words(&measured));
+        }
         LabCommand::Answers(arguments) => {
             let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);
             let measured = answers::measure(&arguments.answers, amount, Seed::new(arguments.seed), printer)?;
@@ -146,6 +154,22 @@ fn hostile_arguments(arguments: &args::HostileArguments) -> Result<HostileArgume
         found: arguments.found.clone(),
         races: arguments.races,
         kills: arguments.kills,
+    })
+}
+
+fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, Failed> {
+    let choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
+    let mut choice = AgentChoice { keeps_pictures: arguments.transcripts.is_some(), ..choice };
+    choice.settings.ctof = arguments.ctof;
+    for error in &arguments.error {
+        choice.add_error(error)?;
+    }
+    Ok(AgentArguments {
+        names: [choice.model.name(), choice.masks.name()],
+        kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,
+        count: arguments.count,
+        transcripts: arguments.transcripts.clone(),
+        choice,
     })
 }
 

@@ -55,7 +55,9 @@ fn a_run_of_another_seed_is_refused_and_nothing_changes() {
     let folder = copy_of_finished_run();
     let run = folder.path().join("run");
     let (files, written) = (tree(&run), times(&run));
-    for (more, wanted) in [(["--seed", "5"], "its seed is 0, not 5"), (["--fps", "15"], "settings.images.fps is 10, not 15")] {
+    for (more, wanted) in
+        [(["--seed", "5"], "its seed is 0, not 5"), (["--fps", "15"], "settings.images.fps is 10, not 15")]
+    {
         let examples = quick_examples();
         let arguments: Vec<&str> = ["collect"]
             .into_iter()

@@ -14,8 +14,19 @@ use crate::LabError;
 
 /// What is changed, in the names of `by_kind`.
 pub const KINDS: [&str; 13] = [
-    "tasks", "answers", "scenarios", "worlds", "episodes", "evaluations", "problems", "robots", "cassettes", "settings",
-    "grasps", "cameras", FULL,
+    "tasks",
+    "answers",
+    "scenarios",
+    "worlds",
+    "episodes",
+    "evaluations",
+    "problems",
+    "robots",
+    "cassettes",
+    "settings",
+    "grasps",
+    "cameras",
+    FULL,
 ];
 /// Files as large as is read; each costs seconds, so they are rare.
 pub(super) const FULL: &str = "full";
@@ -132,7 +143,11 @@ impl Corpus {
             ),
             "answers" => (
                 one("answer.json", &answer.unwrap_or_default()),
-                &["task check answer.json", "task show answer.json", "task check answer.json --objects 001,002,019 --kind spatial"],
+                &[
+                    "task check answer.json",
+                    "task show answer.json",
+                    "task check answer.json --objects 001,002,019 --kind spatial",
+                ],
             ),
             "scenarios" => (
                 one("scenario.json", &self.scenario),
@@ -174,7 +189,8 @@ impl Corpus {
             "problems" => (one("problems.json", &self.problems), &["lab motion --problems problems.json --ik-poses 1"]),
             "robots" => {
                 let file = |name: &str, bytes: &[u8]| (format!("six/{name}"), Content::Bytes(bytes.to_vec()));
-                let mut files = vec![file("six.urdf", ARM.as_bytes()), file("fore.obj", BRICK.as_bytes()), file("tip.stl", &stl())];
+                let mut files =
+                    vec![file("six.urdf", ARM.as_bytes()), file("fore.obj", BRICK.as_bytes()), file("tip.stl", &stl())];
                 if rng.random_bool(0.5) {
                     files.push(file("six.srdf", RULES.as_bytes()));
                 }
@@ -189,10 +205,16 @@ impl Corpus {
                 )
             }
             "cassettes" | "settings" => {
-                let cassette = |(name, bytes): &(String, Vec<u8>)| (format!("cassettes/{name}"), Content::Bytes(bytes.clone()));
+                let cassette =
+                    |(name, bytes): &(String, Vec<u8>)| (format!("cassettes/{name}"), Content::Bytes(bytes.clone()));
                 let mut files: Vec<_> = self.cassettes.iter().map(cassette).collect();
                 files.push(("settings.toml".into(), Content::Bytes(SETTINGS.into())));
-                (files, &["task new --designer llm --settings settings.toml --cassettes replay --kind spatial --count 1 --out out"])
+                (
+                    files,
+                    &[
+                        "task new --designer llm --settings settings.toml --cassettes replay --kind spatial --count 1 --out out",
+                    ],
+                )
             }
             "grasps" => (one("grasps.json", &self.grasps), &["grasps show 001 --file grasps.json"]),
             other => {
@@ -206,7 +228,9 @@ impl Corpus {
         let only_reads = !call.iter().take(2).any(|word| writes.contains(&word.as_str()));
         let is_target = |name: &str| match kind {
             "episodes" => name.starts_with("run/episodes/") || name == "run/run.json",
-            "evaluations" => name.starts_with("run/evaluation/") || name == "run/timings.json" || name == "run/run.json",
+            "evaluations" => {
+                name.starts_with("run/evaluation/") || name == "run/timings.json" || name == "run/run.json"
+            }
             "cameras" => name == "cameras.json",
             "cassettes" => name.starts_with("cassettes/"),
             "settings" => name == "settings.toml",

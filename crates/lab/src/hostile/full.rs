@@ -30,7 +30,8 @@ const WORLD: &str = "world check world.toml";
 const PROBLEMS: &str = "lab motion --problems problems.json --ik-poses 1";
 const ROBOT: &str = "lab motion --problems none.json --ik-poses 1 --robot six";
 const GRASPS: &str = "grasps show 001 --file grasps.json";
-const SETTINGS: &str = "task new --designer llm --settings settings.toml --cassettes replay --kind spatial --count 1 --out out";
+const SETTINGS: &str =
+    "task new --designer llm --settings settings.toml --cassettes replay --kind spatial --count 1 --out out";
 const EVALUATION: &str = "report run";
 const PROBLEM: &str = "{\"start\":[0,0,0,0,0,0,0],\"goal\":[0,0,0,0,0,0,0],\"obstacles\":[]},";
 const NODE: &str = "{\"id\":\"001\",\"asset\":{\"source\":\"builtin\",\"uid\":\"001\",\"version\":2}},";
@@ -40,11 +41,36 @@ const FILLINGS: [Filling; 33] = [
     filling("task.json", limits::TASK, ["", "[", ""], TASK),
     filling("task.json", limits::TASK, ["{\"schema\":\"genmanip.task/2\",\"id\":[", "0,", "0]}"], TASK),
     filling("task.json", limits::TASK, ["{\"schema\":\"genmanip.task/2\",\"id\":[", "{},", "0]}"], TASK),
-    filling("task.json", limits::TASK, ["{\"schema\":\"genmanip.task/2\",\"scene_graph\":{\"nodes\":[", NODE, "0]}}"], TASK),
-    filling("task.json", limits::TASK, ["{\"task_type\":\"spatial\",\"objects\":[", "\"001\",", "\"001\"]}"], "task check task.json"),
-    filling("task.json", limits::TASK, ["{\"task_type\":\"spatial\",\"objects\":[\"001\"],\"num_objects\":1,\"response\":\"", "{", "\"}"], "task check task.json"),
-    filling("scenario.json", limits::SCENARIO, ["{\"schema\":\"genmanip.scenario/2\",\"objects\":[", "{\"id\":\"1\"},", "0]}"], SCENARIO),
-    filling("scenario.json", limits::SCENARIO, ["{\"schema\":\"genmanip.scenario/2\",\"objects\":[", "0,", "0]}"], SCENARIO),
+    filling(
+        "task.json",
+        limits::TASK,
+        ["{\"schema\":\"genmanip.task/2\",\"scene_graph\":{\"nodes\":[", NODE, "0]}}"],
+        TASK,
+    ),
+    filling(
+        "task.json",
+        limits::TASK,
+        ["{\"task_type\":\"spatial\",\"objects\":[", "\"001\",", "\"001\"]}"],
+        "task check task.json",
+    ),
+    filling(
+        "task.json",
+        limits::TASK,
+        ["{\"task_type\":\"spatial\",\"objects\":[\"001\"],\"num_objects\":1,\"response\":\"", "{", "\"}"],
+        "task check task.json",
+    ),
+    filling(
+        "scenario.json",
+        limits::SCENARIO,
+        ["{\"schema\":\"genmanip.scenario/2\",\"objects\":[", "{\"id\":\"1\"},", "0]}"],
+        SCENARIO,
+    ),
+    filling(
+        "scenario.json",
+        limits::SCENARIO,
+        ["{\"schema\":\"genmanip.scenario/2\",\"objects\":[", "0,", "0]}"],
+        SCENARIO,
+    ),
     filling("scenario.json", limits::SCENARIO, ["{\"schema\":\"genmanip.scenario/2\",\"id\":\"", "x", "\"}"], SCENARIO),
     filling("world.toml", limits::WORLD, ["", "#\n", ""], WORLD),
     filling("world.toml", limits::WORLD, ["", "[[cameras]]\n", ""], WORLD),
@@ -57,18 +83,43 @@ const FILLINGS: [Filling; 33] = [
     filling("six/six.urdf", limits::ROBOT, ["<robot>", "<link name=\"a\"/>", "</robot>"], ROBOT),
     filling("six/six.urdf", limits::ROBOT, ["<robot>", "<a>", ""], ROBOT),
     filling("six/six.urdf", limits::ROBOT, ["<robot>", "<joint/>", "</robot>"], ROBOT),
-    filling("six/six.srdf", limits::ROBOT, ["<robot>", "<disable_collisions link1=\"base\" link2=\"upper\"/>", "</robot>"], ROBOT),
+    filling(
+        "six/six.srdf",
+        limits::ROBOT,
+        ["<robot>", "<disable_collisions link1=\"base\" link2=\"upper\"/>", "</robot>"],
+        ROBOT,
+    ),
     filling("six/fore.obj", limits::MESH, ["", "v 0.1 0.1 0.1\n", ""], ROBOT),
     filling("six/fore.obj", limits::MESH, ["", "#\n", ""], ROBOT),
     filling("six/tip.stl", limits::MESH, ["solid\n", "vertex 0.1 0 0\n", ""], ROBOT),
-    filling("grasps.json", limits::GRASPS, ["{\"schema\":\"genmanip.grasps/1\",\"objects\":{\"001\":[", "0,", "0]}}"], GRASPS),
+    filling(
+        "grasps.json",
+        limits::GRASPS,
+        ["{\"schema\":\"genmanip.grasps/1\",\"objects\":{\"001\":[", "0,", "0]}}"],
+        GRASPS,
+    ),
     filling("grasps.json", limits::GRASPS, ["{", "\"a\":1,", "\"b\":1}"], GRASPS),
     filling("settings.toml", limits::SETTINGS, ["", "[prices.a]\n", ""], SETTINGS),
     filling("settings.toml", limits::SETTINGS, ["a = [", "0,", "0]"], SETTINGS),
-    filling("run/evaluation/do_nothing_seconds=0.1.json", limits::EVALUATION, ["{\"schema\":\"genmanip.evaluation/2\",\"results\":[", "{},", "0]}"], EVALUATION),
+    filling(
+        "run/evaluation/do_nothing_seconds=0.1.json",
+        limits::EVALUATION,
+        ["{\"schema\":\"genmanip.evaluation/2\",\"results\":[", "{},", "0]}"],
+        EVALUATION,
+    ),
     filling("run/run.json", limits::RUN, ["{\"schema\":\"genmanip.run/2\",\"tasks\":[", "{},", "0]}"], EVALUATION),
-    filling("run/timings.json", limits::TIMINGS, ["{\"schema\":\"genmanip.timings/1\",\"attempts\":[", "0,", "0]}"], EVALUATION),
-    filling("run/episodes/021_spatial-000/episode.json", limits::EPISODE_RECORD, ["{\"schema\":\"genmanip.episode/2\",\"files\":[", "{},", "0]}"], "replay --check run"),
+    filling(
+        "run/timings.json",
+        limits::TIMINGS,
+        ["{\"schema\":\"genmanip.timings/1\",\"attempts\":[", "0,", "0]}"],
+        EVALUATION,
+    ),
+    filling(
+        "run/episodes/021_spatial-000/episode.json",
+        limits::EPISODE_RECORD,
+        ["{\"schema\":\"genmanip.episode/2\",\"files\":[", "{},", "0]}"],
+        "replay --check run",
+    ),
 ];
 
 impl Filling {

@@ -205,7 +205,8 @@ fn lacks(ended: &Ended, case: &Case) -> Option<&'static str> {
     }
     let hint = said.split_once("hint:").or_else(|| said.split_once("For more information")).map(|(before, _)| before);
     let Some(before) = hint else { return Some("no hint") };
-    let found = ["got", "found", "cannot", "is no", "not", "unknown", "no ", "larger", "twice", "invalid", "missing", "holds"];
+    let found =
+        ["got", "found", "cannot", "is no", "not", "unknown", "no ", "larger", "twice", "invalid", "missing", "holds"];
     if !found.iter().any(|word| before.contains(word)) {
         return Some("nothing that was found");
     }
@@ -284,7 +285,8 @@ impl Room {
     }
 
     fn is_untouched(&self) -> bool {
-        let names: Vec<_> = fs::read_dir(&self.root).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.file_name())).collect();
+        let names: Vec<_> =
+            fs::read_dir(&self.root).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.file_name())).collect();
         names.len() == 2 && listing(&self.outside()) == self.outside
     }
 }
@@ -336,7 +338,8 @@ pub fn in_words(measured: &Measured) -> String {
         measured.unclear.len(),
     );
     for (kind, by) in &measured.by_kind {
-        text += &format!("  {kind:<12} {:>6} tried, {:>6} accepted, {:>6} refused\n", by.tried, by.accepted, by.refused);
+        text +=
+            &format!("  {kind:<12} {:>6} tried, {:>6} accepted, {:>6} refused\n", by.tried, by.accepted, by.refused);
     }
     if let Some(starts) = &measured.starts {
         text += &starts.in_words();

@@ -5,14 +5,49 @@ use serde_json::{Map, Value, json};
 
 /// Numbers that readers trip over, as they are written.
 const NUMBERS: [&str; 26] = [
-    "0", "-0.0", "-1", "1", "2", "255", "65536", "2147483648", "-2147483649", "4294967296", "9007199254740993",
-    "18446744073709551615", "18446744073709551616", "1e308", "-1e308", "1e-320", "1e9", "1e5", "1000", "0.001", "1e-6",
-    "-0.5", "NaN", "inf", "-inf", "1e999",
+    "0",
+    "-0.0",
+    "-1",
+    "1",
+    "2",
+    "255",
+    "65536",
+    "2147483648",
+    "-2147483649",
+    "4294967296",
+    "9007199254740993",
+    "18446744073709551615",
+    "18446744073709551616",
+    "1e308",
+    "-1e308",
+    "1e-320",
+    "1e9",
+    "1e5",
+    "1000",
+    "0.001",
+    "1e-6",
+    "-0.5",
+    "NaN",
+    "inf",
+    "-inf",
+    "1e999",
 ];
 /// Texts that readers trip over.
 const TEXTS: [&str; 14] = [
-    "", " ", "..", ".", "../../outside/canary", "../outside/victim", "/etc/passwd", "/dev/zero", "a/b", "\u{0}", "\u{202e}x",
-    "none", "001", "é\u{1F600}",
+    "",
+    " ",
+    "..",
+    ".",
+    "../../outside/canary",
+    "../outside/victim",
+    "/etc/passwd",
+    "/dev/zero",
+    "a/b",
+    "\u{0}",
+    "\u{202e}x",
+    "none",
+    "001",
+    "é\u{1F600}",
 ];
 
 pub(super) fn number(rng: &mut impl Rng) -> &'static str {
@@ -123,7 +158,9 @@ pub(super) fn tokens(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
         3 => in_one(&text, &quoted(&text), rng, &|_, rng| self::text(rng)),
         4 => in_one(&text, &quoted(&text), rng, &|old, rng| {
             let other = quoted(&text);
-            other.get(rng.random_range(0..other.len().max(1))).map_or(old.to_owned(), |&(from, to)| text[from..to].to_owned())
+            other
+                .get(rng.random_range(0..other.len().max(1)))
+                .map_or(old.to_owned(), |&(from, to)| text[from..to].to_owned())
         }),
         _ => {
             let mut lines: Vec<&str> = text.lines().collect();

@@ -70,16 +70,19 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
             both.push(collect(arguments, room, &call, &format!("said{index}"))?);
         }
         let in_time = !run.join("run.json").exists();
-        let codes = both.iter_mut().map(|child| child.wait().map(|status| status.code())).collect::<Result<Vec<_>, _>>();
+        let codes =
+            both.iter_mut().map(|child| child.wait().map(|status| status.code())).collect::<Result<Vec<_>, _>>();
         let codes = codes.map_err(|error| LabError::broken("cannot wait for the program", error))?;
         if !in_time {
             continue;
         }
         starts.pairs += 1;
         let said = |index: usize| fs::read_to_string(room.work().join(format!("said{index}"))).unwrap_or_default();
-        let lost: Vec<usize> =
-            (0..2).filter(|&index| codes[index] == Some(1) && said(index).contains("holds another run (its seed is")).collect();
-        let value = |path: &Path| -> Value { serde_json::from_slice(&fs::read(path).unwrap_or_default()).unwrap_or_default() };
+        let lost: Vec<usize> = (0..2)
+            .filter(|&index| codes[index] == Some(1) && said(index).contains("holds another run (its seed is"))
+            .collect();
+        let value =
+            |path: &Path| -> Value { serde_json::from_slice(&fs::read(path).unwrap_or_default()).unwrap_or_default() };
         let record = value(&run.join("run.json"))["seed"].as_u64();
         let episode = value(&run.join(format!("episodes/{TASK}-000/episode.json")))["result"]["seed"].as_u64();
         // As `Attempt::all` has it.
