@@ -75,7 +75,8 @@ fn lost_output_is_an_error_and_a_closed_pipe_is_none() {
 /// Both are begun before either has written: one wins, the other says why, and nothing is mixed.
 #[test]
 fn two_starts_with_other_seeds_never_mix() {
-    for pair in 0..6 {
+    // `genmanip lab hostile --races` does this as often as one likes.
+    for pair in 0..2 {
         let folder = tempfile::tempdir().unwrap();
         let task = example("024_appearance");
         let start = |seed: String| {
@@ -273,7 +274,7 @@ fn a_shortage_of_memory_is_never_a_verdict() {
     let collect = ["collect", &task, "--episodes", QUICK[1], "--no-dataset", "--seed", "3", "--workers", "1", "--out"];
     genmanip(folder.path(), &[&collect[..], &["alone"]].concat());
     let whole = without_timings(tree(&folder.path().join("alone")));
-    for mib in [60, 90, 120, 150, 180, 210, 240, 280, 340] {
+    for mib in [90, 150, 210, 280] {
         let out = format!("run{mib}");
         let command = format!("ulimit -v {}; exec $G {} {out}", mib << 10, collect.join(" "));
         let limited = shell(folder.path(), &command);
