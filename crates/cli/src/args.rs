@@ -185,6 +185,9 @@ pub struct NewArguments {
     /// Ask the model, record it or replay it instead of what the settings say: live, record or replay
     #[arg(long, value_name = "MODE")]
     pub cassettes: Option<String>,
+    /// Be the model yourself: questions are written into this folder, and an answer.json is awaited beside each
+    #[arg(long, value_name = "DIR")]
+    pub folder: Option<PathBuf>,
     /// Folder for the task documents
     #[arg(long)]
     pub out: PathBuf,

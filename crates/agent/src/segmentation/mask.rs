@@ -17,12 +17,38 @@ impl Mask {
         Self { width, height, pixels: labels.iter().map(|other| other == label).collect() }
     }
 
+    /// Whether there is a value for each pixel.
+    pub fn is_whole(&self) -> bool {
+        self.pixels.len() as u64 == u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Indices of the pixels that belong to the thing, in order.
+    pub fn indices(&self) -> impl Iterator<Item = usize> + '_ {
+        self.pixels.iter().enumerate().filter(|(_, is_inside)| **is_inside).map(|(index, _)| index)
+    }
+
+    /// The mask with all eight neighbours of its pixels.
+    #[must_use]
+    pub fn grown(&self) -> Self {
+        let mut grown = self.clone();
+        let (width, height) = (self.width as usize, self.height as usize);
+        for index in self.indices() {
+            let (x, y) = (index % width, index / width);
+            for row in y.saturating_sub(1)..(y + 2).min(height) {
+                for column in x.saturating_sub(1)..(x + 2).min(width) {
+                    grown.pixels[row * width + column] = true;
+                }
+            }
+        }
+        grown
+    }
+
     /// Number of pixels.
     pub fn area(&self) -> usize {
         self.pixels.iter().filter(|is_inside| **is_inside).count()
     }
 
-    /// Intersection over union with a mask of the same image, 0-1; 0 for two empty ones.
+    /// Intersection over union, 0-1; 0 for two empty ones and for masks of different sizes.
     ///
     /// ```
     /// use genmanip_agent::segmentation::Mask;
@@ -31,6 +57,9 @@ impl Mask {
     /// assert!((iou - 0.25).abs() < 1e-12);
     /// ```
     pub fn iou(&self, other: &Self) -> f64 {
+        if self.pixels.len() != other.pixels.len() {
+            return 0.0;
+        }
         let count = |test: fn(bool, bool) -> bool| {
             self.pixels.iter().zip(&other.pixels).filter(|(one, other)| test(**one, **other)).count()
         };
