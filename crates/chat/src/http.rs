@@ -3,7 +3,6 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use genmanip_core::Seed;
 use crate::dialect::{Wire, refuses_structure};
 use crate::error::{ChatError, SettingsError};
 use crate::message::Role;
@@ -14,6 +13,7 @@ use crate::retry::backoff_s;
 use crate::secret::ApiKey;
 use crate::settings::ServerSettings;
 use crate::transport::{Failure, Limits, Transport};
+use genmanip_core::Seed;
 
 /// A server that speaks one of the dialects.
 ///

@@ -181,11 +181,8 @@ impl<S: Service> RecordedService<S> {
 impl RecordedService<HttpService> {
     /// Only what is recorded in a folder.
     pub fn replay(folder: &Path) -> Self {
-        let settings = CassetteSettings {
-            mode: CassetteMode::Replay,
-            folder: folder.to_owned(),
-            ..CassetteSettings::default()
-        };
+        let settings =
+            CassetteSettings { mode: CassetteMode::Replay, folder: folder.to_owned(), ..CassetteSettings::default() };
         Self { service: None, settings }
     }
 }
@@ -202,7 +199,8 @@ impl<S: Service> Service for RecordedService<S> {
         let broken = |message: String| ChatError::Cassette { message, path: path.display().to_string() };
         match (path.exists(), service) {
             (true, _) => {
-                let cassette = ServiceCassette::from_json(&read_text(&path)?).map_err(|error| broken(error.to_string()))?;
+                let cassette =
+                    ServiceCassette::from_json(&read_text(&path)?).map_err(|error| broken(error.to_string()))?;
                 if cassette.key == key { Ok(cassette.answer) } else { Err(broken("it is of another question".into())) }
             }
             (false, Some(service)) => {

@@ -7,9 +7,11 @@ use clap::{Args, Parser, Subcommand};
 use genmanip_run::policies;
 
 pub use lab::*;
+pub use serve::*;
 pub use world::*;
 
 mod lab;
+mod serve;
 mod world;
 
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
@@ -92,6 +94,12 @@ pub enum Command {
         /// What to measure
         #[command(subcommand)]
         command: LabCommand,
+    },
+    /// Offer masks or grasps to other programs over HTTP, on this machine unless told otherwise
+    Serve {
+        /// What to offer
+        #[command(subcommand)]
+        command: ServeCommand,
     },
     /// Say what this machine has, what is missing and how to mend it
     #[command(after_help = "Example:\n  genmanip doctor")]

@@ -7,6 +7,7 @@ use genmanip_core::grasp::GraspNetGrasp;
 use genmanip_core::{Grasp, Pose};
 use genmanip_motion::{CloudTarget, Planner};
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{read, unanswered};
@@ -78,7 +79,7 @@ impl GraspSource for SampledGrasps {
 }
 
 /// What is posted. Points are in the camera's frame, metres.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GraspRequest {
     /// Points on the target.
@@ -93,7 +94,7 @@ pub struct GraspRequest {
 }
 
 /// What is answered; further fields are left alone.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GraspReply {
     /// Rows of 17 numbers as GraspNet writes them, in the camera's frame; see [`GraspNetGrasp`].
     pub grasps: Vec<[f64; 17]>,
@@ -178,7 +179,9 @@ fn grasps_of(reply: &GraspReply, world_from_camera: &Pose) -> Result<Vec<Grasp>,
         let grasp = GraspNetGrasp::from_graspnet(row).map_err(|error| wrong(error.to_string()))?.grasp;
         let distance_m = grasp.pose.position.length();
         if distance_m > MAX_DISTANCE_M {
-            return Err(wrong(format!("{distance_m:.1} m from the camera, expected at most {MAX_DISTANCE_M}; in metres?")));
+            return Err(wrong(format!(
+                "{distance_m:.1} m from the camera, expected at most {MAX_DISTANCE_M}; in metres?"
+            )));
         }
         if !(0.0..=MAX_WIDTH_M).contains(&grasp.width) {
             return Err(wrong(format!("a width of {} m, expected 0 to {MAX_WIDTH_M}", grasp.width)));
@@ -232,7 +235,8 @@ mod tests {
     #[test]
     fn points_come_back() {
         let points = [DVec3::new(0.4, 0.1, 0.02), DVec3::new(0.5, -0.2, 0.3)];
-        let question = GraspQuestion { points: &points, scene: &points[..1], world_from_camera: camera(), table_height: 0.0 };
+        let question =
+            GraspQuestion { points: &points, scene: &points[..1], world_from_camera: camera(), table_height: 0.0 };
         let [target, scene] = GraspRequest::of(&question).read().unwrap();
         assert_eq!((target.len(), scene.len()), (2, 1));
         assert!(target.iter().zip(&points).all(|(one, other)| one.distance(*other) < 1e-6));

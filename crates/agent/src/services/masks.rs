@@ -4,6 +4,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use genmanip_chat::Service;
 use genmanip_core::{Intrinsics, Pose, RgbdImage};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{read, unanswered};
@@ -17,7 +18,7 @@ const SAME_IOU: f64 = 0.8;
 const MAX_SIDE: u32 = 8192;
 
 /// What is posted.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SegmentRequest {
     /// Size and projection of the image.
@@ -38,14 +39,14 @@ pub struct SegmentRequest {
 }
 
 /// What is answered; further fields are left alone.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SegmentReply {
     /// The masks.
     pub masks: Vec<ScoredMask>,
 }
 
 /// One mask.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ScoredMask {
     /// Its pixels.
     pub segmentation: RunLengths,
@@ -56,7 +57,7 @@ pub struct ScoredMask {
 
 /// A mask as COCO writes it without compression, and SAM 2 with `uncompressed_rle`: column by column, lengths of runs
 /// outside and inside by turns, beginning with outside.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct RunLengths {
     /// Rows and columns.
     pub size: [u32; 2],
@@ -95,7 +96,8 @@ impl RunLengths {
         if self.size != [height, width] {
             return Err(format!("size {:?}, expected {:?} (rows, columns)", self.size, [height, width]));
         }
-        let (all, sum) = (u64::from(width) * u64::from(height), self.counts.iter().map(|run| u64::from(*run)).sum());
+        let all = u64::from(width) * u64::from(height);
+        let sum = self.counts.iter().map(|run| u64::from(*run)).sum::<u64>();
         if sum != all {
             return Err(format!("its counts add up to {sum}, expected {all}"));
         }
@@ -154,8 +156,10 @@ impl SegmentRequest {
             fits.then_some(bytes).ok_or_else(|| format!("{name} has {got} bytes, expected {expected}"))
         };
         let rgb = bytes("rgb", &self.rgb, 3 * count)?;
-        let depth = self.depth_m.as_ref().map(|depth| bytes("depth_m", depth, 4 * count)).transpose()?.unwrap_or_default();
-        let depth = depth.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect();
+        let depth =
+            self.depth_m.as_ref().map(|depth| bytes("depth_m", depth, 4 * count)).transpose()?.unwrap_or_default();
+        let depth =
+            depth.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect();
         let named = |name: &'static str| move |error: String| format!("{name}: {error}");
         let ignore = self.ignore.as_ref().map(|runs| runs.mask(width, height)).transpose().map_err(named("ignore"))?;
         let within = self.within.as_ref().map(|runs| runs.mask(width, height)).transpose().map_err(named("within"))?;
@@ -281,10 +285,19 @@ mod tests {
         let cases = [
             (json!([]), "the segmentation service: its answer is wrong at ."),
             (json!({"masks": 7}), "the segmentation service: its answer is wrong at masks: "),
-            (runs(json!([-1, 7])), "the segmentation service: its answer is wrong at masks[0].segmentation.counts[0]: "),
-            (runs(json!([4_294_967_295_u32, 4_294_967_295_u32])), "mask 0: its counts add up to 8589934590, expected 6"),
+            (
+                runs(json!([-1, 7])),
+                "the segmentation service: its answer is wrong at masks[0].segmentation.counts[0]: ",
+            ),
+            (
+                runs(json!([4_294_967_295_u32, 4_294_967_295_u32])),
+                "mask 0: its counts add up to 8589934590, expected 6",
+            ),
             (runs(json!([5])), "mask 0: its counts add up to 5, expected 6"),
-            (json!({"masks": [{"segmentation": {"size": [9, 9], "counts": [81]}}]}), "mask 0: size [9, 9], expected [2, 3]"),
+            (
+                json!({"masks": [{"segmentation": {"size": [9, 9], "counts": [81]}}]}),
+                "mask 0: size [9, 9], expected [2, 3]",
+            ),
             (json!({"masks": vec![json!({"segmentation": {"size": [2, 3], "counts": [6]}}); 2001]}), "2001 masks"),
         ];
         let image = image();

@@ -12,7 +12,8 @@ use crate::question;
 /// A model in a folder that does not let a test wait.
 fn model(folder: &Path, timeout_s: f64) -> FolderChat {
     let folder = folder.to_owned();
-    FolderChat::new(FolderSettings { folder, timeout_s, poll_s: 0.005, settle_s: 0.03, max_answer_bytes: 1000 }).unwrap()
+    FolderChat::new(FolderSettings { folder, timeout_s, poll_s: 0.005, settle_s: 0.03, max_answer_bytes: 1000 })
+        .unwrap()
 }
 
 fn shown() -> ChatRequest {
@@ -62,9 +63,13 @@ fn answers_are_taken_as_people_write_them() {
         let model = model(folder.path(), 0.3);
         fs::create_dir_all(folder.path().join("001")).unwrap();
         // Another program's number is never taken.
-        let _ = FolderChat::new(FolderSettings { timeout_s: 0.001, folder: folder.path().into(), ..FolderSettings::default() })
-            .unwrap()
-            .chat(&question("?"));
+        let _ = FolderChat::new(FolderSettings {
+            timeout_s: 0.001,
+            folder: folder.path().into(),
+            ..FolderSettings::default()
+        })
+        .unwrap()
+        .chat(&question("?"));
         fs::write(folder.path().join("002/answer.json"), written).unwrap();
         let answered = model.chat(&question("?")).ok().map(|reply| reply.text);
         assert_eq!(answered.as_deref().map(str::trim), expected.map(str::trim), "{written:?}");

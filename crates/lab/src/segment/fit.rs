@@ -108,13 +108,20 @@ fn meet(cut: &Cut, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<
                 let features: Features = graph.features(low, high);
                 // The rank of a pair counts by what is lost with it.
                 let smaller = graph.pixels(low).min(graph.pixels(high));
-                let copies = if smaller >= 200.0 { 4 } else if smaller >= 50.0 { 2 } else { 1 };
+                let copies = if smaller >= 200.0 {
+                    4
+                } else if smaller >= 50.0 {
+                    2
+                } else {
+                    1
+                };
                 samples.extend((0..copies).map(|_| (features.to_vec(), one == other)));
             }
         }
-        let same = graph.pairs().into_iter().filter(|(low, high)| {
-            owners[*low as usize].is_some() && owners[*low as usize] == owners[*high as usize]
-        });
+        let same = graph
+            .pairs()
+            .into_iter()
+            .filter(|(low, high)| owners[*low as usize].is_some() && owners[*low as usize] == owners[*high as usize]);
         let rated = same.map(|(low, high)| (chance(weights, &graph.features(low, high)), low, high));
         let Some((_, low, high)) = rated.max_by(|one, other| one.0.total_cmp(&other.0)) else { break };
         graph.join(low, high);

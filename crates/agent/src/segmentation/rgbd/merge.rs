@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::regions::{NONE, bend_of};
+use super::regions::{NONE, bend_of, hue_of};
 use super::surface::Surface;
 
 /// Sums over the pixels of a region.
@@ -79,14 +79,17 @@ pub const FEATURES: [&str; COUNT] = [
     "border_size",
 ];
 
-/// Chance that a pair belongs to one thing, as a logistic model.
-const WEIGHTS: Features = [5.01, 3.02, -2.24, 2.62, -2.41, 2.75, 0.05, 0.61, -0.62, -1.43, -1.37, 0.02, -0.17, -5.78, -0.89, -6.22, 0.59, 3.98, -0.33, -1.9, -0.15, 3.06, 0.91, 0.22];
+/// Chance that a pair belongs to one thing, as a logistic model; from `genmanip lab segment --seed 101 --count 60 --fit`.
+const WEIGHTS: Features = [
+    5.01, 3.02, -2.24, 2.62, -2.41, 2.75, 0.05, 0.61, -0.62, -1.43, -1.37, 0.02, -0.17, -5.78, -0.89, -6.22, 0.59,
+    3.98, -0.33, -1.9, -0.15, 3.06, 0.91, 0.22,
+];
 
 /// Regions and their neighbours.
 #[derive(Clone, Debug)]
 pub struct Graph {
     regions: Vec<Region>,
-    /// For each region its neighbours with a larger or smaller number.
+    /// For each region its neighbours with a larger number.
     borders: Vec<BTreeMap<u32, Border>>,
 }
 
@@ -99,7 +102,8 @@ impl Graph {
         labels: &[u32],
         count: usize,
     ) -> Self {
-        let mut regions = vec![Region { lowest: f32::INFINITY, highest: f32::NEG_INFINITY, ..Region::default() }; count];
+        let mut regions =
+            vec![Region { lowest: f32::INFINITY, highest: f32::NEG_INFINITY, ..Region::default() }; count];
         let mut borders = vec![BTreeMap::<u32, Border>::new(); count];
         let (width, pixels) = (surface.width, labels.len());
         for index in 0..pixels {
@@ -156,7 +160,8 @@ impl Graph {
             .map(|low| self.borders[low].keys().map(|&high| (high, chance(&self.features(low as u32, high)))).collect())
             .collect();
         loop {
-            let pairs = chances.iter().enumerate().flat_map(|(low, row)| row.iter().map(move |(high, p)| (*p, low, *high)));
+            let pairs =
+                chances.iter().enumerate().flat_map(|(low, row)| row.iter().map(move |(high, p)| (*p, low, *high)));
             let best = pairs.fold((least, usize::MAX, 0), |best, pair| if pair.0 > best.0 { pair } else { best });
             if best.1 == usize::MAX {
                 break;
@@ -229,7 +234,7 @@ impl Graph {
         let Some(border) = self.borders[low as usize].get(&high) else { return [0.0; COUNT] };
         let edges = border.edges.max(1.0);
         let color = (one.color / one.pixels - other.color / other.pixels).abs();
-        let hue = (color.y.hypot(color.z) / 0.1).min(3.0);
+        let hue = (hue_of(color) / 0.1).min(3.0);
         let along = border.color / edges;
         let (steps, concave, convex) = (border.steps / edges, border.concave / edges, border.convex / edges);
         // By which share of its outline a region stands out from the other, or the other from it.
@@ -254,7 +259,7 @@ impl Graph {
             hue * steps,
             hue * concave,
             hue * convex,
-            along.y.hypot(along.z) / 0.1,
+            hue_of(along) / 0.1,
             out * (1.0 - steps),
             pit * (1.0 - steps),
             out * steps,
@@ -310,14 +315,7 @@ const UPRIGHT: f32 = 0.35;
 
 impl Border {
     /// `pixels` lie at the border on either side, `inside` farther from it, where normals are undisturbed.
-    fn add(
-        &mut self,
-        surface: &Surface,
-        colors: &[Vec3],
-        heights: &[f32],
-        pixels: [usize; 2],
-        inside: [usize; 2],
-    ) {
+    fn add(&mut self, surface: &Surface, colors: &[Vec3], heights: &[f32], pixels: [usize; 2], inside: [usize; 2]) {
         let [first, second] = inside;
         self.edges += 1.0;
         self.color += (colors[first] - colors[second]).abs();
