@@ -4,12 +4,15 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
+use genmanip_core::Seed;
 use genmanip_run::policies;
 
+pub use assets::*;
 pub use lab::*;
 pub use serve::*;
 pub use world::*;
 
+mod assets;
 mod lab;
 mod serve;
 mod world;
@@ -17,6 +20,8 @@ mod world;
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
 #[derive(Debug, Parser)]
 #[command(name = "genmanip", version, about, max_term_width = 100)]
+#[command(after_help = "Exit codes: 0 done, 1 the request could not be met, 2 the command line was not understood,\n\
+                        130 stopped by a second Ctrl-C. Data goes to stdout, talk to stderr.")]
 pub struct Arguments {
     /// Print data as JSON on stdout
     #[arg(long, global = true)]
@@ -76,6 +81,12 @@ pub enum Command {
         /// What to do with grasps
         #[command(subcommand)]
         command: GraspsCommand,
+    },
+    /// List, find, show, draw, export and audit objects
+    Assets {
+        /// What to do with objects
+        #[command(subcommand)]
+        command: AssetsCommand,
     },
     /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
     World {
@@ -143,7 +154,7 @@ pub struct BakeArguments {
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Seed of candidates and trials
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Candidates per object, at most
     #[arg(long, default_value_t = 24, value_parser = parse_count)]
@@ -151,12 +162,18 @@ pub struct BakeArguments {
     /// Trials per candidate
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub trials: u32,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
     /// Uids, comma separated, instead of all objects that can be grasped
     #[arg(long, value_delimiter = ',')]
     pub objects: Vec<String>,
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
+    /// Robot whose hand tries them: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `grasps show`.
@@ -179,7 +196,7 @@ pub struct NewArguments {
     #[arg(long, default_value_t = 12, value_parser = parse_count)]
     pub count: usize,
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Who invents them: rules, or llm (a language model)
     #[arg(long, default_value = "rules")]
@@ -196,6 +213,15 @@ pub struct NewArguments {
     /// Be the model yourself: questions are written into this folder, and an answer.json is awaited beside each
     #[arg(long, value_name = "DIR")]
     pub folder: Option<PathBuf>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+    /// Only objects that are found by these words and filters, as with `assets search`
+    #[arg(long, value_name = "QUERY")]
+    pub objects: Option<String>,
+    /// World whose further support surfaces tasks may name; only with --designer llm
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
     /// Folder for the task documents
     #[arg(long)]
     pub out: PathBuf,
@@ -210,6 +236,9 @@ pub struct CheckArguments {
     /// Uids that were offered, for a bare answer
     #[arg(long, value_delimiter = ',')]
     pub objects: Vec<String>,
+    /// World whose further support surfaces were offered too, for a bare answer
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
     /// Kind of task that was asked for, for a bare answer
     #[arg(long, default_value = "pick_and_place")]
     pub kind: String,
@@ -240,8 +269,11 @@ pub struct LayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Folder for the scenario files
     #[arg(long)]
@@ -282,10 +314,10 @@ pub struct PlanArguments {
     #[arg(long, value_name = "WIDTH", default_value_t = 0.08)]
     pub gripper: f64,
     /// Seed of the search
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Longest edge of the search tree, rad
-    #[arg(long, value_name = "RAD", value_parser = parse_positive)]
+    #[arg(long, value_name = "RAD", value_parser = parse_edge)]
     pub rrt_range: Option<f64>,
     /// Draw the motion: the arm at several moments and the way of the hand, PNG or JPEG
     #[arg(long, value_name = "FILE")]
@@ -296,6 +328,9 @@ pub struct PlanArguments {
     /// Camera of picture and film, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
+    /// Refuse scenarios that were laid out for another robot than this
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `collect`.
@@ -313,8 +348,11 @@ pub struct CollectArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse_count)]
@@ -328,6 +366,9 @@ pub struct CollectArguments {
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
+    /// Set damaged episodes aside, in damaged/ of the run, and make them anew
+    #[arg(long)]
+    pub repair: bool,
 }
 
 /// The policies of the registry, and an example.
@@ -348,11 +389,26 @@ fn parse_count(text: &str) -> Result<usize, String> {
     }
 }
 
-fn parse_positive(text: &str) -> Result<f64, String> {
+fn parse_edge(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
-        _ => Err("expected a positive number".into()),
+        _ => Err("expected a number from 1e-6 to 1e6".into()),
     }
+}
+
+/// Seeds are stored in JSON, whose readers keep 53 bits.
+fn parse_seed(text: &str) -> Result<u64, String> {
+    match text.parse() {
+        Ok(seed) if seed <= Seed::MAX => Ok(seed),
+        _ => Err(format!("expected a whole number from 0 to {}", Seed::MAX)),
+    }
+}
+
+/// Negative numbers reach the parsers of their options, which say what they expect; they are no options themselves.
+pub fn taking_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes_value = |arg: &clap::Arg| arg.get_action().takes_values();
+    let command = command.mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg });
+    command.mut_subcommands(taking_negative_numbers)
 }
 
 fn parse_fps(text: &str) -> Result<u32, String> {
@@ -375,7 +431,7 @@ pub struct DemoArguments {
     #[arg(long, default_value_t = 2, value_parser = parse_count)]
     pub episodes: usize,
     /// Seed
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]
@@ -406,6 +462,9 @@ pub struct EvaluateArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
+    /// Refuse scenarios that were laid out for another robot than this
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `replay`.

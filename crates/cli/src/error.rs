@@ -13,6 +13,8 @@ pub enum ExitStatus {
     Done,
     /// 1: the request could not be met.
     NotMet,
+    /// 2: the command line was not understood.
+    NotUnderstood,
 }
 
 impl From<ExitStatus> for ExitCode {
@@ -20,6 +22,7 @@ impl From<ExitStatus> for ExitCode {
         match status {
             ExitStatus::Done => Self::SUCCESS,
             ExitStatus::NotMet => Self::from(1),
+            ExitStatus::NotUnderstood => Self::from(2),
         }
     }
 }
@@ -30,17 +33,28 @@ pub struct Failed {
     what: String,
     causes: Vec<String>,
     hint: Option<String>,
+    status: ExitStatus,
 }
 
 impl Failed {
     /// A failure in one sentence.
     pub fn new(what: impl Into<String>) -> Self {
-        Self { what: what.into(), causes: Vec::new(), hint: None }
+        Self { what: what.into(), causes: Vec::new(), hint: None, status: ExitStatus::NotMet }
     }
 
     /// With the error that caused it and the errors behind that.
     pub fn because(what: impl Into<String>, error: &dyn Error) -> Self {
-        Self { what: what.into(), causes: chain(error), hint: None }
+        Self { what: what.into(), causes: chain(error), hint: None, status: ExitStatus::NotMet }
+    }
+
+    /// A value on the command line that makes no sense, in one sentence.
+    pub fn misused(what: impl Into<String>) -> Self {
+        Self { status: ExitStatus::NotUnderstood, ..Self::new(what) }
+    }
+
+    /// How the program ends.
+    pub fn status(&self) -> ExitStatus {
+        self.status
     }
 
     /// With what helps.
@@ -54,7 +68,11 @@ impl Failed {
 impl From<RunError> for Failed {
     fn from(error: RunError) -> Self {
         let causes = error.source().map_or_else(Vec::new, chain);
-        Self { what: error.to_string(), causes, hint: error.hint() }
+        // These names are known whatever any file holds.
+        let typed = ["policy", "policy argument", "kind", "preset"];
+        let is_misused = matches!(&error, RunError::UnknownName { what, .. } if typed.contains(what));
+        let status = if is_misused { ExitStatus::NotUnderstood } else { ExitStatus::NotMet };
+        Self { what: error.to_string(), causes, hint: error.hint(), status }
     }
 }
 

@@ -6,20 +6,38 @@ mod error;
 mod printer;
 mod stop;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 
 use args::{Arguments, Command, GraspsCommand, TaskCommand};
 use error::{ExitStatus, Failed};
 
 fn main() -> std::process::ExitCode {
-    let arguments = Arguments::parse();
+    let command = args::taking_negative_numbers(Arguments::command());
+    let matches = command.try_get_matches().and_then(|matches| Arguments::from_arg_matches(&matches));
+    let arguments = match matches {
+        Ok(arguments) => arguments,
+        Err(told) => return tell(&told),
+    };
     let printer = printer::Printer::new(arguments.json, arguments.quiet);
-    match run(&arguments.command, &printer) {
+    let outcome = run(&arguments.command, &printer);
+    match outcome.and_then(|status| printer.finish().map(|()| status)) {
         Ok(status) => status.into(),
         Err(failed) => {
             printer.error(&failed);
-            ExitStatus::NotMet.into()
+            failed.status().into()
         }
+    }
+}
+
+/// Help, the version, or what is wrong with the command line.
+fn tell(told: &clap::Error) -> std::process::ExitCode {
+    use std::io::{ErrorKind, Write};
+    let printed = told.print().and_then(|()| std::io::stdout().flush());
+    let is_lost = printed.is_err_and(|error| error.kind() != ErrorKind::BrokenPipe);
+    match (told.use_stderr(), is_lost) {
+        (true, _) => ExitStatus::NotUnderstood.into(),
+        (false, true) => ExitStatus::NotMet.into(),
+        (false, false) => ExitStatus::Done.into(),
     }
 }
 
@@ -38,6 +56,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Export(arguments) => commands::export::run(arguments, printer),
         Command::Grasps { command: GraspsCommand::Bake(arguments) } => commands::grasps::bake(arguments, printer),
         Command::Grasps { command: GraspsCommand::Show(arguments) } => commands::grasps::show(arguments, printer),
+        Command::Assets { command } => commands::assets::run(command, printer),
         Command::World { command } => commands::world::run(command, printer),
         Command::Camera { command } => commands::world::run_camera(command, printer),
         Command::Lab { command } => commands::lab::run(command, printer),

@@ -1,6 +1,6 @@
 //! One place decides what is printed where: stdout is data, stderr is talk.
 
-use std::io::{IsTerminal, Write};
+use std::io::{self, IsTerminal, Write};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -16,12 +16,14 @@ pub struct Printer {
     quiet: bool,
     /// Of the work under way.
     bar: Mutex<Option<ProgressBar>>,
+    /// Why data did not arrive.
+    lost: Mutex<Option<io::Error>>,
 }
 
 impl Printer {
     /// `json` turns tables into JSON on stdout; `quiet` drops talk.
     pub fn new(json: bool, quiet: bool) -> Self {
-        Self { json, quiet, bar: Mutex::new(None) }
+        Self { json, quiet, bar: Mutex::new(None), lost: Mutex::new(None) }
     }
 
     /// Data: the JSON value or the text, to stdout.
@@ -31,8 +33,24 @@ impl Printer {
         } else {
             text.trim_end().to_owned()
         };
-        // A closed pipe is the reader's choice, not an error.
-        let _ = writeln!(std::io::stdout().lock(), "{output}");
+        let mut stdout = io::stdout().lock();
+        if let Err(error) = writeln!(stdout, "{output}").and_then(|()| stdout.flush()) {
+            self.lost.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+        }
+    }
+
+    /// Whether all data has arrived.
+    ///
+    /// # Errors
+    /// When some was lost, as on a full disk; a closed pipe is the reader's choice.
+    pub fn finish(&self) -> Result<(), Failed> {
+        match self.lost.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+                Err(Failed::because("cannot write to standard output", &error)
+                    .hint("what was printed is not whole; is the disk full?"))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Talk: to stderr, unless quiet.
@@ -72,7 +90,7 @@ impl Progress for Printer {
             bar.set_style(style);
         }
         bar.set_message(what.to_owned());
-        bar.enable_steady_tick(Duration::from_millis(250));
+        keep_ticking(&bar);
         *self.bar() = Some(bar);
     }
 
@@ -91,4 +109,19 @@ impl Progress for Printer {
     fn note(&self, text: &str) {
         self.say(text);
     }
+}
+
+/// Keeps rate and time left up to date between two parts; where the system gives no thread for that, they wait.
+fn keep_ticking(bar: &ProgressBar) {
+    if bar.is_hidden() {
+        return;
+    }
+    let ticked = bar.clone();
+    let tick = move || {
+        while !ticked.is_finished() {
+            ticked.tick();
+            std::thread::sleep(Duration::from_millis(250));
+        }
+    };
+    let _ = std::thread::Builder::new().name("progress".into()).spawn(tick);
 }

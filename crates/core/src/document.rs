@@ -28,6 +28,22 @@ pub trait Document: Serialize + DeserializeOwned {
         Self::from_value(crate::json::parse(text)?)
     }
 
+    /// Reads the bytes of a file, see [`Document::from_json`].
+    ///
+    /// # Errors
+    /// As [`Document::from_json`], also for what is no UTF-8.
+    fn from_bytes(bytes: &[u8]) -> Result<Self, DocumentError> {
+        Self::from_json(crate::json::text(bytes)?)
+    }
+
+    /// What else must hold than that every value has its type; readers call it, whoever makes a value need not.
+    ///
+    /// # Errors
+    /// [`DocumentError::Invalid`] with the first thing that is wrong.
+    fn check(&self) -> Result<(), DocumentError> {
+        Ok(())
+    }
+
     /// Reads a parsed value, see [`Document::from_json`].
     ///
     /// # Errors
@@ -50,13 +66,16 @@ pub trait Document: Serialize + DeserializeOwned {
                 });
             }
         }
-        serde_path_to_error::deserialize(Value::Object(map)).map_err(|error| DocumentError::Invalid {
-            path: match error.path().to_string() {
-                root if root == "." => "$".into(),
-                path => format!("$.{path}"),
-            },
-            message: error.inner().to_string(),
-        })
+        let document: Self =
+            serde_path_to_error::deserialize(Value::Object(map)).map_err(|error| DocumentError::Invalid {
+                path: match error.path().to_string() {
+                    root if root == "." => "$".into(),
+                    path => format!("$.{path}"),
+                },
+                message: error.inner().to_string(),
+            })?;
+        document.check()?;
+        Ok(document)
     }
 
     /// The text of the file, indented, the schema first, with a final newline.

@@ -29,6 +29,25 @@ pub fn parse(text: &str) -> Result<Value, DocumentError> {
     })
 }
 
+/// The text of a file that should be JSON.
+///
+/// # Errors
+/// [`DocumentError::NotJson`] when it is no UTF-8, with the place of the first byte that is not.
+pub fn text(bytes: &[u8]) -> Result<&str, DocumentError> {
+    std::str::from_utf8(bytes).map_err(|error| {
+        let before = &bytes[..error.valid_up_to()];
+        let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
+        let column = before.iter().rev().take_while(|byte| **byte != b'\n').count() + 1;
+        let is_utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+        DocumentError::NotJson {
+            line,
+            column,
+            message: format!("not UTF-8 at line {line} column {column}"),
+            hint: if is_utf16 { "the file is UTF-16; save it as UTF-8" } else { "save the file as UTF-8" },
+        }
+    })
+}
+
 /// What most likely is wrong with a text that is not JSON.
 fn hint(text: &str, error: &serde_json::Error) -> &'static str {
     if text.trim().is_empty() {
@@ -114,7 +133,7 @@ impl<'de> Visitor<'de> for Unique {
 
 #[cfg(test)]
 mod tests {
-    use super::parse;
+    use super::{parse, text};
     use crate::DocumentError;
 
     #[test]
@@ -143,5 +162,11 @@ mod tests {
             assert!(hint.contains(expected_hint), "{text:?}: {hint}");
         }
         assert!(parse(&"[".repeat(100_000)).is_err(), "bounded depth");
+        for (bytes, expected_line, expected_hint) in
+            [(&b"\xff\xfe{\0"[..], 1, "UTF-16"), (b"{\n \"caf\xe9\": 1}", 2, "save the file as UTF-8")]
+        {
+            let Err(DocumentError::NotJson { line, hint, .. }) = text(bytes) else { panic!("{bytes:?} was read") };
+            assert!(line == expected_line && hint.contains(expected_hint), "{bytes:?}: {hint}");
+        }
     }
 }

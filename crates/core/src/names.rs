@@ -1,4 +1,24 @@
-//! Names that somebody mistyped.
+//! Names: those that somebody mistyped, and those that can name files.
+
+/// Longest name of a file that ids may give, characters.
+pub const MAX_NAME_LENGTH: usize = 200;
+
+/// Whether a text can name a file or folder anywhere, and leads nowhere else: 1 to [`MAX_NAME_LENGTH`] ASCII letters,
+/// digits and any of `-_.+=@`, no dot in front.
+///
+/// ```
+/// use genmanip_core::names::is_file_name;
+/// assert!(is_file_name("017_pick_and_place-000"));
+/// assert!(!is_file_name("../../evil") && !is_file_name(".hidden") && !is_file_name(""));
+/// ```
+pub fn is_file_name(text: &str) -> bool {
+    (1..=MAX_NAME_LENGTH).contains(&text.len()) && !text.starts_with('.') && text.chars().all(fits_file_name)
+}
+
+/// Whether a character may stand in the name of a file, see [`is_file_name`].
+pub fn fits_file_name(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
+}
 
 /// The known name that is most likely meant; empty if none looks like it.
 ///

@@ -3,8 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::names::is_file_name;
 use crate::upgrade;
-use crate::{AssetRef, Document, Pose, Seed, Task, Upgrade, World};
+use crate::{AssetRef, Document, DocumentError, Pose, Seed, Task, Upgrade, World};
 
 /// A task with poses: everything an episode starts from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -26,7 +27,33 @@ pub struct Scenario {
 impl Document for Scenario {
     const SCHEMA: &'static str = "genmanip.scenario/2";
     const PREVIOUS: Option<Upgrade> = Some(upgrade::scenario::FROM_1);
+
+    fn check(&self) -> Result<(), DocumentError> {
+        let refuse = |path: String, message: String| Err(DocumentError::Invalid { path, message });
+        if !is_file_name(&self.id) {
+            let message = format!("expected a name of a file (letters, digits, any of -_.+=@), got {:?}", self.id);
+            return refuse("$.id".into(), message.chars().take(200).collect());
+        }
+        if self.objects.len() > MOST_OBJECTS {
+            return refuse("$.objects".into(), format!("expected at most {MOST_OBJECTS}, got {}", self.objects.len()));
+        }
+        for (index, object) in self.objects.iter().enumerate() {
+            if self.objects[..index].iter().any(|other| other.id == object.id) {
+                return refuse(
+                    format!("$.objects[{index}].id"),
+                    format!("expected an id of its own, got {:?}", object.id),
+                );
+            }
+        }
+        match self.world.faults_of_parts().into_iter().next() {
+            Some(fault) => refuse(format!("$.world.{}", fault.place), fault.expectation()),
+            None => Ok(()),
+        }
+    }
 }
+
+/// Most objects of a scene: several times what fits on a table.
+pub const MOST_OBJECTS: usize = 256;
 
 /// An instance of a scenario, with hashes of its asset, so that a change of that is noticed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -3,7 +3,8 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use sha2::{Digest, Sha256};
 
 /// The root of a random stream, at most 53 bits wide so that every JSON reader keeps it exact.
@@ -17,16 +18,26 @@ use sha2::{Digest, Sha256};
 /// assert_eq!(episode, Seed::new(1).fork("episode").fork_index(3));
 /// assert_ne!(episode, Seed::new(1).fork("episode").fork_index(4));
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Seed(u64);
 
-impl Seed {
-    const MASK: u64 = (1 << 53) - 1;
+impl<'de> Deserialize<'de> for Seed {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = u64::deserialize(deserializer)?;
+        let too_large = || D::Error::custom(format_args!("expected a seed of at most {}, got {value}", Self::MAX));
+        if value <= Self::MAX { Ok(Self(value)) } else { Err(too_large()) }
+    }
+}
 
-    /// A seed from a number a person typed; bits above the 53rd are ignored.
+impl Seed {
+    /// The largest seed, 2^53 - 1.
+    pub const MAX: u64 = (1 << 53) - 1;
+
+    /// A seed from any number; bits above the 53rd are ignored, so numbers that people choose are refused above
+    /// [`Seed::MAX`] before.
     pub fn new(value: u64) -> Self {
-        Self(value & Self::MASK)
+        Self(value & Self::MAX)
     }
 
     /// The number to print or to store.

@@ -1,15 +1,11 @@
 //! Written aside, synced, renamed: a folder is there whole or not at all.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::DataError;
-
-/// Marks folders that a run has not finished; the process id follows.
-const MARK: &str = ".partial-";
-/// Marks what a finished folder is about to replace.
-const OLD: &str = ".old.partial-";
+use crate::files::{names, remove, write_new};
+use crate::partial::beside;
 
 /// A folder that becomes visible under its name only when it is complete.
 ///
@@ -18,24 +14,31 @@ const OLD: &str = ".old.partial-";
 pub(crate) struct Aside {
     target: PathBuf,
     folder: PathBuf,
+    replaces: bool,
     published: bool,
 }
+
+/// How often a folder is moved out of the way that another program keeps putting there.
+const TRIES: usize = 100;
 
 impl Aside {
     /// Starts a folder that shall appear at `target`. Its parent must exist.
     pub(crate) fn new(target: &Path) -> Result<Self, DataError> {
-        if target.exists() {
+        if fs::symlink_metadata(target).is_ok() {
             return Err(DataError::Exists { path: target.to_owned() });
         }
-        Self::replacing(target)
+        Self::begin(target, false)
     }
 
     /// As [`Aside::new`], for a target that may exist and is then replaced.
     pub(crate) fn replacing(target: &Path) -> Result<Self, DataError> {
-        let folder = beside(target, &format!("{MARK}{}", std::process::id()));
-        remove(&folder)?;
+        Self::begin(target, true)
+    }
+
+    fn begin(target: &Path, replaces: bool) -> Result<Self, DataError> {
+        let folder = beside(target);
         fs::create_dir(&folder).map_err(DataError::io("create the folder", &folder))?;
-        Ok(Self { target: target.to_owned(), folder, published: false })
+        Ok(Self { target: target.to_owned(), folder, replaces, published: false })
     }
 
     /// Where a file of the folder lies until it is published; folders on the way are made.
@@ -54,17 +57,38 @@ impl Aside {
     }
 
     /// Makes the folder visible under its name.
+    ///
+    /// # Errors
+    /// [`DataError::Exists`] when another program was quicker and nothing is to be replaced.
     pub(crate) fn publish(mut self) -> Result<(), DataError> {
         sync_tree(&self.folder)?;
-        let old = beside(&self.target, &format!("{OLD}{}", std::process::id()));
-        if self.target.exists() {
-            remove(&old)?;
-            fs::rename(&self.target, &old).map_err(DataError::io("rename", &self.target))?;
+        let mut outdated = Vec::new();
+        for _ in 0..TRIES {
+            // A folder that holds something is never replaced by a rename, so that nothing is lost unnoticed.
+            match fs::rename(&self.folder, &self.target) {
+                Ok(()) => {
+                    self.published = true;
+                    break;
+                }
+                Err(error) if fs::symlink_metadata(&self.target).is_err() => {
+                    return Err(DataError::io("rename", &self.target)(error));
+                }
+                Err(_) if !self.replaces => return Err(DataError::Exists { path: self.target.clone() }),
+                Err(_) => {
+                    let old = beside(&self.target);
+                    match fs::rename(&self.target, &old) {
+                        Ok(()) => outdated.push(old),
+                        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+                        Err(error) => return Err(DataError::io("rename", &self.target)(error)),
+                    }
+                }
+            }
         }
-        fs::rename(&self.folder, &self.target).map_err(DataError::io("rename", &self.target))?;
-        self.published = true;
+        if !self.published {
+            return Err(DataError::Exists { path: self.target.clone() });
+        }
         sync_folder(parent(&self.target))?;
-        remove(&old)
+        outdated.iter().try_for_each(|old| remove(old))
     }
 }
 
@@ -77,81 +101,14 @@ impl Drop for Aside {
     }
 }
 
-/// Removes what killed runs left in a folder; what a process that still runs is writing stays.
-///
-/// Leftovers of the calling process count as its own, so call this before it writes anything.
-/// Returns the names removed, sorted. Where there is no `/proc`, every leftover is removed.
-pub(crate) fn sweep(folder: &Path) -> Result<Vec<String>, DataError> {
-    let mut removed = Vec::new();
-    for name in names(folder)? {
-        if is_leftover(&name) {
-            remove(&folder.join(&name))?;
-            removed.push(name);
-        }
-    }
-    Ok(removed)
-}
-
-/// Removes what killed runs left of one target, see [`sweep`].
-pub(crate) fn sweep_target(target: &Path) -> Result<(), DataError> {
-    let partial = beside(target, MARK);
-    let beginning = partial.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let parent = parent(target);
-    for name in names(parent)? {
-        let ours = name.starts_with(&beginning) || name.starts_with(&beginning.replace(MARK, OLD));
-        if ours && is_leftover(&name) {
-            remove(&parent.join(name))?;
-        }
-    }
-    Ok(())
-}
-
-/// Sorted names of the entries of a folder.
-pub(crate) fn names(folder: &Path) -> Result<Vec<String>, DataError> {
-    let entries = fs::read_dir(folder).map_err(DataError::io("list", folder))?;
-    let mut names = Vec::new();
-    for entry in entries {
-        let entry = entry.map_err(DataError::io("list", folder))?;
-        if let Ok(name) = entry.file_name().into_string() {
-            names.push(name);
-        }
-    }
-    names.sort();
-    Ok(names)
-}
-
-/// Writes one file so that it is on the disk when this returns.
+/// Writes one file so that it is on the disk when this returns; there must be none.
 pub(crate) fn write_synced(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
-    let file = File::create(path).map_err(DataError::io("create", path))?;
-    let mut writer = BufWriter::new(file);
-    writer.write_all(bytes).map_err(DataError::io("write", path))?;
-    let file = writer.into_inner().map_err(|error| DataError::io("write", path)(error.into_error()))?;
-    file.sync_all().map_err(DataError::io("write", path))
-}
-
-fn is_leftover(name: &str) -> bool {
-    let Some((_, pid)) = name.rsplit_once(MARK) else { return false };
-    let Ok(pid) = pid.parse::<u32>() else { return false };
-    let alive = Path::new("/proc/self").exists() && Path::new("/proc").join(pid.to_string()).exists();
-    name.starts_with('.') && (!alive || pid == std::process::id())
-}
-
-fn beside(target: &Path, ending: &str) -> PathBuf {
-    let name = target.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    target.with_file_name(format!(".{name}{ending}"))
+    write_new(path, bytes).map_err(DataError::io("write", path))
 }
 
 /// The folder something lies in; a bare name lies in the current one.
-fn parent(path: &Path) -> &Path {
+pub(crate) fn parent(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-fn remove(path: &Path) -> Result<(), DataError> {
-    let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
-    match removed {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(DataError::io("remove", path)(error)),
-        _ => Ok(()),
-    }
 }
 
 fn sync_tree(folder: &Path) -> Result<(), DataError> {

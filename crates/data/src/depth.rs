@@ -6,6 +6,9 @@ use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Filter};
 
 use crate::DataError;
 
+/// Most pixels along a side of an image that is read; those that are drawn have as many at most.
+const MAX_SIDE_PX: u32 = 8192;
+
 /// Metres to millimetres, rounded; 0 for what is not a positive number.
 pub fn depth_to_mm(depth_m: f32) -> u16 {
     // Not finite and negative values become 0, large ones 65535: that is what `as` does here.
@@ -39,6 +42,11 @@ pub fn encode_depth_png(depth_m: &[f32], width: u32, height: u32) -> Result<Vec<
 /// When the file is not a 16-bit grey PNG.
 pub fn decode_depth_png(file: &[u8]) -> Result<(u32, u32, Vec<u16>), DataError> {
     let mut reader = Decoder::new(std::io::Cursor::new(file)).read_info().map_err(png_error)?;
+    let (width, height) = (reader.info().width, reader.info().height);
+    if width > MAX_SIDE_PX || height > MAX_SIDE_PX {
+        let got = format!("{width}x{height}");
+        return Err(DataError::mismatch("depth image", format!("at most {MAX_SIDE_PX} pixels along each side"), got));
+    }
     let mut data = vec![0; reader.output_buffer_size().unwrap_or(0)];
     let info = reader.next_frame(&mut data).map_err(png_error)?;
     if (info.color_type, info.bit_depth) != (ColorType::Grayscale, BitDepth::Sixteen) {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use genmanip_core::DocumentError;
+use genmanip_core::limits::Limit;
 
 /// What went wrong, with the file it concerns.
 #[derive(Debug, thiserror::Error)]
@@ -16,6 +17,28 @@ pub enum DataError {
         path: PathBuf,
         /// What the system said.
         source: std::io::Error,
+    },
+    /// Something else than a file: reading it might never end, or lead somewhere else.
+    #[error("expected a file, found {found}: {}", path.display())]
+    NotAFile {
+        /// What should be a file.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// A file that is larger than anything of its kind.
+    #[error("larger than {} may be, {}: {}", limit.what, limit.in_words(), path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its kind and bound.
+        limit: Limit,
+    },
+    /// A data set that would be replaced, but that another made.
+    #[error("there is a data set already that this run did not make: {}", path.display())]
+    NotOurs {
+        /// The data set.
+        path: PathBuf,
     },
     /// A folder that is not an episode store.
     #[error("not an episode store (no store.json in it): {}", path.display())]
@@ -125,16 +148,40 @@ impl DataError {
                 std::io::ErrorKind::NotFound => "check the path".into(),
                 _ => return None,
             },
+            Self::NotAFile { .. } => "links, pipes and devices are not read; name a file, or put one there".into(),
+            Self::TooLarge { limit, .. } => format!("expected {}; is this the right file?", limit.what),
+            Self::NotOurs { .. } => "move it away; the run makes its own there".into(),
             Self::NotAStore { .. } => "give the folder that `genmanip collect` wrote its episodes to".into(),
             Self::Exists { .. } => "choose another name, or remove it first".into(),
             Self::NotRecorded { .. } => "collect again and keep failed episodes".into(),
             Self::NoAttachment { .. } => "draw the images of these episodes first, at the rate of the dataset".into(),
             Self::Damaged { path, .. } => {
                 let episode = path.parent().unwrap_or(path);
-                format!("remove {} and collect again, the episode is then made anew", episode.display())
+                format!("collect again with --repair: {} is set aside and made anew", episode.display())
             }
             _ => return None,
         })
+    }
+
+    /// Whether what was to be read is not there.
+    pub fn is_missing(&self) -> bool {
+        matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
+    }
+
+    /// Whether an episode is damaged, so that others may still be sound.
+    pub fn is_damage(&self) -> bool {
+        self.is_missing()
+            || matches!(
+                self,
+                Self::Damaged { .. }
+                    | Self::Document { .. }
+                    | Self::Table { .. }
+                    | Self::Mismatch { .. }
+                    | Self::NotAFile { .. }
+                    | Self::TooLarge { .. }
+                    | Self::BadName { .. }
+                    | Self::Png(_)
+            )
     }
 
     pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {

@@ -60,8 +60,8 @@ pub(crate) fn to_bytes(frames: &[Frame], objects: usize) -> Result<Vec<u8>, Data
 }
 
 /// The frames in `frames.parquet`.
-pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>, objects: usize) -> Result<Vec<Frame>, DataError> {
-    let batch = table::from_parquet(path, bytes)?;
+pub(crate) fn from_bytes(path: &Path, bytes: Vec<u8>, objects: usize, rows: usize) -> Result<Vec<Frame>, DataError> {
+    let batch = table::from_parquet(path, bytes, rows)?;
     let numbers = |name: &str| -> Result<Vec<f64>, DataError> {
         Ok(table::column::<Float64Array>(path, &batch, name)?.values().to_vec())
     };

@@ -15,11 +15,14 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use genmanip_core::limits::{self, Limit};
+use genmanip_core::names::is_file_name;
 use genmanip_core::{Document, Episode, EpisodeResult, Scenario, Upgrade, upgrade};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::aside::{self, Aside};
+use crate::files::{self, is_own_file, is_own_folder, read_own};
 use crate::manifest::{FileHash, Manifest, check_bytes};
 use crate::{DataError, frames};
 
@@ -43,6 +46,15 @@ pub struct Attachment {
     pub name: String,
     /// Contents.
     pub bytes: Vec<u8>,
+}
+
+/// What lies in the folder of a store.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Listing {
+    /// Ids of attempts, sorted, whole or damaged.
+    pub ids: Vec<String>,
+    /// Names of what is no attempt, sorted: nothing of it is read or changed.
+    pub strangers: Vec<String>,
 }
 
 /// `episode.json`: how an attempt went, and which files belong to it.
@@ -85,15 +97,12 @@ impl EpisodeStore {
             return Self::open(root);
         }
         fs::create_dir_all(&root).map_err(DataError::io("create the folder", &root))?;
-        if aside::names(&root)?.iter().any(|name| !name.starts_with('.')) {
+        if files::names(&root)?.iter().any(|name| !name.starts_with('.')) {
             return Err(DataError::NotAStore { path: root });
         }
         let mark = StoreMark { content: "one folder per episode".into() };
-        let partial = root.join(format!(".store.json.partial-{}", std::process::id()));
-        aside::write_synced(&partial, mark.to_json().as_bytes())?;
-        let path = root.join("store.json");
-        fs::rename(&partial, &path).map_err(DataError::io("rename", &path))?;
-        Ok(Self { root })
+        files::create(&root.join("store.json"), mark.to_json().as_bytes())?;
+        Self::open(root)
     }
 
     /// Opens an existing store.
@@ -103,13 +112,11 @@ impl EpisodeStore {
     pub fn open(root: impl Into<PathBuf>) -> Result<Self, DataError> {
         let root = root.into();
         let path = root.join("store.json");
-        match fs::read_to_string(&path) {
-            Ok(text) => StoreMark::from_json(&text).map_err(|source| DataError::Document { path, source })?,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Err(DataError::NotAStore { path: root });
-            }
-            Err(error) => return Err(DataError::io("read", &path)(error)),
+        let text = match read_own(&path, limits::STORE_MARK) {
+            Err(error) if error.is_missing() => return Err(DataError::NotAStore { path: root }),
+            text => text?,
         };
+        parse::<StoreMark>(&path, &text)?;
         Ok(Self { root })
     }
 
@@ -118,18 +125,97 @@ impl EpisodeStore {
         &self.root
     }
 
-    /// Ids of all attempts, recorded or not, sorted.
+    /// Ids of all attempts, recorded or not, sorted; some may be damaged.
     ///
     /// # Errors
     /// When the folder cannot be listed.
     pub fn ids(&self) -> Result<Vec<String>, DataError> {
-        let names = aside::names(&self.root)?;
-        Ok(names.into_iter().filter(|name| !name.starts_with('.') && self.root.join(name).is_dir()).collect())
+        Ok(self.list()?.ids)
+    }
+
+    /// Attempts, and what else lies in the folder.
+    ///
+    /// # Errors
+    /// When the folder cannot be listed.
+    pub fn list(&self) -> Result<Listing, DataError> {
+        let mut listing = Listing::default();
+        for name in files::names(&self.root)?.into_iter().filter(|name| !name.starts_with('.') && name != "store.json")
+        {
+            let is_attempt = self.contains(&name);
+            if is_attempt { listing.ids.push(name) } else { listing.strangers.push(name) }
+        }
+        Ok(listing)
     }
 
     /// Whether an attempt with this id is there, recorded or not.
     pub fn contains(&self, id: &str) -> bool {
-        check_name(id).is_ok() && self.root.join(id).join(EPISODE).is_file()
+        let folder = self.root.join(id);
+        check_name(id).is_ok() && is_own_folder(&folder) && is_own_file(&folder.join(EPISODE))
+    }
+
+    /// Whether the place of an attempt is taken, by the attempt itself or by what is left of it.
+    pub fn is_taken(&self, id: &str) -> bool {
+        check_name(id).is_ok() && fs::symlink_metadata(self.root.join(id)).is_ok()
+    }
+
+    /// Looks at an attempt without reading its files: a sound record, and files and groups that have the sizes recorded.
+    ///
+    /// # Errors
+    /// What is damaged.
+    pub fn look_at(&self, id: &str) -> Result<(), DataError> {
+        let folder = self.root.join(id);
+        let record = match self.record(id) {
+            Err(DataError::UnknownEpisode { .. }) if self.is_taken(id) => {
+                return Err(DataError::NotAFile { path: folder.join(EPISODE), found: "no such file" });
+            }
+            record => record?,
+        };
+        record.files.iter().try_for_each(|file| check_size(&folder, file))?;
+        for name in files::names(&folder)?.into_iter().filter(|name| !name.starts_with('.')) {
+            let group = folder.join(&name);
+            if !is_own_folder(&group) {
+                continue;
+            }
+            let manifest = read_manifest(&group)?;
+            manifest.files.iter().try_for_each(|file| check_size(&group, file))?;
+        }
+        Ok(())
+    }
+
+    /// As [`EpisodeStore::look_at`], with every file read and compared with its hash.
+    ///
+    /// # Errors
+    /// What is damaged.
+    pub fn verify(&self, id: &str) -> Result<(), DataError> {
+        self.look_at(id)?;
+        let (record, folder) = (self.record(id)?, self.root.join(id));
+        for file in &record.files {
+            checked(&folder, &record.files, &file.name, limits::ATTACHMENT)?;
+        }
+        if record.recorded {
+            self.read(id)?;
+        }
+        for group in files::names(&folder)?.into_iter().filter(|name| self.has_group(id, name)) {
+            let group = folder.join(group);
+            let manifest = read_manifest(&group)?;
+            for file in &manifest.files {
+                checked(&group, &manifest.files, &file.name, limits::ATTACHMENT)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves an attempt out of the store, whatever is left of it; `to` must not exist.
+    ///
+    /// # Errors
+    /// When it cannot be moved.
+    pub fn move_out(&self, id: &str, to: &Path) -> Result<(), DataError> {
+        check_name(id)?;
+        if let Some(parent) = to.parent() {
+            fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
+        }
+        let from = self.root.join(id);
+        fs::rename(&from, to).map_err(DataError::io("move", &from))
     }
 
     /// Adds a recorded episode under `episode.result.id`, with files of the caller's beside it.
@@ -213,11 +299,14 @@ impl EpisodeStore {
             return Err(DataError::NotRecorded { path: folder });
         }
         let scenario = self.scenario(id, &record)?;
-        let state = |name| frames::state_from_bytes(&folder.join(name), &checked(&folder, &record.files, name)?);
+        let state = |name| {
+            let bytes = checked(&folder, &record.files, name, limits::STATE)?;
+            frames::state_from_bytes(&folder.join(name), &bytes)
+        };
         let initial_state = state(INITIAL_STATE)?;
         let final_state = state(FINAL_STATE)?;
-        let table = checked(&folder, &record.files, FRAMES)?;
-        let frames = frames::from_bytes(&folder.join(FRAMES), table, scenario.objects.len())?;
+        let table = checked(&folder, &record.files, FRAMES, limits::FRAMES)?;
+        let frames = frames::from_bytes(&folder.join(FRAMES), table, scenario.objects.len(), record.result.frames)?;
         Ok(Episode { scenario, result: record.result, initial_state, final_state, frames })
     }
 
@@ -228,18 +317,25 @@ impl EpisodeStore {
     pub fn attach(&self, id: &str, group: &str, attachments: &[Attachment]) -> Result<(), DataError> {
         check_name(group)?;
         self.record(id)?;
-        let files = write_order(attachments)?;
-        let aside = Aside::replacing(&self.root.join(id).join(group))?;
+        let manifest = Manifest { files: write_order(attachments)? };
+        let target = self.root.join(id).join(group);
+        let aside = Aside::replacing(&target)?;
         for file in attachments {
             aside.write(&file.name, &file.bytes)?;
         }
-        aside.write(FILES, Manifest { files }.to_json().as_bytes())?;
+        aside.write(FILES, manifest.to_json().as_bytes())?;
+        // Another program that shares the work may have been quicker; what somebody may be reading stays.
+        let is_sound = |file: &FileHash| checked(&target, &manifest.files, &file.name, limits::ATTACHMENT).is_ok();
+        if read_manifest(&target).is_ok_and(|known| known == manifest) && manifest.files.iter().all(is_sound) {
+            return Ok(());
+        }
         aside.publish()
     }
 
     /// Whether an episode has a group of files.
     pub fn has_group(&self, id: &str, group: &str) -> bool {
-        self.contains(id) && check_name(group).is_ok() && self.root.join(id).join(group).join(FILES).is_file()
+        let folder = self.root.join(id).join(group);
+        self.contains(id) && check_name(group).is_ok() && is_own_folder(&folder) && is_own_file(&folder.join(FILES))
     }
 
     /// One file beside an episode, checked against its hash: `notes.txt`, or `images_15hz/static.h264` in a group.
@@ -252,27 +348,27 @@ impl EpisodeStore {
         let missing = || DataError::NoAttachment { name: name.into(), path: folder.clone() };
         let Some((group, file)) = name.split_once('/') else {
             let known = record.files.iter().any(|file| file.name == name);
-            return if known { checked(&folder, &record.files, name) } else { Err(missing()) };
+            return if known { checked(&folder, &record.files, name, limits::ATTACHMENT) } else { Err(missing()) };
         };
         if check_name(file).is_err() || !self.has_group(id, group) {
             return Err(missing());
         }
         let group = folder.join(group);
-        let manifest: Manifest = read_document(&group.join(FILES))?;
+        let manifest = read_manifest(&group)?;
         if !manifest.files.iter().any(|known| known.name == file) {
             return Err(missing());
         }
-        checked(&group, &manifest.files, file)
+        checked(&group, &manifest.files, file, limits::ATTACHMENT)
     }
 
-    /// Removes what killed runs left behind; call it before this process writes anything. Returns what was removed.
+    /// Removes what killed runs of this host left behind, so far as they certainly ended. Returns what was removed.
     ///
     /// # Errors
     /// When the folder cannot be listed or a leftover cannot be removed.
     pub fn sweep_partial(&self) -> Result<Vec<String>, DataError> {
-        let mut removed = aside::sweep(&self.root)?;
+        let mut removed = files::sweep(&self.root)?;
         for id in self.ids()? {
-            removed.extend(aside::sweep(&self.root.join(&id))?.into_iter().map(|name| format!("{id}/{name}")));
+            removed.extend(files::sweep(&self.root.join(&id))?.into_iter().map(|name| format!("{id}/{name}")));
         }
         Ok(removed)
     }
@@ -282,7 +378,8 @@ impl EpisodeStore {
         let record = self.record(id)?;
         let folder = self.root.join(id);
         for file in &record.files {
-            aside::write_synced(&into.join(&file.name), &checked(&folder, &record.files, &file.name)?)?;
+            let bytes = checked(&folder, &record.files, &file.name, limits::ATTACHMENT)?;
+            aside::write_synced(&into.join(&file.name), &bytes)?;
         }
         aside::write_synced(&into.join(EPISODE), record.to_json().as_bytes())
     }
@@ -309,20 +406,19 @@ impl EpisodeStore {
         if record.result.id != id {
             return Err(DataError::mismatch(format!("id in {}", path.display()), id, record.result.id));
         }
+        check_listed(&path, &record.files)?;
         Ok(record)
     }
 
     fn scenario(&self, id: &str, record: &EpisodeRecord) -> Result<Scenario, DataError> {
         let folder = self.root.join(id);
-        let bytes = checked(&folder, &record.files, SCENARIO)?;
+        let bytes = checked(&folder, &record.files, SCENARIO, limits::SCENARIO)?;
         parse(&folder.join(SCENARIO), &bytes)
     }
 }
 
 fn check_name(name: &str) -> Result<(), DataError> {
-    let fit = |c: char| c.is_ascii_alphanumeric() || "-_.+=@".contains(c);
-    let good = (1..=200).contains(&name.len()) && name.chars().all(fit) && !name.starts_with('.');
-    if good { Ok(()) } else { Err(DataError::BadName { name: name.chars().take(80).collect() }) }
+    if is_file_name(name) { Ok(()) } else { Err(DataError::BadName { name: name.chars().take(80).collect() }) }
 }
 
 /// Hashes of files that are about to be written; names must be fit and different.
@@ -348,22 +444,53 @@ fn document_bytes<D: Document + PartialEq>(document: &D, what: &str) -> Result<V
     }
 }
 
-fn checked(folder: &Path, files: &[FileHash], name: &str) -> Result<Vec<u8>, DataError> {
-    let path = folder.join(name);
-    let bytes = fs::read(&path).map_err(DataError::io("read", &path))?;
-    match files.iter().find(|file| file.name == name) {
-        Some(expected) => check_bytes(&path, expected, bytes),
-        None => Err(DataError::NoAttachment { name: name.into(), path: folder.to_owned() }),
+/// What a record says about the files beside it must be names of files there, each once.
+fn check_listed(path: &Path, files: &[FileHash]) -> Result<(), DataError> {
+    for (index, file) in files.iter().enumerate() {
+        let twin = files[..index].iter().any(|other| other.name == file.name);
+        if check_name(&file.name).is_err() || twin || file.name == EPISODE || file.name == FILES {
+            let name: String = file.name.chars().take(80).collect();
+            let what = format!("files[{index}].name in {}", path.display());
+            return Err(DataError::mismatch(what, "the name of a file beside it, each once", format!("{name:?}")));
+        }
     }
+    Ok(())
+}
+
+/// A file with the size that was recorded; nothing of it is read.
+fn check_size(folder: &Path, file: &FileHash) -> Result<(), DataError> {
+    let path = folder.join(&file.name);
+    let about = fs::symlink_metadata(&path).map_err(DataError::io("read", &path))?;
+    if about.is_file() && about.len() == file.bytes as u64 {
+        return Ok(());
+    }
+    let got = if about.is_file() { format!("{} bytes", about.len()) } else { "something that is no file".into() };
+    Err(DataError::Damaged { path, expected: format!("{} bytes", file.bytes), got })
+}
+
+/// A file beside a record, read only when it has the size recorded, and checked against its hash.
+fn checked(folder: &Path, files: &[FileHash], name: &str, limit: Limit) -> Result<Vec<u8>, DataError> {
+    let path = folder.join(name);
+    let Some(expected) = files.iter().find(|file| file.name == name) else {
+        return Err(DataError::NoAttachment { name: name.into(), path: folder.to_owned() });
+    };
+    check_size(folder, expected)?;
+    check_bytes(&path, expected, read_own(&path, limit)?)
+}
+
+fn read_manifest(group: &Path) -> Result<Manifest, DataError> {
+    let path = group.join(FILES);
+    let manifest: Manifest = read_document(&path)?;
+    check_listed(&path, &manifest.files)?;
+    Ok(manifest)
 }
 
 fn read_document<D: Document>(path: &Path) -> Result<D, DataError> {
-    let bytes = fs::read(path).map_err(DataError::io("read", path))?;
-    parse(path, &bytes)
+    parse(path, &read_own(path, limits::EPISODE_RECORD)?)
 }
 
 fn parse<D: Document>(path: &Path, bytes: &[u8]) -> Result<D, DataError> {
-    D::from_json(&String::from_utf8_lossy(bytes)).map_err(|source| DataError::Document { path: path.into(), source })
+    D::from_bytes(bytes).map_err(|source| DataError::Document { path: path.into(), source })
 }
 
 /// Up to three ids that share the longest beginning with the one asked for.

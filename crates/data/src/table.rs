@@ -13,6 +13,7 @@ use arrow_schema::{DataType, Field, Schema};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::basic::Compression;
+use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 
 use crate::DataError;
@@ -172,17 +173,35 @@ pub(crate) fn to_parquet(
     writer.finish()
 }
 
-/// All rows of a parquet file.
-pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>) -> Result<RecordBatch, DataError> {
+/// Bytes that the columns of a table may take in memory.
+const MAX_TABLE_BYTES: i64 = 512 << 20;
+
+/// All rows of a parquet file, which must be as many as its record says.
+pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
     let fail = |error: &dyn std::fmt::Display| DataError::table(path, error);
     let builder = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)).map_err(|error| fail(&error))?;
-    let rows = usize::try_from(builder.metadata().file_metadata().num_rows()).unwrap_or(0);
+    let about = builder.metadata();
+    if usize::try_from(about.file_metadata().num_rows()).ok() != Some(rows) {
+        let got = about.file_metadata().num_rows();
+        return Err(DataError::table(path, format!("expected {rows} rows as episode.json says, got {got}")));
+    }
+    let columns = || about.row_groups().iter().flat_map(|group| group.columns());
+    let size = |column: &ColumnChunkMetaData| column.uncompressed_size().max(column.num_values().saturating_mul(8));
+    let total = columns().map(size).fold(0_i64, i64::saturating_add);
+    if !(0..=MAX_TABLE_BYTES).contains(&total) || columns().any(|column| size(column) < 0) {
+        let expected = MAX_TABLE_BYTES >> 20;
+        return Err(DataError::table(path, format!("expected columns of at most {expected} MiB, got {total} bytes")));
+    }
     let schema = Arc::clone(builder.schema());
     let mut reader = builder.with_batch_size(rows.max(1)).build().map_err(|error| fail(&error))?;
-    match reader.next() {
-        Some(batch) => batch.map_err(|error| fail(&error)),
-        None => Ok(RecordBatch::new_empty(schema)),
+    let batch = match reader.next() {
+        Some(batch) => batch.map_err(|error| fail(&error))?,
+        None => RecordBatch::new_empty(schema),
+    };
+    if batch.num_rows() == rows {
+        return Ok(batch);
     }
+    Err(DataError::table(path, format!("expected {rows} rows, got {}", batch.num_rows())))
 }
 
 /// A column of a certain type, with an error that says what is there instead.

@@ -139,7 +139,7 @@ impl EncodedVideo {
 /// # Errors
 /// When the lengths do not add up to the file.
 pub fn split(bytes: &[u8], lengths: &[usize]) -> Result<Vec<Vec<u8>>, DataError> {
-    let total: usize = lengths.iter().sum();
+    let total = lengths.iter().fold(0_usize, |sum, length| sum.saturating_add(*length));
     if total != bytes.len() {
         return Err(DataError::mismatch("sum of frame lengths", bytes.len(), total));
     }

@@ -105,18 +105,71 @@ fn half_written_is_never_read() {
     let root = folder.path().join("store");
     let store = filled_store(&root);
     let before = store.ids().unwrap();
-    // What a killed run leaves: no process has this id.
-    let leftovers = [".scenario-9-a0.partial-4194999", "scenario-0-a0/.images_15hz.partial-4194999"];
-    for leftover in leftovers {
-        fs::create_dir(root.join(leftover)).unwrap();
-        fs::write(root.join(leftover).join("frames.parquet"), b"PAR1").unwrap();
+    // What others may be writing right now stays: an older version does not say on which host.
+    for other in [".other.partial-1", ".other.partial-00000000-00000000-1-1-1"] {
+        fs::create_dir(root.join(other)).unwrap();
+        assert_eq!(store.ids().unwrap(), before);
+        assert_eq!(EpisodeStore::create(&root).unwrap().sweep_partial().unwrap(), Vec::<String>::new());
+        assert!(root.join(other).exists());
     }
-    // What another process is writing right now stays.
-    fs::create_dir(root.join(".other.partial-1")).unwrap();
-    assert_eq!(store.ids().unwrap(), before);
-    let removed = EpisodeStore::create(&root).unwrap().sweep_partial().unwrap();
-    assert_eq!(removed, leftovers);
-    assert!(root.join(".other.partial-1").exists());
+}
+
+/// What a run folder may hold that no run wrote: refused within bounds, and nothing outside is read.
+#[test]
+fn a_hostile_store_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (root, id) = (folder.path().join("store"), "scenario-0-a0");
+    let outside = folder.path().join("outside.txt");
+    fs::write(&outside, b"private").unwrap();
+    let record = |change: &dyn Fn(&mut serde_json::Value)| {
+        let path = root.join(id).join("episode.json");
+        let mut record: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+        change(&mut record);
+        fs::write(path, record.to_string()).unwrap();
+    };
+    let frames = || root.join(id).join("frames.parquet");
+    let replaced = |by: &dyn Fn(&Path)| {
+        fs::remove_file(frames()).unwrap();
+        by(&frames());
+    };
+    type Attack<'a> = (&'a str, &'a dyn Fn(), &'a str);
+    let attacks: [Attack; 9] = [
+        (
+            "a name that leads outside",
+            &|| record(&|r| r["files"][0]["name"] = "../../outside.txt".into()),
+            "files[0].name",
+        ),
+        ("an absolute name", &|| record(&|r| r["files"][0]["name"] = "/etc/passwd".into()), "files[0].name"),
+        ("a file listed twice", &|| record(&|r| r["files"][1] = r["files"][0].clone()), "files[1].name"),
+        ("more frames than the table has", &|| record(&|r| r["result"]["frames"] = 2_000_000.into()), "2000000 rows"),
+        ("a larger size", &|| record(&|r| r["files"][1]["bytes"] = 1.into()), "expected 1 bytes"),
+        ("a link", &|| replaced(&|at| std::os::unix::fs::symlink(&outside, at).unwrap()), "no file"),
+        ("an endless device", &|| replaced(&|at| std::os::unix::fs::symlink("/dev/zero", at).unwrap()), "no file"),
+        ("a pipe", &|| replaced(&|at| assert!(Command::new("mkfifo").arg(at).status().unwrap().success())), "no file"),
+        ("a truncated record", &|| fs::write(root.join(id).join("episode.json"), "{\"schema\": ").unwrap(), "not JSON"),
+    ];
+    for (what, attack, expected) in attacks {
+        let _ = fs::remove_dir_all(&root);
+        let store = filled_store(&root);
+        attack();
+        let error = store.read(id).unwrap_err();
+        assert!(error.is_damage() && error.to_string().contains(expected), "{what}: {error}");
+        // The others are still of use.
+        assert!(store.read("scenario-1-a0").is_ok());
+        let target = folder.path().join("dataset");
+        let report = export(&store, &target, &LerobotSettings::default()).unwrap();
+        assert_eq!((report.episodes, report.left_out.len(), report.left_out[0].0.as_str()), (2, 1, id), "{what}");
+        let copied = tree(&target);
+        assert!(copied.values().all(|bytes| !bytes.windows(7).any(|part| part == b"private")), "{what}");
+        fs::remove_dir_all(&target).unwrap();
+        fs::remove_dir_all(folder.path().join("dataset-depth")).unwrap();
+    }
+    // An episode's folder that is a link is none.
+    let store = EpisodeStore::open(&root).unwrap();
+    std::os::unix::fs::symlink(root.join("scenario-1-a0"), root.join("linked")).unwrap();
+    fs::create_dir(root.join("notes")).unwrap();
+    assert_eq!(store.list().unwrap().strangers, ["linked", "notes"]);
+    assert!(!store.contains("linked"));
 }
 
 #[test]
@@ -224,6 +277,7 @@ fn mistakes_are_named_and_change_nothing() {
     fs::write(&frames, bytes).unwrap();
     let error = store.read("scenario-2-a0").unwrap_err();
     assert!(matches!(error, DataError::Damaged { .. }) && error.hint().unwrap().contains("scenario-2-a0"), "{error}");
+    assert!(error.hint().unwrap().contains("--repair"));
 }
 
 #[test]
@@ -244,10 +298,20 @@ fn export_repeats_itself_and_replaces_only_when_asked() {
 
     let error = export(&store, &folder.path().join("a"), &settings).unwrap_err();
     assert!(matches!(error, DataError::Exists { .. }), "{error}");
-    let replace = LerobotSettings { replace: true, ..settings };
-    export(&store, &folder.path().join("a"), &replace).unwrap();
-    let error = export(&store, &folder.path().join("store"), &replace).unwrap_err();
-    assert!(matches!(error, DataError::Exists { .. }), "only a data set is ever replaced: {error}");
+    // Only a data set of the same run is ever replaced.
+    let of_run = |run: &str| LerobotSettings { run: Some(run.into()), ..settings.clone() };
+    for (name, run) in [("a", "mine"), ("store", "mine")] {
+        let error = export(&store, &folder.path().join(name), &of_run(run)).unwrap_err();
+        assert!(matches!(error, DataError::NotOurs { .. }), "{error}");
+    }
+    export(&store, &folder.path().join("b"), &of_run("mine")).unwrap_err();
+    for name in ["b", "b-depth"] {
+        fs::remove_dir_all(folder.path().join(name)).unwrap();
+    }
+    export(&store, &folder.path().join("b"), &of_run("mine")).unwrap();
+    export(&store, &folder.path().join("b"), &of_run("mine")).unwrap();
+    let error = export(&store, &folder.path().join("b"), &of_run("another")).unwrap_err();
+    assert!(matches!(error, DataError::NotOurs { .. }), "{error}");
 
     // The record carried along is a store again.
     let record = EpisodeStore::open(folder.path().join("a/extras/record")).unwrap();

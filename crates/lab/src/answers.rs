@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use genmanip_assets::Catalogue;
-use genmanip_core::Seed;
+use genmanip_core::{Seed, limits};
 use genmanip_scene::answer::hostile::{Fuzzer, inconsistency, worst_cases};
 use genmanip_scene::answer::{AnswerReport, RecordedAnswer, TaskRequest, Verdict, check_answer};
 use serde::Serialize;
@@ -14,9 +14,6 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_bench::text_table;
 use genmanip_run::{Cause, Progress, inputs};
-
-/// Largest recorded answer that is read, bytes.
-const MAX_BYTES: u64 = 16 << 20;
 
 /// A worst case is timed so often and the quickest time counts: what it costs, not what else the machine did.
 const REPETITIONS: usize = 5;
@@ -115,7 +112,7 @@ fn read(answers: &Path) -> Result<Vec<(RecordedAnswer, TaskRequest)>, LabError> 
     for path in inputs::expand(&[answers.to_owned()])? {
         let not_recorded =
             |error: Cause| LabError::input(format!("{} is no recorded answer", path.display())).because(error);
-        let text = inputs::read_text(&path, MAX_BYTES)?;
+        let text = inputs::read_text(&path, limits::TASK)?;
         let answer = RecordedAnswer::from_json(&text).map_err(|error| not_recorded(error.into()))?;
         let request = answer.request("lab", Catalogue::builtin().cards());
         let request = request.map_err(|error| not_recorded(error.into()))?;

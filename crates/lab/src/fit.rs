@@ -9,10 +9,9 @@ use serde_json::{Map, Value};
 use crate::LabError;
 use crate::calibration::Calibration;
 use genmanip_bench::text_table;
+use genmanip_core::limits;
 use genmanip_run::inputs;
 
-/// Largest file of trials that is read, bytes.
-const MAX_FILE_BYTES: u64 = 256 << 20;
 /// Pull of every weight to 0, as if one trial more had been seen for it.
 const RIDGE: f64 = 1.0;
 /// Newton steps; the likelihood is concave, so that ten would do.
@@ -98,7 +97,7 @@ fn weights(vector: &[f64], names: &[String]) -> Weights {
 fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
     let mut samples = Vec::new();
     for path in paths {
-        for (index, line) in inputs::read_text(path, MAX_FILE_BYTES)?.lines().enumerate() {
+        for (index, line) in inputs::read_text(path, limits::TRIALS)?.lines().enumerate() {
             let trial: Value = serde_json::from_str(line).map_err(|error| broken(path, index, &error.to_string()))?;
             if trial["grasp"].is_null() && !trial["ending"].is_null() {
                 continue;

@@ -8,6 +8,7 @@ use genmanip_scene::relations::{PosedObject, PosedScene, Rest, ShapeCache, judge
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
 
 use crate::LayoutSettings;
+use crate::refusal::Refusal;
 use crate::rejection::{NamedObject, Rejection};
 use crate::visibility::hidden;
 
@@ -22,25 +23,24 @@ const STEADY: f64 = 1.5;
 const LEVER_M: f64 = 0.1;
 
 /// Lets the objects come to rest without a robot; the reason when they do not, or fall over.
-pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Rejection> {
+pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Refusal> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let broken = |error: SimError| Rejection::Physics(error.to_string());
-    let compiled = Scene::compile_without_robot(world, &objects).map_err(broken)?;
+    let compiled = Scene::compile_without_robot(world, &objects).map_err(Refusal::of_physics)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
-    let report = sim.settle(&rest).map_err(broken)?;
+    let report = sim.settle(&rest).map_err(Refusal::of_physics)?;
     let named: Vec<NamedObject> = scene.objects().map(NamedObject::of).collect();
     if !report.settled {
-        return Err(Rejection::NoRest);
+        return Err(Rejection::NoRest.into());
     }
     if let Some(index) = report.displacement.iter().position(|&shift| shift > settings.max_settle_shift_m) {
-        return Err(Rejection::Slides(named[index].clone()));
+        return Err(Rejection::Slides(named[index].clone()).into());
     }
     if let Some(index) = report.rotation.iter().position(|&turn| turn > settings.max_settle_tilt_rad) {
-        return Err(Rejection::FallsOver(named[index].clone()));
+        return Err(Rejection::FallsOver(named[index].clone()).into());
     }
     if report.final_penetration > settings.max_penetration_m {
-        return Err(Rejection::Penetration);
+        return Err(Rejection::Penetration.into());
     }
     for (index, state) in sim.object_states().into_iter().enumerate() {
         scene.set_pose(index, state.pose, &state.joint_positions);
@@ -51,21 +51,20 @@ pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSet
 /// Leaves a settled layout alone for a while, without a robot; the reason when something starts to roll or tip.
 ///
 /// Ends early once nothing gets faster, and everything is so slow that the rest of the time would not bring it anywhere.
-pub(crate) fn leave_alone(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Rejection> {
+pub(crate) fn leave_alone(scene: &PosedScene, world: &World, settings: &LayoutSettings) -> Result<(), Refusal> {
     let objects: Vec<SceneObject> = scene.objects().map(scene_object).collect();
-    let broken = |error: SimError| Rejection::Physics(error.to_string());
-    let compiled = Scene::compile_without_robot(world, &objects).map_err(broken)?;
+    let compiled = Scene::compile_without_robot(world, &objects).map_err(Refusal::of_physics)?;
     let mut sim = Sim::new(Arc::new(compiled));
     let start = sim.object_states();
     let mut before_m_s = 0.0;
     let spells = (settings.stay_s / SPELL_S).ceil() as u32;
     for spell in 1..=spells {
-        sim.advance(steps(SPELL_S, world)).map_err(broken)?;
+        sim.advance(steps(SPELL_S, world)).map_err(Refusal::of_physics)?;
         let now = sim.object_states();
         let drift_m = drift_m(&start, &now);
         let drifts = scene.objects().zip(&drift_m).find(|&(_, &drift_m)| drift_m > settings.max_drift_m);
         if let Some((object, _)) = drifts {
-            return Err(Rejection::Drifts(NamedObject::of(object)));
+            return Err(Rejection::Drifts(NamedObject::of(object)).into());
         }
         // What tips first turns about a point that may be where its origin is.
         let pace_m_s = now.iter().map(|object| object.speed.max(LEVER_M * object.angular_speed)).fold(0.0, f64::max);

@@ -4,6 +4,7 @@ use genmanip_assets::AssetError;
 use genmanip_core::{Atom, InterchangeError, PlacedObject};
 use genmanip_render::RenderError;
 use genmanip_scene::relations::Window;
+use genmanip_sim::SimError;
 
 use crate::Rejections;
 
@@ -60,6 +61,10 @@ pub enum LayoutError {
     /// The cameras' pictures cannot be drawn, so that nobody knows what they see; a defect, not the task's fault.
     #[error("cannot tell what the cameras see")]
     Render(#[from] RenderError),
+    /// The physics engine could not be used: a shortage of memory, a broken library or a world that it refuses; a
+    /// defect, not the task's fault.
+    #[error("physics cannot be computed: {0}")]
+    Physics(SimError),
     /// Every attempt was rejected.
     #[error("no layout for task {task} in {restarts} attempts: {rejections}")]
     Infeasible {
@@ -88,6 +93,6 @@ pub struct Unfinished {
 impl LayoutError {
     /// Whether something is broken, whatever the task: then other tasks and seeds will do no better.
     pub fn is_defect(&self) -> bool {
-        matches!(self, Self::Render(_) | Self::StaleGrasps(_))
+        matches!(self, Self::Render(_) | Self::StaleGrasps(_) | Self::Physics(_))
     }
 }

@@ -24,6 +24,7 @@ pub mod obstacles;
 mod order;
 mod placement;
 mod reach;
+mod refusal;
 mod rejection;
 mod settings;
 mod visibility;
@@ -47,6 +48,7 @@ use genmanip_scene::relations::{
 };
 use placement::Partial;
 use reach::ReachCheck;
+use refusal::Refusal;
 
 /// Whole layouts after which things stand parallel to the table's edges, which takes less room; chosen, since
 /// things turned anyhow look more natural.
@@ -168,20 +170,6 @@ pub fn lay_out_observed(
     Err(LayoutError::Infeasible { task: task.id.clone(), restarts, rejections, furthest })
 }
 
-/// Why a placed layout is not kept.
-enum Refusal {
-    /// It is not good enough; another attempt may be.
-    Rejected(Rejection),
-    /// Nobody can tell.
-    Defect(LayoutError),
-}
-
-impl From<Rejection> for Refusal {
-    fn from(reason: Rejection) -> Self {
-        Self::Rejected(reason)
-    }
-}
-
 /// Settles a placed layout and validates everything; the reason when it cannot be kept.
 fn accept(
     context: &Context,
@@ -223,7 +211,7 @@ fn accept(
     }
     // Last, because it takes long and hardly ever refuses.
     begin(Phase::Settling);
-    Ok(audit::leave_alone(scene, world, settings)?)
+    audit::leave_alone(scene, world, settings)
 }
 
 /// Whether the planner is for the robot of the world, starting where the world says.

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 use genmanip_chat::{CassetteChat, CassetteMode, ChatModel, ChatRequest, FolderChat, Message, SettingsError};
-use genmanip_core::{ObjectCard, Seed, TaskKind};
+use genmanip_core::{NamedSurface, ObjectCard, Seed, TaskKind};
 use genmanip_scene::answer::{AnswerReport, TaskRequest, check_answer};
 use serde_json::{Map, Value};
 
@@ -55,6 +55,7 @@ pub struct Designer {
     settings: GenerationSettings,
     model_name: String,
     parameters: Map<String, Value>,
+    surfaces: Vec<NamedSurface>,
 }
 
 impl Designer {
@@ -84,7 +85,14 @@ impl Designer {
             settings: settings.generation.clone(),
             model_name: settings.server.model.clone(),
             parameters: settings.server.parameters.clone(),
+            surfaces: Vec::new(),
         })
+    }
+
+    /// Also offers support surfaces of a world, other than the table, to put things on or near.
+    #[must_use]
+    pub fn with_surfaces(self, surfaces: Vec<NamedSurface>) -> Self {
+        Self { surfaces, ..self }
     }
 
     /// As the function [`generate`]; `on_done` hears of each outcome as it comes, from the thread that made it.
@@ -145,7 +153,7 @@ impl Designer {
             id: format!("llm_{}_{seed}_{index:04}", kind.name()),
             kind,
             offered: offered.clone().unwrap_or_default(),
-            surfaces: Vec::new(),
+            surfaces: self.surfaces.clone(),
             min_objects: self.settings.min_objects,
             between: false,
             source: format!("language model {}", self.model_name),
@@ -187,9 +195,9 @@ impl Designer {
             model: self.model_name.clone(),
             messages: vec![
                 Message::system(prompts.system_text(MAX_WORDS)),
-                Message::user(prompts.request_text(request.kind, request.min_objects, &request.offered)),
+                Message::user(prompts.request_text(request)),
             ],
-            reply_schema: Some(prompts.reply_schema(&request.offered)),
+            reply_schema: Some(prompts.reply_schema(request)),
             parameters: self.parameters.clone(),
         }
     }

@@ -6,8 +6,8 @@
 use std::path::Path;
 
 use genmanip_chat::ReplySchema;
-use genmanip_core::asset::instance_ids;
-use genmanip_core::{ObjectCard, TaskKind};
+use genmanip_core::{NamedSurface, ObjectCard, TaskKind};
+use genmanip_scene::answer::TaskRequest;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -123,6 +123,7 @@ impl PromptSet {
         }
         let text = |(file, builtin): (&str, Option<&str>)| {
             match folder.map(|folder| folder.join(file)).filter(|path| path.exists()) {
+                Some(path) if !path.is_file() => Err(("expected a file".into(), path.display().to_string())),
                 Some(path) => {
                     std::fs::read_to_string(&path).map_err(|error| (error.to_string(), path.display().to_string()))
                 }
@@ -158,12 +159,12 @@ impl PromptSet {
         self.system.render(&[("max_words", &max_words.to_string())])
     }
 
-    /// The request for one task with the objects that are offered.
-    pub fn request_text(&self, kind: TaskKind, min_objects: usize, offered: &[ObjectCard]) -> String {
+    /// The request for one task with the objects and surfaces that are offered.
+    pub fn request_text(&self, request: &TaskRequest) -> String {
         self.request.render(&[
-            ("objects", &object_list(offered)),
-            ("min_objects", &min_objects.to_string()),
-            ("kind", &self.kinds.of(kind).text),
+            ("objects", &object_list(request)),
+            ("min_objects", &request.min_objects.to_string()),
+            ("kind", &self.kinds.of(request.kind).text),
         ])
     }
 
@@ -177,11 +178,11 @@ impl PromptSet {
         [&self.system, &self.request, self.kinds.of(kind), &self.repair].map(Prompt::stamp).into()
     }
 
-    /// The schema of an answer that may use these objects.
-    pub fn reply_schema(&self, offered: &[ObjectCard]) -> ReplySchema {
-        let uids = instance_ids(offered.iter().map(|card| card.uid.as_str()));
+    /// The schema of an answer that may use the objects and surfaces that are offered.
+    pub fn reply_schema(&self, request: &TaskRequest) -> ReplySchema {
+        let uids = request.ids();
         let mut states: Vec<&str> = Vec::new();
-        for state in offered.iter().flat_map(|card| &card.states) {
+        for state in request.offered.iter().flat_map(|card| &card.states) {
             if !states.contains(&state.as_str()) {
                 states.push(state);
             }
@@ -278,9 +279,9 @@ impl Prompt {
     }
 }
 
-/// The list of objects as the model sees it, one line each.
-fn object_list(offered: &[ObjectCard]) -> String {
-    let ids = instance_ids(offered.iter().map(|card| card.uid.as_str()));
+/// The list of objects as the model sees it, one line each, the surfaces behind them.
+fn object_list(request: &TaskRequest) -> String {
+    let ids = request.ids();
     let line = |(card, id): (&ObjectCard, &String)| {
         let yes = |value: bool| if value { "yes" } else { "no" };
         let states = if card.states.is_empty() { "none".to_owned() } else { card.states.join(", ") };
@@ -294,7 +295,14 @@ fn object_list(offered: &[ObjectCard]) -> String {
             yes(card.is_container),
         )
     };
-    offered.iter().zip(&ids).map(line).collect::<Vec<_>>().join("\n")
+    let surface = |surface: &NamedSurface| {
+        format!(
+            "- uid {:?}: {}. Fixed, beside the table. Only as obj2, with top or near; it has no node.",
+            surface.id, surface.name
+        )
+    };
+    let objects = request.offered.iter().zip(&ids).map(line);
+    objects.chain(request.surfaces.iter().map(surface)).collect::<Vec<_>>().join("\n")
 }
 
 /// A schema in which the items of lists that are placeholders are replaced by the values they stand for.

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use genmanip_assets::{AssetSource, GraspLibrary};
 use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task, World};
-use genmanip_data::EpisodeStore;
+use genmanip_data::{DataError, EpisodeStore};
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
 use serde::{Deserialize, Serialize};
@@ -142,10 +142,16 @@ pub fn collect(
             && (result.success || settings.keep_failed && store.is_recorded(&id)?)
             && !store.has_tracks(&id, images.fps, &images.cameras)
         {
-            let episode = store.read(&id)?;
-            let stage =
-                Stage::open(Arc::new(episode.scenario.clone()), resources.catalogue, resources.planner.robot())?;
-            store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
+            match store.read(&id) {
+                Ok(episode) => {
+                    let scenario = Arc::new(episode.scenario.clone());
+                    let stage = Stage::open(scenario, resources.catalogue, resources.planner.robot())?;
+                    store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
+                }
+                // A damaged episode gets no pictures; whoever reads it finds it again.
+                Err(error) if error.is_damage() => {}
+                Err(error) => return Err(error.into()),
+            }
         }
         finished(&result, if known { 0.0 } else { started.elapsed().as_secs_f64() });
         Ok(result)
@@ -161,13 +167,21 @@ fn make(
 ) -> Result<EpisodeResult, RolloutError> {
     match play(attempt, resources, settings)? {
         Ok(episode) => {
-            store.write(&episode, &[])?;
+            kept(store.write(&episode, &[]), &episode.result.id, store)?;
             Ok(episode.result)
         }
         Err(result) => {
-            store.write_result_only(&result, None)?;
+            kept(store.write_result_only(&result, None), &result.id, store)?;
             Ok(*result)
         }
+    }
+}
+
+/// Another program that shares the work may have been quicker; its attempt is the same.
+fn kept(written: Result<(), DataError>, id: &str, store: &EpisodeStore) -> Result<(), DataError> {
+    match written {
+        Err(DataError::Exists { .. }) if store.contains(id) => Ok(()),
+        written => written,
     }
 }
 
@@ -238,19 +252,23 @@ pub fn in_parallel<J: Sync, R: Send, E: Send>(
     let next = AtomicUsize::new(0);
     let broken = AtomicBool::new(false);
     let results: Mutex<Vec<(usize, Result<R, E>)>> = Mutex::new(Vec::new());
+    let run = || {
+        while !stop.load(Ordering::Relaxed) && !broken.load(Ordering::Relaxed) {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(index) else { break };
+            let result = work(job);
+            if result.is_err() {
+                broken.store(true, Ordering::Relaxed);
+            }
+            results.lock().unwrap_or_else(PoisonError::into_inner).push((index, result));
+        }
+    };
     std::thread::scope(|scope| {
-        for _ in 0..workers.clamp(1, jobs.len().max(1)) {
-            scope.spawn(|| {
-                while !stop.load(Ordering::Relaxed) && !broken.load(Ordering::Relaxed) {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(job) = jobs.get(index) else { break };
-                    let result = work(job);
-                    if result.is_err() {
-                        broken.store(true, Ordering::Relaxed);
-                    }
-                    results.lock().unwrap_or_else(PoisonError::into_inner).push((index, result));
-                }
-            });
+        let wanted = workers.clamp(1, jobs.len().max(1));
+        // Where the system gives no more threads, the work goes on with those there are, in the last place with this one.
+        let given = (0..wanted).take_while(|_| std::thread::Builder::new().spawn_scoped(scope, run).is_ok()).count();
+        if given == 0 {
+            run();
         }
     });
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);

@@ -30,6 +30,17 @@ pub struct Collected {
     pub finished: usize,
     /// Whether it was told to stop; the same call continues it.
     pub interrupted: bool,
+    /// Damaged episodes that were left out, with what is wrong.
+    pub damaged: Vec<(String, String)>,
+}
+
+/// How a run is collected, whatever its result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CollectOptions {
+    /// Worker threads.
+    pub workers: usize,
+    /// Whether damaged episodes are set aside, in `damaged/` of the run, and made anew; else they are left out.
+    pub repair: bool,
 }
 
 /// A task and what became of its attempts.
@@ -52,6 +63,7 @@ pub struct TaskRow {
 /// Makes all attempts of a run that its folder does not hold yet, draws them, writes their scenarios, and exports the
 /// dataset if any was verified and the settings ask for images.
 ///
+/// Damaged episodes are named and left out, or with [`CollectOptions::repair`] made anew.
 /// When `stop` becomes true, attempts under way are finished and the rest is left for the next call.
 ///
 /// # Errors
@@ -59,15 +71,21 @@ pub struct TaskRow {
 pub fn collect(
     path: &Path,
     run: &Run,
-    workers: usize,
+    options: CollectOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Collected, RunError> {
     let folder = RunFolder::begin(path, run)?;
+    if run.settings.images.is_some() {
+        check_datasets(&folder, run)?;
+    }
     let store = folder.store()?;
     let planner = inputs::planner(&run.settings.world, &run.settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
-    let attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
+    let mut attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
+    let all = attempts.len();
+    let mut damaged = damaged(&folder, &store, &attempts, options.repair, progress)?;
+    attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id()));
 
     let started = Instant::now();
     progress.begin("collecting", attempts.len());
@@ -81,7 +99,7 @@ pub fn collect(
         }
     };
     let results =
-        genmanip_rollout::collect::collect(&attempts, resources, &store, &run.settings, workers, stop, &heard);
+        genmanip_rollout::collect::collect(&attempts, resources, &store, &run.settings, options.workers, stop, &heard);
     let results = results.map_err(|error| {
         RunError::broken("collecting stopped", error).with_hint("finished episodes are kept; start again to continue")
     })?;
@@ -92,16 +110,18 @@ pub fn collect(
         write_scenario(&folder, &store, id)?;
     }
     let is_wanted = !interrupted && results.iter().any(|result| result.success);
-    let dataset = if is_wanted { export(run, &folder, &store)? } else { None };
+    let dataset = if is_wanted { export(run, &folder, &store, &mut damaged, progress)? } else { None };
     folder.save_timings()?;
     let rows = rows(&run.tasks, &results, &folder.timings());
-    Ok(Collected { rows, dataset, attempts: attempts.len(), finished: results.len(), interrupted })
+    // Also those that an interrupted call had no time to look at.
+    let finished = attempts.iter().filter(|attempt| store.contains(&attempt.id())).count();
+    Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged })
 }
 
 impl Collected {
-    /// Whether the run is over and at least one attempt was verified.
+    /// Whether the run is over, nothing of it damaged, and at least one attempt was verified.
     pub fn is_met(&self) -> bool {
-        !self.interrupted && self.rows.iter().any(|row| row.verified > 0)
+        !self.interrupted && self.damaged.is_empty() && self.rows.iter().any(|row| row.verified > 0)
     }
 
     /// The rows as a table with their sum.
@@ -126,10 +146,53 @@ impl Collected {
             attempts.to_string(),
             verified.to_string(),
             format!("{share:.1} % verified"),
-            format!("{:.1}", self.rows.iter().map(|row| row.seconds).sum::<f64>()),
+            format!("{:.1}", self.rows.iter().map(|row| row.seconds).sum::<f64>() + 0.0),
         ]);
         text_table(&lines)
     }
+}
+
+/// Damaged attempts of the run; with `repair` there are none left afterwards.
+fn damaged(
+    folder: &RunFolder,
+    store: &EpisodeStore,
+    attempts: &[Attempt],
+    repair: bool,
+    progress: &dyn Progress,
+) -> Result<Vec<(String, String)>, RunError> {
+    let mut damaged = Vec::new();
+    for id in attempts.iter().map(Attempt::id).filter(|id| store.is_taken(id)) {
+        // What is to be mended is read whole; else sizes must do, and damage within shows when it is read.
+        let looked_at = if repair { store.verify(&id) } else { store.look_at(&id) };
+        let Err(error) = looked_at else { continue };
+        if !repair {
+            progress.note(&format!("episode {id} is damaged and left out: {error}"));
+            damaged.push((id, error.to_string()));
+            continue;
+        }
+        let aside =
+            (0..).map(|number| folder.join("damaged").join(format!("{id}.{number}"))).find(|path| !path.exists());
+        let aside = aside.unwrap_or_default();
+        store.move_out(&id, &aside).map_err(|error| RunError::broken(format!("cannot set {id} aside"), error))?;
+        progress.note(&format!("episode {id} is damaged, set aside as {} and made anew: {error}", aside.display()));
+    }
+    let listing = store.list().map_err(|error| RunError::broken("cannot list the episodes", error))?;
+    for name in listing.strangers.iter().filter(|name| attempts.iter().all(|attempt| attempt.id() != **name)) {
+        progress.note(&format!("{name} in the episodes is no episode; it is ignored"));
+    }
+    Ok(damaged)
+}
+
+/// Refuses to begin work whose data set could not be written in the end.
+fn check_datasets(folder: &RunFolder, run: &Run) -> Result<(), RunError> {
+    let path = folder.join("dataset");
+    for target in [lerobot::depth_path(&path), path] {
+        lerobot::check_owner(&target, Some(&run.hash())).map_err(|error| {
+            let hint = error.hint().unwrap_or_default();
+            RunError::input("the data set of this run has no place").because(error).with_hint(hint)
+        })?;
+    }
+    Ok(())
 }
 
 fn write_scenario(folder: &RunFolder, store: &EpisodeStore, id: &str) -> Result<(), RunError> {
@@ -143,16 +206,28 @@ fn write_scenario(folder: &RunFolder, store: &EpisodeStore, id: &str) -> Result<
 }
 
 /// The dataset of a run whose settings ask for images, and where it is.
-fn export(run: &Run, folder: &RunFolder, store: &EpisodeStore) -> Result<Option<PathBuf>, RunError> {
+fn export(
+    run: &Run,
+    folder: &RunFolder,
+    store: &EpisodeStore,
+    damaged: &mut Vec<(String, String)>,
+    progress: &dyn Progress,
+) -> Result<Option<PathBuf>, RunError> {
     let Some(images) = &run.settings.images else { return Ok(None) };
     let started = Instant::now();
-    let settings = LerobotSettings { fps: images.fps, replace: true, ..LerobotSettings::default() };
+    let settings = LerobotSettings { fps: images.fps, run: Some(run.hash()), ..LerobotSettings::default() };
     let selection = if run.settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");
     let robot = inputs::robot(&run.settings.world)?;
-    lerobot::export(store, &selection, &robot, &settings, &path).map_err(|error| {
+    let exported = lerobot::export(store, &selection, &robot, &settings, &path).map_err(|error| {
         RunError::broken("cannot write the dataset", error).with_hint("the episodes are safe; start again")
     })?;
+    for (id, why) in
+        exported.left_out.into_iter().filter(|(id, _)| damaged.iter().all(|(known, _)| known != id)).collect::<Vec<_>>()
+    {
+        progress.note(&format!("episode {id} is damaged and left out: {why}"));
+        damaged.push((id, why));
+    }
     folder.time_phase("dataset", started.elapsed().as_secs_f64());
     Ok(Some(path))
 }
@@ -168,7 +243,8 @@ fn rows(tasks: &[Task], results: &[EpisodeResult], timings: &Timings) -> Vec<Tas
                 attempts: mine().count(),
                 verified: mine().filter(|result| result.success).count(),
                 failures: mine().filter_map(|result| Some(result.failure()?.to_string())).collect(),
-                seconds: mine().filter_map(|result| timings.attempts.get(&result.id)).sum(),
+                // A sum of nothing is -0.0.
+                seconds: mine().filter_map(|result| timings.attempts.get(&result.id)).sum::<f64>() + 0.0,
             }
         })
         .collect()

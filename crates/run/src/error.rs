@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use genmanip_core::limits::Limit;
 use genmanip_core::{DocumentError, names::near_misses};
+use genmanip_data::DataError;
 
 /// The error behind an error.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
@@ -24,12 +26,12 @@ pub enum RunError {
         hint: Option<String>,
     },
     /// A file is larger than anything of its kind.
-    #[error("{} is larger than {} MiB", path.display(), limit_bytes >> 20)]
+    #[error("{} is larger than {} may be: {}", path.display(), limit.what, limit.in_words())]
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// Most bytes that are read.
-        limit_bytes: u64,
+        /// Its kind and bound.
+        limit: Limit,
     },
     /// A file is not the versioned document that was expected.
     #[error("{} is no valid {schema} file", path.display())]
@@ -68,6 +70,14 @@ pub enum RunError {
     /// The folder belongs to a run that was started otherwise.
     #[error("{} holds another run ({difference})", path.display())]
     AnotherRun {
+        /// The folder.
+        path: PathBuf,
+        /// The first difference.
+        difference: String,
+    },
+    /// Results or episodes of an evaluation that was started otherwise lie where this one would write.
+    #[error("{} holds another evaluation ({difference})", path.display())]
+    AnotherEvaluation {
         /// The folder.
         path: PathBuf,
         /// The first difference.
@@ -121,6 +131,19 @@ impl RunError {
         Self::UnknownName { what, plural, got: got.into(), near, known: known.iter().map(|&k| k.into()).collect() }
     }
 
+    /// What reading or writing a file came to; `action` is `read` or `write`.
+    pub(crate) fn of_file(action: &'static str, path: &Path, error: DataError) -> Self {
+        match error {
+            DataError::Io { source, .. } => Self::file(action, path, source),
+            DataError::TooLarge { path, limit } => Self::TooLarge { path, limit },
+            DataError::NotAFile { path, found } => {
+                Self::input(format!("expected a file, found {found}: {}", path.display()))
+                    .with_hint("links inside of runs, pipes, devices and folders are not read; name a file")
+            }
+            error => Self::broken(format!("cannot {action} {}", path.display()), error),
+        }
+    }
+
     /// With the error behind it; kept only by the kinds that have room for one.
     #[must_use]
     pub fn because(mut self, error: impl Into<Cause>) -> Self {
@@ -145,7 +168,7 @@ impl RunError {
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::File { hint, .. } | Self::Input { hint, .. } | Self::Broken { hint, .. } => hint.clone(),
-            Self::TooLarge { .. } => Some("expected a small JSON document; is this the right file?".into()),
+            Self::TooLarge { limit, .. } => Some(format!("expected {}; is this the right file?", limit.what)),
             Self::Document { schema, source, .. } => Some(match source {
                 DocumentError::NotJson { hint, .. } => (*hint).into(),
                 DocumentError::WrongSchema { .. } => {
@@ -160,6 +183,10 @@ impl RunError {
             Self::AnotherRun { .. } => {
                 Some("choose another --out folder, or repeat the command of that run to continue it".into())
             }
+            Self::AnotherEvaluation { path, .. } => Some(format!(
+                "move {} away, or repeat the command that it was begun with to continue it",
+                path.display()
+            )),
             Self::Unreachable { .. } => Some("see that it runs, then start again".into()),
             Self::NoRun { .. } => Some("make one with `genmanip collect TASKS --out FOLDER`".into()),
         }

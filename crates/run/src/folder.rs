@@ -8,16 +8,19 @@
 //! evaluation/       one file per policy
 //! timings.json      wall-clock figures, apart from everything that is reproducible
 //! report.html
+//! damaged/          episodes that `collect --repair` set aside
 //! ```
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use genmanip_core::{Document, Seed, Task, Upgrade, upgrade};
-use genmanip_data::EpisodeStore;
+use genmanip_core::{Document, Seed, Task, Upgrade, limits, upgrade};
+use genmanip_data::{DataError, EpisodeStore, files};
 use genmanip_rollout::collect::CollectSettings;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
 
 use crate::error::RunError;
 use crate::inputs;
@@ -50,6 +53,11 @@ impl Run {
         let (engine, genmanip_version) = (genmanip_sim::engine_version(), env!("CARGO_PKG_VERSION").into());
         Self { seed, episodes_per_task, tasks, settings, engine, genmanip_version }
     }
+
+    /// Hash of its record: what is made for a run names it, so that it is known from what others made.
+    pub fn hash(&self) -> String {
+        Sha256::digest(self.to_json()).iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+    }
 }
 
 /// Wall-clock figures; never part of anything that is compared.
@@ -65,6 +73,26 @@ impl Document for Timings {
     const SCHEMA: &'static str = "genmanip.timings/1";
 }
 
+/// The attempts of a store, and what else lies there.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Survey {
+    /// Ids of attempts that look sound, sorted.
+    pub sound: Vec<String>,
+    /// Ids of damaged ones, with what is wrong.
+    pub damaged: Vec<(String, String)>,
+    /// What is no attempt; nothing of it is read or changed.
+    pub strangers: Vec<String>,
+}
+
+impl Survey {
+    /// What a person should know about it, a line each.
+    pub fn notes(&self) -> Vec<String> {
+        let stranger = |name: &String| format!("{name} in the episodes is no episode; it is ignored");
+        let damaged = |(id, why): &(String, String)| format!("episode {id} is damaged and left out: {why}");
+        self.strangers.iter().map(stranger).chain(self.damaged.iter().map(damaged)).collect()
+    }
+}
+
 /// A run on disk.
 pub struct RunFolder {
     path: PathBuf,
@@ -74,39 +102,52 @@ pub struct RunFolder {
 impl RunFolder {
     /// Begins a run, or continues the very same one.
     ///
+    /// Of several programs that begin one folder at the same time, exactly one makes its record; the others continue
+    /// the same run, or are told what differs.
+    ///
     /// # Errors
-    /// [`RunError::AnotherRun`]; when there are episodes without a run, or the folder cannot be written.
+    /// [`RunError::AnotherRun`]; when the folder holds what no run recorded, has links inside, or cannot be written.
     pub fn begin(path: &Path, run: &Run) -> Result<Self, RunError> {
-        let file = path.join("run.json");
-        if file.exists() {
-            let known: Run = inputs::read_document(&file)?;
-            if known != *run {
-                return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run) });
+        let file = path.join(RECORD);
+        if !is_there(&file) {
+            // The record may be made by another program in between; then what lies here is that run's.
+            if let Some(name) = OWN.iter().find(|name| is_there(&path.join(name)))
+                && !is_there(&file)
+            {
+                let what = format!("{} holds `{name}`, but no {RECORD} of a run that made it", path.display());
+                return Err(RunError::input(what).with_hint("choose an empty --out folder, or move what is there away"));
             }
-        } else {
-            if path.join("episodes").exists() {
-                return Err(RunError::input(format!("{} has episodes but no run.json", path.display()))
-                    .with_hint("choose an empty --out folder"));
+            let created = files::create(&file, run.to_json().as_bytes());
+            if created.map_err(|error| unwritable(&file, error))? {
+                return Ok(Self::at(path));
             }
-            inputs::write_file(&file, run.to_json().as_bytes())?;
         }
+        check_links(path)?;
+        let known: Run = inputs::read_own_document(&file, limits::RUN)?;
+        if known != *run {
+            return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run) });
+        }
+        files::sweep(path).map_err(|error| unwritable(path, error))?;
         Ok(Self::at(path))
     }
 
     /// Opens a run made before.
     ///
     /// # Errors
-    /// [`RunError::NoRun`], or when `run.json` is no such document.
+    /// [`RunError::NoRun`], when `run.json` is no such document, or the folder has links inside.
     pub fn open(path: &Path) -> Result<(Self, Run), RunError> {
-        let file = path.join("run.json");
-        if !file.is_file() {
+        let file = path.join(RECORD);
+        if !is_there(&file) {
             return Err(RunError::NoRun { path: path.to_owned() });
         }
-        Ok((Self::at(path), inputs::read_document(&file)?))
+        check_links(path)?;
+        let run = inputs::read_own_document(&file, limits::RUN)?;
+        Ok((Self::at(path), run))
     }
 
     fn at(path: &Path) -> Self {
-        let timings = inputs::read_document(&path.join("timings.json")).unwrap_or_default();
+        // Wall-clock figures are worth no refusal.
+        let timings = inputs::read_own_document(&path.join("timings.json"), limits::TIMINGS).unwrap_or_default();
         Self { path: path.to_owned(), timings: Mutex::new(timings) }
     }
 
@@ -126,6 +167,22 @@ impl RunFolder {
                 .because(error)
                 .with_hint("check that the folder is writable and belongs to this run")
         })
+    }
+
+    /// Looks at every attempt in the store without reading its files.
+    ///
+    /// # Errors
+    /// When the store cannot be listed.
+    pub fn survey(&self, store: &EpisodeStore) -> Result<Survey, RunError> {
+        let listing = store.list().map_err(|error| RunError::broken("cannot list the episodes", error))?;
+        let mut survey = Survey { strangers: listing.strangers, ..Survey::default() };
+        for id in listing.ids {
+            match store.look_at(&id) {
+                Ok(()) => survey.sound.push(id),
+                Err(error) => survey.damaged.push((id, error.to_string())),
+            }
+        }
+        Ok(survey)
     }
 
     /// Notes how long an attempt took.
@@ -152,6 +209,44 @@ impl RunFolder {
     }
 }
 
+/// The run's own record.
+const RECORD: &str = "run.json";
+
+/// What a run writes into its folder besides its record.
+const OWN: [&str; 8] =
+    ["episodes", "scenarios", "dataset", "dataset-depth", "evaluation", "damaged", "timings.json", "report.html"];
+
+fn is_there(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok()
+}
+
+/// A run keeps everything in its own folder: what is written through a link would end up in somebody else's.
+fn check_links(path: &Path) -> Result<(), RunError> {
+    let inside = OWN.iter().chain([&RECORD]).map(|name| path.join(name));
+    let kept = list_folders(&path.join("evaluation")).into_iter().flat_map(|label| [label.join("episodes"), label]);
+    match inside.chain(kept).find(|path| path.is_symlink()) {
+        Some(link) => Err(RunError::input(format!("{} is a symbolic link", link.display()))
+            .with_hint("a run keeps everything in its own folder; link to the whole run instead")),
+        None => Ok(()),
+    }
+}
+
+/// What lies in a folder; nothing where there is none.
+fn list_folders(path: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(path)
+        .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
+        .unwrap_or_default()
+}
+
+fn unwritable(path: &Path, error: DataError) -> RunError {
+    match RunError::of_file("write", path, error) {
+        error @ RunError::File { .. } => {
+            error.with_hint("check that the folder exists, is writable and the disk is not full")
+        }
+        error => error,
+    }
+}
+
 fn difference(known: &Run, asked: &Run) -> String {
     if known.seed != asked.seed {
         return format!("its seed is {}, not {}", known.seed, asked.seed);
@@ -162,8 +257,71 @@ fn difference(known: &Run, asked: &Run) -> String {
     if known.genmanip_version != asked.genmanip_version || known.engine != asked.engine {
         return format!("made by version {} with {}", known.genmanip_version, known.engine);
     }
+    let value = |run: &Run| serde_json::to_value(run).unwrap_or_default();
+    let (known_value, asked_value) = (value(known), value(asked));
     if known.tasks != asked.tasks {
-        return "with other tasks".into();
+        let ids = |run: &Run| run.tasks.iter().map(|task| task.id.clone()).collect::<Vec<_>>();
+        if ids(known) != ids(asked) {
+            return format!("its tasks are {}, not {}", listed(&ids(known)), listed(&ids(asked)));
+        }
+    }
+    for part in ["tasks", "settings"] {
+        if let Some(found) = first_difference(part, &known_value[part], &asked_value[part]) {
+            return found;
+        }
     }
     "with other settings".into()
+}
+
+/// Names, the first few of many.
+fn listed(names: &[String]) -> String {
+    let more = names.len().saturating_sub(3);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", names.iter().take(3).map(String::as_str).collect::<Vec<_>>().join(", "))
+}
+
+/// Where two JSON values first differ, and what stands there.
+pub(crate) fn first_difference(place: &str, known: &Value, asked: &Value) -> Option<String> {
+    if known == asked {
+        return None;
+    }
+    let deeper = match (known, asked) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+            keys.filter_map(|key| first_difference(&format!("{place}.{key}"), &known[key], &asked[key])).next()
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+            let pairs = a.iter().zip(b).enumerate();
+            pairs.filter_map(|(index, (a, b))| first_difference(&format!("{place}[{index}]"), a, b)).next()
+        }
+        (Value::Array(a), Value::Array(b)) => Some(format!("{place} has {} entries, not {}", a.len(), b.len())),
+        _ => None,
+    };
+    let word = |value: &Value| match value {
+        Value::Null => "none".to_owned(),
+        Value::Object(_) | Value::Array(_) => "set".to_owned(),
+        value => value.to_string().chars().take(60).collect(),
+    };
+    Some(deeper.unwrap_or_else(|| format!("{place} is {}, not {}", word(known), word(asked))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn the_first_difference_is_named_with_its_place() {
+        let known = json!({"images": {"fps": 10}, "list": [1, 2], "kept": true});
+        for (asked, expected) in [
+            (json!({"images": {"fps": 15}, "list": [1, 2], "kept": true}), "settings.images.fps is 10, not 15"),
+            (json!({"images": null, "list": [1, 2], "kept": true}), "settings.images is set, not none"),
+            (json!({"images": {"fps": 10}, "list": [1, 3], "kept": true}), "settings.list[1] is 2, not 3"),
+            (json!({"images": {"fps": 10}, "list": [1], "kept": true}), "settings.list has 2 entries, not 1"),
+            (json!({"images": {"fps": 10}, "list": [1, 2]}), "settings.kept is true, not none"),
+        ] {
+            assert_eq!(first_difference("settings", &known, &asked).as_deref(), Some(expected));
+        }
+        assert_eq!(first_difference("settings", &known, &known), None);
+    }
 }

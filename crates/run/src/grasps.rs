@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps};
 use genmanip_bench::text_table;
+use genmanip_core::limits;
 use genmanip_core::{Document, ObjectModel, Seed, TriedGrasp, World};
 use genmanip_motion::{GraspSettings, PlannerSettings};
 use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, try_all};
@@ -17,9 +18,6 @@ use crate::error::RunError;
 use crate::inputs;
 use crate::progress::Progress;
 
-/// Largest file of grasps that is read, bytes.
-const MAX_FILE_BYTES: u64 = 64 << 20;
-
 /// How grasps are tried.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BakeSettings {
@@ -27,6 +25,8 @@ pub struct BakeSettings {
     pub trying: TryingSettings,
     /// Where candidates come from.
     pub generator: GraspSettings,
+    /// Name of the catalogue whose objects are tried.
+    pub catalog: String,
 }
 
 /// What baking came to.
@@ -73,7 +73,7 @@ pub fn bake(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Baked, RunError> {
-    let BakeSettings { trying, generator } = settings;
+    let BakeSettings { trying, generator, catalog } = settings;
     let settings = PlannerSettings { grasp: generator.clone(), ..PlannerSettings::default() };
     let (planner, robot) = (inputs::planner(world, &settings)?, inputs::robot(world)?);
     let made_by = GraspProvenance {
@@ -84,7 +84,7 @@ pub fn bake(
         robot_hash: Some(robot.physics_hash()),
         settings: json!({ "trying": trying, "generator": generator, "physics": world.physics, "drives": robot.drives }),
     };
-    let catalogue = Catalogue::builtin();
+    let catalogue = Catalogue::named(catalog).unwrap_or_else(Catalogue::builtin);
     let models = graspable(catalogue, uids)?;
     let known = if out.exists() { read(out)? } else { nothing(&made_by) };
     // What was made otherwise, or for objects that have changed, is made again; older files do not name the robot's hash.
@@ -133,7 +133,7 @@ fn nothing(made_by: &GraspProvenance) -> GraspFile {
 /// # Errors
 /// When it cannot be read or is no such file.
 pub fn read(path: &Path) -> Result<GraspFile, RunError> {
-    GraspFile::from_json(&inputs::read_text(path, MAX_FILE_BYTES)?).map_err(|error| {
+    GraspFile::from_json(&inputs::read_text(path, limits::GRASPS)?).map_err(|error| {
         RunError::input(format!("{} is no valid {} file", path.display(), GraspFile::SCHEMA))
             .because(error)
             .with_hint("expected a file that `genmanip grasps bake` wrote")

@@ -1,13 +1,15 @@
 //! Reading what the user named: tasks, scenarios, folders of them; writing files whole or not at all.
 
 use std::fs;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::{AssetSource, Catalogue, robots, worlds};
 use genmanip_core::asset::uid_of;
-use genmanip_core::{Document, DocumentError, ObjectCard, RobotModel, Scenario, Seed, Task, TaskKind, World};
+use genmanip_core::limits::{self, Limit};
+use genmanip_core::names::{fits_file_name, is_file_name};
+use genmanip_core::{Document, DocumentError, ObjectCard, RobotModel, Scenario, Seed, Task, TaskKind, World, json};
+use genmanip_data::{DataError, files};
 use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_rollout::Stage;
@@ -18,45 +20,61 @@ use genmanip_sim::EngineSettings;
 
 use crate::error::{Cause, RunError};
 
-/// Largest file that is read as a document, bytes.
-const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
-
 /// Longest task id, characters; the number of an attempt is added to it.
 const MAX_ID_LENGTH: usize = 120;
 
-/// Reads a text file, refusing what is too large or not text.
+/// Most nodes, edges and conditions of a task: several times what fits on a table, and drawn in a moment.
+const MOST_NODES: usize = 64;
+const MOST_CONDITIONS: usize = 256;
+
+/// Reads a text file, refusing what is too large, no file or not text.
 ///
 /// # Errors
-/// [`RunError::File`] and [`RunError::TooLarge`].
-pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, RunError> {
-    String::from_utf8(read_bytes(path, max_bytes)?)
-        .map_err(|error| RunError::file("read", path, error).with_hint("expected a text file in UTF-8"))
+/// [`RunError::File`], [`RunError::TooLarge`] and [`RunError::Input`].
+pub fn read_text(path: &Path, limit: Limit) -> Result<String, RunError> {
+    text_of(path, read_bytes(path, limit)?)
 }
 
-/// Reads a file, refusing what is too large.
+/// Reads a file, refusing what is too large or no file; nothing is waited for.
 ///
 /// # Errors
-/// [`RunError::File`] and [`RunError::TooLarge`].
-pub fn read_bytes(path: &Path, max_bytes: u64) -> Result<Vec<u8>, RunError> {
-    let file = fs::File::open(path).map_err(|error| {
-        RunError::file("read", path, error).with_hint("check the path; relative paths start at the current folder")
-    })?;
-    let mut bytes = Vec::new();
-    file.take(max_bytes.saturating_add(1))
-        .read_to_end(&mut bytes)
-        .map_err(|error| RunError::file("read", path, error))?;
-    if bytes.len() as u64 > max_bytes {
-        return Err(RunError::TooLarge { path: path.to_owned(), limit_bytes: max_bytes });
-    }
-    Ok(bytes)
+/// [`RunError::File`], [`RunError::TooLarge`] and [`RunError::Input`].
+pub fn read_bytes(path: &Path, limit: Limit) -> Result<Vec<u8>, RunError> {
+    files::read(path, limit).map_err(|error| unreadable(path, error))
 }
 
 /// Reads a versioned document.
 ///
 /// # Errors
 /// As [`read_text`], and [`RunError::Document`].
-pub fn read_document<T: Document>(path: &Path) -> Result<T, RunError> {
-    T::from_json(&read_text(path, MAX_DOCUMENT_BYTES)?).map_err(|error| not_a_document::<T>(path, error))
+pub fn read_document<T: Document>(path: &Path, limit: Limit) -> Result<T, RunError> {
+    document(path, &read_bytes(path, limit)?)
+}
+
+/// Reads a document that a run wrote itself: a link in its place is refused.
+///
+/// # Errors
+/// As [`read_document`].
+pub(crate) fn read_own_document<T: Document>(path: &Path, limit: Limit) -> Result<T, RunError> {
+    document(path, &files::read_own(path, limit).map_err(|error| unreadable(path, error))?)
+}
+
+fn document<T: Document>(path: &Path, bytes: &[u8]) -> Result<T, RunError> {
+    T::from_bytes(bytes).map_err(|error| not_a_document::<T>(path, error))
+}
+
+fn unreadable(path: &Path, error: DataError) -> RunError {
+    let help = "check the path; relative paths start at the current folder";
+    match RunError::of_file("read", path, error) {
+        error @ RunError::File { .. } => error.with_hint(help),
+        error => error,
+    }
+}
+
+fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, RunError> {
+    let is_utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+    let hint = if is_utf16 { "the file is UTF-16; save it as UTF-8" } else { "expected a text file in UTF-8" };
+    String::from_utf8(bytes).map_err(|error| RunError::file("read", path, error.utf8_error()).with_hint(hint))
 }
 
 /// Reads a scenario and makes it ready: models built, physics compiled.
@@ -64,7 +82,7 @@ pub fn read_document<T: Document>(path: &Path) -> Result<T, RunError> {
 /// # Errors
 /// As [`read_document`], and when objects or robot are not those the scenario was made with.
 pub fn read_stage(path: &Path) -> Result<Stage, RunError> {
-    let scenario: Scenario = read_document(path)?;
+    let scenario: Scenario = read_document(path, limits::SCENARIO)?;
     let unsuited = |error: Cause| {
         RunError::input(format!("{} cannot be set up", path.display()))
             .because(error)
@@ -125,12 +143,12 @@ pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     Ok(tasks)
 }
 
-/// Tasks of the rule-based designer, the six kinds in turn.
+/// Tasks of the rule-based designer about the objects of a catalogue, the six kinds in turn.
 ///
 /// # Errors
 /// When the designer finds no task.
-pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, RunError> {
-    let cards = Catalogue::builtin().cards();
+pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<Vec<Task>, RunError> {
+    let cards = catalogue.cards();
     let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
         .map_err(|error| RunError::broken("the designer gave up", error))?;
     Ok(batch.tasks)
@@ -141,11 +159,12 @@ pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, RunError> {
 /// # Errors
 /// When the file is neither, or the task breaks a rule.
 pub fn read_task(path: &Path) -> Result<Task, RunError> {
-    let text = read_text(path, MAX_DOCUMENT_BYTES)?;
-    let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| {
-        RunError::input(format!("{} is not JSON", path.display()))
+    let text = read_text(path, limits::TASK)?;
+    let value = json::parse(&text).map_err(|error| {
+        let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
+        RunError::input(format!("{} is no task document and no recorded answer", path.display()))
+            .with_hint(format!("{hint}; see `genmanip task check --help`"))
             .because(error)
-            .with_hint("expected a task document or a recorded answer; see `genmanip task check --help`")
     })?;
     if value.get("schema").is_some() {
         let task = Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))?;
@@ -170,6 +189,18 @@ pub fn read_task(path: &Path) -> Result<Task, RunError> {
 /// A task document may come from anywhere: every object that goal and scene name must be a node with its card.
 fn check_objects(path: &Path, task: &Task) -> Result<(), RunError> {
     let graph = &task.scene_graph;
+    let conditions: usize = task.goal.alternatives.iter().map(Vec::len).sum();
+    let sizes = [
+        ("scene_graph.nodes", graph.nodes.len(), MOST_NODES),
+        ("scene_graph.edges", graph.edges.len(), MOST_CONDITIONS),
+        ("goal", conditions.max(task.goal.alternatives.len()), MOST_CONDITIONS),
+    ];
+    for (place, got, most) in sizes {
+        if got > most {
+            return Err(RunError::input(format!("{}: at $.{place}: {got} entries", path.display()))
+                .with_hint(format!("expected at most {most}")));
+        }
+    }
     let refused = |place: &str, id: &str, reason: &str| {
         Err(RunError::input(format!("{}: at $.{place}: object `{id}` {reason}", path.display()))
             .with_hint("every object needs a node in scene_graph.nodes and, at the same place, its card in objects"))
@@ -213,9 +244,9 @@ fn check_objects(path: &Path, task: &Task) -> Result<(), RunError> {
 /// When the text is no recorded answer, or offers an object that is not in the catalogue.
 pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError> {
     let recorded = RecordedAnswer::from_json(text).map_err(|error| {
-        RunError::input(format!("{} is no recorded answer", path.display()))
-            .because(error)
-            .with_hint("for a bare answer name what was offered: --objects UID,UID,…")
+        let hint = "for a bare answer name what was offered: --objects UID,UID,…";
+        let hint = error.hint().map_or_else(|| hint.to_owned(), |wrong| format!("{wrong}; {hint}"));
+        RunError::input(format!("{} is no recorded answer", path.display())).because(error).with_hint(hint)
     })?;
     let request = TaskRequest {
         id: id_from(path),
@@ -233,22 +264,28 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError>
 ///
 /// # Errors
 /// When the file cannot be read, the kind is unknown, or an offered object is not in the catalogue.
-pub fn check_bare(path: &Path, objects: &[String], kind: &str, min_objects: usize) -> Result<AnswerReport, RunError> {
+pub fn check_bare(
+    path: &Path,
+    objects: &[String],
+    world: Option<&Path>,
+    kind: &str,
+    min_objects: usize,
+) -> Result<AnswerReport, RunError> {
     let kind = task_kind(kind)?;
     let request = TaskRequest {
         id: id_from(path),
         kind,
         offered: offered(objects)?,
-        surfaces: Vec::new(),
+        surfaces: read_world(world)?.named_surfaces(),
         min_objects,
         between: false,
         source: format!("answer {}", path.file_name().unwrap_or_default().to_string_lossy()),
     };
     // A larger answer is refused by the check itself, which needs to see that it is larger, not all of it.
-    let unreadable = |error| RunError::file("read", path, error);
-    let file = fs::File::open(path).map_err(unreadable)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_ANSWER_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    let bytes = match files::read(path, Limit { what: "an answer", bytes: MAX_ANSWER_BYTES as u64 }) {
+        Err(DataError::TooLarge { .. }) => vec![b' '; MAX_ANSWER_BYTES + 1],
+        bytes => bytes.map_err(|error| unreadable(path, error))?,
+    };
     Ok(check_answer(&String::from_utf8_lossy(&bytes), &request))
 }
 
@@ -265,12 +302,12 @@ pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
 fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, RunError> {
     let catalogue = Catalogue::builtin();
     uids.iter()
-        .map(|uid| match catalogue.card(uid_of(uid)) {
+        .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::full().card(uid_of(uid))) {
             Some(card) => Ok(card.clone()),
             // Asking for the model of an object without a card says which ones look alike.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
                 RunError::broken("an offered object is not in the catalogue", error)
-                    .with_hint("uids are three digits, 001 to 064")
+                    .with_hint("uids are 001 to 064, or as `genmanip assets list` says")
             }),
         })
         .collect()
@@ -278,18 +315,14 @@ fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, RunError> {
 
 /// A task id from the name of its file: whatever cannot stand in a folder's name becomes `_`.
 fn id_from(path: &Path) -> String {
-    let fit = |c: char| if fits_id(c) { c } else { '_' };
+    let fit = |c: char| if fits_file_name(c) { c } else { '_' };
     let id: String = stem(path).trim_start_matches('.').chars().map(fit).take(MAX_ID_LENGTH).collect();
     if id.is_empty() { "task".into() } else { id }
 }
 
 /// Ids name folders and files, so they must not lead anywhere else.
 fn is_id(id: &str) -> bool {
-    (1..=MAX_ID_LENGTH).contains(&id.len()) && !id.starts_with('.') && id.chars().all(fits_id)
-}
-
-fn fits_id(c: char) -> bool {
-    c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
+    id.len() <= MAX_ID_LENGTH && is_file_name(id)
 }
 
 /// The name of a file without its extension.
@@ -302,24 +335,11 @@ pub fn stem(path: &Path) -> String {
 /// # Errors
 /// [`RunError::File`].
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
-    let failed = |error: std::io::Error| {
-        RunError::file("write", path, error)
-            .with_hint("check that the folder exists, is writable and the disk is not full")
-    };
-    if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
-        fs::create_dir_all(parent).map_err(failed)?;
-    }
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let aside = path.with_file_name(format!(".{name}.partial"));
-    let written = (|| {
-        let mut file = fs::File::create(&aside)?;
-        std::io::Write::write_all(&mut file, bytes)?;
-        file.sync_all()?;
-        fs::rename(&aside, path)
-    })();
-    written.map_err(|error: std::io::Error| {
-        let _ = fs::remove_file(&aside);
-        failed(error)
+    files::write(path, bytes).map_err(|error| match RunError::of_file("write", path, error) {
+        error @ RunError::File { .. } => {
+            error.with_hint("check that the folder exists, is writable and the disk is not full")
+        }
+        error => error,
     })
 }
 
@@ -329,7 +349,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 /// When the file cannot be read, or all faults of the world at once.
 pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
     let Some(path) = path else { return Ok((*worlds::default_world()).clone()) };
-    let faults = match worlds::read(&read_text(path, MAX_DOCUMENT_BYTES)?) {
+    let faults = match worlds::read(&read_text(path, limits::WORLD)?) {
         Ok((world, _)) => match EngineSettings::read(&world.physics.engine) {
             Ok(_) => return Ok(world),
             Err(error) => vec![error.to_string()],
@@ -338,6 +358,32 @@ pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
     };
     Err(RunError::input(format!("{} is no world: {}", path.display(), faults.join("; ")))
         .with_hint(format!("`genmanip world check {}` lists every fault", path.display())))
+}
+
+/// The world in a file or the default one, with another robot when one is named.
+///
+/// # Errors
+/// As [`read_world`], and when there is no such robot.
+pub fn read_world_with(path: Option<&Path>, robot: Option<&str>) -> Result<World, RunError> {
+    let world = read_world(path)?;
+    let Some(name) = robot else { return Ok(world) };
+    worlds::with_robot(&world, name)
+        .map_err(|error| RunError::input(format!("robot `{name}` cannot be used")).because(error))
+}
+
+/// Refuses a world whose robot is another than the one that was named.
+///
+/// # Errors
+/// Names both robots.
+pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), RunError> {
+    match named {
+        Some(name) if name != world.robot.name => Err(RunError::input(format!(
+            "the scenario was laid out for robot `{}`, not for `{name}`",
+            world.robot.name
+        ))
+        .with_hint(format!("lay its task out again with --robot {name}"))),
+        _ => Ok(()),
+    }
 }
 
 /// The robot of a world, starting where the world says.

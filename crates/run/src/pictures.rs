@@ -4,13 +4,16 @@ use genmanip_assets::{AssetSource, robots};
 use genmanip_bench::drawing::color_of_word;
 use genmanip_bench::{DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg};
 use genmanip_core::glam::DVec2;
-use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scenario, Task, World};
+use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scenario, SupportSurface, Task, World};
 use genmanip_layout::LayoutError;
 use genmanip_render::encode;
 use genmanip_rollout::{Stage, images::Painter};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
 
 use crate::error::RunError;
+
+/// Colour of support surfaces other than the table in drawings, sRGB: a shade darker than the table's.
+const SURFACE_COLOR: [u8; 3] = [226, 218, 205];
 
 /// `count` moments of an episode, seen by the `static` camera, as JPEG files; the painter is of the episode's stage.
 ///
@@ -81,7 +84,7 @@ pub fn layout_picture(scenario: &Scenario, catalogue: &dyn AssetSource) -> Resul
     let edges = scenario.task.scene_graph.edges.iter();
     Ok(LayoutPicture {
         workspace: scenario.world.workspace,
-        footprints: footprints(&scenario.objects, catalogue)?,
+        footprints: footprints(&scenario.objects, &scenario.world, catalogue)?,
         edges: edges.map(|edge| DrawnEdge { edge: edge.clone(), role: EdgeRole::Initial }).collect(),
         reach_m: reach_m(&scenario.world),
         windows: Vec::new(),
@@ -134,7 +137,7 @@ pub fn explained_refusal(
     let edges = task.scene_graph.edges.iter();
     let picture = LayoutPicture {
         workspace: world.workspace,
-        footprints: footprints(&placed, catalogue)?,
+        footprints: footprints(&placed, world, catalogue)?,
         edges: edges.map(|edge| DrawnEdge { role: role(&edge.atom()), edge: edge.clone() }).collect(),
         reach_m: reach_m(world),
         windows,
@@ -148,8 +151,12 @@ fn reach_m(world: &World) -> Vec<f64> {
     robot.and_then(|robot| robot.reach).map(|reach| reach.max_m).into_iter().collect()
 }
 
-/// Objects seen from above.
-fn footprints(objects: &[PlacedObject], catalogue: &dyn AssetSource) -> Result<Vec<Footprint>, RunError> {
+/// Objects, and the support surfaces other than the table, seen from above.
+fn footprints(
+    objects: &[PlacedObject],
+    world: &World,
+    catalogue: &dyn AssetSource,
+) -> Result<Vec<Footprint>, RunError> {
     let mut shapes = ShapeCache::default();
     let footprint = |placed: &PlacedObject| {
         let model = catalogue
@@ -168,5 +175,12 @@ fn footprints(objects: &[PlacedObject], catalogue: &dyn AssetSource) -> Result<V
         let polygons = scene.footprints(0).into_iter().map(corners).collect();
         Ok(Footprint { id: placed.id.clone(), name, color, polygons })
     };
-    objects.iter().map(footprint).collect()
+    let surface = |surface: &SupportSurface| Footprint {
+        id: surface.id.clone(),
+        name: surface.name.clone(),
+        color: SURFACE_COLOR,
+        polygons: vec![surface.top_corners().iter().map(|corner| [corner.x, corner.y]).collect()],
+    };
+    let surfaces = world.surfaces.iter().skip(1).map(|further| Ok(surface(further)));
+    surfaces.chain(objects.iter().map(footprint)).collect()
 }

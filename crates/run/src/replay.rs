@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::Episode;
-use genmanip_data::EpisodeStore;
+use genmanip_data::{DataError, EpisodeStore, Listing};
 use genmanip_rollout::{Stage, replay};
 use serde::Serialize;
 
@@ -18,32 +18,62 @@ use crate::progress::Progress;
 const STRIP_FRAMES: usize = 8;
 
 /// How the replay of an episode ended.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Replayed {
     /// Id of the episode.
     pub episode: String,
     /// Control steps.
     pub frames: usize,
-    /// Whether the final state is the recorded one, bit for bit.
-    pub identical: bool,
-    /// Largest difference between the final states, mixed units.
-    pub largest_difference: f64,
+    /// Whether the final state is the recorded one, bit for bit; `None` when that was not checked or cannot be.
+    pub identical: Option<bool>,
+    /// Largest difference between the final states, mixed units; `None` when that was not checked or cannot be.
+    pub largest_difference: Option<f64>,
+    /// Why the episode cannot be replayed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damaged: Option<String>,
+    /// The film strip, if one was drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub strip: Option<String>,
+}
+
+impl Replayed {
+    /// Whether nothing is wrong with it.
+    pub fn is_sound(&self) -> bool {
+        self.damaged.is_none() && self.identical != Some(false)
+    }
+
+    /// The final state in words.
+    pub fn in_words(&self) -> String {
+        match (&self.damaged, self.identical, self.largest_difference) {
+            (Some(why), _, _) => format!("damaged: {why}"),
+            (None, Some(true), _) => "identical".into(),
+            (None, Some(false), Some(0.0)) => "differs, but in no value: by the sign of a zero, or by a NaN".into(),
+            (None, Some(false), difference) => format!("differs by {:e}", difference.unwrap_or(f64::NAN)),
+            (None, None, _) => "not checked".into(),
+        }
+    }
 }
 
 /// Replays the recorded episodes at a path: an episode's folder, a store, or a run.
 ///
 /// With `strip`, also draws each as a film strip into that file (with the id in its name if there are several);
-/// without `check` that is all that is done.
+/// without `check` that is all that is done. Of several episodes a damaged one is a row, and the others are replayed.
 ///
 /// # Errors
-/// When there is no episode, one is damaged, or the physics are not those it was recorded with.
+/// When there is no episode, the only one is damaged, or the physics are not those it was recorded with.
 pub fn check(
     path: &Path,
     check: bool,
     strip: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<Vec<Replayed>, RunError> {
-    let (store, ids) = locate(path)?;
+    if let Some(strip) = strip {
+        check_ending(strip)?;
+    }
+    let Located { store, ids, strangers } = locate(path)?;
+    for name in &strangers {
+        progress.note(&format!("{name} in the episodes is no episode; it is ignored"));
+    }
     if ids.is_empty() {
         return Err(RunError::input(format!("no recorded episode at {}", path.display()))
             .with_hint("collect episodes first; attempts without a layout are not recorded"));
@@ -52,7 +82,18 @@ pub fn check(
     progress.begin("replaying", ids.len());
     for id in &ids {
         let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
-        let (stage, episode) = open(&store, id)?;
+        let mut row = Replayed { episode: id.clone(), ..Replayed::default() };
+        let episode = match store.read(id) {
+            Err(error) if error.is_damage() && ids.len() > 1 => {
+                row.damaged = Some(error.to_string());
+                rows.push(row);
+                progress.advance();
+                continue;
+            }
+            episode => episode.map_err(|error| unreadable(id, error))?,
+        };
+        let stage = stage(&episode)?;
+        row.frames = episode.frames.len();
         let changed = Catalogue::builtin().changed_looks(&episode.scenario.objects).unwrap_or_default();
         if !changed.is_empty() {
             progress.note(&format!("{id}: {} looks otherwise than when it was recorded", changed.join(", ")));
@@ -61,16 +102,13 @@ pub fn check(
             let path = if ids.len() == 1 { path.to_owned() } else { numbered(path, id) };
             inputs::write_file(&path, &pictures::film_strip(&stage, &episode, STRIP_FRAMES)?)?;
             progress.note(&format!("wrote {}", path.display()));
+            row.strip = Some(path.display().to_string());
         }
         if check || strip.is_none() {
             let check = replay::check(&stage, &episode).map_err(|error| failed(error.into()))?;
-            rows.push(Replayed {
-                episode: id.clone(),
-                frames: check.frames,
-                identical: check.identical,
-                largest_difference: check.largest_difference,
-            });
+            (row.identical, row.largest_difference) = (Some(check.identical), Some(check.largest_difference));
         }
+        rows.push(row);
         progress.advance();
     }
     progress.end();
@@ -82,23 +120,38 @@ pub fn check(
 /// # Errors
 /// As [`check`].
 pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, RunError> {
-    let (store, ids) = locate(path)?;
-    ids.iter().map(|id| open(&store, id)).collect()
+    let Located { store, ids, .. } = locate(path)?;
+    ids.iter()
+        .map(|id| {
+            let episode = store.read(id).map_err(|error| unreadable(id, error))?;
+            Ok((stage(&episode)?, episode))
+        })
+        .collect()
 }
 
-fn open(store: &EpisodeStore, id: &str) -> Result<(Stage, Episode), RunError> {
-    let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
-    let episode: Episode = store.read(id).map_err(|error| failed(error.into()))?;
+fn unreadable(id: &str, error: DataError) -> RunError {
+    let hint = error.hint().unwrap_or_else(|| "collect again with --repair: it is set aside and made anew".into());
+    RunError::broken(format!("cannot replay {id}"), error).with_hint(hint)
+}
+
+fn stage(episode: &Episode) -> Result<Stage, RunError> {
+    let failed = |error: Cause| RunError::broken(format!("cannot replay {}", episode.result.id), error);
     let scenario = Arc::new(episode.scenario.clone());
     let robot = inputs::robot(&scenario.world)?;
-    let stage = Stage::open(scenario, Catalogue::builtin(), &robot).map_err(|error| {
+    Stage::open(scenario, Catalogue::builtin(), &robot).map_err(|error| {
         failed(error.into()).with_hint("the episode was recorded with other physics; use the version it names")
-    })?;
-    Ok((stage, episode))
+    })
 }
 
-/// The store and the recorded episodes meant by a path.
-fn locate(path: &Path) -> Result<(EpisodeStore, Vec<String>), RunError> {
+/// A store and the episodes in it that a path means.
+struct Located {
+    store: EpisodeStore,
+    /// Recorded ones, and damaged ones of which nobody knows.
+    ids: Vec<String>,
+    strangers: Vec<String>,
+}
+
+fn locate(path: &Path) -> Result<Located, RunError> {
     let unusable = |error| {
         RunError::input(format!("no episodes at {}", path.display()))
             .because(error)
@@ -110,16 +163,21 @@ fn locate(path: &Path) -> Result<(EpisodeStore, Vec<String>), RunError> {
         let id = root.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let parent = root.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let store = EpisodeStore::open(parent).map_err(unusable)?;
-        return Ok((store, vec![id]));
+        return Ok(Located { store, ids: vec![id], strangers: vec![] });
     }
     let store = EpisodeStore::open(&root).map_err(unusable)?;
-    let mut recorded = Vec::new();
-    for id in store.ids().map_err(unusable)? {
-        if store.is_recorded(&id).map_err(unusable)? {
-            recorded.push(id);
-        }
+    let Listing { mut ids, strangers } = store.list().map_err(unusable)?;
+    ids.retain(|id| store.is_recorded(id).unwrap_or(true));
+    Ok(Located { store, ids, strangers })
+}
+
+/// Film strips are JPEG, whatever their name says; so it may say nothing else.
+fn check_ending(strip: &Path) -> Result<(), RunError> {
+    match strip.extension().and_then(|ending| ending.to_str()) {
+        Some("jpg" | "jpeg") => Ok(()),
+        _ => Err(RunError::input(format!("cannot write a film strip as {}", strip.display()))
+            .with_hint("a film strip is written as .jpg")),
     }
-    Ok((store, recorded))
 }
 
 fn numbered(path: &Path, id: &str) -> PathBuf {

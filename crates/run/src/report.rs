@@ -10,6 +10,7 @@ use genmanip_bench::{
     AttemptRow, EvaluationReport, FilmFrame, ReportInput, ReportSettings, StatisticsSettings, TaskSection, Timing,
     compare, graph_svg, layout_svg, report_html,
 };
+use genmanip_core::limits;
 use genmanip_core::{AttemptOutcome, Episode, EpisodeResult, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_rollout::Stage;
@@ -47,18 +48,23 @@ pub fn report(path: &Path, settings: &ReportSettings, progress: &dyn Progress) -
 pub fn gather(path: &Path, progress: &dyn Progress) -> Result<ReportInput, RunError> {
     let (folder, run) = RunFolder::open(path)?;
     let store = folder.store()?;
-    let evaluations = evaluations(&folder)?;
+    let survey = folder.survey(&store)?;
+    let evaluations = evaluations(&folder, progress)?;
     let timings = folder.timings();
-    let mut attempts = attempts(&store, &timings)?;
+    let mut left_out = survey.notes();
+    let mut attempts = attempts(&store, &survey.sound, &timings)?;
     let mut tasks = Vec::new();
     progress.begin("drawing", run.tasks.len());
     for task in &run.tasks {
         let attempts = attempts.remove(&task.id).unwrap_or_default();
-        tasks.push(section(task, attempts, &folder, &evaluations)?);
+        tasks.push(section(task, attempts, &folder, &evaluations, &mut left_out)?);
         progress.advance();
     }
     progress.end();
-    Ok(page(&path.display().to_string(), &run, &timings, &evaluations, tasks))
+    left_out.iter().for_each(|note| progress.note(note));
+    let mut page = page(&path.display().to_string(), &run, &timings, &evaluations, tasks);
+    page.notes.extend(left_out);
+    Ok(page)
 }
 
 /// The attempts at one task.
@@ -70,10 +76,10 @@ struct Attempts {
 }
 
 /// The attempts of each task, in the order of their ids.
-fn attempts(store: &EpisodeStore, timings: &Timings) -> Result<BTreeMap<String, Attempts>, RunError> {
+fn attempts(store: &EpisodeStore, sound: &[String], timings: &Timings) -> Result<BTreeMap<String, Attempts>, RunError> {
     let unreadable = |error| RunError::broken("cannot read the episodes", error);
     let mut attempts: BTreeMap<String, Attempts> = BTreeMap::new();
-    for id in store.ids().map_err(unreadable)? {
+    for id in sound.iter().cloned() {
         let (result, is_recorded) = store.read_attempt(&id).map_err(unreadable)?;
         let mine = attempts.entry(result.task_id.clone()).or_default();
         mine.rows.push(AttemptRow {
@@ -88,7 +94,8 @@ fn attempts(store: &EpisodeStore, timings: &Timings) -> Result<BTreeMap<String, 
     Ok(attempts)
 }
 
-fn evaluations(folder: &RunFolder) -> Result<Vec<EvaluationReport>, RunError> {
+/// Finished evaluations; what is none is named and left out.
+fn evaluations(folder: &RunFolder, progress: &dyn Progress) -> Result<Vec<EvaluationReport>, RunError> {
     let path = folder.join("evaluation");
     let listed = match fs::read_dir(&path) {
         Ok(entries) => entries.collect::<Result<Vec<_>, _>>(),
@@ -107,8 +114,16 @@ fn evaluations(folder: &RunFolder) -> Result<Vec<EvaluationReport>, RunError> {
         (POLICIES.iter().position(|entry| entry.name == stem).unwrap_or(POLICIES.len()), stem)
     };
     files.sort_by_key(place);
-    let mut reports: Vec<EvaluationReport> =
-        files.iter().map(|path| inputs::read_document(path)).collect::<Result<_, _>>()?;
+    let mut reports: Vec<EvaluationReport> = Vec::new();
+    for path in &files {
+        match inputs::read_own_document(path, limits::EVALUATION) {
+            Ok(report) => reports.push(report),
+            Err(error) => {
+                let why = std::error::Error::source(&error).map_or_else(String::new, |source| format!(": {source}"));
+                progress.note(&format!("left out of the report: {error}{why}"));
+            }
+        }
+    }
     // The page tells evaluations apart by their policies' names.
     for report in &mut reports {
         report.summary.policy.clone_from(&report.label);
@@ -184,6 +199,7 @@ fn section(
     attempts: Attempts,
     folder: &RunFolder,
     evaluations: &[EvaluationReport],
+    left_out: &mut Vec<String>,
 ) -> Result<TaskSection, RunError> {
     let mut store = folder.store()?;
     let mut shown = attempts.shown;
@@ -205,8 +221,14 @@ fn section(
         attempts: attempts.rows,
         results: results.filter(|result| result.task_id == task.id).cloned().collect(),
     };
-    if let Some(result) = &section.shown {
-        let episode = store.read(&result.id).map_err(|error| RunError::broken("cannot read the episodes", error))?;
+    let shown = section.shown.as_ref().map(|result| (result.id.clone(), store.read(&result.id)));
+    if let Some((id, Err(error))) = &shown
+        && error.is_damage()
+    {
+        left_out.push(format!("episode {id} is damaged and not shown: {error}"));
+        section.shown = None;
+    } else if let Some((_, episode)) = shown {
+        let episode = episode.map_err(|error| RunError::broken("cannot read the episodes", error))?;
         section.layout = Some(layout_svg(&pictures::layout_picture(&episode.scenario, Catalogue::builtin())?));
         add_pictures(&mut section, &episode)?;
         section.scenario = Some(episode.scenario);

@@ -1,11 +1,12 @@
 //! Robots from folders: a URDF, its SRDF and the meshes it names.
 
 use std::fs;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use genmanip_core::RobotModel;
-use genmanip_motion::description::{MAX_MESH_BYTES, MAX_TEXT_BYTES, MeshFile, read_robot};
+use genmanip_core::limits;
+use genmanip_data::files;
+use genmanip_motion::description::{MeshFile, read_robot};
 
 use crate::error::RunError;
 use crate::inputs;
@@ -20,17 +21,18 @@ use crate::inputs;
 pub fn read(path: &Path, tip: Option<&str>) -> Result<RobotModel, RunError> {
     let urdf = if path.is_dir() { only_urdf(path)? } else { path.to_owned() };
     let folder = urdf.parent().unwrap_or(Path::new("")).to_owned();
-    let text = inputs::read_text(&urdf, MAX_TEXT_BYTES as u64)?;
+    let text = inputs::read_text(&urdf, limits::ROBOT)?;
     let mut rules: Vec<String> = Vec::new();
     for file in with_ending(&folder, "srdf")? {
-        rules.push(inputs::read_text(&file, MAX_TEXT_BYTES as u64)?);
+        rules.push(inputs::read_text(&file, limits::ROBOT)?);
     }
     let rules = rules.iter().min_by_key(|text| text.matches("<disable_collisions").count());
     let mut mesh = |name: &str| read_mesh(&folder, name);
     read_robot(&text, rules.map(String::as_str), tip, &mut mesh).map_err(|error| {
-        RunError::input(format!("{} is no robot that can be planned for", urdf.display())).because(error).with_hint(
-            "expected URDF with convex or nearly convex collision geometry (box, cylinder, sphere, STL, OBJ)",
-        )
+        let hint = error.hint();
+        RunError::input(format!("{} is no robot that can be planned for", urdf.display()))
+            .because(error)
+            .with_hint(hint)
     })
 }
 
@@ -71,8 +73,6 @@ fn read_mesh(folder: &Path, name: &str) -> Result<MeshFile, String> {
     let Some(path) = candidates.flat_map(hull).find(|path| path.is_file()) else {
         return Err(format!("no such file under {}", folder.display()));
     };
-    let file = fs::File::open(&path).map_err(|error| error.to_string())?;
-    let mut bytes = Vec::new();
-    file.take(MAX_MESH_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    let bytes = files::read(&path, limits::MESH).map_err(|error| error.to_string())?;
     Ok(MeshFile { name: path.display().to_string(), bytes })
 }

@@ -5,14 +5,12 @@ use std::path::Path;
 use genmanip_assets::worlds;
 use genmanip_core::camera::CameraPreset;
 use genmanip_core::glam::DVec3;
+use genmanip_core::limits;
 use genmanip_core::{Camera, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault};
 use genmanip_sim::EngineSettings;
 
 use crate::error::RunError;
 use crate::inputs;
-
-/// Largest world or scenario file that is read, bytes.
-const MAX_BYTES: u64 = 16 << 20;
 
 /// Height of the camera of a view from above over the table, and how much more than the surfaces it sees; chosen.
 const ABOVE_M: f64 = 3.0;
@@ -23,7 +21,7 @@ const AROUND: f64 = 1.15;
 /// # Errors
 /// When the file cannot be read.
 pub fn check(path: &Path) -> Result<Vec<WorldFault>, RunError> {
-    let (world, robot) = match worlds::read(&inputs::read_text(path, MAX_BYTES)?) {
+    let (world, robot) = match worlds::read(&inputs::read_text(path, limits::WORLD_OR_SCENARIO)?) {
         Ok(read) => read,
         Err(faults) => return Ok(faults),
     };
@@ -51,11 +49,11 @@ impl Setting {
     /// # Errors
     /// When the file cannot be read or is neither.
     pub fn read(path: &Path) -> Result<Self, RunError> {
-        let text = inputs::read_text(path, MAX_BYTES)?;
+        let text = inputs::read_text(path, limits::WORLD_OR_SCENARIO)?;
         let is_scenario = serde_json::from_str::<serde_json::Value>(&text)
             .is_ok_and(|value| value["schema"].as_str().is_some_and(|schema| schema.starts_with("genmanip.scenario/")));
         Ok(if is_scenario {
-            Self::Scenario(Box::new(inputs::read_document(path)?))
+            Self::Scenario(Box::new(inputs::read_document(path, limits::WORLD_OR_SCENARIO)?))
         } else {
             Self::World(Box::new(inputs::read_world(Some(path))?))
         })
@@ -169,7 +167,7 @@ pub enum CameraEdit {
 /// When the file cannot be read or written, the name does not fit, or the world would be faulty afterwards; the file is
 /// unchanged then.
 pub fn edit(path: &Path, edit: &CameraEdit) -> Result<Setting, RunError> {
-    let text = inputs::read_text(path, MAX_BYTES)?;
+    let text = inputs::read_text(path, limits::WORLD_OR_SCENARIO)?;
     let mut setting = Setting::read(path)?;
     let robot = inputs::robot(setting.world())?;
     let at = |setting: &Setting, name: &str| {

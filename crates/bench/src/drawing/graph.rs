@@ -88,8 +88,12 @@ impl Panel {
             Node::new(task, &node.id, node.state.clone(), atoms.iter().any(|atom| atom.subject() == node.id))
         });
         let edges = &task.scene_graph.edges;
+        let is_used = |id: &str| edges.iter().any(|edge| edge.reference == id);
+        let surfaces = task.surfaces.iter().filter(|surface| is_used(&surface.id));
+        let nodes = nodes.chain(surfaces.map(|surface| Node::new(task, &surface.id, None, false)));
         let mut panel = Self::build("START".into(), false, nodes.collect(), edges);
-        let index = |id: &str| task.scene_graph.index_of(id);
+        let ids: Vec<String> = panel.nodes.iter().map(|node| node.id.clone()).collect();
+        let index = |id: &str| ids.iter().position(|other| other == id);
         let in_conflict = |from: usize, to: usize, label: &str| {
             conflicts.iter().any(|atom| match atom {
                 Atom::Relation { subject, relation, reference, second_reference } => {

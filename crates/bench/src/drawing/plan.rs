@@ -12,7 +12,7 @@ use super::svg::{Anchor, Area, BOLD, Canvas, Point, Svg, text_width, wrap};
 pub struct LayoutPicture {
     /// Usable area of the table.
     pub workspace: Workspace,
-    /// Objects seen from above, any order.
+    /// Objects, and support surfaces other than the table, seen from above, any order.
     pub footprints: Vec<Footprint>,
     /// Relations to draw as arrows from subject to reference.
     pub edges: Vec<DrawnEdge>,

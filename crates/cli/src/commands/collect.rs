@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use genmanip_core::Seed;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
-use genmanip_run::collect::{Collected, collect};
+use genmanip_run::collect::{CollectOptions, Collected, collect};
 use genmanip_run::{Run, inputs};
 
 use crate::args::CollectArguments;
@@ -16,11 +16,12 @@ use crate::printer::Printer;
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
     let images = (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
-    let world = inputs::read_world(arguments.world.as_deref())?;
+    let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let settings = CollectSettings { images, keep_failed: arguments.keep_failed, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();
-    let collected = collect_run(&arguments.out, &run, arguments.workers, printer, &stop)?;
+    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: arguments.repair };
+    let collected = collect_run(&arguments.out, &run, options, printer, &stop)?;
     printer.data(&collected.rows, &collected.table());
     Ok(status(&collected))
 }
@@ -29,17 +30,21 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
 pub fn collect_run(
     out: &Path,
     run: &Run,
-    workers: Option<usize>,
+    options: CollectOptions,
     printer: &Printer,
     stop: &AtomicBool,
 ) -> Result<Collected, Failed> {
-    let collected = collect(out, run, inputs::workers(workers), printer, stop)?;
+    let collected = collect(out, run, options, printer, stop)?;
     if let Some(dataset) = &collected.dataset {
         printer.say(format!("dataset: {}", dataset.display()));
     }
     if collected.interrupted {
         let Collected { finished, attempts, .. } = &collected;
         printer.say(format!("interrupted after {finished} of {attempts} attempts; start again to continue"));
+    }
+    if !collected.damaged.is_empty() {
+        let count = collected.damaged.len();
+        printer.say(format!("{count} damaged episodes left out; start again with --repair to make them anew"));
     }
     Ok(collected)
 }

@@ -7,6 +7,7 @@ use std::time::Instant;
 use genmanip_core::{Seed, Task};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
+use genmanip_run::collect::CollectOptions;
 use genmanip_run::evaluate::{self, EvaluateOptions, Suite, evaluate};
 use genmanip_run::{PolicyFactory, Run, inputs};
 
@@ -26,7 +27,8 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     let images = Some(ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
     let settings = CollectSettings { images, ..CollectSettings::in_world(inputs::read_world(None)?) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
-    let collected = collect::collect_run(out, &run, arguments.workers, printer, &stop)?;
+    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: false };
+    let collected = collect::collect_run(out, &run, options, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(ExitStatus::NotMet);
     }

@@ -1,7 +1,7 @@
 //! `genmanip replay`.
 
 use genmanip_bench::text_table;
-use genmanip_run::replay;
+use genmanip_run::replay::{self, Replayed};
 
 use crate::args::ReplayArguments;
 use crate::error::{ExitStatus, Failed};
@@ -11,9 +11,8 @@ pub fn run(arguments: &ReplayArguments, printer: &Printer) -> Result<ExitStatus,
     let rows = replay::check(&arguments.episodes, arguments.check, arguments.strip.as_deref(), printer)?;
     let mut lines = vec![["episode", "frames", "final state"].map(String::from).to_vec()];
     for row in &rows {
-        let state = if row.identical { "identical".into() } else { format!("differs by {:e}", row.largest_difference) };
-        lines.push(vec![row.episode.clone(), row.frames.to_string(), state]);
+        lines.push(vec![row.episode.clone(), row.frames.to_string(), row.in_words()]);
     }
     printer.data(&rows, &text_table(&lines));
-    Ok(if rows.iter().all(|row| row.identical) { ExitStatus::Done } else { ExitStatus::NotMet })
+    Ok(if rows.iter().all(Replayed::is_sound) { ExitStatus::Done } else { ExitStatus::NotMet })
 }

@@ -1,6 +1,6 @@
 //! `genmanip task check|show`.
 
-use genmanip_core::{Document, Task};
+use genmanip_core::{Document, Task, limits};
 use genmanip_run::inputs;
 use genmanip_scene::answer::{AnswerReport, Verdict};
 use serde::Serialize;
@@ -40,9 +40,10 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
     let mut checked = Vec::new();
     for file in inputs::expand(&arguments.files)? {
         let report = if arguments.objects.is_empty() {
-            inputs::check_recorded(&file, &inputs::read_text(&file, 4 << 20)?)?
+            inputs::check_recorded(&file, &inputs::read_text(&file, limits::TASK)?)?
         } else {
-            inputs::check_bare(&file, &arguments.objects, &arguments.kind, arguments.min_objects)?
+            let world = arguments.world.as_deref();
+            inputs::check_bare(&file, &arguments.objects, world, &arguments.kind, arguments.min_objects)?
         };
         checked.push(Checked { file: file.display().to_string(), report: CheckedReport::from(report) });
     }

@@ -2,24 +2,23 @@
 
 use std::path::Path;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::search::Filter;
 use genmanip_bench::text_table;
 use genmanip_chat::CassetteMode;
-use genmanip_core::{Document, Seed, Task, TaskKind};
+use genmanip_core::limits;
+use genmanip_core::{Document, ObjectCard, Seed, Task, TaskKind};
 use genmanip_llm::{Designer, GenerationOutcome, LlmSettings};
 use genmanip_run::{Progress, inputs};
 use genmanip_scene::designer::{DesignSettings, design_each};
 use serde::Serialize;
 
 use crate::args::NewArguments;
+use crate::commands::assets::catalogue;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 /// Folder beside the tasks with what the model answered and what was wrong with it.
 const ROUNDS: &str = "rounds";
-
-/// Largest settings file, bytes.
-const MAX_SETTINGS_BYTES: u64 = 1 << 20;
 
 #[derive(Serialize)]
 struct Row {
@@ -38,17 +37,23 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     };
     let is_rules = arguments.designer == "rules";
     if is_rules && (arguments.settings.is_some() || arguments.cassettes.is_some() || arguments.folder.is_some()) {
-        return Err(Failed::new("--settings, --cassettes and --folder are for language models")
+        return Err(Failed::misused("--settings, --cassettes and --folder are for language models")
             .hint("add --designer llm, or leave them out"));
     }
+    if is_rules && arguments.world.is_some() {
+        return Err(Failed::new("--world is for language models: the rules name no surface but the table")
+            .hint("leave it out; `layout` and `collect` lay tasks out in a world with --world"));
+    }
     if !(0.0..=1.0).contains(&arguments.copies) || (!is_rules && arguments.copies > 0.0) {
-        return Err(Failed::new(format!("--copies {} is not possible", arguments.copies))
+        return Err(Failed::misused(format!("--copies {} is not possible", arguments.copies))
             .hint("expected a share of scenes, 0 to 1, with --designer rules"));
     }
     let rows = match arguments.designer.as_str() {
         "rules" => by_rules(arguments, &kinds, printer)?,
         "llm" => by_language_model(arguments, &kinds, printer)?,
-        other => return Err(Failed::new(format!("there is no designer `{other}`")).hint("expected rules or llm")),
+        other => {
+            return Err(Failed::misused(format!("unknown designer `{other}`")).hint("expected rules or llm"));
+        }
     };
     printer.data(&rows, &in_words(&rows));
     let refused = rows.iter().filter(|row| row.refused.is_some()).count();
@@ -59,8 +64,20 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     Ok(ExitStatus::Done)
 }
 
+/// The cards that tasks may be about.
+fn cards(arguments: &NewArguments) -> Result<Vec<ObjectCard>, Failed> {
+    let catalogue = catalogue(&arguments.catalog);
+    let Some(query) = &arguments.objects else { return Ok(catalogue.cards().to_vec()) };
+    let index = catalogue.index();
+    let found = index.search(query, &Filter::default(), usize::MAX);
+    if found.is_empty() {
+        return Err(Failed::new(format!("no object fits \"{query}\"")).hint("try it with `genmanip assets search`"));
+    }
+    Ok(found.iter().map(|one| one.card.clone()).collect())
+}
+
 fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
-    let cards = Catalogue::builtin().cards();
+    let cards = &*cards(arguments)?;
     printer.begin("designing", arguments.count);
     let settings = DesignSettings { copies: arguments.copies, ..DesignSettings::default() };
     let seed = Seed::new(arguments.seed);
@@ -75,12 +92,14 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
     let settings = settings(arguments)?;
     let seed = Seed::new(arguments.seed);
     let designer = Designer::open(&settings, seed)
-        .map_err(|error| Failed::because("the language model cannot be asked", &error))?;
+        .map_err(|error| Failed::because("the language model cannot be asked", &error))?
+        .with_surfaces(inputs::read_world(arguments.world.as_deref())?.named_surfaces());
     printer.begin("asking", arguments.count);
     let mut outcomes: Vec<GenerationOutcome> = Vec::new();
+    let cards = cards(arguments)?;
     for (index, &kind) in kinds.iter().enumerate() {
         let count = (arguments.count + kinds.len() - 1 - index) / kinds.len();
-        outcomes.extend(designer.generate(kind, count, seed, Catalogue::builtin().cards(), &|_| printer.advance()));
+        outcomes.extend(designer.generate(kind, count, seed, &cards, &|_| printer.advance()));
     }
     printer.end();
     outcomes.iter().map(|outcome| write_outcome(outcome, &arguments.out)).collect()
@@ -89,7 +108,7 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
 fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
     let mut settings = match (arguments.settings.as_deref(), &arguments.folder) {
         (Some(path), _) => {
-            let text = inputs::read_text(path, MAX_SETTINGS_BYTES)?;
+            let text = inputs::read_text(path, limits::SETTINGS)?;
             LlmSettings::from_toml(&text)
                 .map_err(|error| Failed::because(format!("cannot use the settings in {}", path.display()), &error))?
         }
@@ -109,7 +128,7 @@ fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
             "replay" => CassetteMode::Replay,
             other => {
                 let what = format!("cassettes cannot be used in the mode `{other}`");
-                return Err(Failed::new(what).hint("expected live, record or replay"));
+                return Err(Failed::misused(what).hint("expected live, record or replay"));
             }
         };
     }

@@ -36,6 +36,11 @@ impl WorldFault {
         Self { place: place.into(), expected: expected.into(), got: got.to_string(), hint: String::new() }
     }
 
+    /// What was expected and what is there, without the place.
+    pub fn expectation(&self) -> String {
+        format!("expected {}, got {}", self.expected, self.got)
+    }
+
     /// With what to do about it.
     #[must_use]
     pub fn hint(self, hint: impl Into<String>) -> Self {
@@ -54,6 +59,16 @@ impl World {
         if self.light.is_some() {
             faults.push(reserved("light"));
         }
+        faults
+    }
+
+    /// What is wrong with the parts of this world, whatever its robot.
+    pub fn faults_of_parts(&self) -> Vec<WorldFault> {
+        let mut faults = Vec::new();
+        for (index, surface) in self.surfaces.iter().enumerate() {
+            check_surface(surface, &format!("surfaces[{index}]"), &mut faults);
+        }
+        check_parts(&self.cameras, Some(&self.physics), Some(&self.relations), &mut faults);
         faults
     }
 
@@ -150,6 +165,13 @@ pub(super) fn check_parts(
     if let Some(relations) = relations {
         check_relations(relations, faults);
     }
+}
+
+/// Everything that is wrong with cameras that stand alone.
+pub fn camera_faults(cameras: &[Camera]) -> Vec<WorldFault> {
+    let mut faults = Vec::new();
+    check_parts(cameras, None, None, &mut faults);
+    faults
 }
 
 fn check_surface(surface: &SupportSurface, place: &str, faults: &mut Vec<WorldFault>) {

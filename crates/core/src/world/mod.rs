@@ -15,14 +15,14 @@ mod surface;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use check::WorldFault;
+pub use check::{WorldFault, camera_faults};
 pub use compare::{WorldDifference, WorldHashes, WorldPart};
 pub use file::{WorldFile, read_camera};
 pub use settings::{PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};
 
 use crate::camera::Reserved;
-use crate::{Camera, Document};
+use crate::{Camera, Document, NamedSurface};
 
 /// Everything about a scenario that is neither its task nor its objects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -82,6 +82,12 @@ impl World {
     /// A support surface by its id.
     pub fn surface(&self, id: &str) -> Option<&SupportSurface> {
         self.surfaces.iter().find(|surface| surface.id == id)
+    }
+
+    /// The support surfaces that tasks may name: all but the table.
+    pub fn named_surfaces(&self) -> Vec<NamedSurface> {
+        let named = |surface: &SupportSurface| NamedSurface { id: surface.id.clone(), name: surface.name.clone() };
+        self.surfaces.iter().skip(1).map(named).collect()
     }
 
     /// A camera by its name.

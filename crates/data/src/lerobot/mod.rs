@@ -16,10 +16,14 @@ mod writer;
 
 use std::path::{Path, PathBuf};
 
+use genmanip_core::limits;
 use genmanip_core::{Document, Episode, RobotModel};
 use serde::{Deserialize, Serialize};
 
-use crate::{CameraTrack, DataError, EpisodeStore};
+use crate::{CameraTrack, DataError, EpisodeStore, files};
+
+/// Where a data set says how it was made.
+const SETTINGS: &str = "meta/lerobot_settings.json";
 
 /// How a data set is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,8 +43,9 @@ pub struct LerobotSettings {
     pub episodes_per_file: usize,
     /// Episodes per file of the depth data set, whose pictures are larger. Default 10.
     pub episodes_per_depth_file: usize,
-    /// Whether a data set of the same name is replaced. Default false.
-    pub replace: bool,
+    /// The run that it is made for: only a data set of the same run is ever replaced. Default none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
 }
 
 impl Default for LerobotSettings {
@@ -52,13 +57,13 @@ impl Default for LerobotSettings {
             record: true,
             episodes_per_file: 100,
             episodes_per_depth_file: 10,
-            replace: false,
+            run: None,
         }
     }
 }
 
 impl Document for LerobotSettings {
-    const SCHEMA: &'static str = "genmanip.lerobot_settings/1";
+    const SCHEMA: &'static str = "genmanip.lerobot_settings/2";
 }
 
 /// Which episodes of a store are exported; attempts without frames never are.
@@ -83,6 +88,8 @@ pub struct ExportReport {
     pub episodes: usize,
     /// Number of frames.
     pub frames: usize,
+    /// Damaged episodes, which are not in it, with what is wrong.
+    pub left_out: Vec<(String, String)>,
 }
 
 /// One episode with what its cameras saw.
@@ -113,7 +120,7 @@ pub fn export(
     }
     let depth_dataset = settings.depth.then(|| depth_path(dataset));
     for target in [Some(dataset), depth_dataset.as_deref()].into_iter().flatten() {
-        refuse_foreign(target, settings.replace)?;
+        check_owner(target, settings.run.as_deref())?;
     }
     if let Some(parent) = dataset.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         std::fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
@@ -124,8 +131,16 @@ pub fn export(
         .as_deref()
         .map(|path| writer::DatasetWriter::new(path, settings.episodes_per_depth_file, settings.fps, &robot.name))
         .transpose()?;
+    let mut left_out = Vec::new();
     for id in &ids {
-        let source = read_source(store, id, settings)?;
+        let source = match read_source(store, id, settings) {
+            // Whoever names episodes wants these; of all others the sound ones are of use.
+            Err(error) if error.is_damage() && !matches!(selection, Selection::Ids(_)) => {
+                left_out.push((id.clone(), error.to_string()));
+                continue;
+            }
+            source => source?,
+        };
         colors.push(rows::color_rows(&source, robot, settings)?)?;
         if let Some(depths) = &mut depths {
             depths.push(depth::depth_rows(&source, settings)?)?;
@@ -133,6 +148,10 @@ pub fn export(
         if settings.record {
             colors.copy_record(store, id)?;
         }
+    }
+    if left_out.len() == ids.len() {
+        let (id, why) = &left_out[0];
+        return Err(DataError::mismatch("episodes to export", "at least one sound", format!("{id}: {why}")));
     }
     let frames = colors.frames();
     let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
@@ -142,7 +161,8 @@ pub fn export(
         depths.publish()?;
     }
     colors.publish()?;
-    Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes: ids.len(), frames })
+    let episodes = ids.len() - left_out.len();
+    Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out })
 }
 
 /// Number of dataset frames of an episode, and control steps per dataset frame.
@@ -183,8 +203,11 @@ fn selected(store: &EpisodeStore, selection: &Selection) -> Result<Vec<String>, 
     };
     let mut selected = Vec::new();
     for id in store.ids()? {
-        if store.is_recorded(&id)? && (!only_verified || store.read_result(&id)?.success) {
-            selected.push(id);
+        match store.read_attempt(&id) {
+            Ok((result, true)) if result.success || !only_verified => selected.push(id),
+            // Found again, and named, when it is read.
+            Err(error) if error.is_damage() => selected.push(id),
+            attempt => drop(attempt?),
         }
     }
     Ok(selected)
@@ -205,13 +228,25 @@ fn read_source(store: &EpisodeStore, id: &str, settings: &LerobotSettings) -> Re
     Ok(Source { episode, tracks })
 }
 
-fn depth_path(dataset: &Path) -> PathBuf {
+/// Where the depth data set of a data set lies.
+pub fn depth_path(dataset: &Path) -> PathBuf {
     let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     dataset.with_file_name(format!("{name}-depth"))
 }
 
-/// Only a data set may be replaced, and only when asked.
-fn refuse_foreign(target: &Path, replace: bool) -> Result<(), DataError> {
-    let is_dataset = target.join("meta/info.json").is_file();
-    if target.exists() && !(replace && is_dataset) { Err(DataError::Exists { path: target.into() }) } else { Ok(()) }
+/// Refuses to replace what a run did not make itself: the settings inside a data set name its run.
+///
+/// # Errors
+/// [`DataError::Exists`] without a run, [`DataError::NotOurs`] when something else is there than a data set of the run.
+pub fn check_owner(target: &Path, run: Option<&str>) -> Result<(), DataError> {
+    let Ok(about) = std::fs::symlink_metadata(target) else { return Ok(()) };
+    let Some(run) = run else { return Err(DataError::Exists { path: target.into() }) };
+    let mark = target.join(SETTINGS);
+    let known = files::read_own(&mark, limits::SETTINGS).ok();
+    let known = known.and_then(|text| LerobotSettings::from_bytes(&text).ok()).and_then(|settings| settings.run);
+    if about.is_dir() && known.as_deref() == Some(run) {
+        Ok(())
+    } else {
+        Err(DataError::NotOurs { path: target.into() })
+    }
 }

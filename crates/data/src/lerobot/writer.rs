@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use genmanip_core::Document;
+use genmanip_core::limits;
 use serde_json::Value;
 
 use super::LerobotSettings;
@@ -12,7 +13,7 @@ use super::info::{self, FILES_PER_CHUNK};
 use super::stats::{Collected, Stats};
 use crate::aside::{self, Aside};
 use crate::table::{Purpose, TableWriter};
-use crate::{DataError, EncodedVideo, EpisodeStore, video};
+use crate::{DataError, EncodedVideo, EpisodeStore, files, video};
 
 /// One episode, ready to be written.
 pub(crate) struct EpisodeRows {
@@ -52,7 +53,7 @@ pub(crate) struct Finished(Aside);
 
 impl DatasetWriter {
     pub(crate) fn new(target: &Path, episodes_per_file: usize, fps: u32, robot: &str) -> Result<Self, DataError> {
-        aside::sweep_target(target)?;
+        files::sweep(aside::parent(target))?;
         Ok(Self {
             aside: Aside::replacing(target)?,
             fps,
@@ -109,7 +110,7 @@ impl DatasetWriter {
     pub(crate) fn copy_record(&self, store: &EpisodeStore, id: &str) -> Result<(), DataError> {
         let mark = self.aside.path("extras/record/store.json")?;
         if !mark.exists() {
-            let text = std::fs::read(store.root().join("store.json")).map_err(DataError::io("read", store.root()))?;
+            let text = files::read_own(&store.root().join("store.json"), limits::STORE_MARK)?;
             aside::write_synced(&mark, &text)?;
         }
         let folder: PathBuf = self.aside.path(&format!("extras/record/{id}"))?;
@@ -127,7 +128,7 @@ impl DatasetWriter {
         self.write_json("meta/info.json", &info)?;
         self.write_json("meta/stats.json", &self.collected.to_json())?;
         self.write_json("meta/genmanip.json", &info::meaning(settings))?;
-        self.aside.write("meta/lerobot_settings.json", settings.to_json().as_bytes())?;
+        self.aside.write(super::SETTINGS, settings.to_json().as_bytes())?;
         self.aside.write("meta/tasks.parquet", &episodes::tasks_table(&self.tasks)?)?;
         self.aside.write("README.md", info::card_with_info(card, &info).as_bytes())?;
         Ok(Finished(self.aside))

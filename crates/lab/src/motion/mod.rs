@@ -182,7 +182,7 @@ pub fn measure(arguments: &MotionArguments, seed: Seed, progress: &dyn Progress)
 /// The problems of the user's file, or fresh ones.
 fn problems(source: &Source, planner: &Planner, seed: Seed) -> Result<Vec<Problem>, LabError> {
     let (is_hard, count, out) = match source {
-        Source::File(file) => return problems::read(file),
+        Source::File(file) => return problems::read(file, planner.robot().arm_dof()),
         Source::Generated { is_hard, count, out } => (*is_hard, *count, out),
     };
     let made = generate::generate(planner, is_hard, count, seed.fork("problems"))?;

@@ -3,15 +3,13 @@
 use std::path::Path;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Piece, Pose, Shape};
+use genmanip_core::limits;
+use genmanip_core::{DocumentError, Piece, Pose, Shape, json};
 use genmanip_motion::{CollisionWorld, GeometryError};
 use serde::{Deserialize, Serialize};
 
 use crate::LabError;
 use genmanip_run::{Cause, inputs};
-
-/// Largest file of problems, bytes.
-const MAX_BYTES: u64 = 256 << 20;
 
 /// What such a file holds.
 #[derive(Serialize, Deserialize)]
@@ -59,19 +57,74 @@ pub struct Problem {
     pub pieces: Vec<Piece>,
 }
 
-pub fn read(path: &Path) -> Result<Vec<Problem>, LabError> {
+/// Most problems of a file, and obstacles of a problem; chosen, ten times what is of use.
+const MOST_PROBLEMS: usize = 10_000;
+const MOST_OBSTACLES: usize = 1_000;
+/// Largest size and distance of an obstacle, m, and joint position, rad or m.
+const LARGEST_M: f64 = 20.0;
+const FARTHEST: f64 = 100.0;
+
+/// The problems of a file for an arm of `dof` joints.
+pub fn read(path: &Path, dof: usize) -> Result<Vec<Problem>, LabError> {
     let no_problems = |error: Cause| {
         LabError::input(format!("{} is no file of motion problems", path.display())).because(error).with_hint(
             "expected {\"problems\": [{\"start\": [rad], \"goal\": [rad], \"obstacles\": [{\"type\": \"box\", \
              \"size\": [m], \"pos\": [m], \"yaw\": rad}]}]}",
         )
     };
-    let text = inputs::read_text(path, MAX_BYTES)?;
+    let text = inputs::read_text(path, limits::PROBLEMS)?;
+    // Twice, since only the second knows where a value stands, and only the first that a key stands twice.
+    json::parse(&text).map_err(|error| {
+        let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
+        no_problems(error.into()).with_hint(hint)
+    })?;
     let file: File = serde_json::from_str(&text).map_err(|error| no_problems(error.into()))?;
+    if let Some(fault) = file.fault(dof) {
+        return Err(LabError::input(format!("{}: at $.{fault}", path.display()))
+            .with_hint("lengths are metres, joint positions radians, one for each joint of the arm that moves"));
+    }
     file.compile().map_err(|error| no_problems(error.into()))
 }
 
 impl File {
+    /// The first thing that no problem of an arm with `dof` joints has.
+    fn fault(&self, dof: usize) -> Option<String> {
+        let within = |value: f64, most: f64| value.abs() <= most;
+        if self.problems.len() > MOST_PROBLEMS {
+            return Some(format!("problems: expected at most {MOST_PROBLEMS}, got {}", self.problems.len()));
+        }
+        for (index, problem) in self.problems.iter().enumerate() {
+            for (name, config) in [("start", &problem.start), ("goal", &problem.goal)] {
+                let place = format!("problems[{index}].{name}");
+                if config.len() != dof {
+                    return Some(format!("{place}: expected {dof} joint positions, got {}", config.len()));
+                }
+                if let Some(q) = config.iter().find(|q| !within(**q, FARTHEST)) {
+                    return Some(format!("{place}: expected joint positions from -{FARTHEST} to {FARTHEST}, got {q}"));
+                }
+            }
+            let count = problem.obstacles.len();
+            if count > MOST_OBSTACLES {
+                return Some(format!("problems[{index}].obstacles: expected at most {MOST_OBSTACLES}, got {count}"));
+            }
+            for (number, obstacle) in problem.obstacles.iter().enumerate() {
+                let place = format!("problems[{index}].obstacles[{number}]");
+                let sizes = match obstacle.shape {
+                    Form::Box { size } => size.to_vec(),
+                    Form::Cylinder { radius, length } => vec![radius, length],
+                    Form::Sphere { radius } => vec![radius],
+                };
+                if let Some(size) = sizes.iter().find(|size| !(1e-6..=LARGEST_M).contains(*size)) {
+                    return Some(format!("{place}: expected sizes from 1e-6 to {LARGEST_M} m, got {size}"));
+                }
+                if let Some(far) = obstacle.pos.iter().chain([&obstacle.yaw]).find(|value| !within(**value, FARTHEST)) {
+                    return Some(format!("{place}: expected pos and yaw from -{FARTHEST} to {FARTHEST}, got {far}"));
+                }
+            }
+        }
+        None
+    }
+
     /// The problems in the form the planner takes.
     pub fn compile(self) -> Result<Vec<Problem>, GeometryError> {
         let problem = |Written { start, goal, obstacles, .. }: Written| {

@@ -220,7 +220,7 @@ fn the_prompt() {
 fn the_schema_fits_the_answers() {
     let prompts = PromptSet::load(None).unwrap();
     for (name, answer) in recorded_answers() {
-        let schema = prompts.reply_schema(&answer.request(&name, &catalogue()).unwrap().offered).schema;
+        let schema = prompts.reply_schema(&answer.request(&name, &catalogue()).unwrap()).schema;
         assert_closed(&schema);
         let text = answer.response.trim().trim_start_matches("```json").split("```").next().unwrap();
         match serde_json::from_str::<Value>(text) {

@@ -1,7 +1,8 @@
 use std::collections::BTreeSet;
 
-use genmanip_core::TaskKind;
+use genmanip_core::{NamedSurface, TaskKind};
 use genmanip_llm::{Prompt, PromptSet};
+use genmanip_scene::answer::TaskRequest;
 
 use crate::catalogue;
 
@@ -48,7 +49,18 @@ fn all_placeholders_are_filled() {
     check(set.repair_text("- the mug flies"), &["- the mug flies"]);
     for kind in TaskKind::ALL {
         let kind_text = &set.kinds.of(kind).text;
-        check(set.request_text(kind, 123_456, &cards[..2]), &["at least 123456 of", kind_text, &cards[1].description]);
+        let surface = NamedSurface { id: "side_table".into(), name: "side table".into() };
+        let request = TaskRequest {
+            id: "any".into(),
+            kind,
+            offered: cards[..2].to_vec(),
+            surfaces: vec![surface],
+            min_objects: 123_456,
+            between: false,
+            source: "test".into(),
+        };
+        let text = set.request_text(&request);
+        check(text, &["at least 123456 of", kind_text, &cards[1].description, "uid \"side_table\": side table."]);
         let ids: Vec<String> = set.stamps(kind).into_iter().map(|stamp| stamp.id).collect();
         let kind_id = format!("tosg.kind.{}", kind.name());
         assert_eq!(ids, ["tosg.system", "tosg.request", kind_id.as_str(), "tosg.repair"]);

@@ -1,5 +1,7 @@
 //! The robot's collision bodies, compiled once.
 
+use std::collections::BTreeSet;
+
 use genmanip_core::RobotModel;
 
 use super::body::{Body, BodyPair, LOOK, Part, bodies_separation};
@@ -66,9 +68,9 @@ impl RobotShape {
             })
             .collect::<Result<Vec<_>, GeometryError>>()?;
         let frame = |link: usize| chain.link_mount(link, 0.0).0;
-        let never = |a: usize, b: usize| {
-            frame(a) == frame(b) || robot.never_colliding.iter().any(|pair| *pair == (a, b) || *pair == (b, a))
-        };
+        let allowed: BTreeSet<(usize, usize)> =
+            robot.never_colliding.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
+        let never = |a: usize, b: usize| frame(a) == frame(b) || allowed.contains(&(a, b));
         let count = links.len();
         let pairs = (0..count)
             .flat_map(|a| (a + 1..count).map(move |b| (a, b)))
@@ -116,7 +118,7 @@ impl RobotShape {
     /// The pairs of bodies that may meet, each to keep `padding` metres.
     pub(super) fn body_pairs(&self, bodies: &[Body], padding: f64) -> Vec<BodyPair> {
         let tested = |a: &Body, b: &Body| match (a.part, b.part) {
-            (Part::Link(a), Part::Link(b)) => self.pairs.contains(&(a, b)),
+            (Part::Link(a), Part::Link(b)) => self.pair(a, b).is_some(),
             (Part::Link(link), Part::Attached) => a.frame != b.frame && !self.gripper_links.contains(&link),
             _ => false,
         };
@@ -130,12 +132,17 @@ impl RobotShape {
                 let movers = (0..a.len()).filter(|joint| (a[*joint] > 0.0) != (b[*joint] > 0.0));
                 let movers = movers.map(|joint| (joint, a[joint].max(b[joint]))).collect();
                 let table = match (bodies[first].part, bodies[second].part) {
-                    (Part::Link(a), Part::Link(b)) => self.pairs.iter().position(|pair| *pair == (a, b)),
+                    (Part::Link(a), Part::Link(b)) => self.pair(a, b),
                     _ => None,
                 };
                 BodyPair { first, second, margin: padding, movers, table }
             })
             .collect()
+    }
+
+    /// Place of a pair of links, the smaller index first, among those that are tested; they are in order.
+    fn pair(&self, a: usize, b: usize) -> Option<usize> {
+        self.pairs.binary_search(&(a, b)).ok()
     }
 
     /// Tables for the pairs of links that exactly two turning joints move; `fingers` move otherwise and have none.

@@ -60,6 +60,20 @@ pub enum DescriptionError {
         /// Unit of both.
         unit: &'static str,
     },
+    /// A number that no robot has.
+    #[error("{place}: {what} should be {expected}, got {got}")]
+    Implausible {
+        /// Link or joint.
+        place: String,
+        /// What is out of bounds.
+        what: &'static str,
+        /// The bounds, with their unit.
+        expected: String,
+        /// What is there.
+        got: String,
+        /// What most likely happened.
+        hint: &'static str,
+    },
     /// A mesh is missing or cannot be read as one.
     #[error("mesh {name} of link {link}: {what}")]
     Mesh {
@@ -76,4 +90,23 @@ pub enum DescriptionError {
     /// It reads well, but is no robot that can be tested for collision.
     #[error(transparent)]
     Robot(#[from] RobotError),
+}
+
+impl DescriptionError {
+    /// What a person can do about it.
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::Implausible { hint, .. } => hint,
+            Self::NotXml(_) | Self::NotARobot { .. } => "expected URDF: <robot> with <link> and <joint> elements",
+            Self::Huge { .. } => "expected one robot; take links and pieces out that planning does not need",
+            Self::UnknownLink { .. } | Self::Twice { .. } => "names of links and joints must match and differ",
+            Self::TwoParents(_) | Self::NotATree(_) => "expected every link but the base to be the child of one joint",
+            Self::Mesh { .. } => {
+                "expected STL or OBJ in metres; a simpler hull beside it as MESH.convex.stl is preferred"
+            }
+            Self::BadAttribute { .. } => "the URDF specification says what each attribute holds",
+            Self::NothingMoves => "expected at least one revolute, continuous or prismatic joint",
+            Self::Robot(_) => "expected convex or nearly convex collision geometry (box, cylinder, sphere, STL, OBJ)",
+        }
+    }
 }

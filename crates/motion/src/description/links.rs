@@ -7,7 +7,7 @@ use genmanip_core::{
 use roxmltree::Node;
 
 use super::tree::Tree;
-use super::{DescriptionError, MeshFile, mesh};
+use super::{DescriptionError, MeshFile, mesh, plausible};
 
 /// What URDF does not say about a joint: rad/s² or m/s², and rad/s³ or m/s³.
 const ACCELERATION: f64 = 10.0;
@@ -21,6 +21,7 @@ pub(super) fn read(
     let mass = MassProperties { mass_kg: 1.0, center: DVec3::ZERO, inertia: DMat3::IDENTITY };
     let read_link = |(node, above): &(Node, Option<(Node, usize)>)| {
         let name = node.attribute("name").unwrap_or_default().to_owned();
+        inertial(&name, *node)?;
         let collisions = node.children().filter(|child| child.has_tag_name("collision"));
         let pieces = collisions.map(|collision| piece(&name, collision, load)).collect::<Result<Vec<_>, _>>()?;
         let (parent, parent_from_link, joint) = match above {
@@ -86,6 +87,23 @@ fn joint(place: &str, node: Node) -> Result<Option<RobotJoint>, DescriptionError
         max_jerk: JERK,
         max_effort: number("effort", Some(1.0))?,
     }))
+}
+
+/// Planning needs no masses, but a file whose masses make no sense is not what its reader takes it for.
+fn inertial(link: &str, node: Node) -> Result<(), DescriptionError> {
+    let Some(inertial) = node.children().find(|child| child.has_tag_name("inertial")) else { return Ok(()) };
+    let place = format!("link {link}");
+    let child = |tag| inertial.children().find(|child| child.has_tag_name(tag));
+    let number = |node: Option<Node>, attribute: &'static str| match node.and_then(|node| node.attribute(attribute)) {
+        Some(text) => finite(&place, attribute, text),
+        None => Ok(0.0),
+    };
+    let (mass, tensor) = (number(child("mass"), "value")?, child("inertia"));
+    let mut inertia = [0.0; 6];
+    for (value, name) in inertia.iter_mut().zip(["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]) {
+        *value = number(tensor, name)?;
+    }
+    plausible::check_inertial(&place, mass, inertia)
 }
 
 fn piece(

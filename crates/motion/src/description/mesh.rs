@@ -3,12 +3,14 @@
 use genmanip_core::glam::DVec3;
 use parry3d_f64::{math::Vector, transformation::try_convex_hull};
 
-use super::MAX_MESH_BYTES;
+use genmanip_core::limits::MESH;
+
+use super::plausible::MAX_CORNERS;
 
 /// The corners of the mesh's convex hull, scaled; the words say what is wrong.
 pub(super) fn hull_corners(name: &str, bytes: &[u8], scale: DVec3) -> Result<Vec<DVec3>, String> {
-    if bytes.len() > MAX_MESH_BYTES {
-        return Err(format!("{} bytes; at most {MAX_MESH_BYTES} are read", bytes.len()));
+    if bytes.len() as u64 > MESH.bytes {
+        return Err(format!("{} bytes; at most {} are read", bytes.len(), MESH.in_words()));
     }
     let ending = name.rsplit('.').next().unwrap_or_default().to_ascii_lowercase();
     let mut points = match ending.as_str() {
@@ -30,8 +32,45 @@ pub(super) fn hull_corners(name: &str, bytes: &[u8], scale: DVec3) -> Result<Vec
     if input.len() < 4 {
         return Err(format!("{} different corners; a body needs at least 4", input.len()));
     }
+    if input.len() > MAX_CORNERS {
+        input = outermost(input);
+    }
+    if input.len() > MAX_CORNERS {
+        return Err(format!("its convex hull has about {} corners; at most {MAX_CORNERS} are taken", input.len()));
+    }
     let (corners, _) = try_convex_hull(&input).map_err(|error| format!("it has no convex hull: {error:?}"))?;
     Ok(corners.iter().map(|corner| DVec3::from_array(corner.to_array())).collect())
+}
+
+/// Points without those that are surely inside: within the hull of the points that are farthest along some directions.
+fn outermost(points: Vec<Vector>) -> Vec<Vector> {
+    // Spread evenly over the sphere (Fibonacci lattice); chosen, enough for all but a few per cent of an even cloud.
+    const DIRECTIONS: usize = 256;
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let direction = |index: usize| {
+        let z = 1.0 - (2.0 * index as f64 + 1.0) / DIRECTIONS as f64;
+        let (sin, cos) = (golden * index as f64).sin_cos();
+        Vector::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
+    };
+    let farthest = |index: usize| {
+        let along = direction(index);
+        points.iter().copied().max_by(|a, b| a.dot(along).total_cmp(&b.dot(along)))
+    };
+    let mut extremes: Vec<Vector> = (0..DIRECTIONS).filter_map(farthest).collect();
+    extremes.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
+    extremes.dedup();
+    let Ok((corners, triangles)) = try_convex_hull(&extremes) else { return points };
+    let planes: Vec<(Vector, f64)> = triangles
+        .iter()
+        .filter_map(|[a, b, c]| {
+            let [a, b, c] = [a, b, c].map(|index| corners[*index as usize]);
+            let outward = (b - a).cross(c - a).try_normalize()?;
+            Some((outward, outward.dot(a)))
+        })
+        .collect();
+    // Well inside: what lies in the planes may be a corner.
+    let is_inside = |point: &Vector| planes.iter().all(|(outward, reach)| outward.dot(*point) < reach - 1e-9);
+    points.into_iter().filter(|point| !is_inside(point)).collect()
 }
 
 fn is_binary(bytes: &[u8]) -> bool {

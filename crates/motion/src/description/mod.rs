@@ -7,22 +7,21 @@
 mod error;
 mod links;
 mod mesh;
+mod plausible;
 #[cfg(test)]
 mod tests;
 mod tree;
 
+use std::collections::BTreeMap;
+
+use genmanip_core::limits;
 use genmanip_core::{Gripper, Pose, RobotModel, Seed, glam::DVec3};
 use rand::RngExt;
 
 use crate::collision::{Allowed, Checker, CollisionWorld, RobotShape};
 pub use error::DescriptionError;
+pub use plausible::{MAX_CORNERS, MAX_JOINTS, MAX_LINKS, MAX_PIECES, MAX_REACH_M};
 
-/// Most links of a robot.
-pub const MAX_LINKS: usize = 512;
-/// Largest description, bytes.
-pub const MAX_TEXT_BYTES: usize = 8 << 20;
-/// Largest mesh file, bytes.
-pub const MAX_MESH_BYTES: usize = 32 << 20;
 /// Configurations at which links that always touch are found.
 const SAMPLES: usize = 64;
 
@@ -52,11 +51,11 @@ pub fn read_robot(
     mesh: &mut dyn FnMut(&str) -> Result<MeshFile, String>,
 ) -> Result<RobotModel, DescriptionError> {
     for text in [Some(urdf), srdf].into_iter().flatten() {
-        if text.len() > MAX_TEXT_BYTES {
+        if text.len() as u64 > limits::ROBOT.bytes {
             return Err(DescriptionError::Huge {
                 what: "the description".into(),
                 size: text.len(),
-                limit: MAX_TEXT_BYTES,
+                limit: limits::ROBOT.bytes as usize,
                 unit: "bytes",
             });
         }
@@ -70,8 +69,11 @@ pub fn read_robot(
     let rules = srdf.map(parse).transpose()?;
     let tree = tree::Tree::of(root)?;
     let links = links::read(&tree, mesh)?;
+    plausible::check(&links)?;
+    let indices: BTreeMap<&str, usize> =
+        links.iter().zip(0..).map(|(link, index)| (link.name.as_str(), index)).collect();
     let position = |name: &str, by: &str| {
-        let found = links.iter().position(|link| link.name == name);
+        let found = indices.get(name).copied();
         found.ok_or_else(|| DescriptionError::UnknownLink { name: name.to_owned(), by: by.to_owned() })
     };
     let mut never_colliding: Vec<(usize, usize)> =
@@ -116,6 +118,9 @@ pub fn read_robot(
     if robot.links[hand].joint.is_some() {
         tree::add_tool_frame(&mut robot);
     }
+    robot.never_colliding.sort_unstable();
+    robot.never_colliding.dedup();
+    plausible::check_reach(&robot)?;
     if rules.is_none() {
         let always = always_touching(&robot)?;
         robot.never_colliding.extend(always);

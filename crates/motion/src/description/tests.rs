@@ -136,7 +136,7 @@ fn every_flaw_has_its_own_message() {
         read_robot(urdf, None, tip, mesh).unwrap_err().to_string()
     };
     assert!(error(ARM, Some("claw"), &mut brick).contains("names link claw, which does not exist"));
-    assert!(error(ARM, None, &mut |_| file(vec![0; MAX_MESH_BYTES + 1])).contains("at most"));
+    assert!(error(ARM, None, &mut |_| file(vec![0; limits::MESH.bytes as usize + 1])).contains("at most"));
     assert!(error(ARM, None, &mut |_| file(b"v 1 2\n".to_vec())).contains("line 1: expected three numbers"));
     assert!(error(ARM, None, &mut |_| file(b"v 1 2 3\n".to_vec())).contains("a body needs at least 4"));
     assert!(error(ARM, None, &mut |_| file(b"v nan 2 3\n".to_vec())).contains("not finite"));
@@ -146,6 +146,109 @@ fn every_flaw_has_its_own_message() {
         error("<robot><link name=\"a\"/></robot>", None, &mut brick),
         "no joint moves: there is no arm and no tip"
     );
+}
+
+/// Robots that are none: each cost minutes, gigabytes or a panic before robots were checked when they are read.
+#[test]
+fn robots_that_cannot_be_are_refused_with_a_hint() {
+    let cases = [
+        // In millimetres.
+        ("xyz=\"0 0 0.4\"", "xyz=\"0 0 400\"", "link fore: origin should be -10.0 to 10.0 m, got 400.0", "millimetres"),
+        ("radius=\"0.08\"", "radius=\"80\"", "link base: size of the collision geometry", "millimetres"),
+        ("length=\"0.1\"", "length=\"300\"", "link base: size of the collision geometry", "millimetres"),
+        ("radius=\"0.08\"", "radius=\"1e200\"", "link base: size of the collision geometry", "millimetres"),
+        ("radius=\"0.08\"", "radius=\"1e5\"", "link base: size of the collision geometry", "millimetres"),
+        ("radius=\"0.08\"", "radius=\"1e-300\"", "link base: size of the collision geometry", "without extent"),
+        ("scale=\"1 1 1\"", "scale=\"1000 1000 1000\"", "link fore: size of the collision geometry", "scale="),
+        ("xyz=\"0 0 0.2\"/>\n    <axis", "xyz=\"0 0 9.9\"/>\n    <axis", "reach should be at most 10 m", "millimetres"),
+        // Joints.
+        ("lower=\"-2.5\" upper=\"2.5\"", "lower=\"-1e308\" upper=\"1e308\"", "joint j3: limit should be", "degrees"),
+        ("lower=\"-2.5\" upper=\"2.5\"", "lower=\"-143\" upper=\"143\"", "joint j3: limit should be", "degrees"),
+        ("lower=\"-2.5\" upper=\"2.5\"", "lower=\"0\" upper=\"1e-320\"", "joint j3: range of the limits", "fixed"),
+        ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" velocity=\"1e-6\"", "joint j3: velocity", "within 1000 s"),
+        ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" velocity=\"1e-5\"", "joint j3: velocity", "within 1000 s"),
+        ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" velocity=\"1e30\"", "joint j3: velocity", "within 1000 s"),
+        ("upper=\"2.5\" velocity=\"2\"", "upper=\"2.5\" effort=\"-1\" velocity=\"2\"", "joint j3: effort", "N·m"),
+        // What planning does not need, but a reader can know.
+        (
+            "<link name=\"roll\"/>",
+            "<link name=\"roll\"><inertial><mass value=\"-1\"/></inertial></link>",
+            "link roll: mass should be 0.0 to 100000.0 kg",
+            "kilograms",
+        ),
+        (
+            "<link name=\"roll\"/>",
+            "<link name=\"roll\"><inertial><mass value=\"1\"/><inertia ixx=\"1e300\"/></inertial></link>",
+            "link roll: inertia should be",
+            "kilograms",
+        ),
+    ];
+    for (old, new, message, hint) in cases {
+        assert!(ARM.contains(old), "{old}");
+        let error = read_robot(&ARM.replacen(old, new, 1), None, None, &mut brick).unwrap_err();
+        assert!(
+            error.to_string().contains(message) && error.hint().contains(hint),
+            "{new}: {error} ({})",
+            error.hint()
+        );
+    }
+    // Too many of something.
+    let joint = |index: usize| {
+        format!(
+            "<link name=\"l{}\"/><joint name=\"j{index}\" type=\"revolute\"><parent link=\"l{index}\"/>\
+             <child link=\"l{}\"/><limit lower=\"-1\" upper=\"1\"/></joint>",
+            index + 1,
+            index + 1
+        )
+    };
+    let chain: String = (0..510).map(joint).collect();
+    let piece = "<collision><geometry><sphere radius=\"0.01\"/></geometry></collision>".repeat(MAX_PIECES + 1);
+    for (inside, message) in [
+        (format!("<link name=\"l0\"/>{chain}"), "the robot has 510 moving joints; at most 64 are read"),
+        (format!("<link name=\"l0\">{piece}</link>{}", joint(0)), "the robot has 513 collision pieces"),
+    ] {
+        let error = read_robot(&format!("<robot>{inside}</robot>"), None, None, &mut brick).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+}
+
+/// Triangles that have no corner in common, spread over a ball: all their corners are corners of the hull.
+#[test]
+fn a_mesh_whose_hull_has_too_many_corners_is_refused_at_once() {
+    let mut rng = Seed::new(3).rng();
+    let mut binary = vec![0; 80];
+    binary.extend(10_000_u32.to_le_bytes());
+    for _ in 0..10_000 {
+        binary.extend([0; 12]);
+        for _ in 0..3 {
+            let direction = DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
+            binary.extend((direction.normalize() * 0.1).as_vec3().to_array().into_iter().flat_map(f32::to_le_bytes));
+        }
+        binary.extend([0; 2]);
+    }
+    let error = mesh::hull_corners("ball.stl", &binary, DVec3::ONE).unwrap_err();
+    assert!(error.contains("corners") && error.contains("at most"), "{error}");
+}
+
+#[test]
+#[ignore = "measures"]
+fn time_of_hulls() {
+    let mut rng = Seed::new(3).rng();
+    for count in [300, 1000, 2000, 4000] {
+        let points: Vec<DVec3> = (0..count)
+            .map(|_| DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0))).normalize() * 0.1)
+            .collect();
+        let text: String = points.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect();
+        let t = std::time::Instant::now();
+        let corners = mesh::hull_corners("x.obj", text.as_bytes(), DVec3::ONE);
+        println!("{count}: hull {:?} {:?}", t.elapsed(), corners.as_ref().map(Vec::len));
+        if corners.is_err() {
+            continue;
+        }
+        let t = std::time::Instant::now();
+        let robot = read_robot(ARM, None, None, &mut |_| file(text.clone().into_bytes()));
+        println!("{count}: robot {:?} {:?}", t.elapsed(), robot.map(|_| ()).map_err(|e| e.to_string()));
+    }
 }
 
 #[test]

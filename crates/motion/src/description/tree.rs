@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use genmanip_core::{Pose, RobotLink, RobotModel};
 use roxmltree::Node;
 
-use super::{DescriptionError, MAX_LINKS};
+use super::{DescriptionError, plausible::MAX_LINKS};
 
 /// A link's element, the joint above it and the index of its parent, parents first.
 pub(super) struct Tree<'a> {
@@ -54,15 +54,14 @@ impl<'a> Tree<'a> {
         let mut links = vec![(elements[base], None)];
         let mut next = 0;
         // Joints in the order of the file, so that the arm's joints keep theirs.
+        let mut below: Vec<(&str, Node, &str)> =
+            above.iter().map(|(&child, &(joint, parent))| (child, joint, parent)).collect();
+        below.sort_by_key(|(_, joint, _)| joint.id().get());
         while next < order.len() {
-            for joint in children("joint") {
-                let below = above.iter().find(|(_, (other, _))| other.id() == joint.id());
-                if let Some((child, (_, parent))) = below
-                    && *parent == order[next]
-                {
-                    order.push(child);
-                    links.push((elements[child], Some((joint, next))));
-                }
+            let here = order[next];
+            for &(child, joint, _) in below.iter().filter(|(_, _, parent)| *parent == here) {
+                order.push(child);
+                links.push((elements[child], Some((joint, next))));
             }
             next += 1;
         }

@@ -34,6 +34,7 @@ fn task(instruction: &str, subject: &str) -> Task {
     let recorded = RecordedAnswer {
         task_type: TaskKind::PickAndPlace,
         objects: [CUBE, MUG, BOARD, OTHER].map(String::from).to_vec(),
+        surfaces: Vec::new(),
         num_objects: 4,
         response: response.to_string(),
         expect: None,

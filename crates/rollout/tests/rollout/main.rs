@@ -13,6 +13,7 @@ mod red_pixel;
 mod replaying;
 mod seeing;
 mod stepping;
+mod surfaces;
 
 use std::sync::{Arc, OnceLock};
 
@@ -31,7 +32,12 @@ const TASKS: [&str; 3] = ["017_pick_and_place", "024_appearance", "021_spatial"]
 
 /// An example task.
 fn task(id: &str) -> Task {
-    let path = format!("{}/../../examples/tasks/{id}.json", env!("CARGO_MANIFEST_DIR"));
+    task_in("tasks", id)
+}
+
+/// A recorded answer of a folder of the examples.
+fn task_in(folder: &str, id: &str) -> Task {
+    let path = format!("{}/../../examples/{folder}/{id}.json", env!("CARGO_MANIFEST_DIR"));
     let recorded = RecordedAnswer::from_json(&std::fs::read_to_string(path).unwrap()).unwrap();
     let request = recorded.request(id, Catalogue::builtin().cards()).unwrap();
     check_answer(&recorded.response, &request).task.unwrap()

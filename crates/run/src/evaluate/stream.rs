@@ -1,16 +1,19 @@
 //! Results as they come, so that an evaluation can be continued.
 
-use std::fs::{self, File, OpenOptions};
+use std::collections::BTreeSet;
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use genmanip_bench::suite_hash;
-use genmanip_core::{Document, EpisodeResult};
+use genmanip_core::{Document, EpisodeResult, limits};
+use genmanip_data::files;
 use serde::{Deserialize, Serialize};
 
 use super::Suite;
 use crate::error::RunError;
+use crate::folder::first_difference;
 use crate::inputs;
 use crate::policies::PolicyFactory;
 
@@ -54,29 +57,50 @@ pub(super) struct Stream {
 }
 
 impl Stream {
-    /// Continues the results of this identity, or begins: those of another evaluation are removed with its episodes.
+    /// Continues the results of this identity, or begins.
+    ///
+    /// # Errors
+    /// [`RunError::AnotherEvaluation`] when results or episodes of another one lie there; when a line of the results
+    /// cannot be read, or another program is evaluating the same.
     pub(super) fn open(folder: &Path, identity: &Identity) -> Result<Self, RunError> {
         let (name, path) = (folder.join("identity.json"), folder.join("results.jsonl"));
-        let is_same = inputs::read_document::<Identity>(&name).is_ok_and(|known| known == *identity);
-        if !is_same {
-            for old in [&name, &path] {
-                if old.exists() {
-                    fs::remove_file(old).map_err(|error| RunError::file("write", old, error))?;
-                }
-            }
-            let episodes = folder.join("episodes");
-            if episodes.join("store.json").is_file() {
-                fs::remove_dir_all(&episodes).map_err(|error| RunError::file("write", &episodes, error))?;
-            }
-            inputs::write_file(&name, identity.to_json().as_bytes())?;
+        let is_there = |path: &Path| fs::symlink_metadata(path).is_ok();
+        let fresh = || -> Result<bool, RunError> {
+            let created = files::create(&name, identity.to_json().as_bytes());
+            created.map_err(|error| RunError::of_file("write", &name, error))
+        };
+        if !is_there(&name) && (is_there(&path) || is_there(&folder.join("episodes"))) {
+            let difference = "it does not say of which".into();
+            return Err(RunError::AnotherEvaluation { path: folder.to_owned(), difference });
         }
-        let text = if path.exists() { inputs::read_text(&path, u64::MAX)? } else { String::new() };
+        if is_there(&name) || !fresh()? {
+            let known: Identity = inputs::read_own_document(&name, limits::IDENTITY)?;
+            if known != *identity {
+                let difference = first_difference("evaluation", &known.to_value(), &identity.to_value());
+                let difference = difference.unwrap_or_default();
+                return Err(RunError::AnotherEvaluation { path: folder.to_owned(), difference });
+            }
+        }
+        let unwritable = |error: std::io::Error| RunError::file("write", &path, error);
+        if is_there(&path) && !files::is_own_file(&path) {
+            return Err(RunError::input(format!("{} is no file", path.display())).with_hint("move it away"));
+        }
+        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(unwritable)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(RunError::input(format!("another program is writing {}", path.display()))
+                    .with_hint("wait until it has ended; what it finished is kept"));
+            }
+            // Some file systems know no locks.
+            Err(TryLockError::Error(_)) => {}
+        }
+        let bytes = files::read_own(&path, limits::RESULTS);
+        let bytes = bytes.map_err(|error| RunError::of_file("read", &path, error))?;
         // A last line without an end was cut off when its writer was killed.
-        let whole = text.rfind('\n').map_or(0, |end| end + 1);
-        let known = text[..whole].lines().filter_map(|line| EpisodeResult::from_json(line).ok()).collect();
-        let file = OpenOptions::new().create(true).append(true).open(&path);
-        let file = file.and_then(|file| file.set_len(whole as u64).map(|()| file));
-        let file = file.map_err(|error| RunError::file("write", &path, error))?;
+        let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+        let known = known_results(&path, &bytes[..whole])?;
+        file.set_len(whole as u64).map_err(unwritable)?;
         Ok(Self { folder: folder.to_owned(), known, file: Mutex::new(file) })
     }
 
@@ -97,10 +121,12 @@ impl Stream {
         written.map_err(|error| RunError::file("write", &self.folder.join("results.jsonl"), error))
     }
 
-    /// Forgets the results, which stand in the report now; episodes stay.
+    /// Forgets the results, which stand in the report now; episodes stay, and whose they are.
     pub(super) fn close(self) -> Result<(), RunError> {
         drop(self.file);
-        for name in ["results.jsonl", "identity.json"] {
+        let keeps_episodes = self.folder.join("episodes").exists();
+        let finished = if keeps_episodes { &["results.jsonl"][..] } else { &["results.jsonl", "identity.json"] };
+        for name in finished {
             let path = self.folder.join(name);
             fs::remove_file(&path).map_err(|error| RunError::file("write", &path, error))?;
         }
@@ -108,6 +134,30 @@ impl Stream {
         let _ = fs::remove_dir(&self.folder);
         Ok(())
     }
+}
+
+/// The results in whole lines, each episode once.
+fn known_results(path: &Path, bytes: &[u8]) -> Result<Vec<EpisodeResult>, RunError> {
+    let mut known: Vec<EpisodeResult> = Vec::new();
+    let mut ids = BTreeSet::new();
+    for (index, line) in bytes.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
+        let damaged = |why: String| {
+            RunError::input(format!("{}: line {} is no result: {why}", path.display(), index + 1))
+                .with_hint("take the line out: that episode is then evaluated again")
+        };
+        if line.len() as u64 > limits::RESULT_LINE.bytes {
+            return Err(damaged(format!(
+                "expected at most {}, got {} bytes",
+                limits::RESULT_LINE.in_words(),
+                line.len()
+            )));
+        }
+        let result = EpisodeResult::from_bytes(line).map_err(|error| damaged(error.to_string()))?;
+        if ids.insert(result.id.clone()) {
+            known.push(result);
+        }
+    }
+    Ok(known)
 }
 
 #[cfg(test)]
@@ -145,9 +195,48 @@ mod tests {
         stream.add(&again).unwrap();
         drop(stream);
         assert_eq!(Stream::open(&folder, &identity("expert")).unwrap().known(), [result, again]);
-        let other = Stream::open(&folder, &identity("another")).unwrap();
-        assert!(other.known().is_empty(), "results of another evaluation are not continued");
-        other.close().unwrap();
+        // Results of another evaluation are neither continued nor removed.
+        let before = fs::read(&path).unwrap();
+        let error = Stream::open(&folder, &identity("another")).err().unwrap().to_string();
+        assert!(error.contains("evaluation.policy is \"expert\", not \"another\""), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), before);
+        // Two programs do not write into one file.
+        let stream = Stream::open(&folder, &identity("expert")).unwrap();
+        let error = Stream::open(&folder, &identity("expert")).err().unwrap().to_string();
+        assert!(error.contains("another program is writing"), "{error}");
+        stream.close().unwrap();
         assert!(!folder.exists(), "nothing is left when nothing was kept");
+    }
+
+    #[test]
+    fn a_line_that_cannot_be_read_is_named_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().join("expert");
+        let path = folder.join("results.jsonl");
+        let result = EpisodeResult::from_json(include_str!("../../../core/testdata/result_1.json")).unwrap();
+        let stream = Stream::open(&folder, &identity("expert")).unwrap();
+        stream.add(&result).unwrap();
+        drop(stream);
+        let line = fs::read(&path).unwrap();
+        let long = [&vec![b' '; limits::RESULT_LINE.bytes as usize + 1][..], b"\n"].concat();
+        for (damage, expected) in [
+            (&b"{\"schema\": \"gen\n"[..], "line 2 is no result: not JSON"),
+            (b"\xff\xfe\n", "line 2 is no result: not JSON: not UTF-8"),
+            (b"{\"schema\": \"genmanip.task/2\"}\n", "line 2 is no result: expected schema"),
+            (&long, "line 2 is no result: expected at most 1 MiB"),
+        ] {
+            let bytes = [&line[..], damage, &line[..]].concat();
+            fs::write(&path, &bytes).unwrap();
+            let error = Stream::open(&folder, &identity("expert")).err().unwrap();
+            assert!(error.to_string().contains(expected) && error.hint().is_some(), "{error}");
+            assert_eq!(fs::read(&path).unwrap(), bytes, "nothing is removed");
+        }
+        // Twice the same result counts once.
+        fs::write(&path, [&line[..], &line[..]].concat()).unwrap();
+        assert_eq!(Stream::open(&folder, &identity("expert")).unwrap().known(), [result]);
+        // Episodes of which nobody knows the evaluation.
+        fs::remove_file(folder.join("identity.json")).unwrap();
+        let error = Stream::open(&folder, &identity("expert")).err().unwrap().to_string();
+        assert!(error.contains("holds another evaluation (it does not say of which)"), "{error}");
     }
 }

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_bench::reference_paths_m;
-use genmanip_core::{Camera, Document, Episode, Scenario, Task};
+use genmanip_core::world::camera_faults;
+use genmanip_core::{Camera, Document, Episode, Scenario, Task, json, limits};
 use genmanip_data::{DataError, EpisodeStore};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::evaluate::Case;
 
-use crate::error::RunError;
+use crate::error::{Cause, RunError};
 use crate::folder::{Run, RunFolder};
 use crate::inputs;
 
@@ -28,6 +29,8 @@ pub struct Suite {
     pub settings: CollectSettings,
     /// Name of the file whose cameras are used instead of the scenarios' own.
     pub cameras: Option<String>,
+    /// What lies among the episodes and is not evaluated on: damaged ones and strangers, a line each.
+    pub left_out: Vec<String>,
     /// Recorded episodes on the same scenarios.
     store: Option<EpisodeStore>,
 }
@@ -41,19 +44,28 @@ impl Suite {
         let (folder, run) = RunFolder::open(path)?;
         let store = folder.store()?;
         let unreadable = |error: DataError| RunError::broken("cannot read the episodes", error);
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = name_of_folder(path);
+        let survey = folder.survey(&store)?;
+        let mut left_out = survey.notes();
         let (mut scenarios, mut cases, mut results) = (Vec::new(), Vec::new(), Vec::new());
-        for id in store.ids().map_err(unreadable)? {
+        for id in survey.sound {
             let (result, is_recorded) = store.read_attempt(&id).map_err(unreadable)?;
-            if let (true, Some(scenario)) = (is_recorded, store.read_scenario(&id).map_err(unreadable)?) {
-                cases.push(Case { id, scenario: Arc::new(scenario.clone()), seed: result.seed });
-                scenarios.push(scenario);
+            match store.read_scenario(&id) {
+                Err(error) if error.is_damage() => {
+                    left_out.push(format!("episode {id} is damaged and left out: {error}"));
+                    continue;
+                }
+                Ok(Some(scenario)) if is_recorded => {
+                    cases.push(Case { id, scenario: Arc::new(scenario.clone()), seed: result.seed });
+                    scenarios.push(scenario);
+                }
+                read => drop(read.map_err(unreadable)?),
             }
             results.push(result);
         }
         let given = folder.join("scenarios");
         if cases.is_empty() && given.is_dir() {
-            return Ok(Self { settings: run.settings, name, ..Self::of_scenarios(&[given])? });
+            return Ok(Self { settings: run.settings, name, left_out, ..Self::of_scenarios(&[given])? });
         }
         if cases.is_empty() {
             return Err(RunError::input(format!("{} has no scenario to evaluate on", path.display()))
@@ -67,6 +79,7 @@ impl Suite {
             reference_paths_m,
             settings: run.settings,
             cameras: None,
+            left_out,
             store: Some(store),
         })
     }
@@ -78,7 +91,7 @@ impl Suite {
     pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, RunError> {
         let mut scenarios: Vec<Scenario> = Vec::new();
         for path in inputs::expand(paths)? {
-            let scenario: Scenario = inputs::read_document(&path)?;
+            let scenario: Scenario = inputs::read_document(&path, limits::SCENARIO)?;
             if scenarios.iter().any(|other| other.id == scenario.id) {
                 let twin = format!("two scenarios are called `{}` (the second: {})", scenario.id, path.display());
                 return Err(RunError::input(twin).with_hint("scenario ids name episodes, so they must differ"));
@@ -100,6 +113,7 @@ impl Suite {
             seed: scenario.seed,
         };
         let name = match paths {
+            [only] if only.is_dir() => name_of_folder(only),
             [only] => inputs::stem(only),
             _ => format!("{} scenarios", scenarios.len()),
         };
@@ -110,6 +124,7 @@ impl Suite {
             reference_paths_m: BTreeMap::new(),
             settings: CollectSettings::in_world(world),
             cameras: None,
+            left_out: Vec::new(),
             store: None,
         })
     }
@@ -120,12 +135,17 @@ impl Suite {
     /// # Errors
     /// When the file is no list of cameras.
     pub fn with_cameras(mut self, file: &Path) -> Result<Self, RunError> {
-        let text = inputs::read_text(file, 1 << 20)?;
-        let cameras: Vec<Camera> = serde_json::from_str(&text).map_err(|error| {
+        let text = inputs::read_text(file, limits::CAMERAS)?;
+        let no_list = |error: Cause| {
             RunError::input(format!("{} is no list of cameras", file.display())).because(error).with_hint(
                 "expected a JSON list of cameras as in a scenario: name, mount, mount_from_camera, intrinsics",
             )
-        })?;
+        };
+        json::parse(&text).map_err(|error| no_list(error.into()))?;
+        let cameras: Vec<Camera> = serde_json::from_str(&text).map_err(|error| no_list(error.into()))?;
+        if let Some(fault) = camera_faults(&cameras).into_iter().next() {
+            return Err(no_list(fault.to_string().into()));
+        }
         for case in &mut self.cases {
             let mut scenario = (*case.scenario).clone();
             for camera in &cameras {
@@ -140,7 +160,7 @@ impl Suite {
         Ok(self)
     }
 
-    /// Whether episodes were recorded on the scenarios.
+    /// Whether episodes were recorded on the scenarios; whether each is sound shows when it is read.
     pub fn is_recorded(&self) -> bool {
         self.store.is_some()
     }
@@ -180,4 +200,10 @@ impl Suite {
         }
         Ok(folder)
     }
+}
+
+/// The name of a folder, also where a path does not say it: `.`, or `run/..`.
+fn name_of_folder(path: &Path) -> String {
+    let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    whole.file_name().map_or_else(|| "suite".into(), |name| name.to_string_lossy().into_owned())
 }

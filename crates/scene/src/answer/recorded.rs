@@ -1,7 +1,7 @@
 //! Recorded answers: what was offered, what came back, and what is to be made of it.
 
 use genmanip_core::asset::uid_of;
-use genmanip_core::{NamedSurface, ObjectCard, TaskKind};
+use genmanip_core::{DocumentError, NamedSurface, ObjectCard, TaskKind, json};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +36,9 @@ pub enum RecordedAnswerError {
     /// The file is no recorded answer.
     #[error("expected a recorded answer {{task_type, objects, num_objects, response}}, got: {0}")]
     Invalid(#[from] serde_json::Error),
+    /// The file is no JSON.
+    #[error(transparent)]
+    NotJson(#[from] DocumentError),
     /// An offered uid is not in the catalogue.
     #[error("offered uid `{uid}` is not among the {known} objects of the catalogue")]
     UnknownOffer {
@@ -46,12 +49,21 @@ pub enum RecordedAnswerError {
     },
 }
 
+impl RecordedAnswerError {
+    /// What most likely is wrong with a text that is no JSON.
+    pub fn hint(&self) -> Option<&'static str> {
+        if let Self::NotJson(DocumentError::NotJson { hint, .. }) = self { Some(hint) } else { None }
+    }
+}
+
 impl RecordedAnswer {
     /// Reads the text of a file.
     ///
     /// # Errors
     /// [`RecordedAnswerError::Invalid`] with line and column.
     pub fn from_json(text: &str) -> Result<Self, RecordedAnswerError> {
+        // Twice, since only the second knows where a value stands, and only the first that a key stands twice.
+        json::parse(text)?;
         Ok(serde_json::from_str(text)?)
     }
 

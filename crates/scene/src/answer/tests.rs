@@ -434,3 +434,34 @@ fn copies_are_offered_and_named_by_their_number() {
         assert_eq!(task.interchangeable, open);
     }
 }
+
+#[test]
+fn things_may_be_on_or_near_a_surface_that_stays() {
+    let surface = genmanip_core::NamedSurface { id: "side_table".into(), name: "side table".into() };
+    let request = TaskRequest { surfaces: vec![surface.clone()], ..request(TaskKind::PickAndPlace) };
+    let check = |change: &dyn Fn(&mut Value), expected: &[&str]| {
+        let mut answer = sound();
+        change(&mut answer);
+        let report = check_answer(&answer.to_string(), &request);
+        assert_eq!(flaws(&report), expected, "{:#?}", report.flaws);
+        report.task
+    };
+    let goal = |atom: Value| move |answer: &mut Value| answer["goal_conditions"] = json!([[atom]]);
+    let task = check(&goal(condition("027", "none", "top", "side_table")), &[]).unwrap();
+    assert_eq!((task.surfaces.as_slice(), task.scene_graph.nodes.len()), ([surface].as_slice(), 4));
+    assert_eq!(task.name_of("side_table"), "side table");
+    assert!(check(&|_| (), &[]).unwrap().surfaces.is_empty(), "a surface that nothing names is none of the task's");
+    check(&goal(condition("027", "none", "near", "side_table")), &[]);
+    check(&|answer| push(&mut answer["scene_graph"]["edges"], edge("004", "on", "side_table")), &[]);
+    check(&|answer| push(&mut answer["scene_graph"]["nodes"], node("side_table", "none")), &["~edge_on_table"]);
+    check(&goal(condition("027", "none", "left", "side_table")), &["unknown_relation"]);
+    check(&goal(condition("027", "none", "in", "side_table")), &["unknown_relation"]);
+    check(&goal(condition("side_table", "none", "near", "027")), &["not_graspable"]);
+    check(
+        &|answer| {
+            answer["scene_graph"]["edges"][2] = edge("004", "top", "side_table");
+            answer["goal_conditions"] = json!([[condition("004", "none", "on", "side_table")]]);
+        },
+        &["goal_already_satisfied"],
+    );
+}

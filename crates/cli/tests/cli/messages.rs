@@ -1,0 +1,152 @@
+//! Messages and exit codes, a line each: what was typed or found, how the program ends, and what it must say.
+
+use std::fs;
+
+use serde_json::{Value, json};
+
+use crate::{copy_of_finished_run, example, genmanip, quick_examples};
+
+/// A call, the exit code it ends with, and what its message must contain.
+type Case = (&'static str, i32, &'static [&'static str]);
+
+const CASES: [Case; 43] = [
+    // Seeds are kept in JSON, exact to 53 bits.
+    ("layout task.json --out out --seed 9007199254740992", 2, &["from 0 to 9007199254740991"]),
+    ("lab design --seed 18446744073709551615", 2, &["from 0 to 9007199254740991"]),
+    ("export --mjcf large_seed.json", 1, &["large_seed.json", "at $.seed: expected a seed of at most"]),
+    // A negative number is a value, no option.
+    ("layout task.json --out out --seed -1", 2, &["'-1' for '--seed", "from 0 to 9007199254740991"]),
+    ("collect task.json --out out --episodes -1", 2, &["'-1' for '--episodes", "from 1 to 1000000"]),
+    ("lab expert --count -5", 2, &["'-5' for '--count", "from 1 to 1000000"]),
+    // Bounds that are meant are said.
+    ("plan scenario.json --pick orange --rrt-range 1e-9", 2, &["from 1e-6 to 1e6"]),
+    ("lab motion --problems problems.json --rrt-range -2", 2, &["from 1e-6 to 1e6"]),
+    // What is typed and cannot be is exit 2, whoever notices it.
+    ("evaluate run --policy expret", 2, &["unknown policy `expret`", "did you mean `expert`?"]),
+    ("task new --kind cooking --out out", 2, &["unknown kind `cooking`", "kinds are"]),
+    ("task check bare.txt --objects 001 --kind cooking", 2, &["unknown kind `cooking`", "kinds are"]),
+    ("task new --designer magic --out out", 2, &["unknown designer `magic`", "rules or llm"]),
+    ("task new --designer rules --copies 2 --out out", 2, &["--copies 2", "0 to 1"]),
+    ("evaluate run --policy do_nothing:seconds=-0.0", 1, &["seconds=-0.0 is not possible", "from 0 to 600"]),
+    // Texts that are no JSON, each with what is wrong with it.
+    ("task show bom.json", 1, &["bom.json", "byte order mark"]),
+    ("task show utf16.json", 1, &["utf16.json", "UTF-16"]),
+    ("task show empty.json", 1, &["empty.json", "the file is empty"]),
+    ("task show cut.json", 1, &["cut.json", "ends too early"]),
+    ("task show nan.json", 1, &["nan.json", "no NaN"]),
+    ("task show twice.json", 1, &["twice.json", "key `id` stands twice", "keep one"]),
+    ("task check bom.json", 1, &["bom.json", "byte order mark"]),
+    ("task check cut.json", 1, &["cut.json", "ends too early"]),
+    ("task check twice_answer.json", 1, &["twice_answer.json", "key `objects` stands twice"]),
+    ("export --mjcf utf16.json", 1, &["utf16.json", "UTF-16"]),
+    ("export --mjcf empty.json", 1, &["empty.json", "the file is empty"]),
+    ("lab motion --problems cut.json", 1, &["cut.json", "ends too early"]),
+    ("lab motion --problems twice_problem.json", 1, &["twice_problem.json", "key `start` stands twice"]),
+    ("evaluate scenario.json --policy do_nothing --cameras cut.json", 1, &["cut.json", "ends too early"]),
+    (
+        "evaluate scenario.json --policy do_nothing --cameras flat.json",
+        1,
+        &["flat.json", "cameras[0].intrinsics", "0x"],
+    ),
+    // A file that is too large is named as what it should be.
+    ("task show large.json", 1, &["large.json is larger than a task or recorded answer may be: 4 MiB"]),
+    ("world check large.toml", 1, &["large.toml is larger than", "a world"]),
+    ("task new --designer llm --settings large.toml --out out", 1, &["large.toml", "a settings file", "1 MiB"]),
+    ("lab motion --generate easy --robot large.urdf", 1, &["large.urdf", "a robot description", "8 MiB"]),
+    // A robot in millimetres.
+    (
+        "lab motion --generate easy --robot millimetres.urdf",
+        1,
+        &["millimetres.urdf", "origin should be", "is this in millimetres?"],
+    ),
+    // Problems of another robot.
+    ("lab motion --problems problems.json", 1, &["problems.json", "problems[0].start", "expected 7", "got 6"]),
+    ("lab motion --problems far.json", 1, &["far.json", "problems[0].obstacles[0]", "expected", "got"]),
+    // A run that was started otherwise.
+    ("collect --out run 021 024 --episodes 1 --fps 15", 1, &["holds another run (settings.images.fps is 10, not 15)"]),
+    ("collect --out run 021 --episodes 1 --fps 10", 1, &["its tasks are 021_spatial, 024_appearance, not 021_spatial"]),
+    ("collect --out run 021 024 --episodes 1 --fps 10 --no-dataset", 1, &["settings.images is set, not none"]),
+    // A picture in a format that nobody writes.
+    ("replay run --strip film.bmp", 1, &["cannot write a film strip as film.bmp", ".jpg"]),
+    ("replay run --strip film", 1, &["cannot write a film strip as film", ".jpg"]),
+    ("plan scenario.json --pick orange --picture x.gif", 1, &["x.gif", ".png or .jpg"]),
+    ("lab relations --cases cases.json --profile magic", 1, &["there is no profile `magic`", "genmanip-0.9"]),
+];
+
+fn workplace() -> tempfile::TempDir {
+    let folder = copy_of_finished_run();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    let scenario = read("run/scenarios/021_spatial-000.json");
+    write("scenario.json", &scenario);
+    let mut changed: Value = serde_json::from_slice(&scenario).unwrap();
+    changed["seed"] = u64::MAX.into();
+    write("large_seed.json", changed.to_string().as_bytes());
+    fs::copy(example("021_spatial"), folder.path().join("task.json")).unwrap();
+    write("bom.json", b"\xef\xbb\xbf{}");
+    write("utf16.json", b"\xff\xfe{\0}\0");
+    write("empty.json", b"");
+    write("cut.json", b"{\"schema\": [1,");
+    write("nan.json", b"{\"a\": NaN}");
+    write("twice.json", b"{\"schema\": \"genmanip.task/2\", \"id\": \"a\", \"id\": \"b\"}");
+    write("twice_answer.json", b"{\"objects\": [], \"objects\": []}");
+    write("bare.txt", b"{}");
+    write("large.json", &vec![b' '; (4 << 20) + 1]);
+    write("large.toml", &vec![b' '; (8 << 20) + 1]);
+    write("large.urdf", &vec![b' '; (8 << 20) + 1]);
+    let joint = "<joint name=\"j\" type=\"revolute\"><parent link=\"a\"/><child link=\"b\"/><origin xyz=\"0 0 333\"/>\
+                 <limit lower=\"-1\" upper=\"1\" velocity=\"1\"/></joint>";
+    write(
+        "millimetres.urdf",
+        format!("<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/>{joint}</robot>").as_bytes(),
+    );
+    let problem = |dof: usize, size: f64| {
+        let obstacle = json!({"type": "box", "size": [size, 1, 1], "pos": [2, 0, 0]});
+        json!({"problems": [{"start": vec![0.0; dof], "goal": vec![0.1; dof], "obstacles": [obstacle]}]}).to_string()
+    };
+    write("problems.json", problem(6, 0.1).as_bytes());
+    write("far.json", problem(7, 1e9).as_bytes());
+    write(
+        "twice_problem.json",
+        b"{\"problems\": [{\"start\": [0], \"start\": [0], \"goal\": [0], \"obstacles\": []}]}",
+    );
+    let mut cameras = changed["world"]["cameras"].clone();
+    cameras[0]["intrinsics"]["width"] = 0.into();
+    write("flat.json", cameras.to_string().as_bytes());
+    folder
+}
+
+#[test]
+fn every_mistake_has_its_message_and_exit_code() {
+    let folder = workplace();
+    let [task_021, task_024]: [String; 2] = quick_examples().try_into().unwrap();
+    for (case, code, wanted) in CASES {
+        let named = case.replace(" 021", &format!(" {task_021}")).replace(" 024", &format!(" {task_024}"));
+        let arguments: Vec<&str> = named.split(' ').collect();
+        let outcome = genmanip(folder.path(), &arguments);
+        assert_eq!(outcome.code, Some(code), "{case}: {outcome:?}");
+        assert_eq!(outcome.stderr.matches("error:").count(), 1, "{case}: {outcome:?}");
+        assert_eq!(outcome.stdout, "", "{case}: {outcome:?}");
+        assert!(!outcome.stderr.contains("-- -1"), "{case}: {outcome:?}");
+        for part in wanted {
+            assert!(outcome.stderr.contains(part), "{case}: `{part}` is missing in\n{}", outcome.stderr);
+        }
+    }
+}
+
+#[test]
+fn results_say_what_they_are_of() {
+    let folder = copy_of_finished_run();
+    let run = folder.path().join("run");
+    // The folder is called by its name also where the path does not say it.
+    for path in [".", "../run", "../run/"] {
+        let printed = genmanip(&run, &["evaluate", path, "--policy", "do_nothing:seconds=0.1", "--json"]).json(0);
+        assert_eq!(printed[0]["suite"], "run", "{path}");
+    }
+    // A film strip is listed.
+    let rows = genmanip(folder.path(), &["replay", "run", "--strip", "film.jpg", "--json"]).json(0);
+    assert_eq!((&rows[0]["strip"], &rows[0]["identical"]), (&"film-021_spatial-000.jpg".into(), &Value::Null));
+    // A table of no attempts has no negative time.
+    let help = genmanip(folder.path(), &["--help"]).stdout;
+    assert!(help.contains("130"), "exit codes are documented: {help}");
+}

@@ -1,0 +1,89 @@
+//! How large the files are that a person may hand to the program: every reader's bound, in one place.
+//!
+//! All bounds are chosen: several times the largest file of that kind that is of use, and small enough that a reader
+//! needs at most 1 GB and 10 s for anything of that size; `genmanip lab hostile` measures it.
+
+/// The largest file of a kind that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limit {
+    /// What such a file is, with its article: `a task`.
+    pub what: &'static str,
+    /// Bytes.
+    pub bytes: u64,
+}
+
+impl Limit {
+    const fn kib(what: &'static str, kib: u64) -> Self {
+        Self { what, bytes: kib << 10 }
+    }
+
+    const fn mib(what: &'static str, mib: u64) -> Self {
+        Self::kib(what, mib << 10)
+    }
+
+    /// The bound as people write it, e.g. `16 MiB`.
+    pub fn in_words(self) -> String {
+        if self.bytes < 1 << 20 { format!("{} KiB", self.bytes >> 10) } else { format!("{} MiB", self.bytes >> 20) }
+    }
+}
+
+/// A task document or a recorded answer; those of the examples are below 20 KiB.
+pub const TASK: Limit = Limit::mib("a task or recorded answer", 4);
+/// A scenario, with its world; usual ones are below 100 KiB.
+pub const SCENARIO: Limit = Limit::mib("a scenario", 8);
+/// A world, TOML or JSON.
+pub const WORLD: Limit = Limit::mib("a world", 4);
+/// A file with cameras: a world or a scenario.
+pub const WORLD_OR_SCENARIO: Limit = Limit::mib("a world or scenario", 8);
+/// A list of cameras.
+pub const CAMERAS: Limit = Limit::mib("a list of cameras", 1);
+/// Settings of a language model, TOML.
+pub const SETTINGS: Limit = Limit::mib("a settings file", 1);
+/// `run.json`: all tasks of a run.
+pub const RUN: Limit = Limit::mib("the record of a run", 16);
+/// `timings.json`: two numbers per attempt.
+pub const TIMINGS: Limit = Limit::mib("the timings of a run", 16);
+/// A results file of an evaluation, 3 KiB per episode.
+pub const EVALUATION: Limit = Limit::mib("an evaluation", 16);
+/// The identity of an evaluation that is under way.
+pub const IDENTITY: Limit = Limit::mib("the identity of an evaluation", 4);
+/// Results of an evaluation that is under way, one per line.
+pub const RESULTS: Limit = Limit::mib("the results of an unfinished evaluation", 64);
+/// Longest line of those results: a result names every condition of its goal.
+pub const RESULT_LINE: Limit = Limit::mib("a result", 1);
+/// Tried grasps; those of the catalogue take 1 MiB.
+pub const GRASPS: Limit = Limit::mib("a file of tried grasps", 16);
+/// Motion problems, 500 bytes to 3 KiB each.
+pub const PROBLEMS: Limit = Limit::mib("a file of motion problems", 16);
+/// Recorded relation cases.
+pub const CASES: Limit = Limit::mib("a file of recorded cases", 16);
+/// The clouds of recorded cases.
+pub const CLOUDS: Limit = Limit::mib("an archive of clouds", 64);
+/// Trials of grasps, one per line.
+pub const TRIALS: Limit = Limit::mib("a file of trials", 64);
+/// Families of objects; the largest built-in file is 60 KiB.
+pub const FAMILIES: Limit = Limit::mib("a file of families", 4);
+/// URDF or SRDF text.
+pub const ROBOT: Limit = Limit::mib("a robot description", 8);
+/// A mesh of a robot, STL or OBJ.
+pub const MESH: Limit = Limit::mib("a mesh", 32);
+/// `store.json`.
+pub const STORE_MARK: Limit = Limit::kib("the mark of an episode store", 64);
+/// `episode.json` and `files.json` in a store.
+pub const EPISODE_RECORD: Limit = Limit::mib("the record of an episode", 4);
+/// The frames of an episode: 60 Hz, about 1 KiB per frame, ten minutes and more.
+pub const FRAMES: Limit = Limit::mib("the frames of an episode", 128);
+/// A physics state of an episode.
+pub const STATE: Limit = Limit::mib("a physics state", 16);
+/// A file kept beside an episode, such as one camera's depth images.
+pub const ATTACHMENT: Limit = Limit::mib("a file kept beside an episode", 512);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_are_written_as_people_do() {
+        assert_eq!((TASK.in_words().as_str(), STORE_MARK.in_words().as_str()), ("4 MiB", "64 KiB"));
+    }
+}

@@ -1,0 +1,239 @@
+//! Files of users and runs: read within bounds, written whole or not at all.
+//!
+//! Readers never block: what is no file (a pipe, a device, a folder) is refused before it is opened, and no more is read
+//! than a [`Limit`] allows, whatever a file says about its size.
+
+use std::fs::{self, File, Metadata, OpenOptions};
+use std::io::{ErrorKind, Read, Write};
+use std::path::Path;
+
+use genmanip_core::limits::Limit;
+
+use crate::DataError;
+use crate::partial::{beside, is_abandoned};
+
+/// A file that a person named; it may be reached through links.
+///
+/// # Errors
+/// [`DataError::Io`], [`DataError::NotAFile`] and [`DataError::TooLarge`].
+pub fn read(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
+    let about = fs::metadata(path).map_err(DataError::io("read", path))?;
+    read_checked(path, &about, limit)
+}
+
+/// A file that a run or a store wrote: a link there leads somewhere else and is refused.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_own(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
+    let about = fs::symlink_metadata(path).map_err(DataError::io("read", path))?;
+    read_checked(path, &about, limit)
+}
+
+fn read_checked(path: &Path, about: &Metadata, limit: Limit) -> Result<Vec<u8>, DataError> {
+    check_is_file(path, about)?;
+    let too_large = || DataError::TooLarge { path: path.to_owned(), limit };
+    if about.len() > limit.bytes {
+        return Err(too_large());
+    }
+    let file = File::open(path).map_err(DataError::io("read", path))?;
+    // It may have become another between the two calls.
+    check_is_file(path, &file.metadata().map_err(DataError::io("read", path))?)?;
+    let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
+    file.take(limit.bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(DataError::io("read", path))?;
+    if bytes.len() as u64 > limit.bytes { Err(too_large()) } else { Ok(bytes) }
+}
+
+fn check_is_file(path: &Path, about: &Metadata) -> Result<(), DataError> {
+    if about.is_file() {
+        return Ok(());
+    }
+    let kind = about.file_type();
+    let found = if kind.is_dir() {
+        "a folder"
+    } else if kind.is_symlink() {
+        "a symbolic link"
+    } else {
+        "a pipe or device"
+    };
+    Err(DataError::NotAFile { path: path.to_owned(), found })
+}
+
+/// Whether something of a run is there as what it should be: a file, no link to one.
+pub fn is_own_file(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|about| about.is_file())
+}
+
+/// Whether a folder of a run is there: a folder, no link to one.
+pub fn is_own_folder(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|about| about.is_dir())
+}
+
+/// Writes a file aside, flushes it and renames it into place, so that it is whole or not there; missing folders on the
+/// way are made. What is there is replaced; a device or pipe is written to as it is.
+///
+/// # Errors
+/// [`DataError::Io`], with the action that failed.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
+    match fs::metadata(path) {
+        Ok(about) if about.is_dir() => Err(DataError::NotAFile { path: path.to_owned(), found: "a folder" }),
+        Ok(about) if !about.is_file() => {
+            let mut device = OpenOptions::new().write(true).open(path).map_err(DataError::io("write", path))?;
+            device.write_all(bytes).and_then(|()| device.flush()).map_err(DataError::io("write", path))
+        }
+        _ => {
+            let aside = written_aside(path, bytes)?;
+            fs::rename(&aside, path).map_err(|error| {
+                let _ = fs::remove_file(&aside);
+                DataError::io("write", path)(error)
+            })
+        }
+    }
+}
+
+/// Writes a file as [`write`] does, but only if there is none; `false` when there is one.
+///
+/// Of several programs that create one file at the same time, exactly one does, and all others find it whole.
+///
+/// # Errors
+/// As [`write`].
+pub fn create(path: &Path, bytes: &[u8]) -> Result<bool, DataError> {
+    let aside = written_aside(path, bytes)?;
+    // Unlike a rename, a link never replaces.
+    let linked = fs::hard_link(&aside, path);
+    let created = match linked {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),
+        // Some file systems know no links; there the last step is not atomic.
+        Err(error) if matches!(error.kind(), ErrorKind::Unsupported | ErrorKind::PermissionDenied) => {
+            match OpenOptions::new().write(true).create_new(true).open(path) {
+                Ok(mut file) => file.write_all(bytes).and_then(|()| file.sync_all()).map(|()| true),
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),
+                Err(error) => Err(error),
+            }
+        }
+        Err(error) => Err(error),
+    };
+    let _ = fs::remove_file(&aside);
+    created.map_err(DataError::io("write", path))
+}
+
+fn written_aside(path: &Path, bytes: &[u8]) -> Result<std::path::PathBuf, DataError> {
+    if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
+    }
+    let aside = beside(path);
+    let written = write_new(&aside, bytes);
+    written.map(|()| aside.clone()).map_err(|error| {
+        let _ = fs::remove_file(&aside);
+        DataError::io("write", path)(error)
+    })
+}
+
+/// Writes a file that must not be there yet, so that it is on the disk when this returns; a link is never followed.
+pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
+/// Removes unfinished files and folders in a folder whose writers certainly died on this host; returns their names,
+/// sorted.
+///
+/// # Errors
+/// When the folder cannot be listed, or a leftover cannot be removed.
+pub fn sweep(folder: &Path) -> Result<Vec<String>, DataError> {
+    let mut removed = Vec::new();
+    for name in names(folder)? {
+        if is_abandoned(&name) {
+            remove(&folder.join(&name))?;
+            removed.push(name);
+        }
+    }
+    Ok(removed)
+}
+
+/// Sorted names of the entries of a folder; those that are no UTF-8 are nobody's and left out.
+pub(crate) fn names(folder: &Path) -> Result<Vec<String>, DataError> {
+    let entries = fs::read_dir(folder).map_err(DataError::io("list", folder))?;
+    let mut names = Vec::new();
+    for entry in entries {
+        let entry = entry.map_err(DataError::io("list", folder))?;
+        if let Ok(name) = entry.file_name().into_string() {
+            names.push(name);
+        }
+    }
+    names.sort();
+    Ok(names)
+}
+
+/// Removes a file, a link or a folder with all it holds; nothing behind a link is touched.
+pub(crate) fn remove(path: &Path) -> Result<(), DataError> {
+    let removed = if is_own_folder(path) { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    match removed {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(DataError::io("remove", path)(error)),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SMALL: Limit = Limit { what: "a test", bytes: 8 };
+
+    #[test]
+    fn only_files_within_their_bound_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("file"), b"12345678").unwrap();
+        fs::write(at("large"), b"123456789").unwrap();
+        fs::create_dir(at("folder")).unwrap();
+        std::os::unix::fs::symlink(at("file"), at("link")).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(at("fifo")).status().unwrap().success());
+        assert_eq!(read(&at("file"), SMALL).unwrap(), b"12345678");
+        assert_eq!(read(&at("link"), SMALL).unwrap(), b"12345678");
+        for (path, expected) in [
+            (at("large"), "larger than"),
+            (at("folder"), "found a folder"),
+            (at("fifo"), "found a pipe or device"),
+            ("/dev/zero".into(), "found a pipe or device"),
+            (at("gone"), "cannot read"),
+        ] {
+            let error = read(&path, SMALL).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        assert!(read_own(&at("link"), SMALL).unwrap_err().to_string().contains("found a symbolic link"));
+    }
+
+    #[test]
+    fn one_of_many_creates() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("inside/run.json");
+        let created: Vec<bool> = std::thread::scope(|scope| {
+            let start = |number: u8| {
+                let path = &path;
+                scope.spawn(move || create(path, &[number; 4096]).unwrap())
+            };
+            (0..8).map(start).collect::<Vec<_>>().into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        assert_eq!(created.iter().filter(|created| **created).count(), 1);
+        let bytes = fs::read(&path).unwrap();
+        assert!(bytes.len() == 4096 && bytes.iter().all(|byte| *byte == bytes[0]));
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "nothing else is left");
+    }
+
+    #[test]
+    fn links_are_replaced_and_devices_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let (outside, link) = (folder.path().join("outside"), folder.path().join("link"));
+        fs::write(&outside, b"mine").unwrap();
+        std::os::unix::fs::symlink(&outside, &link).unwrap();
+        write(&link, b"new").unwrap();
+        assert_eq!((fs::read(&outside).unwrap(), fs::read(&link).unwrap()), (b"mine".to_vec(), b"new".to_vec()));
+        write(Path::new("/dev/null"), b"gone").unwrap();
+        assert!(!is_own_file(Path::new("/dev/null")), "it is still a device");
+        let error = write(Path::new("/dev/full"), b"gone").unwrap_err();
+        assert!(error.to_string().contains("cannot write"), "{error}");
+    }
+}

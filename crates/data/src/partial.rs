@@ -1,0 +1,132 @@
+//! Names of unfinished files and folders, and whether who made them certainly died.
+//!
+//! `.NAME.partial-HOST-BOOT-PID-START-NUMBER`: several programs, threads and machines may write into one folder, also on
+//! a shared disk. Only what a program of *this* host left that is certainly dead is ever removed.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use sha2::{Digest, Sha256};
+
+/// Marks what is not finished.
+const MARK: &str = ".partial-";
+
+/// A name beside `target` that no other writer has, on this host or another.
+pub(crate) fn beside(target: &Path) -> PathBuf {
+    static NUMBER: AtomicU64 = AtomicU64::new(0);
+    let name = target.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    // A name of a file has at most 255 bytes, and the mark needs some of them.
+    let name: String = name.chars().take(200).collect();
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    target.with_file_name(format!(".{name}{MARK}{}-{number}", Writer::of_this_program().in_words()))
+}
+
+/// Whether a name marks unfinished work of a program that certainly died.
+pub(crate) fn is_abandoned(name: &str) -> bool {
+    let Some((_, writer)) = name.rsplit_once(MARK).filter(|_| name.starts_with('.')) else { return false };
+    let Some(writer) = Writer::parse(writer) else { return false };
+    writer.has_died(Writer::of_this_program(), &|pid| start_of(&pid.to_string()))
+}
+
+/// Which program made something, so far as another program can tell.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Writer {
+    /// Of host name, machine and process namespace; empty where they are unknown.
+    host: String,
+    /// Of the boot.
+    boot: String,
+    pid: u32,
+    /// Clock ticks from the boot to its start: a later program may have the same number.
+    start: u64,
+}
+
+impl Writer {
+    fn of_this_program() -> &'static Self {
+        static WRITER: OnceLock<Writer> = OnceLock::new();
+        WRITER.get_or_init(|| {
+            let text = |path: &str| fs::read_to_string(path).unwrap_or_default();
+            let namespace = fs::read_link("/proc/self/ns/pid").unwrap_or_default();
+            let host =
+                format!("{}\n{}\n{}", text("/proc/sys/kernel/hostname"), text("/etc/machine-id"), namespace.display());
+            let boot = text("/proc/sys/kernel/random/boot_id");
+            Self {
+                host: digits(&host),
+                boot: digits(&boot),
+                pid: std::process::id(),
+                start: start_of("self").unwrap_or(0),
+            }
+        })
+    }
+
+    fn in_words(&self) -> String {
+        format!("{}-{}-{}-{}", self.host, self.boot, self.pid, self.start)
+    }
+
+    /// From a name, the number behind it left out.
+    fn parse(text: &str) -> Option<Self> {
+        let mut parts = text.split('-');
+        let (host, boot) = (parts.next()?.to_owned(), parts.next()?.to_owned());
+        let (pid, start) = (parts.next()?.parse().ok()?, parts.next()?.parse().ok()?);
+        parts.next()?.parse::<u64>().ok()?;
+        parts.next().is_none().then_some(Self { host, boot, pid, start })
+    }
+
+    /// Whether it certainly runs no more, as `here` can tell; `start_of` gives the start of a process that runs.
+    fn has_died(&self, here: &Self, start_of: &dyn Fn(u32) -> Option<u64>) -> bool {
+        // Without /proc nothing is certain.
+        let knows = here.start > 0 && self.start > 0;
+        knows && self.host == here.host && (self.boot != here.boot || start_of(self.pid) != Some(self.start))
+    }
+}
+
+/// When a process was started, in clock ticks after the boot; `None` when there is none.
+fn start_of(pid: &str) -> Option<u64> {
+    let stat = fs::read_to_string(Path::new("/proc").join(pid).join("stat")).ok()?;
+    // The second field is the program's name in brackets and may hold anything; the start is the 22nd.
+    stat.rsplit_once(')')?.1.split_whitespace().nth(19)?.parse().ok()
+}
+
+/// Eight digits that stand for a text.
+fn digits(text: &str) -> String {
+    Sha256::digest(text.as_bytes()).iter().take(4).map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_certainly_died_here_is_abandoned() {
+        let here = Writer { host: "aa".into(), boot: "b1".into(), pid: 7, start: 70 };
+        let running = |pid: u32| [(7, 70), (8, 80)].iter().find(|(known, _)| *known == pid).map(|(_, start)| *start);
+        for (name, expected) in [
+            ("aa-b1-7-70-0", false), // this program
+            ("aa-b1-8-80-3", false), // another that runs
+            ("aa-b1-8-20-3", true),  // its number was another's before
+            ("aa-b1-9-90-3", true),  // ended
+            ("aa-b0-8-80-3", true),  // before the last boot
+            ("cc-b1-9-90-3", false), // another host, container or cluster node
+            ("aa-b1-9-0-3", false),  // nobody knows when it was started
+            ("4194999", false),      // of an older version
+            ("aa-b1-9-90", false),
+            ("aa-b1-9-90-3-1", false),
+        ] {
+            let died = Writer::parse(name).is_some_and(|writer| writer.has_died(&here, &running));
+            assert_eq!(died, expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn names_are_hidden_different_and_short_enough() {
+        let target = Path::new("somewhere").join("é".repeat(120));
+        let (a, b) = (beside(&target), beside(&target));
+        assert_ne!(a, b);
+        for path in [a, b] {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            assert!(name.starts_with('.') && name.len() <= 255 + 80, "{name}");
+            assert!(!is_abandoned(name), "this program runs");
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! What a robot can be: bounds within which everything made of a description stays small and fast.
+//!
+//! All bounds are chosen, generous for real arms (the largest industrial ones reach five metres) and far below what
+//! grids, tables and sampled motions could not hold. A file in millimetres is a thousand times outside of them.
+
+use genmanip_core::{JointKind, RobotLink, RobotModel, Shape, glam::DVec3};
+
+use super::DescriptionError;
+
+/// Most links of a robot.
+pub const MAX_LINKS: usize = 512;
+/// Most joints that move: more than two arms with hands.
+pub const MAX_JOINTS: usize = 64;
+/// Most collision pieces of all links together.
+pub const MAX_PIECES: usize = 512;
+/// Most corners of a mesh's convex hull: what is made of hulls grows with their square.
+pub const MAX_CORNERS: usize = 4096;
+/// Farthest a corner of the robot may come from its base with all joints stretched out, m.
+pub const MAX_REACH_M: f64 = 10.0;
+/// Extents of a collision piece, and coordinates of a frame in the frame above, m.
+const SIZES_M: [f64; 2] = [1e-6, 10.0];
+/// Limits of a turning joint, rad: 16 turns either way.
+const MAX_ANGLE: f64 = 100.0;
+/// Smallest interval between the limits of a joint, rad or m.
+const MIN_RANGE: f64 = 1e-6;
+/// Speeds of a joint, rad/s or m/s.
+const SPEEDS: [f64; 2] = [1e-4, 1e3];
+/// Longest time from one limit of a joint to the other, s: motions are sampled at the control rate.
+const MAX_CROSSING_S: f64 = 1000.0;
+/// Largest effort of a joint, N·m or N.
+const MAX_EFFORT: f64 = 1e6;
+/// Mass of a link, kg, and moments of inertia, kg·m².
+const MAX_MASS: f64 = 1e5;
+
+/// What most likely happened to lengths that are too large.
+const MILLIMETRES: &str =
+    "is this in millimetres? URDF is in metres; a mesh can be scaled with scale=\"0.001 0.001 0.001\"";
+const DEGREES: &str = "is this in degrees? URDF is in radians";
+
+/// Checks what the links say one by one, and then the whole.
+pub(super) fn check(links: &[RobotLink]) -> Result<(), DescriptionError> {
+    let joints = links.iter().filter(|link| link.joint.is_some()).count();
+    let pieces = links.iter().map(|link| link.pieces.len()).sum();
+    for (size, limit, unit) in [(joints, MAX_JOINTS, "moving joints"), (pieces, MAX_PIECES, "collision pieces")] {
+        if size > limit {
+            return Err(DescriptionError::Huge { what: "the robot".into(), size, limit, unit });
+        }
+    }
+    for link in links {
+        check_link(link)?;
+        check_joint(link)?;
+    }
+    Ok(())
+}
+
+/// Checks how far the whole robot reaches.
+pub(super) fn check_reach(robot: &RobotModel) -> Result<(), DescriptionError> {
+    // Stretched out: each frame at the end of the one above, each slide at its farther end.
+    let mut reach_m: Vec<f64> = Vec::with_capacity(robot.links.len());
+    for link in &robot.links {
+        let above = link.parent.and_then(|parent| reach_m.get(parent)).copied().unwrap_or(0.0);
+        let slide = link.joint.as_ref().filter(|joint| joint.kind == JointKind::Prismatic);
+        let slide = slide.map_or(0.0, |joint| joint.lower.abs().max(joint.upper.abs()));
+        let here = above + link.parent_from_link.position.length() + slide;
+        let body = link.pieces.iter().map(|piece| piece.link_from_piece.position.length() + radius_m(&piece.shape));
+        let outermost = here + body.fold(0.0, f64::max);
+        if outermost > MAX_REACH_M {
+            return Err(DescriptionError::Implausible {
+                place: format!("link {}", link.name),
+                what: "reach",
+                expected: format!("at most {MAX_REACH_M} m from the base, all joints stretched out"),
+                got: format!("{outermost:.3e} m"),
+                hint: MILLIMETRES,
+            });
+        }
+        reach_m.push(here);
+    }
+    Ok(())
+}
+
+fn check_link(link: &RobotLink) -> Result<(), DescriptionError> {
+    let place = || format!("link {}", link.name);
+    check_frame(&place(), link.parent_from_link.position)?;
+    for piece in &link.pieces {
+        check_frame(&place(), piece.link_from_piece.position)?;
+        let sizes = match &piece.shape {
+            Shape::Box { half_extents } => (*half_extents * 2.0).to_array().to_vec(),
+            Shape::Sphere { radius } => vec![2.0 * radius],
+            Shape::Cylinder { radius, half_height } => vec![2.0 * radius, 2.0 * half_height],
+            Shape::Hull { points } => {
+                let bounds = genmanip_core::Aabb::from_points(points.iter().copied());
+                let far = points.iter().map(|point| point.abs().max_element()).fold(0.0, f64::max);
+                vec![bounds.size().max_element(), far]
+            }
+            Shape::Capsule { .. } | Shape::Ellipsoid { .. } => vec![],
+        };
+        let [smallest, largest] = SIZES_M;
+        if let Some(size) = sizes.into_iter().find(|size| !(smallest..=largest).contains(size)) {
+            let hint = if size > largest { MILLIMETRES } else { "leave pieces without extent out" };
+            return Err(implausible(place(), "size of the collision geometry", (smallest, largest, "m"), size, hint));
+        }
+    }
+    Ok(())
+}
+
+fn check_frame(place: &str, position: DVec3) -> Result<(), DescriptionError> {
+    let far = position.abs().max_element();
+    let largest = SIZES_M[1];
+    if far <= largest {
+        return Ok(());
+    }
+    Err(implausible(place.to_owned(), "origin", (-largest, largest, "m"), far, MILLIMETRES))
+}
+
+fn check_joint(link: &RobotLink) -> Result<(), DescriptionError> {
+    let Some(joint) = &link.joint else { return Ok(()) };
+    let place = || format!("joint {}", joint.name);
+    let (farthest, unit, hint) = match joint.kind {
+        JointKind::Revolute => (MAX_ANGLE, "rad", DEGREES),
+        JointKind::Prismatic => (SIZES_M[1], "m", MILLIMETRES),
+    };
+    for limit in [joint.lower, joint.upper] {
+        if limit.abs() > farthest {
+            return Err(implausible(place(), "limit", (-farthest, farthest, unit), limit, hint));
+        }
+    }
+    let range = joint.upper - joint.lower;
+    if range < MIN_RANGE {
+        let fixed = "make a joint that does not move type=\"fixed\"";
+        return Err(implausible(place(), "range of the limits", (MIN_RANGE, 2.0 * farthest, unit), range, fixed));
+    }
+    let [slowest, fastest] = SPEEDS;
+    let slowest = slowest.max(range / MAX_CROSSING_S);
+    if !(slowest..=fastest).contains(&joint.max_velocity) {
+        let hint = "a joint crosses its range within 1000 s; velocities are rad/s or m/s";
+        return Err(implausible(place(), "velocity", (slowest, fastest, "per second"), joint.max_velocity, hint));
+    }
+    if !(0.0..=MAX_EFFORT).contains(&joint.max_effort) {
+        let hint = "efforts are N·m or N";
+        return Err(implausible(place(), "effort", (0.0, MAX_EFFORT, "N·m or N"), joint.max_effort, hint));
+    }
+    Ok(())
+}
+
+/// Mass and moments of inertia of a link, which planning does without.
+pub(super) fn check_inertial(place: &str, mass: f64, inertia: [f64; 6]) -> Result<(), DescriptionError> {
+    let hint = "masses are kilograms, moments of inertia kg·m²";
+    if !(0.0..=MAX_MASS).contains(&mass) {
+        return Err(implausible(place.to_owned(), "mass", (0.0, MAX_MASS, "kg"), mass, hint));
+    }
+    let [ixx, ixy, ixz, iyy, iyz, izz] = inertia;
+    let on_the_diagonal = [ixx, iyy, izz].into_iter().find(|value| !(0.0..=MAX_MASS).contains(value));
+    if let Some(value) = on_the_diagonal {
+        return Err(implausible(place.to_owned(), "inertia", (0.0, MAX_MASS, "kg·m²"), value, hint));
+    }
+    match [ixy, ixz, iyz].into_iter().find(|value| value.abs() > MAX_MASS) {
+        Some(value) => Err(implausible(place.to_owned(), "inertia", (-MAX_MASS, MAX_MASS, "kg·m²"), value, hint)),
+        None => Ok(()),
+    }
+}
+
+fn implausible(
+    place: String,
+    what: &'static str,
+    (low, high, unit): (f64, f64, &str),
+    got: f64,
+    hint: &'static str,
+) -> DescriptionError {
+    DescriptionError::Implausible {
+        place,
+        what,
+        expected: format!("{low:?} to {high:?} {unit}"),
+        got: format!("{got:?}"),
+        hint,
+    }
+}
+
+/// Distance of the farthest corner from the middle, or from the origin for a hull.
+fn radius_m(shape: &Shape) -> f64 {
+    match shape {
+        Shape::Box { half_extents } => half_extents.length(),
+        Shape::Sphere { radius } => *radius,
+        Shape::Ellipsoid { radii } => radii.max_element(),
+        Shape::Cylinder { radius, half_height } => radius.hypot(*half_height),
+        Shape::Capsule { radius, half_length } => radius + half_length,
+        Shape::Hull { points } => points.iter().map(|point| point.length()).fold(0.0, f64::max),
+    }
+}
