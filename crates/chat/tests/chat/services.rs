@@ -13,7 +13,7 @@ fn service(server: &FakeServer) -> HttpService {
         connect_timeout_s: 2.0,
         total_timeout_s: 0.5,
         max_request_bytes: 1000,
-        max_body_bytes: 1000,
+        max_body_bytes: 100_000,
         max_retries: 1,
         first_backoff_s: 0.01,
     })
@@ -40,8 +40,8 @@ fn bad_servers_give_one_clear_error() {
     let cases = [
         (body("<html>"), "expected JSON from "),
         (status, "answered 422: no depth"),
-        (Behaviour::Flood { bytes: 5000, announced: true }, "is larger than 1000 bytes"),
-        (Behaviour::Flood { bytes: 5000, announced: false }, "is larger than 1000 bytes"),
+        (Behaviour::Flood { bytes: 300_000, announced: true }, "is larger than 100000 bytes"),
+        (Behaviour::Flood { bytes: 300_000, announced: false }, "is larger than 100000 bytes"),
         (Behaviour::CutOff("{\"masks\"".into()), "gave up after 2 requests; the last failure: the answer of "),
         (Behaviour::HangUp, "gave up after 2 requests; the last failure: the answer of "),
         (slow, "gave up after 2 requests; the last failure: no whole answer from "),

@@ -71,7 +71,7 @@ fn masks_over_http_are_those_of_the_library() {
     let question = SegmentQuestion { image: &image, ignore: &[], within: None };
     let masks = ServiceMasks::new(client(&server)).segment(&question).unwrap();
     assert_eq!(masks, RgbdSegmenter::default().segment(&question).unwrap());
-    assert_eq!(masks.len(), 2, "a mask for each cube");
+    assert!(masks.len() >= 2, "a mask for each cube: {}", masks.len());
 }
 
 #[test]

@@ -81,8 +81,8 @@ pub const FEATURES: [&str; COUNT] = [
 
 /// Chance that a pair belongs to one thing, as a logistic model; from `genmanip lab segment --seed 101 --count 60 --fit`.
 const WEIGHTS: Features = [
-    5.01, 3.02, -2.24, 2.62, -2.41, 2.75, 0.05, 0.61, -0.62, -1.43, -1.37, 0.02, -0.17, -5.78, -0.89, -6.22, 0.59,
-    3.98, -0.33, -1.9, -0.15, 3.06, 0.91, 0.22,
+    5.19, 0.52, -1.79, 4.33, -3.29, 1.58, -0.21, 0.76, -0.6, -1.39, -1.5, 0.0, -0.22, -9.99, 1.13, -3.99, -0.08, 4.28,
+    -0.22, -2.1, -0.58, 4.18, 1.47, 0.37,
 ];
 
 /// Regions and their neighbours.
