@@ -253,9 +253,9 @@ fn episode(robot: &Arc<RobotModel>, assets: &RenderAssets, seed: Seed) -> Result
                 poses[carried] = chain.tcp_pose(&arm) * held;
             }
             let tremble = 1e-9 * (frames.len() as f64).sin();
-            let placed = poses.iter().map(|pose| {
-                (Pose { position: pose.position + DVec3::splat(tremble), ..*pose }, [].as_slice())
-            });
+            let placed = poses
+                .iter()
+                .map(|pose| (Pose { position: pose.position + DVec3::splat(tremble), ..*pose }, [].as_slice()));
             frames.push(assets.frame_state(&arm, width, placed).map_err(not_drawn)?);
         }
     }

@@ -96,8 +96,7 @@ impl Arrival {
         }
         self.surface.clear();
         self.surface.resize(width * height, 0);
-        let tile =
-            TileSummary { surface: 0, reach: 0, shadow_tiles: [[0; 2]; 2], key: NO_RANGE, ambient: NO_RANGE };
+        let tile = TileSummary { surface: 0, reach: 0, shadow_tiles: [[0; 2]; 2], key: NO_RANGE, ambient: NO_RANGE };
         self.tiles.clear();
         self.tiles.resize(self.columns * self.rows, tile);
     }
@@ -227,17 +226,17 @@ impl Arrival {
             for row in rows {
                 self.raw_key[row * self.width..][columns.clone()].fill(UNKNOWN);
                 if row % 2 == 0 {
-                    self.raw_half[row / 2 * self.half_width..][columns.start / 2..columns.end.div_ceil(2)].fill(UNKNOWN);
+                    self.raw_half[row / 2 * self.half_width..][columns.start / 2..columns.end.div_ceil(2)]
+                        .fill(UNKNOWN);
                 }
             }
         }
         let mut points = Points::default();
         let mut list = Vec::new();
-        for (part, (pixels, (part_of, placed))) in bins.iter().zip(assets.parts.iter().zip(&view.parts)).enumerate() {
-            debug_assert!(part < assets.parts.len());
+        for (pixels, (part, placed)) in bins.iter().zip(assets.parts.iter().zip(&view.parts)) {
             for chunk in pixels.chunks(CHUNK) {
                 if shadow.is_on() {
-                    points.fill(chunk, part_of, placed, &view.lens, opaque, &self.depth);
+                    points.fill(chunk, part, placed, &view.lens, opaque, &self.depth);
                     shadow.judge(&points, &mut self.raw_key, &mut self.doubts);
                 } else {
                     chunk.iter().for_each(|&pixel| self.raw_key[pixel as usize] = 1.0);
@@ -256,7 +255,7 @@ impl Arrival {
                 }
             }
             for chunk in list.chunks(CHUNK) {
-                points.fill(chunk, part_of, placed, &view.lens, opaque, &self.depth);
+                points.fill(chunk, part, placed, &view.lens, opaque, &self.depth);
                 self.occlude(&points, view.lens.focal.x, variation);
             }
         }
@@ -378,12 +377,12 @@ impl Arrival {
                 let (surface, depth) = (self.surface[pixel], self.depth[pixel]);
                 let (mut sum, mut total) = (0.0, 0.0);
                 let (left, top) = (column / 2, row / 2);
-                let (right, bottom) = ((left + column % 2).min(self.half_width - 1), (top + row % 2).min(self.half_height - 1));
+                let (right, bottom) =
+                    ((left + column % 2).min(self.half_width - 1), (top + row % 2).min(self.half_height - 1));
                 for (x, y) in [(left, top), (right, top), (left, bottom), (right, bottom)] {
                     let fine = 2 * y * self.width + 2 * x;
                     let value = self.half[y * self.half_width + x];
-                    let is_same =
-                        (self.surface[fine] == surface) & ((self.depth[fine] - depth).abs() < 0.02 * depth);
+                    let is_same = (self.surface[fine] == surface) & ((self.depth[fine] - depth).abs() < 0.02 * depth);
                     // A thin thing between the coarse pixels takes what is known around it.
                     let weight = if value < 0.0 {
                         0.0

@@ -146,7 +146,8 @@ impl Canvas {
         if glass_moved {
             for (part, motion) in scene.assets.parts.iter().zip(&self.view.motions) {
                 if part.is_transparent() && motion.moved {
-                    for rectangle in [&motion.before, &motion.now].into_iter().filter(|rectangle| !rectangle.is_empty()) {
+                    for rectangle in [&motion.before, &motion.now].into_iter().filter(|rectangle| !rectangle.is_empty())
+                    {
                         let (tiles, step) = (self.opaque.tile_columns, crate::layers::TILE);
                         for row in rectangle.rows.start / step..rectangle.rows.end.div_ceil(step) {
                             let columns = rectangle.columns.start / step..rectangle.columns.end.div_ceil(step);

@@ -94,9 +94,9 @@ impl Edges {
             while mixed.next_if(|(other, _)| order(*other) < order(pixel)).is_some() {}
             let own = mixed.next_if(|(other, _)| *other == pixel).map(|(_, color)| *color);
             let behind = own.unwrap_or(colors[pixel as usize]);
-            let color = panes.iter().fold(behind, |behind, pane| {
-                behind + (pane.color + behind * pane.passes - behind) * pane.coverage
-            });
+            let color = panes
+                .iter()
+                .fold(behind, |behind, pane| behind + (pane.color + behind * pane.passes - behind) * pane.coverage);
             rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
         }
     }
@@ -148,7 +148,13 @@ impl Edges {
                     };
                     // Several samples of one surface are shaded together.
                     let mixed = self.mixed.len() as u32;
-                    match self.extras.iter_mut().rev().take_while(|(_, of, _)| *of == mixed).find(|(known, ..)| around.key(known.id) == key) {
+                    match self
+                        .extras
+                        .iter_mut()
+                        .rev()
+                        .take_while(|(_, of, _)| *of == mixed)
+                        .find(|(known, ..)| around.key(known.id) == key)
+                    {
                         Some((.., share)) => *share += weight,
                         None => self.extras.push((spot, mixed, weight)),
                     }
@@ -160,8 +166,7 @@ impl Edges {
 
     fn shade_extras(&mut self, scene: &Scene<'_>, view: &View) {
         let background = crate::texture::linear_from_srgb8(scene.variation.background);
-        for (spot, mixed, share) in self.extras.iter().filter(|(spot, ..)| spot.id == 0) {
-            debug_assert!(spot.id == 0);
+        for (_, mixed, share) in self.extras.iter().filter(|(spot, ..)| spot.id == 0) {
             self.mixed[*mixed as usize].1 += background * *share;
         }
         self.extras.retain(|(spot, ..)| spot.id != 0);
@@ -317,7 +322,8 @@ impl TileKeys {
         self.keys.clear();
         let (first_column, first_row) = (column as isize * n - reach, row as isize * n - reach);
         self.first = [first_column, first_row];
-        let (last_column, last_row) = around.cut(first_column + self.side as isize - 1, first_row + self.side as isize - 1);
+        let (last_column, last_row) =
+            around.cut(first_column + self.side as isize - 1, first_row + self.side as isize - 1);
         let (cut_column, cut_row) = around.cut(first_column, first_row);
         let first = around.id_at(cut_column, cut_row);
         let is_one_triangle = (cut_row..=last_row).all(|row| {
@@ -350,7 +356,11 @@ impl TileKeys {
     #[inline(always)]
     fn at(&self, around: &Around<'_>, column: isize, row: isize) -> u32 {
         let (x, y) = ((column - self.first[0]) as usize, (row - self.first[1]) as usize);
-        if x < self.side && y < self.side { self.keys[y * self.side + x] } else { around.key(around.id_at(column, row)) }
+        if x < self.side && y < self.side {
+            self.keys[y * self.side + x]
+        } else {
+            around.key(around.id_at(column, row))
+        }
     }
 
     /// Whether the samples around the centre of a pixel of the tile show several surfaces.

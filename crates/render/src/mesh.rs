@@ -128,7 +128,8 @@ impl Mesh {
         let mut cluster_of = Vec::with_capacity(self.positions.len());
         for (index, &position) in self.positions.iter().enumerate() {
             let cell = cell_of(position);
-            let cluster = *clusters.entry((cell, direction_octant(self.normals[index]))).or_insert(normals.len() as u32);
+            let cluster =
+                *clusters.entry((cell, direction_octant(self.normals[index]))).or_insert(normals.len() as u32);
             if cluster as usize == normals.len() {
                 let (sum, count) = cells.get(&cell).copied().unwrap_or((position, 1.0));
                 positions.push(sum / count);

@@ -51,7 +51,15 @@ impl Default for Points {
 
 impl Points {
     /// Becomes the centres of pixels that show a part.
-    pub fn fill(&mut self, pixels: &[u32], part: &Part, placed: &PartView, lens: &Lens, opaque: &Target, depth: &[f32]) {
+    pub fn fill(
+        &mut self,
+        pixels: &[u32],
+        part: &Part,
+        placed: &PartView,
+        lens: &Lens,
+        opaque: &Target,
+        depth: &[f32],
+    ) {
         let (width, scale) = (lens.width as u32, opaque.scale);
         let faces = &placed.mesh(part).faces;
         self.count = pixels.len().min(CHUNK);

@@ -152,8 +152,7 @@ impl Renderer {
             Some(index) => self.kept.remove(index),
             None => (seat, Canvas::default()),
         };
-        let scene =
-            Scene { assets: &self.assets, variation: &self.variation, lighting: &self.lighting, shadow };
+        let scene = Scene { assets: &self.assets, variation: &self.variation, lighting: &self.lighting, shadow };
         canvas.draw(&scene, frame, lens, scale);
         canvas.write(&self.assets, job.channels, out);
         self.shaded_pixels = canvas.shaded_pixels;

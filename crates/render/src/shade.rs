@@ -321,8 +321,7 @@ fn look_around(sky: &Sky, glossy: &Glossy, out: &mut Reflected) {
         let cosine = dot(normal, viewer);
         out.facing[i] = within(cosine, 1e-3, 1.0);
         let twice = cosine + cosine;
-        let mirrored =
-            [normal[0] * twice - viewer[0], normal[1] * twice - viewer[1], normal[2] * twice - viewer[2]];
+        let mirrored = [normal[0] * twice - viewer[0], normal[1] * twice - viewer[1], normal[2] * twice - viewer[2]];
         let light = glossy.at(mirrored);
         out.mirrored[0][i] = light[0];
         out.mirrored[1][i] = light[1];

@@ -27,8 +27,6 @@ pub(crate) struct ShadowMap {
     layers: Layers,
     casters: Vec<Caster>,
     motions: Vec<Motion>,
-    /// Level of detail of what casts shadows.
-    level: usize,
     /// Smallest nearness of each tile and, over its surroundings, whatever a point there may look up.
     lowest: Vec<f32>,
     /// Largest one likewise.
@@ -91,7 +89,6 @@ impl ShadowMap {
         let size = size / TILE * TILE;
         let is_new = self.version == 1;
         self.light = Light::new(variation, size);
-        self.level = level;
         if size == 0 {
             return;
         }
@@ -120,7 +117,8 @@ impl ShadowMap {
             self.layers.follow::<false>(&self.motions, draw);
         }
         if self.layers.changed.contains(&true) {
-            for (changed_in, _) in self.changed_in.iter_mut().zip(&self.layers.changed).filter(|(_, changed)| **changed) {
+            for (changed_in, _) in self.changed_in.iter_mut().zip(&self.layers.changed).filter(|(_, changed)| **changed)
+            {
                 *changed_in = self.version;
             }
             self.summarise();
@@ -443,8 +441,8 @@ fn spiral() -> &'static [[f32; 2]; TAPS] {
 /// Sine and cosine of one of the turns.
 pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
     static TABLE: std::sync::OnceLock<[(f32, f32); TURNS]> = std::sync::OnceLock::new();
-    let turns =
-        TABLE.get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
+    let turns = TABLE
+        .get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
     turns[turn as usize % TURNS]
 }
 

@@ -106,13 +106,14 @@ fn ids_and_depth_agree_with_a_ray_caster_away_from_silhouettes() {
             )
         };
         let state = assets.frame_state(&[turn(5).sin()], 0.03, (0..4).map(place)).unwrap();
-        let camera = camera(192, 108);
+        // Large enough for full detail.
+        let camera = camera(256, 144);
         let out = draw(&assets, &state, &camera, Channels::GEOMETRY);
         let (mut wrong, mut judged, mut errors) = (0, 0, Vec::new());
-        for y in (3..105).step_by(2) {
-            for x in (3..189).step_by(2) {
-                let pixel = (y * 192 + x) as usize;
-                let around = [0_isize, -1, 1, -192, 192].map(|step| out.instance[(pixel as isize + step) as usize]);
+        for y in (3..141).step_by(2) {
+            for x in (3..253).step_by(2) {
+                let pixel = (y * 256 + x) as usize;
+                let around = [0_isize, -1, 1, -256, 256].map(|step| out.instance[(pixel as isize + step) as usize]);
                 if around.iter().any(|&id| id != around[0]) {
                     continue;
                 }
@@ -208,7 +209,8 @@ fn episode(assets: &RenderAssets) -> Vec<FrameState> {
 fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
     let (assets, _) = toy();
     let fixed = camera(192, 108);
-    let hand = Camera { mount: CameraMount::Hand, mount_from_camera: Pose::from_position(DVec3::Z * -0.3), ..camera(96, 54) };
+    let hand =
+        Camera { mount: CameraMount::Hand, mount_from_camera: Pose::from_position(DVec3::Z * -0.3), ..camera(96, 54) };
     let small = camera(64, 36);
     let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
     let mut least = usize::MAX;
@@ -216,7 +218,11 @@ fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
         for camera in [&fixed, &hand, &small] {
             let mut out = [FrameBuffers::default()];
             renderer.render(&[ViewJob::new(frame, camera, Channels::ALL)], &mut out).unwrap();
-            assert!(out[0] == draw(&assets, frame, camera, Channels::ALL), "frame {index}, camera of {} px", out[0].width);
+            assert!(
+                out[0] == draw(&assets, frame, camera, Channels::ALL),
+                "frame {index}, camera of {} px",
+                out[0].width
+            );
             if std::ptr::eq(camera, &fixed) {
                 least = least.min(renderer.shaded_pixels());
             }
