@@ -139,7 +139,8 @@ impl EpisodeStore {
     /// When the folder cannot be listed.
     pub fn list(&self) -> Result<Listing, DataError> {
         let mut listing = Listing::default();
-        for name in files::names(&self.root)?.into_iter().filter(|name| !name.starts_with('.') && name != "store.json") {
+        for name in files::names(&self.root)?.into_iter().filter(|name| !name.starts_with('.') && name != "store.json")
+        {
             let is_attempt = self.contains(&name);
             if is_attempt { listing.ids.push(name) } else { listing.strangers.push(name) }
         }
@@ -305,8 +306,7 @@ impl EpisodeStore {
         let initial_state = state(INITIAL_STATE)?;
         let final_state = state(FINAL_STATE)?;
         let table = checked(&folder, &record.files, FRAMES, limits::FRAMES)?;
-        let frames =
-            frames::from_bytes(&folder.join(FRAMES), table, scenario.objects.len(), record.result.frames)?;
+        let frames = frames::from_bytes(&folder.join(FRAMES), table, scenario.objects.len(), record.result.frames)?;
         Ok(Episode { scenario, result: record.result, initial_state, final_state, frames })
     }
 

@@ -170,7 +170,8 @@ fn damaged(
             damaged.push((id, error.to_string()));
             continue;
         }
-        let aside = (0..).map(|number| folder.join("damaged").join(format!("{id}.{number}"))).find(|path| !path.exists());
+        let aside =
+            (0..).map(|number| folder.join("damaged").join(format!("{id}.{number}"))).find(|path| !path.exists());
         let aside = aside.unwrap_or_default();
         store.move_out(&id, &aside).map_err(|error| RunError::broken(format!("cannot set {id} aside"), error))?;
         progress.note(&format!("episode {id} is damaged, set aside as {} and made anew: {error}", aside.display()));
@@ -221,7 +222,9 @@ fn export(
     let exported = lerobot::export(store, &selection, &robot, &settings, &path).map_err(|error| {
         RunError::broken("cannot write the dataset", error).with_hint("the episodes are safe; start again")
     })?;
-    for (id, why) in exported.left_out.into_iter().filter(|(id, _)| damaged.iter().all(|(known, _)| known != id)).collect::<Vec<_>>() {
+    for (id, why) in
+        exported.left_out.into_iter().filter(|(id, _)| damaged.iter().all(|(known, _)| known != id)).collect::<Vec<_>>()
+    {
         progress.note(&format!("episode {id} is damaged and left out: {why}"));
         damaged.push((id, why));
     }

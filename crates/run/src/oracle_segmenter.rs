@@ -67,9 +67,6 @@ mod tests {
         let image = image(&[]);
         let image = RgbdImage { intrinsics: Intrinsics::from_vertical_fov(8, 1, 0.5), ..image };
         let error = OracleSegmenter.segment(&SegmentQuestion { image: &image, ignore: &[], within: None }).unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "segmentation needs 8 ids, which only the simulator knows in the image: 0 ids"
-        );
+        assert_eq!(error.to_string(), "segmentation needs 8 ids, which only the simulator knows in the image: 0 ids");
     }
 }

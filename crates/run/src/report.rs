@@ -76,11 +76,7 @@ struct Attempts {
 }
 
 /// The attempts of each task, in the order of their ids.
-fn attempts(
-    store: &EpisodeStore,
-    sound: &[String],
-    timings: &Timings,
-) -> Result<BTreeMap<String, Attempts>, RunError> {
+fn attempts(store: &EpisodeStore, sound: &[String], timings: &Timings) -> Result<BTreeMap<String, Attempts>, RunError> {
     let unreadable = |error| RunError::broken("cannot read the episodes", error);
     let mut attempts: BTreeMap<String, Attempts> = BTreeMap::new();
     for id in sound.iter().cloned() {

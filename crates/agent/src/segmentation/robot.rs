@@ -78,7 +78,8 @@ fn fill(nearest: &mut [f32], [width, height]: [usize; 2], corners: [(DVec2, f64)
     if area.abs() < 1e-9 || high.x < 0.0 || high.y < 0.0 {
         return;
     }
-    let (last_x, last_y) = ((high.x as usize).min(width.saturating_sub(1)), (high.y as usize).min(height.saturating_sub(1)));
+    let (last_x, last_y) =
+        ((high.x as usize).min(width.saturating_sub(1)), (high.y as usize).min(height.saturating_sub(1)));
     for y in low.y as usize..=last_y {
         for x in low.x as usize..=last_x {
             let pixel = DVec2::new(x as f64, y as f64);

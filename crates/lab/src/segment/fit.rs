@@ -6,6 +6,7 @@ use std::sync::Arc;
 use genmanip_agent::segmentation::rgbd::Cut;
 use genmanip_agent::segmentation::rgbd::merge::{FEATURES, Features};
 use genmanip_agent::segmentation::{RgbdSegmenter, SegmentQuestion};
+use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, World};
 use genmanip_run::{Progress, inputs};
 use serde::Serialize;
@@ -46,7 +47,7 @@ pub fn fit_weights(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Fitted, LabError> {
-    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value())?;
+    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
     let mut scenes = Scenes::new(world, seed)?;
     let mut views: Vec<(Cut, Vec<Option<usize>>)> = Vec::new();
     progress.begin("drawing", arguments.count);
@@ -108,13 +109,20 @@ fn meet(cut: &Cut, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<
                 let features: Features = graph.features(low, high);
                 // The rank of a pair counts by what is lost with it.
                 let smaller = graph.pixels(low).min(graph.pixels(high));
-                let copies = if smaller >= 200.0 { 4 } else if smaller >= 50.0 { 2 } else { 1 };
+                let copies = if smaller >= 200.0 {
+                    4
+                } else if smaller >= 50.0 {
+                    2
+                } else {
+                    1
+                };
                 samples.extend((0..copies).map(|_| (features.to_vec(), one == other)));
             }
         }
-        let same = graph.pairs().into_iter().filter(|(low, high)| {
-            owners[*low as usize].is_some() && owners[*low as usize] == owners[*high as usize]
-        });
+        let same = graph
+            .pairs()
+            .into_iter()
+            .filter(|(low, high)| owners[*low as usize].is_some() && owners[*low as usize] == owners[*high as usize]);
         let rated = same.map(|(low, high)| (chance(weights, &graph.features(low, high)), low, high));
         let Some((_, low, high)) = rated.max_by(|one, other| one.0.total_cmp(&other.0)) else { break };
         graph.join(low, high);

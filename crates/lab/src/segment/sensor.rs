@@ -79,9 +79,8 @@ fn is_grazing(image: &RgbdImage, [x, y]: [usize; 2], around: [f64; 4], least_cos
     if [left, right, above, below].iter().any(|depth| *depth <= 0.0) {
         return false;
     }
-    let point = |dx: f64, dy: f64, depth: f64| {
-        image.intrinsics.unproject(DVec2::new(x as f64 + dx, y as f64 + dy), depth)
-    };
+    let point =
+        |dx: f64, dy: f64, depth: f64| image.intrinsics.unproject(DVec2::new(x as f64 + dx, y as f64 + dy), depth);
     let across = point(1.0, 0.0, right) - point(-1.0, 0.0, left);
     let down = point(0.0, 1.0, below) - point(0.0, -1.0, above);
     let view = point(0.0, 0.0, 1.0).normalize();
@@ -117,7 +116,8 @@ mod tests {
         let intrinsics = Intrinsics::from_vertical_fov(100, 100, 0.6);
         let step = (0..10_000).map(|index| if index % 100 < 50 { 1.0 } else { 1.2 }).collect();
         let seen = D435.measure(&RgbdImage::of_depth(intrinsics, Pose::IDENTITY, step), Seed::new(2));
-        let missing = |column: usize| seen.depth_m.iter().skip(column).step_by(100).filter(|depth| **depth == 0.0).count();
+        let missing =
+            |column: usize| seen.depth_m.iter().skip(column).step_by(100).filter(|depth| **depth == 0.0).count();
         assert_eq!((missing(20), missing(80)), (0, 0));
         assert!(missing(49) > 10 && missing(50) > 10);
     }

@@ -80,7 +80,10 @@ pub const FEATURES: [&str; COUNT] = [
 ];
 
 /// Chance that a pair belongs to one thing, as a logistic model.
-const WEIGHTS: Features = [5.19, 0.52, -1.79, 4.33, -3.29, 1.58, -0.21, 0.76, -0.6, -1.39, -1.5, 0.0, -0.22, -9.99, 1.13, -3.99, -0.08, 4.28, -0.22, -2.1, -0.58, 4.18, 1.47, 0.37];
+const WEIGHTS: Features = [
+    5.19, 0.52, -1.79, 4.33, -3.29, 1.58, -0.21, 0.76, -0.6, -1.39, -1.5, 0.0, -0.22, -9.99, 1.13, -3.99, -0.08, 4.28,
+    -0.22, -2.1, -0.58, 4.18, 1.47, 0.37,
+];
 
 /// Regions and their neighbours.
 #[derive(Clone, Debug)]
@@ -99,7 +102,8 @@ impl Graph {
         labels: &[u32],
         count: usize,
     ) -> Self {
-        let mut regions = vec![Region { lowest: f32::INFINITY, highest: f32::NEG_INFINITY, ..Region::default() }; count];
+        let mut regions =
+            vec![Region { lowest: f32::INFINITY, highest: f32::NEG_INFINITY, ..Region::default() }; count];
         let mut borders = vec![BTreeMap::<u32, Border>::new(); count];
         let (width, pixels) = (surface.width, labels.len());
         for index in 0..pixels {
@@ -156,7 +160,8 @@ impl Graph {
             .map(|low| self.borders[low].keys().map(|&high| (high, chance(&self.features(low as u32, high)))).collect())
             .collect();
         loop {
-            let pairs = chances.iter().enumerate().flat_map(|(low, row)| row.iter().map(move |(high, p)| (*p, low, *high)));
+            let pairs =
+                chances.iter().enumerate().flat_map(|(low, row)| row.iter().map(move |(high, p)| (*p, low, *high)));
             let best = pairs.fold((least, usize::MAX, 0), |best, pair| if pair.0 > best.0 { pair } else { best });
             if best.1 == usize::MAX {
                 break;
@@ -310,14 +315,7 @@ const UPRIGHT: f32 = 0.35;
 
 impl Border {
     /// `pixels` lie at the border on either side, `inside` farther from it, where normals are undisturbed.
-    fn add(
-        &mut self,
-        surface: &Surface,
-        colors: &[Vec3],
-        heights: &[f32],
-        pixels: [usize; 2],
-        inside: [usize; 2],
-    ) {
+    fn add(&mut self, surface: &Surface, colors: &[Vec3], heights: &[f32], pixels: [usize; 2], inside: [usize; 2]) {
         let [first, second] = inside;
         self.edges += 1.0;
         self.color += (colors[first] - colors[second]).abs();

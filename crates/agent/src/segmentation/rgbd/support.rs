@@ -49,7 +49,9 @@ pub(super) fn planes(surface: &Surface) -> Vec<Plane> {
     let count = ((highest - lowest) / BIN_M) as usize;
     let mut areas = vec![0.0_f32; count];
     let level: Vec<usize> = (0..surface.points.len())
-        .filter(|&index| surface.normals[index].z > LEVEL_COSINE && (lowest..highest).contains(&surface.points[index].z))
+        .filter(|&index| {
+            surface.normals[index].z > LEVEL_COSINE && (lowest..highest).contains(&surface.points[index].z)
+        })
         .collect();
     for &index in &level {
         let point = surface.points[index];

@@ -117,7 +117,11 @@ fn smoothed(inverse: &[f32], colors: &[Vec3], width: usize, noise: f32) -> Vec<f
                     }
                     let difference = (colors[other] - color).length_squared() / (SMOOTHING_COLOR * SMOOTHING_COLOR);
                     let weight = 1.0 / (1.0 + difference * difference);
-                    let apart = if other < index { -(((index - other) / step) as f32) } else { ((other - index) / step) as f32 };
+                    let apart = if other < index {
+                        -(((index - other) / step) as f32)
+                    } else {
+                        ((other - index) / step) as f32
+                    };
                     weights += weight;
                     x += weight * apart;
                     xx += weight * apart * apart;
@@ -173,7 +177,8 @@ fn normals(
             }
             let along = |place: usize, count: usize, step: usize| -> Vec3 {
                 let before = (place >= reach && inverse[index - reach * step] > 0.0).then(|| index - reach * step);
-                let after = (place + reach < count && inverse[index + reach * step] > 0.0).then(|| index + reach * step);
+                let after =
+                    (place + reach < count && inverse[index + reach * step] > 0.0).then(|| index + reach * step);
                 let change = |other: usize| (inverse[other] - here).abs();
                 match (before, after) {
                     (Some(before), Some(after)) => {
