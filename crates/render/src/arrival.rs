@@ -233,11 +233,10 @@ impl Arrival {
         }
         let mut points = Points::default();
         let mut list = Vec::new();
-        for (part, (pixels, (part_of, placed))) in bins.iter().zip(assets.parts.iter().zip(&view.parts)).enumerate() {
-            debug_assert!(part < assets.parts.len());
+        for (pixels, (part, placed)) in bins.iter().zip(assets.parts.iter().zip(&view.parts)) {
             for chunk in pixels.chunks(CHUNK) {
                 if shadow.is_on() {
-                    points.fill(chunk, part_of, placed, &view.lens, opaque, &self.depth);
+                    points.fill(chunk, part, placed, &view.lens, opaque, &self.depth);
                     shadow.judge(&points, &mut self.raw_key, &mut self.doubts);
                 } else {
                     chunk.iter().for_each(|&pixel| self.raw_key[pixel as usize] = 1.0);
@@ -256,7 +255,7 @@ impl Arrival {
                 }
             }
             for chunk in list.chunks(CHUNK) {
-                points.fill(chunk, part_of, placed, &view.lens, opaque, &self.depth);
+                points.fill(chunk, part, placed, &view.lens, opaque, &self.depth);
                 self.occlude(&points, view.lens.focal.x, variation);
             }
         }

@@ -166,8 +166,7 @@ impl Edges {
 
     fn shade_extras(&mut self, scene: &Scene<'_>, view: &View) {
         let background = crate::texture::linear_from_srgb8(scene.variation.background);
-        for (spot, mixed, share) in self.extras.iter().filter(|(spot, ..)| spot.id == 0) {
-            debug_assert!(spot.id == 0);
+        for (_, mixed, share) in self.extras.iter().filter(|(spot, ..)| spot.id == 0) {
             self.mixed[*mixed as usize].1 += background * *share;
         }
         self.extras.retain(|(spot, ..)| spot.id != 0);

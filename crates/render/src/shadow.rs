@@ -27,8 +27,6 @@ pub(crate) struct ShadowMap {
     layers: Layers,
     casters: Vec<Caster>,
     motions: Vec<Motion>,
-    /// Level of detail of what casts shadows.
-    level: usize,
     /// Smallest nearness of each tile and, over its surroundings, whatever a point there may look up.
     lowest: Vec<f32>,
     /// Largest one likewise.
@@ -91,7 +89,6 @@ impl ShadowMap {
         let size = size / TILE * TILE;
         let is_new = self.version == 1;
         self.light = Light::new(variation, size);
-        self.level = level;
         if size == 0 {
             return;
         }

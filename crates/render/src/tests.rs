@@ -106,13 +106,14 @@ fn ids_and_depth_agree_with_a_ray_caster_away_from_silhouettes() {
             )
         };
         let state = assets.frame_state(&[turn(5).sin()], 0.03, (0..4).map(place)).unwrap();
-        let camera = camera(192, 108);
+        // Large enough for full detail.
+        let camera = camera(256, 144);
         let out = draw(&assets, &state, &camera, Channels::GEOMETRY);
         let (mut wrong, mut judged, mut errors) = (0, 0, Vec::new());
-        for y in (3..105).step_by(2) {
-            for x in (3..189).step_by(2) {
-                let pixel = (y * 192 + x) as usize;
-                let around = [0_isize, -1, 1, -192, 192].map(|step| out.instance[(pixel as isize + step) as usize]);
+        for y in (3..141).step_by(2) {
+            for x in (3..253).step_by(2) {
+                let pixel = (y * 256 + x) as usize;
+                let around = [0_isize, -1, 1, -256, 256].map(|step| out.instance[(pixel as isize + step) as usize]);
                 if around.iter().any(|&id| id != around[0]) {
                     continue;
                 }
