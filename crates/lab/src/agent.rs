@@ -287,7 +287,8 @@ pub fn in_words(measured: &Measured) -> String {
     let mut text = format!("model {vlm}, masks {masks}, path {path}, preset {preset}{oracle}\n{}", text_table(&rows));
     for (stage, injected) in &measured.injected {
         let Injected { failed, labelled, flips, .. } = injected;
-        text += &format!("\nerrors in {stage}: {failed} episodes failed, {labelled} labelled so, {flips} succeed without");
+        text +=
+            &format!("\nerrors in {stage}: {failed} episodes failed, {labelled} labelled so, {flips} succeed without");
     }
     text
 }

@@ -9,14 +9,12 @@ use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
 use genmanip_chat::{CassetteChat, CassetteSettings, ServerSettings};
-use genmanip_core::{
-    ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Seed, limits,
-};
+use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Seed, limits};
 use genmanip_motion::Planner;
 use genmanip_rollout::Stage as Scene;
 use serde::Deserialize;
 
-use super::{ErrorRates, Heard, Oracle, OracleMasks, Truth, Witness, WithTruth};
+use super::{ErrorRates, Heard, Oracle, OracleMasks, Truth, WithTruth, Witness};
 use crate::error::RunError;
 use crate::inputs;
 
