@@ -12,6 +12,33 @@ pub struct Mask {
 }
 
 impl Mask {
+    /// Whether there is a value for each pixel.
+    pub fn is_whole(&self) -> bool {
+        self.pixels.len() as u64 == u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Indices of the pixels that belong to the thing, in order.
+    pub fn indices(&self) -> impl Iterator<Item = usize> + '_ {
+        self.pixels.iter().enumerate().filter(|(_, inside)| **inside).map(|(index, _)| index)
+    }
+
+    /// The mask with all eight neighbours of its pixels.
+    #[must_use]
+    pub fn grown(&self) -> Self {
+        let mut grown = self.clone();
+        let (width, height) = (self.width as i64, self.height as i64);
+        for index in self.indices() {
+            let (x, y) = (index as i64 % width, index as i64 / width);
+            for (dx, dy) in [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)] {
+                let (x, y) = (x + dx, y + dy);
+                if (0..width).contains(&x) && (0..height).contains(&y) {
+                    grown.pixels[(y * width + x) as usize] = true;
+                }
+            }
+        }
+        grown
+    }
+
     /// The mask that holds the pixels of an index, of an image that says for each pixel to what it belongs.
     pub fn of_label<T: PartialEq>(width: u32, height: u32, labels: &[T], label: &T) -> Self {
         Self { width, height, pixels: labels.iter().map(|other| other == label).collect() }
@@ -22,7 +49,7 @@ impl Mask {
         self.pixels.iter().filter(|is_inside| **is_inside).count()
     }
 
-    /// Intersection over union with a mask of the same image, 0-1; 0 for two empty ones.
+    /// Intersection over union, 0-1; 0 for two empty ones and for masks of different sizes.
     ///
     /// ```
     /// use genmanip_agent::segmentation::Mask;
@@ -31,6 +58,9 @@ impl Mask {
     /// assert!((iou - 0.25).abs() < 1e-12);
     /// ```
     pub fn iou(&self, other: &Self) -> f64 {
+        if self.pixels.len() != other.pixels.len() {
+            return 0.0;
+        }
         let count = |test: fn(bool, bool) -> bool| {
             self.pixels.iter().zip(&other.pixels).filter(|(one, other)| test(**one, **other)).count()
         };

@@ -6,12 +6,16 @@ use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, Families, panda};
 use genmanip_core::{Seed, Task};
+use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
+use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
-    answers, assets, design, environment, expert, fit, grasp, layout, motion, relations, rendered, segment,
+    agent, answers, assets, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render,
+    rendered, segment,
 };
+use genmanip_run::agents::AgentChoice;
 use genmanip_run::{OracleSegmenter, inputs, robots};
 
 use crate::args::{self, LabCommand};
@@ -22,6 +26,11 @@ use crate::printer::Printer;
 pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
         LabCommand::Relations(arguments) => relations_of(arguments, printer)?,
+        LabCommand::Agent(arguments) => {
+            let world = inputs::read_world(arguments.world.as_deref())?;
+            let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &agent::in_words(&measured));
+        }
         LabCommand::Answers(arguments) => {
             let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);
             let measured = answers::measure(&arguments.answers, amount, Seed::new(arguments.seed), printer)?;
@@ -45,6 +54,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         LabCommand::Fit(arguments) => {
             let measured = fit::measure(&arguments.trials, &arguments.test, arguments.constant)?;
             printer.data(&measured, &fit::in_words(&measured));
+        }
+        LabCommand::Hostile(arguments) => {
+            let measured = hostile::measure(&hostile_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &hostile::in_words(&measured));
         }
         LabCommand::Grasp(arguments) => {
             let measured =
@@ -73,6 +86,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
+        }
+        LabCommand::Render(arguments) => {
+            let measured = render::measure(Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &render::in_words(&measured));
         }
         LabCommand::Segment(arguments) => {
             segment_of(arguments, printer)?;
@@ -122,6 +139,38 @@ fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64, from: &Catalogue) ->
     }
     let known = inputs::read_tasks(paths)?;
     Ok((0..count).flat_map(|_| known.iter().cloned()).collect())
+}
+
+fn hostile_arguments(arguments: &args::HostileArguments) -> Result<HostileArguments, Failed> {
+    let own = |what: &str, found: std::io::Result<PathBuf>| {
+        found.map_err(|error| Failed::because(format!("cannot find {what}"), &error).hint("name it with --project"))
+    };
+    Ok(HostileArguments {
+        program: own("the program itself", std::env::current_exe())?,
+        project: own("the project's folder", arguments.project.canonicalize())?,
+        minutes: arguments.minutes,
+        kind: arguments.kind.clone(),
+        refusals: arguments.refusals.clone(),
+        found: arguments.found.clone(),
+        races: arguments.races,
+        kills: arguments.kills,
+    })
+}
+
+fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, Failed> {
+    let choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
+    let mut choice = AgentChoice { keeps_pictures: arguments.transcripts.is_some(), ..choice };
+    choice.settings.ctof = arguments.ctof;
+    for error in &arguments.error {
+        choice.add_error(error)?;
+    }
+    Ok(AgentArguments {
+        names: [choice.model.name(), choice.masks.name()],
+        kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,
+        count: arguments.count,
+        transcripts: arguments.transcripts.clone(),
+        choice,
+    })
 }
 
 fn grasp_arguments(arguments: &args::GraspArguments) -> Result<GraspArguments, Failed> {
