@@ -163,7 +163,11 @@ impl<M: ChatModel> ChatModel for CassetteChat<M> {
 /// # Errors
 /// [`ChatError::Cassette`] says what is wrong with the file.
 pub fn read(path: &Path) -> Result<Cassette, ChatError> {
-    let length = fs::metadata(path).map_err(|error| failed(&error.to_string(), path))?.len();
+    let about = fs::metadata(path).map_err(|error| failed(&error.to_string(), path))?;
+    if !about.is_file() {
+        return Err(failed("expected a file, found a pipe, device or folder", path));
+    }
+    let length = about.len();
     if length > MAX_CASSETTE_BYTES {
         return Err(failed(&format!("{length} bytes, more than a cassette of at most {MAX_CASSETTE_BYTES}"), path));
     }

@@ -7,9 +7,11 @@ use clap::{Args, Parser, Subcommand};
 use genmanip_core::Seed;
 use genmanip_run::policies;
 
+pub use assets::*;
 pub use lab::*;
 pub use world::*;
 
+mod assets;
 mod lab;
 mod world;
 
@@ -77,6 +79,12 @@ pub enum Command {
         /// What to do with grasps
         #[command(subcommand)]
         command: GraspsCommand,
+    },
+    /// List, find, show, draw, export and audit objects
+    Assets {
+        /// What to do with objects
+        #[command(subcommand)]
+        command: AssetsCommand,
     },
     /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
     World {
@@ -146,12 +154,18 @@ pub struct BakeArguments {
     /// Trials per candidate
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub trials: u32,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
     /// Uids, comma separated, instead of all objects that can be grasped
     #[arg(long, value_delimiter = ',')]
     pub objects: Vec<String>,
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
+    /// Robot whose hand tries them: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `grasps show`.
@@ -188,6 +202,12 @@ pub struct NewArguments {
     /// Ask the model, record it or replay it instead of what the settings say: live, record or replay
     #[arg(long, value_name = "MODE")]
     pub cassettes: Option<String>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+    /// Only objects that are found by these words and filters, as with `assets search`
+    #[arg(long, value_name = "QUERY")]
+    pub objects: Option<String>,
     /// World whose further support surfaces tasks may name; only with --designer llm
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
@@ -238,6 +258,9 @@ pub struct LayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed
     #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
@@ -294,6 +317,9 @@ pub struct PlanArguments {
     /// Camera of picture and film, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
+    /// Refuse scenarios that were laid out for another robot than this
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `collect`.
@@ -311,6 +337,9 @@ pub struct CollectArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed
     #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
@@ -422,6 +451,9 @@ pub struct EvaluateArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
+    /// Refuse scenarios that were laid out for another robot than this
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `replay`.

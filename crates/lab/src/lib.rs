@@ -5,6 +5,7 @@
 
 pub mod agent;
 pub mod answers;
+pub mod assets;
 pub mod calibration;
 mod clock;
 pub mod design;
@@ -12,9 +13,11 @@ pub mod environment;
 pub mod expert;
 pub mod fit;
 pub mod grasp;
+pub mod hostile;
 pub mod layout;
 pub mod motion;
 pub mod relations;
+pub mod render;
 pub mod rendered;
 pub mod segment;
 

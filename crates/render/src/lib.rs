@@ -20,11 +20,14 @@ pub mod job;
 pub mod renderer;
 pub mod variation;
 
-mod hit;
-mod lanes;
-mod occlusion;
+mod arrival;
+mod canvas;
+mod edges;
+mod layers;
+mod mesh;
+mod normals;
+mod points;
 mod raster;
-mod resolve;
 mod shade;
 mod shadow;
 mod sky;

@@ -13,6 +13,8 @@
 //! it tells a [`Progress`] how far it is and prints nothing.
 
 pub mod agents;
+pub mod assets;
+pub mod audit;
 pub mod collect;
 mod error;
 pub mod evaluate;

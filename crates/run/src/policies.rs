@@ -173,6 +173,7 @@ type Make = Box<dyn Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Se
 pub struct PolicyFactory {
     name: &'static str,
     label: String,
+    needs_record: bool,
     make: Make,
 }
 
@@ -187,7 +188,8 @@ impl PolicyFactory {
         let entry = POLICIES.iter().find(|entry| entry.name == name);
         let entry = entry.ok_or_else(|| RunError::unknown("policy", "policies", name, &known))?;
         let given = Given::parse(entry, arguments)?;
-        Ok(Self { name: entry.name, label: given.label(), make: (entry.prepare)(&given)? })
+        let make = (entry.prepare)(&given)?;
+        Ok(Self { name: entry.name, label: given.label(), needs_record: entry.needs_record, make })
     }
 
     /// The usual policies with their defaults, without those that need a record where there is none.
@@ -207,6 +209,11 @@ impl PolicyFactory {
     /// The name with those arguments that differ from their defaults, fit for the name of a file.
     pub fn label(&self) -> &str {
         &self.label
+    }
+
+    /// Whether it needs an episode that was recorded on the same scenario.
+    pub fn needs_record(&self) -> bool {
+        self.needs_record
     }
 
     /// The policy for one episode.

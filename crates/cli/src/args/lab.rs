@@ -39,6 +39,10 @@ pub enum LabCommand {
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
     Motion(MotionArguments),
+    /// Make new objects of all families and try them: stability, grasps, containers, states, cost of physics
+    #[command(after_help = "Example:\n  genmanip lab assets --seed 7 --count 200 --json\n\n\
+                      The families in turn, each with seeds of its own; docs/concepts/assets.md says what is measured.")]
+    Assets(LabAssetsArguments),
     /// Lay designed tasks out, once each, and audit what comes of it
     #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
@@ -54,6 +58,19 @@ pub enum LabCommand {
                       genmanip lab environment --store out/run --json\n\n\
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
+    /// Hand the program changed files of every kind, in calls of its own under limits of memory and time
+    #[command(
+        after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
+                      genmanip lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
+                      Run it in the project's folder. Minutes are processor time of all calls; each may use 1 GiB\n\
+                      and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first."
+    )]
+    Hostile(HostileArguments),
+    /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
+    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
+                      One thread, processor time, medians over the frames of the episode; the static camera is drawn \
+                      first and draws the shadows, which the wrist camera shares.")]
+    Render(RenderArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
@@ -69,7 +86,7 @@ pub enum LabCommand {
 #[derive(Debug, Args)]
 pub struct SegmentArguments {
     /// Seed of tasks, layouts and noise
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Scenes, each seen by two cameras
     #[arg(long, default_value_t = 40, value_parser = super::parse_count)]
@@ -86,6 +103,49 @@ pub struct SegmentArguments {
     /// Folder for pictures of the worst views: image, truth, masks
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// Arguments of `lab hostile`.
+#[derive(Debug, Args)]
+pub struct HostileArguments {
+    /// Seed of the changes
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Processor time of all calls together, minutes
+    #[arg(long, default_value_t = 1.0, value_parser = parse_minutes)]
+    pub minutes: f64,
+    /// Change only this kind
+    #[arg(long, value_parser = genmanip_lab::hostile::KINDS)]
+    pub kind: Option<String>,
+    /// Write all messages to this file
+    #[arg(long, value_name = "FILE")]
+    pub refusals: Option<PathBuf>,
+    /// Copy what broke something into this folder
+    #[arg(long, value_name = "DIR")]
+    pub found: Option<PathBuf>,
+    /// Also race so many pairs of starts with different seeds for one folder
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
+    pub races: usize,
+    /// Also kill so many runs at random moments, continue them and compare the bytes
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
+    pub kills: usize,
+    /// The project's folder, for its examples
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub project: PathBuf,
+}
+
+fn parse_minutes(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(minutes) if (0.0..=10_000.0).contains(&minutes) => Ok(minutes),
+        _ => Err("expected minutes from 0 to 10000".into()),
+    }
+}
+
+fn parse_few(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count @ 0..=100_000) => Ok(count),
+        _ => Err("expected a whole number from 0 to 100000".into()),
+    }
 }
 
 /// Arguments of `lab fit`.
@@ -114,6 +174,17 @@ pub struct EnvironmentArguments {
     /// Step through the episodes stored here instead: a run, its episodes, or one of them
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+}
+
+/// Arguments of `lab render`.
+#[derive(Debug, Args)]
+pub struct RenderArguments {
+    /// Seed of objects, layout and episode
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
 }
 
 /// Arguments of `lab design`.
@@ -125,6 +196,9 @@ pub struct DesignArguments {
     /// Tasks, the six kinds in turn
     #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
     pub count: usize,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
 }
 
 /// Arguments of `lab answers`.
@@ -173,6 +247,9 @@ pub struct ExpertArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
@@ -185,6 +262,9 @@ pub struct ExpertArguments {
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
 }
 
 /// Arguments of `lab agent`.
@@ -266,6 +346,9 @@ pub struct LabLayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed of tasks and layouts
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
@@ -278,6 +361,29 @@ pub struct LabLayoutArguments {
     /// Unmentioned objects to add to each scene
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+}
+
+/// Arguments of `lab assets`.
+#[derive(Debug, Args)]
+pub struct LabAssetsArguments {
+    /// Seed of the objects
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Objects to make, the families in turn
+    #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Only this family
+    #[arg(long, value_name = "NAME")]
+    pub family: Option<String>,
+    /// Take the families from the data files of this folder
+    #[arg(long, value_name = "DIR")]
+    pub families: Option<PathBuf>,
+    /// Threads; the figures in processor time are of one
+    #[arg(long, value_name = "N")]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `lab grasp`.

@@ -1,5 +1,6 @@
 //! One module per verb.
 
+pub mod assets;
 pub mod collect;
 pub mod demo;
 pub mod doctor;

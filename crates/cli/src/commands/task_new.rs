@@ -2,17 +2,18 @@
 
 use std::path::Path;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::search::Filter;
 use genmanip_bench::text_table;
 use genmanip_chat::CassetteMode;
 use genmanip_core::limits;
-use genmanip_core::{Document, Seed, Task, TaskKind};
+use genmanip_core::{Document, ObjectCard, Seed, Task, TaskKind};
 use genmanip_llm::{Designer, GenerationOutcome, LlmSettings};
 use genmanip_run::{Progress, inputs};
 use genmanip_scene::designer::{DesignSettings, design_each};
 use serde::Serialize;
 
 use crate::args::NewArguments;
+use crate::commands::assets::catalogue;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
@@ -63,8 +64,20 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     Ok(ExitStatus::Done)
 }
 
+/// The cards that tasks may be about.
+fn cards(arguments: &NewArguments) -> Result<Vec<ObjectCard>, Failed> {
+    let catalogue = catalogue(&arguments.catalog);
+    let Some(query) = &arguments.objects else { return Ok(catalogue.cards().to_vec()) };
+    let index = catalogue.index();
+    let found = index.search(query, &Filter::default(), usize::MAX);
+    if found.is_empty() {
+        return Err(Failed::new(format!("no object fits \"{query}\"")).hint("try it with `genmanip assets search`"));
+    }
+    Ok(found.iter().map(|one| one.card.clone()).collect())
+}
+
 fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
-    let cards = Catalogue::builtin().cards();
+    let cards = &*cards(arguments)?;
     printer.begin("designing", arguments.count);
     let settings = DesignSettings { copies: arguments.copies, ..DesignSettings::default() };
     let seed = Seed::new(arguments.seed);
@@ -83,9 +96,10 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
         .with_surfaces(inputs::read_world(arguments.world.as_deref())?.named_surfaces());
     printer.begin("asking", arguments.count);
     let mut outcomes: Vec<GenerationOutcome> = Vec::new();
+    let cards = cards(arguments)?;
     for (index, &kind) in kinds.iter().enumerate() {
         let count = (arguments.count + kinds.len() - 1 - index) / kinds.len();
-        outcomes.extend(designer.generate(kind, count, seed, Catalogue::builtin().cards(), &|_| printer.advance()));
+        outcomes.extend(designer.generate(kind, count, seed, &cards, &|_| printer.advance()));
     }
     printer.end();
     outcomes.iter().map(|outcome| write_outcome(outcome, &arguments.out)).collect()

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use genmanip_agent::segmentation::rgbd::Cut;
 use genmanip_agent::segmentation::rgbd::merge::{FEATURES, Features};
 use genmanip_agent::segmentation::{RgbdSegmenter, SegmentQuestion};
+use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, World};
 use genmanip_run::{Progress, inputs};
 use serde::Serialize;
@@ -46,7 +47,7 @@ pub fn fit_weights(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Fitted, LabError> {
-    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value())?;
+    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
     let mut scenes = Scenes::new(world, seed)?;
     let mut views: Vec<(Cut, Vec<Option<usize>>)> = Vec::new();
     progress.begin("drawing", arguments.count);

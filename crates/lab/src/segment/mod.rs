@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use genmanip_agent::segmentation::{Mask, SegmentQuestion, Segmenter};
+use genmanip_assets::Catalogue;
 use genmanip_core::{Seed, World};
 use genmanip_run::{Progress, inputs};
 use serde::Serialize;
@@ -106,7 +107,7 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value())?;
+    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
     let mut scenes = Scenes::new(world, seed)?;
     let mut clock = cpu_clock();
     let (mut ious, mut masks_made, mut spurious, mut cpu_ms) = (Vec::new(), 0, 0, Vec::new());
