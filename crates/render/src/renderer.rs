@@ -6,7 +6,8 @@ use genmanip_core::{CameraMount, Intrinsics, Pose};
 use glam::DQuat;
 
 use crate::assets::RenderAssets;
-use crate::canvas::{Canvas, Scene, write_geometry};
+use crate::canvas::{Canvas, write_geometry};
+use crate::edges::Scene;
 use crate::error::RenderError;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
 use crate::raster::Target;

@@ -322,3 +322,9 @@ pub(crate) fn part_and_triangle(id: u32) -> Option<(usize, usize)> {
     let part = (id >> TRIANGLE_BITS).checked_sub(1)?;
     Some((part as usize, (id & ((1 << TRIANGLE_BITS) - 1)) as usize))
 }
+
+/// The part of a visibility id, plus one.
+#[inline(always)]
+pub(crate) fn surface_of(id: u32) -> u32 {
+    id >> TRIANGLE_BITS
+}
