@@ -139,7 +139,8 @@ impl EpisodeStore {
     /// When the folder cannot be listed.
     pub fn list(&self) -> Result<Listing, DataError> {
         let mut listing = Listing::default();
-        for name in files::names(&self.root)?.into_iter().filter(|name| !name.starts_with('.') && name != "store.json") {
+        for name in files::names(&self.root)?.into_iter().filter(|name| !name.starts_with('.') && name != "store.json")
+        {
             let is_attempt = self.contains(&name);
             if is_attempt { listing.ids.push(name) } else { listing.strangers.push(name) }
         }
@@ -305,8 +306,7 @@ impl EpisodeStore {
         let initial_state = state(INITIAL_STATE)?;
         let final_state = state(FINAL_STATE)?;
         let table = checked(&folder, &record.files, FRAMES, limits::FRAMES)?;
-        let frames =
-            frames::from_bytes(&folder.join(FRAMES), table, scenario.objects.len(), record.result.frames)?;
+        let frames = frames::from_bytes(&folder.join(FRAMES), table, scenario.objects.len(), record.result.frames)?;
         Ok(Episode { scenario, result: record.result, initial_state, final_state, frames })
     }
 
@@ -382,6 +382,38 @@ impl EpisodeStore {
             aside::write_synced(&into.join(&file.name), &bytes)?;
         }
         aside::write_synced(&into.join(EPISODE), record.to_json().as_bytes())
+    }
+
+    /// Copies an attempt, without its groups, into another store under another id, which its scenario takes too, and
+    /// says what it started from. For measurements: nothing is synced.
+    ///
+    /// # Errors
+    /// When the attempt is not there or is damaged, the id is taken or unfit, or the disk refuses.
+    pub fn copy_as(&self, id: &str, into: &Self, name: &str) -> Result<Option<Scenario>, DataError> {
+        check_name(name)?;
+        let mut record = self.record(id)?;
+        let (from, target) = (self.root.join(id), into.root.join(name));
+        fs::create_dir(&target).map_err(DataError::io("create the folder", &target))?;
+        let write = |file: &str, bytes: &[u8]| {
+            let path = target.join(file);
+            fs::write(&path, bytes).map_err(DataError::io("write", &path))
+        };
+        let scenario = self.read_scenario(id)?.map(|scenario| Scenario { id: name.into(), ..scenario });
+        let listed = record.files.clone();
+        for file in &mut record.files {
+            let bytes = match &scenario {
+                Some(scenario) if file.name == SCENARIO => document_bytes(scenario, "scenario")?,
+                _ => checked(&from, &listed, &file.name, limits::ATTACHMENT)?,
+            };
+            *file = FileHash::of(&file.name, &bytes);
+            write(&file.name, &bytes)?;
+        }
+        record.result.id = name.into();
+        if scenario.is_some() {
+            record.result.scenario_id = name.into();
+        }
+        write(EPISODE, record.to_json().as_bytes())?;
+        Ok(scenario)
     }
 
     fn write_record(&self, result: &EpisodeResult, recorded: bool, files: &[Attachment]) -> Result<(), DataError> {

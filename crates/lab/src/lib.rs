@@ -15,6 +15,7 @@ pub mod layout;
 pub mod motion;
 pub mod relations;
 pub mod rendered;
+pub mod scale;
 
 pub use clock::cpu_clock;
 /// Why a measurement could not be made.

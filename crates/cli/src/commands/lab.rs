@@ -8,7 +8,7 @@ use genmanip_core::{Seed, Task};
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::motion::{MotionArguments, Source};
-use genmanip_lab::{answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered};
+use genmanip_lab::{answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered, scale};
 use genmanip_run::{inputs, robots};
 
 use crate::args::{self, LabCommand};
@@ -60,6 +60,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let world = inputs::read_world(arguments.world.as_deref())?;
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
+        }
+        LabCommand::Scale(arguments) => {
+            let measured = scale::measure(&arguments.run, arguments.episodes, &arguments.out, printer)?;
+            printer.data(&measured, &scale::in_words(&measured));
         }
         LabCommand::Motion(arguments) => {
             let measured = motion::measure(&motion_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
