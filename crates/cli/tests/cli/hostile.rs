@@ -110,7 +110,10 @@ fn two_starts_of_one_run_share_the_work() {
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     }
-    assert_same_tree(&without_timings(tree(&folder.path().join("run"))), &without_timings(tree(finished_run())));
+    assert_same_tree(
+        &without_timings(tree(&folder.path().join("run"))),
+        &without_timings(tree(finished_run())),
+    );
 }
 
 #[test]
@@ -230,8 +233,7 @@ fn nothing_waits_without_a_word() {
     let folder = tempfile::tempdir().unwrap();
     assert!(Command::new("mkfifo").arg(folder.path().join("fifo.json")).status().unwrap().success());
     let started = Instant::now();
-    for verb in ["task show fifo.json", "task check fifo.json", "layout fifo.json --out out", "export --mjcf fifo.json"]
-    {
+    for verb in ["task show fifo.json", "task check fifo.json", "layout fifo.json --out out", "export --mjcf fifo.json"] {
         let arguments: Vec<&str> = verb.split(' ').collect();
         genmanip(folder.path(), &arguments).assert_refused(&["fifo.json", "found a pipe or device"]);
     }
@@ -257,9 +259,7 @@ fn a_shortage_of_threads_is_survived() {
     let task = example("024_appearance");
     let collect = |out: &str| {
         // No thread can have a stack of 2^46 bytes.
-        format!(
-            "RUST_MIN_STACK=70368744177664 $G collect {task} --episodes 1 --no-dataset --seed 3 --workers 2 --out {out}"
-        )
+        format!("RUST_MIN_STACK=70368744177664 $G collect {task} --episodes 1 --no-dataset --seed 3 --workers 2 --out {out}")
     };
     let outcome = shell(folder.path(), &collect("short"));
     assert!(outcome.code == Some(0) && !outcome.stderr.contains("panicked"), "{outcome:?}");

@@ -44,22 +44,14 @@ const CASES: [Case; 44] = [
     ("lab motion --problems cut.json", 1, &["cut.json", "ends too early"]),
     ("lab motion --problems twice_problem.json", 1, &["twice_problem.json", "key `start` stands twice"]),
     ("evaluate scenario.json --policy do_nothing --cameras cut.json", 1, &["cut.json", "ends too early"]),
-    (
-        "evaluate scenario.json --policy do_nothing --cameras flat.json",
-        1,
-        &["flat.json", "cameras[0].intrinsics", "0x"],
-    ),
+    ("evaluate scenario.json --policy do_nothing --cameras flat.json", 1, &["flat.json", "cameras[0].intrinsics", "0x"]),
     // A file that is too large is named as what it should be.
     ("task show large.json", 1, &["large.json is larger than a task or recorded answer may be: 4 MiB"]),
     ("world check large.toml", 1, &["large.toml is larger than", "a world"]),
     ("task new --designer llm --settings large.toml --out out", 1, &["large.toml", "a settings file", "1 MiB"]),
     ("lab motion --generate easy --robot large.urdf", 1, &["large.urdf", "a robot description", "8 MiB"]),
     // A robot in millimetres.
-    (
-        "lab motion --generate easy --robot millimetres.urdf",
-        1,
-        &["millimetres.urdf", "origin should be", "is this in millimetres?"],
-    ),
+    ("lab motion --generate easy --robot millimetres.urdf", 1, &["millimetres.urdf", "origin should be", "is this in millimetres?"]),
     // Problems of another robot.
     ("lab motion --problems problems.json", 1, &["problems.json", "problems[0].start", "expected 7", "got 6"]),
     ("lab motion --problems far.json", 1, &["far.json", "problems[0].obstacles[0]", "expected", "got"]),
@@ -97,20 +89,14 @@ fn workplace() -> tempfile::TempDir {
     write("large.urdf", &vec![b' '; (8 << 20) + 1]);
     let joint = "<joint name=\"j\" type=\"revolute\"><parent link=\"a\"/><child link=\"b\"/><origin xyz=\"0 0 333\"/>\
                  <limit lower=\"-1\" upper=\"1\" velocity=\"1\"/></joint>";
-    write(
-        "millimetres.urdf",
-        format!("<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/>{joint}</robot>").as_bytes(),
-    );
+    write("millimetres.urdf", format!("<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/>{joint}</robot>").as_bytes());
     let problem = |dof: usize, size: f64| {
         let obstacle = json!({"type": "box", "size": [size, 1, 1], "pos": [2, 0, 0]});
         json!({"problems": [{"start": vec![0.0; dof], "goal": vec![0.1; dof], "obstacles": [obstacle]}]}).to_string()
     };
     write("problems.json", problem(6, 0.1).as_bytes());
     write("far.json", problem(7, 1e9).as_bytes());
-    write(
-        "twice_problem.json",
-        b"{\"problems\": [{\"start\": [0], \"start\": [0], \"goal\": [0], \"obstacles\": []}]}",
-    );
+    write("twice_problem.json", b"{\"problems\": [{\"start\": [0], \"start\": [0], \"goal\": [0], \"obstacles\": []}]}");
     let mut cameras = changed["world"]["cameras"].clone();
     cameras[0]["intrinsics"]["width"] = 0.into();
     write("flat.json", cameras.to_string().as_bytes());

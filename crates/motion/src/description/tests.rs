@@ -186,11 +186,7 @@ fn robots_that_cannot_be_are_refused_with_a_hint() {
     for (old, new, message, hint) in cases {
         assert!(ARM.contains(old), "{old}");
         let error = read_robot(&ARM.replacen(old, new, 1), None, None, &mut brick).unwrap_err();
-        assert!(
-            error.to_string().contains(message) && error.hint().contains(hint),
-            "{new}: {error} ({})",
-            error.hint()
-        );
+        assert!(error.to_string().contains(message) && error.hint().contains(hint), "{new}: {error} ({})", error.hint());
     }
     // Too many of something.
     let joint = |index: usize| {
