@@ -5,6 +5,7 @@
 //! - [`drawing`]: the scene graph and the top view of a layout as SVG.
 //! - [`statistics`]: rates and means with confidence intervals, summaries per policy, paired comparisons.
 //! - [`evaluation`]: the results of one policy on one suite as a versioned file.
+//! - [`rows`]: every episode of a run as a row, totals over rows, and which episodes are worth a picture.
 //! - [`report`]: one self-contained HTML page.
 //! - [`text_table`]: a table for people who read a terminal.
 
@@ -12,6 +13,7 @@ pub mod drawing;
 pub mod evaluation;
 mod markup;
 pub mod report;
+pub mod rows;
 pub mod statistics;
 mod text_table;
 
@@ -20,6 +22,7 @@ pub use drawing::{
 };
 pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
 pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
+pub use rows::{EpisodeRow, TaskRow};
 pub use statistics::{
     PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,
 };

@@ -78,7 +78,7 @@ fn a_full_report_is_sound_and_the_same_each_time() {
     let page = report_html(&input, &ReportSettings::default()).unwrap();
     let text = check_report(&page, 15_000_000);
     assert_eq!(page, report_html(&input, &ReportSettings::default()).unwrap());
-    for section in &input.tasks {
+    for section in &input.cases {
         assert!(text.contains(section.task.id.as_str()));
     }
     assert!(text.contains("Without a verified demonstration: 008_long_horizon."), "{text}");
@@ -102,7 +102,10 @@ fn hostile_text_stays_text() {
     input.timings = vec![Timing { phase: hostile.into(), seconds: f64::NAN }];
     input.summaries[0].policy = hostile.into();
     input.comparisons[0].first = hostile.into();
-    let section = &mut input.tasks[0];
+    input.episodes[0].id = hostile.into();
+    input.episodes[0].evidence = hostile.into();
+    input.tasks[0].id = hostile.into();
+    let section = &mut input.cases[0];
     section.attempts[0].id = hostile.into();
     let failure = Failure { cause: FailureCause::Slipped, evidence: hostile.into() };
     section.attempts[0].outcome = AttemptOutcome::Failed(failure.clone());

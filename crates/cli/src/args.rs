@@ -69,7 +69,9 @@ pub enum Command {
     #[command(after_help = "Example:\n  genmanip replay --check out/run/episodes")]
     Replay(ReplayArguments),
     /// Write the HTML report of a run
-    #[command(after_help = "Example:\n  genmanip report out/run")]
+    #[command(
+        after_help = "Examples:\n  genmanip report out/run\n  genmanip report out/run --only 017_pick_and_place-000"
+    )]
     Report(ReportArguments),
     /// Export a scenario to another program's format
     #[command(
@@ -485,6 +487,9 @@ pub struct ReplayArguments {
 pub struct ReportArguments {
     /// Folder of a run made by `collect`
     pub run: PathBuf,
+    /// One task or episode of it, by its id, into RUN/report-ID.html
+    #[arg(long, value_name = "ID")]
+    pub only: Option<String>,
     /// Where to write it [default: RUN/report.html]
     #[arg(long)]
     pub out: Option<PathBuf>,

@@ -384,6 +384,38 @@ impl EpisodeStore {
         aside::write_synced(&into.join(EPISODE), record.to_json().as_bytes())
     }
 
+    /// Copies an attempt, without its groups, into another store under another id, which its scenario takes too, and
+    /// says what it started from. For measurements: nothing is synced.
+    ///
+    /// # Errors
+    /// When the attempt is not there or is damaged, the id is taken or unfit, or the disk refuses.
+    pub fn copy_as(&self, id: &str, into: &Self, name: &str) -> Result<Option<Scenario>, DataError> {
+        check_name(name)?;
+        let mut record = self.record(id)?;
+        let (from, target) = (self.root.join(id), into.root.join(name));
+        fs::create_dir(&target).map_err(DataError::io("create the folder", &target))?;
+        let write = |file: &str, bytes: &[u8]| {
+            let path = target.join(file);
+            fs::write(&path, bytes).map_err(DataError::io("write", &path))
+        };
+        let scenario = self.read_scenario(id)?.map(|scenario| Scenario { id: name.into(), ..scenario });
+        let listed = record.files.clone();
+        for file in &mut record.files {
+            let bytes = match &scenario {
+                Some(scenario) if file.name == SCENARIO => document_bytes(scenario, "scenario")?,
+                _ => checked(&from, &listed, &file.name, limits::ATTACHMENT)?,
+            };
+            *file = FileHash::of(&file.name, &bytes);
+            write(&file.name, &bytes)?;
+        }
+        record.result.id = name.into();
+        if scenario.is_some() {
+            record.result.scenario_id = name.into();
+        }
+        write(EPISODE, record.to_json().as_bytes())?;
+        Ok(scenario)
+    }
+
     fn write_record(&self, result: &EpisodeResult, recorded: bool, files: &[Attachment]) -> Result<(), DataError> {
         check_name(&result.id)?;
         let record = EpisodeRecord { recorded, result: result.clone(), files: write_order(files)? };

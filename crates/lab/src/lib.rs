@@ -19,6 +19,7 @@ pub mod motion;
 pub mod relations;
 pub mod render;
 pub mod rendered;
+pub mod scale;
 pub mod segment;
 
 pub use clock::cpu_clock;

@@ -3,25 +3,16 @@
 use glam::Vec3A;
 
 use crate::arrival::Arrival;
-use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::assets::RenderAssets;
 use crate::edges::Edges;
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::layers::Layers;
 use crate::points::CHUNK;
 use crate::raster::Target;
-use crate::shade::{Lighting, Shading, Spot};
-use crate::shadow::ShadowMap;
+use crate::scene::Scene;
+use crate::shade::{Shading, Spot};
 use crate::texture::{linear_from_srgb8, srgb8_from_linear};
-use crate::variation::RenderVariation;
-use crate::view::{Lens, View, part_and_triangle};
-
-/// What is drawn and under which light.
-pub(crate) struct Scene<'a> {
-    pub assets: &'a RenderAssets,
-    pub variation: &'a RenderVariation,
-    pub lighting: &'a Lighting,
-    pub shadow: &'a ShadowMap,
-}
+use crate::view::{Lens, View, part_and_triangle, surface_of};
 
 /// A picture and all that it was made from.
 #[derive(Debug, Default)]
@@ -284,10 +275,4 @@ fn fill_bins(arrival: &Arrival, marked: &[bool], width: usize, bins: &mut Vec<Ve
             }
         }
     }
-}
-
-/// The part of a visibility id, plus one.
-#[inline(always)]
-pub(crate) fn surface_of(id: u32) -> u32 {
-    id >> TRIANGLE_BITS
 }

@@ -11,12 +11,12 @@ use glam::Vec3A;
 
 use crate::arrival::Arrival;
 use crate::assets::{RenderAssets, TRIANGLE_BITS};
-use crate::canvas::{Scene, surface_of};
 use crate::layers::TILE;
 use crate::raster::Target;
+use crate::scene::Scene;
 use crate::shade::{Shading, Spot};
 use crate::texture::srgb8_from_linear;
-use crate::view::{View, part_and_triangle};
+use crate::view::{View, part_and_triangle, surface_of};
 
 /// What is found on the edges of a picture; memory kept from frame to frame.
 #[derive(Debug, Default)]

@@ -6,10 +6,11 @@ use genmanip_core::{CameraMount, Intrinsics, Pose};
 use glam::DQuat;
 
 use crate::assets::RenderAssets;
-use crate::canvas::{Canvas, Scene, write_geometry};
+use crate::canvas::{Canvas, write_geometry};
 use crate::error::RenderError;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
 use crate::raster::Target;
+use crate::scene::Scene;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;

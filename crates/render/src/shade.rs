@@ -4,13 +4,15 @@
 //! the surroundings through Karis' analytic fit of the split sum ("Physically Based Shading on Mobile", 2014).
 //! A chunk of points of one part at a time.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
 use glam::{Vec2, Vec3A, Vec4};
 use multiversion::multiversion;
 
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
 use crate::points::CHUNK;
 use crate::raster::within;
-use crate::sky::{Glossy, Sky};
+use crate::sky::{Glossy, Sky, dot};
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 use crate::view::{Lens, PartView};
@@ -389,11 +391,6 @@ fn add_up(shading: &Shading, surface: &Surface, lighting: &Lighting, out: &mut R
         out.color[2][i] = color[2];
         out.cover[i] = side + (1.0 - side) * schlick_weight(out.facing[i]);
     }
-}
-
-#[inline(always)]
-pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Khronos PBR Neutral: colours below 0.76 stay what they are, highlights are compressed towards white.

@@ -3,10 +3,11 @@
 //! Made of a gradient and spherical Gaussians, so that its blurred copies for rough surfaces have closed forms,
 //! which are evaluated where they are needed: arithmetic is cheaper than tables.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
 use glam::{Vec2, Vec3A};
 
 use crate::raster::within;
-use crate::shade::dot;
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 
@@ -188,4 +189,9 @@ fn harmonics_of(x: f32, y: f32, z: f32) -> [f32; 9] {
 /// Brightness of a linear colour.
 pub(crate) fn luminance(color: Vec3A) -> f32 {
     color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
+}
+
+#[inline(always)]
+pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -316,6 +316,12 @@ pub(crate) fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(),
     }
 }
 
+/// The part of a visibility id, plus one.
+#[inline(always)]
+pub(crate) fn surface_of(id: u32) -> u32 {
+    id >> TRIANGLE_BITS
+}
+
 /// Part and triangle of a visibility id; `None` where nothing is seen.
 #[inline]
 pub(crate) fn part_and_triangle(id: u32) -> Option<(usize, usize)> {

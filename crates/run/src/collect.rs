@@ -88,9 +88,11 @@ pub fn collect(
     attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id()));
 
     let started = Instant::now();
+    let has_made = AtomicBool::new(false);
     progress.begin("collecting", attempts.len());
     let heard = |result: &EpisodeResult, seconds: f64| {
         if seconds > 0.0 {
+            has_made.store(true, Ordering::Relaxed);
             folder.time_attempt(&result.id, seconds);
         }
         progress.advance();
@@ -104,7 +106,10 @@ pub fn collect(
         RunError::broken("collecting stopped", error).with_hint("finished episodes are kept; start again to continue")
     })?;
     progress.end();
-    folder.time_phase("collect", started.elapsed().as_secs_f64());
+    // A call that only looks at what is finished says nothing about how long it took to make.
+    if has_made.into_inner() {
+        folder.time_phase("collect", started.elapsed().as_secs_f64());
+    }
     let interrupted = stop.load(Ordering::Relaxed);
     for id in results.iter().filter(|result| !result.scenario_id.is_empty()).map(|result| &result.id) {
         write_scenario(&folder, &store, id)?;

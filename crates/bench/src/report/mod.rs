@@ -1,5 +1,7 @@
 //! One HTML page that a person reads: self-contained, calm, complete without scripts.
 
+mod distributions;
+mod episodes;
 mod overview;
 mod tables;
 mod task;
@@ -8,9 +10,11 @@ use genmanip_core::{AttemptOutcome, EpisodeResult, Scenario, Seed, Task};
 
 use crate::drawing::Svg;
 use crate::markup::{base64, base64_length, escape};
+use crate::rows::cases::{Shows, Why};
+use crate::rows::{EpisodeRow, TaskRow};
 use crate::statistics::{PairedComparison, StatisticsSettings, SuiteSummary};
 
-/// Everything the page shows. The tables of the yield are computed from the attempts of the tasks.
+/// Everything the page shows. Totals and the table of episodes are made from the rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReportInput {
     /// Heading of the page.
@@ -33,8 +37,14 @@ pub struct ReportInput {
     pub timings: Vec<Timing>,
     /// Sentences the reader must know, e.g. that the expert reads simulator truth.
     pub notes: Vec<String>,
-    /// The tasks, in the order of the page.
-    pub tasks: Vec<TaskSection>,
+    /// All tasks of the run.
+    pub tasks: Vec<TaskRow>,
+    /// All episodes, collected and evaluated.
+    pub episodes: Vec<EpisodeRow>,
+    /// The tasks that are drawn, in the order of the page.
+    pub cases: Vec<TaskSection>,
+    /// The rule by which those were chosen; `None` when they are all.
+    pub rule: Option<String>,
 }
 
 /// A phase and how long it took.
@@ -51,6 +61,10 @@ pub struct Timing {
 pub struct TaskSection {
     /// The task.
     pub task: Task,
+    /// What it is an example of; `None` when all tasks are shown.
+    pub why: Option<Why>,
+    /// Index of the shown episode among those of the page.
+    pub episode: Option<usize>,
     /// Scenario of the shown episode.
     pub scenario: Option<Scenario>,
     /// From [`crate::graph_svg`].
@@ -112,7 +126,7 @@ impl Default for ReportSettings {
 pub enum ReportError {
     /// Too large even without film strips and thumbnails.
     #[error(
-        "the report needs {got} bytes without film strips, more than the {limit} allowed; show fewer tasks or smaller images"
+        "the report needs {got} bytes without film strips, more than the {limit} allowed; allow more, or show less with `--only`"
     )]
     TooLarge {
         /// The limit.
@@ -166,7 +180,7 @@ pub fn report_html(input: &ReportInput, settings: &ReportSettings) -> Result<Str
 
 fn page(input: &ReportInput, settings: &ReportSettings, plan: ImagePlan) -> String {
     let sections: String = input
-        .tasks
+        .cases
         .iter()
         .enumerate()
         .map(|(index, section)| task::section(index, section, input.control.as_deref(), plan))
@@ -181,7 +195,7 @@ fn page(input: &ReportInput, settings: &ReportSettings, plan: ImagePlan) -> Stri
         ),
         title = escape(&input.title),
         style = include_str!("style.css"),
-        overview = overview::overview(input, &settings.statistics, plan),
+        overview = overview::overview(input, settings, plan),
         sections = sections,
         footer = escape(&format!("Made by {}, seed {}.", input.generated_by, input.seed)),
         script = include_str!("script.js"),
@@ -195,7 +209,7 @@ fn image_bytes(input: &ReportInput, plan: ImagePlan) -> usize {
         let thumbnail = if plan.thumbnails { length(section.thumbnail()) } else { 0 };
         film + thumbnail + length(&section.first_image) + length(&section.last_image)
     };
-    input.tasks.iter().map(of_section).sum()
+    input.cases.iter().map(of_section).sum()
 }
 
 impl ImagePlan {
@@ -229,4 +243,12 @@ fn chip(class: &str, text: &str) -> String {
 /// `pick_and_place` as people write it.
 fn words(name: &str) -> String {
     name.replace('_', " ")
+}
+
+/// What a case is an example of, in words.
+fn shows(shows: Shows) -> String {
+    match shows {
+        Shows::Failure(cause) => format!("failure: {}", words(cause.name())),
+        Shows::Success(kind) => format!("success: {}", words(kind.name())),
+    }
 }

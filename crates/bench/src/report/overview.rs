@@ -2,54 +2,67 @@
 
 use std::fmt::Write;
 
-use genmanip_core::{AttemptOutcome, TaskKind};
+use genmanip_core::TaskKind;
 
 use super::tables::{causes_text, mean_text, rate_bar, seconds_text, table};
-use super::{ImagePlan, ReportInput, TaskSection, chip, image, words};
+use super::{ImagePlan, ReportInput, ReportSettings, TaskSection, chip, distributions, episodes, image, shows, words};
 use crate::markup::escape;
-use crate::statistics::{PairedComparison, Rate, StatisticsSettings, SuiteSummary, failure_counts};
+use crate::rows::EpisodeRow;
+use crate::rows::totals::GroupTotal;
+use crate::statistics::{PairedComparison, Rate, StatisticsSettings, SuiteSummary};
 
-pub(super) fn overview(input: &ReportInput, statistics: &StatisticsSettings, plan: ImagePlan) -> String {
+pub(super) fn overview(input: &ReportInput, settings: &ReportSettings, plan: ImagePlan) -> String {
+    let statistics = &settings.statistics;
     let mut html = String::from("<header>\n");
     let _ = writeln!(html, "<p class=\"kicker\">GenManip report</p>\n<h1>{}</h1>", escape(&input.title));
     let _ = writeln!(html, "<p class=\"lead\">{}</p>", escape(&lead(input, statistics).replace(" %", "\u{a0}%")));
     html += &tiles(input, statistics);
     html += &warnings(input);
     html += "</header>\n<section id=\"results\">\n<h2>Results</h2>\n";
-    html += &policies(&input.summaries, input.control.as_deref());
+    html += &policies(input);
     html += &comparisons(&input.comparisons);
     html += &kinds(input, statistics);
-    html += "</section>\n<section id=\"tasks\">\n<h2>Tasks</h2>\n";
-    html += &index(&input.tasks, plan);
-    html += "</section>\n<section id=\"made\" class=\"two\">\n";
+    html += &distributions::distributions(input, statistics);
+    html += "</section>\n";
+    html += &index(input, plan);
+    html += &episodes::episodes(input, ROWS_BYTES);
+    html += "<section id=\"made\" class=\"two\">\n";
     html += &provenance(input, plan);
     html + "</section>\n"
 }
 
 fn lead(input: &ReportInput, statistics: &StatisticsSettings) -> String {
-    let rate = total_yield(&input.tasks, statistics);
-    let solved = input.tasks.iter().filter(|section| section.verified() > 0).count();
+    let rate = total_yield(input, statistics);
+    let solved = solved(input).into_iter().filter(|&solved| solved).count();
     let (tasks, episodes) = (input.tasks.len(), input.summaries.iter().map(|s| s.success.trials).sum::<usize>());
-    format!(
-        "{}: {} gave {}, {rate}; {solved} of {tasks} tasks have at least one. {} evaluated in {}.",
-        plural(tasks, "task"),
-        plural(rate.trials, "attempt"),
-        plural(rate.successes, "verified demonstration"),
-        match input.summaries.len() {
-            1 => "1 policy was".into(),
-            count => format!("{count} policies were"),
-        },
-        plural(episodes, "episode"),
-    )
+    let collected = (rate.trials > 0).then(|| {
+        format!(
+            "{}: {} gave {}, {rate}; {solved} of {tasks} tasks have at least one.",
+            plural(tasks, "task"),
+            plural(rate.trials, "attempt"),
+            plural(rate.successes, "verified demonstration"),
+        )
+    });
+    let policies = match input.summaries.len() {
+        1 => "1 policy was".into(),
+        count => format!("{count} policies were"),
+    };
+    let evaluated =
+        (!input.summaries.is_empty()).then(|| format!("{policies} evaluated in {}.", plural(episodes, "episode")));
+    match (collected, evaluated) {
+        (None, None) => format!("{}: nothing was collected or evaluated yet.", plural(tasks, "task")),
+        (None, Some(evaluated)) => format!("{}: {evaluated}", plural(tasks, "task")),
+        (collected, evaluated) => [collected, evaluated].into_iter().flatten().collect::<Vec<_>>().join(" "),
+    }
 }
 
 fn tiles(input: &ReportInput, statistics: &StatisticsSettings) -> String {
-    let rate = total_yield(&input.tasks, statistics);
-    let mut tiles = vec![tile(
-        "Verified demonstrations",
-        &format!("{} of {}", rate.successes, rate.trials),
-        "attempts, all counted",
-    )];
+    let rate = total_yield(input, statistics);
+    let mut tiles = Vec::new();
+    if rate.trials > 0 {
+        let figure = format!("{} of {}", rate.successes, rate.trials);
+        tiles.push(tile("Verified demonstrations", &figure, "attempts, all counted"));
+    }
     for summary in input.summaries.iter().take(4) {
         let control = input.control.as_deref() == Some(&summary.policy);
         let remark = match (control, summary.oracle) {
@@ -59,7 +72,7 @@ fn tiles(input: &ReportInput, statistics: &StatisticsSettings) -> String {
         };
         tiles.push(tile(&words(&summary.policy), &format!("{:.0} %", 100.0 * summary.success.value), remark));
     }
-    format!("<ul class=\"tiles\">\n{}</ul>\n", tiles.concat())
+    if tiles.is_empty() { String::new() } else { format!("<ul class=\"tiles\">\n{}</ul>\n", tiles.concat()) }
 }
 
 fn tile(label: &str, figure: &str, remark: &str) -> String {
@@ -68,6 +81,12 @@ fn tile(label: &str, figure: &str, remark: &str) -> String {
         "<li><span class=\"label\">{label}</span><strong>{figure}</strong><span class=\"muted\">{remark}</span></li>\n"
     )
 }
+
+/// Most bytes of the table of all episodes: some 25,000 rows, and room for the pictures within the page's 15 MB.
+const ROWS_BYTES: usize = 6_000_000;
+
+/// Tasks without a demonstration that the warning names.
+const NAMED_TASKS: usize = 12;
 
 /// What must not be overlooked.
 fn warnings(input: &ReportInput) -> String {
@@ -80,21 +99,27 @@ fn warnings(input: &ReportInput) -> String {
             plural(summary.success.successes, "episode")
         ));
     }
-    let unsolved: Vec<&str> = input
-        .tasks
-        .iter()
-        .filter(|section| section.verified() == 0 && !section.attempts.is_empty())
-        .map(|section| section.task.id.as_str())
-        .collect();
+    let mut tried = vec![false; input.tasks.len()];
+    for row in attempts(input) {
+        tried[row.task] = true;
+    }
+    let flags = tried.into_iter().zip(solved(input)).zip(&input.tasks);
+    let unsolved: Vec<&str> =
+        flags.filter(|((tried, solved), _)| *tried && !solved).map(|(_, task)| task.id.as_str()).collect();
     if !unsolved.is_empty() {
-        warnings.push(format!("Without a verified demonstration: {}.", unsolved.join(", ")));
+        let more = unsolved.len().saturating_sub(NAMED_TASKS);
+        let more = if more > 0 { format!(" and {more} more, see the table of all episodes") } else { String::new() };
+        let named = &unsolved[..unsolved.len().min(NAMED_TASKS)];
+        warnings.push(format!("Without a verified demonstration: {}{more}.", named.join(", ")));
     }
     warnings.iter().map(|warning| format!("<p class=\"warning\">{}</p>\n", escape(warning))).collect()
 }
 
-fn policies(summaries: &[SuiteSummary], control: Option<&str>) -> String {
+fn policies(input: &ReportInput) -> String {
+    let (summaries, control) = (&input.summaries, input.control.as_deref());
     if summaries.is_empty() {
-        return "<p class=\"muted\">No policy was evaluated.</p>\n".into();
+        let has_evaluated = input.episodes.iter().any(|row| !row.is_attempt());
+        return if has_evaluated { "" } else { "<p class=\"muted\">No policy was evaluated.</p>\n" }.into();
     }
     let with_spl = summaries.iter().any(|summary| summary.spl.is_some());
     let rows: Vec<Vec<String>> = summaries
@@ -193,35 +218,43 @@ fn comparisons(comparisons: &[PairedComparison]) -> String {
 }
 
 fn kinds(input: &ReportInput, statistics: &StatisticsSettings) -> String {
-    let row = |name: String, sections: &[&TaskSection]| {
-        let attempts = || sections.iter().flat_map(|section| &section.attempts);
-        let causes = attempts().filter_map(|attempt| match &attempt.outcome {
-            AttemptOutcome::Verified => None,
-            AttemptOutcome::Failed(failure) => Some(failure.cause),
-        });
-        let rate = Rate::of(attempts().map(|attempt| attempt.outcome == AttemptOutcome::Verified), statistics);
+    if attempts(input).next().is_none() {
+        return String::new();
+    }
+    let row = |name: String, is_meant: &dyn Fn(TaskKind) -> bool| {
+        let is_of = |row: &&EpisodeRow| input.tasks.get(row.task).is_some_and(|task| is_meant(task.kind));
+        let total = GroupTotal::of(&name, attempts(input).filter(is_of), statistics);
         vec![
-            name,
-            rate_bar(&rate),
-            format!("{} of {}", rate.successes, rate.trials),
-            sections.len().to_string(),
-            causes_text(&failure_counts(causes)),
+            escape(&total.name),
+            rate_bar(&total.rate),
+            format!("{} of {}", total.rate.successes, total.rate.trials),
+            input.tasks.iter().filter(|task| is_meant(task.kind)).count().to_string(),
+            causes_text(&total.failures),
         ]
     };
-    let mut rows: Vec<Vec<String>> = Vec::new();
-    for kind in TaskKind::ALL {
-        let sections: Vec<&TaskSection> = input.tasks.iter().filter(|section| section.task.kind == kind).collect();
-        if !sections.is_empty() {
-            rows.push(row(escape(&words(kind.name())), &sections));
-        }
-    }
-    rows.push(row("all kinds".into(), &input.tasks.iter().collect::<Vec<_>>()));
+    let present = TaskKind::ALL.into_iter().filter(|kind| input.tasks.iter().any(|task| task.kind == *kind));
+    let mut rows: Vec<Vec<String>> = present.map(|kind| row(words(kind.name()), &|other| other == kind)).collect();
+    rows.push(row("all kinds".into(), &|_| true));
     let headings = ["Kind", "Yield", "Verified attempts", "Tasks", "Why others failed"];
     String::from("<h3>Yield of demonstrations</h3>\n") + &table("figures total", &headings, &rows)
 }
 
-fn index(tasks: &[TaskSection], plan: ImagePlan) -> String {
-    let cards: String = tasks
+fn index(input: &ReportInput, plan: ImagePlan) -> String {
+    let (title, rule) = match &input.rule {
+        _ if input.cases.is_empty() => return String::new(),
+        None => ("Tasks", String::new()),
+        Some(rule) => (
+            "Cases",
+            format!(
+                "<p class=\"note\">{} of {} episodes are drawn: {}. All others are in the table below.</p>\n",
+                input.cases.len(),
+                input.episodes.len(),
+                escape(rule)
+            ),
+        ),
+    };
+    let cards: String = input
+        .cases
         .iter()
         .enumerate()
         .map(|(index, section)| {
@@ -229,21 +262,33 @@ fn index(tasks: &[TaskSection], plan: ImagePlan) -> String {
                 Some(jpeg) if plan.thumbnails => image(jpeg, &format!("End of {}", section.task.id)),
                 _ => "<span class=\"blank\">no picture</span>".into(),
             };
+            let chips = why_chips(section).unwrap_or_else(|| {
+                chip("plain", &words(section.task.kind.name())) + &yield_chip(section)
+            });
             format!(
-                "<li><a href=\"#task-{}\">{picture}<span class=\"say\">{}</span></a><span class=\"chips\">{}{}</span></li>\n",
+                "<li><a href=\"#task-{}\">{picture}<span class=\"say\">{}</span></a><span class=\"chips\">{chips}</span></li>\n",
                 index + 1,
                 escape(&section.task.instruction),
-                chip("plain", &words(section.task.kind.name())),
-                yield_chip(section),
             )
         })
         .collect();
-    format!("<ol class=\"index\">\n{cards}</ol>\n")
+    format!("<section id=\"tasks\">\n<h2>{title}</h2>\n{rule}<ol class=\"index\">\n{cards}</ol>\n</section>\n")
+}
+
+/// What the section is an example of, and its place among those.
+pub(super) fn why_chips(section: &TaskSection) -> Option<String> {
+    let why = section.why.as_ref()?;
+    let class = if matches!(why.shows, crate::rows::cases::Shows::Failure(_)) { "bad" } else { "good" };
+    Some(chip(class, &shows(why.shows)) + &chip("plain", &format!("{} of {}", why.place, why.of)))
 }
 
 /// How many attempts were verified, coloured by whether any was.
 pub(super) fn yield_chip(section: &TaskSection) -> String {
     let (verified, attempts) = (section.verified(), section.attempts.len());
+    if attempts == 0 && !section.results.is_empty() {
+        let (succeeded, all) = (section.results.iter().filter(|result| result.success).count(), section.results.len());
+        return chip("plain", &format!("{succeeded} of {all} succeeded"));
+    }
     let class = match verified {
         0 if attempts > 0 => "bad",
         0 => "plain",
@@ -283,9 +328,22 @@ fn provenance(input: &ReportInput, plan: ImagePlan) -> String {
     html + &format!("<ul class=\"notes\">\n{notes}</ul>\n</div>\n")
 }
 
-fn total_yield(tasks: &[TaskSection], statistics: &StatisticsSettings) -> Rate {
-    let attempts = tasks.iter().flat_map(|section| &section.attempts);
-    Rate::of(attempts.map(|attempt| attempt.outcome == AttemptOutcome::Verified), statistics)
+/// Attempts to collect a demonstration.
+fn attempts(input: &ReportInput) -> impl Iterator<Item = &EpisodeRow> {
+    input.episodes.iter().filter(|row| row.is_attempt())
+}
+
+/// Whether each task has a verified demonstration.
+fn solved(input: &ReportInput) -> Vec<bool> {
+    let mut solved = vec![false; input.tasks.len()];
+    for row in attempts(input).filter(|row| row.success) {
+        solved[row.task] = true;
+    }
+    solved
+}
+
+fn total_yield(input: &ReportInput, statistics: &StatisticsSettings) -> Rate {
+    Rate::of(attempts(input).map(|row| row.success), statistics)
 }
 
 fn plural(count: usize, noun: &str) -> String {

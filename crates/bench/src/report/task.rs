@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use genmanip_core::{Atom, AtomVerdict, AttemptOutcome, EpisodeResult, GoalVerdict, Measurement, Task};
 
-use super::overview::yield_chip;
+use super::overview::{why_chips, yield_chip};
 use super::tables::{causes_text, margin_text, quantity_text, seconds_text, table, threshold_text};
 use super::{ImagePlan, TaskSection, chip, image, words};
 use crate::drawing::letter;
@@ -22,7 +22,7 @@ pub(super) fn section(index: usize, section: &TaskSection, control: Option<&str>
         number = index + 1,
         id = escape(&task.id),
         instruction = escape(&task.instruction),
-        kind = chip("plain", &words(task.kind.name())),
+        kind = why_chips(section).unwrap_or_default() + &chip("plain", &words(task.kind.name())),
         yielded = yield_chip(section),
         description = escape(&task.scene_graph.description),
     );
@@ -45,7 +45,7 @@ pub(super) fn section(index: usize, section: &TaskSection, control: Option<&str>
     }
     html += "</div>\n";
     html += &pictures(section, plan);
-    if let Some(shown) = &section.shown {
+    if let Some(shown) = section.shown.as_ref().filter(|shown| !shown.verdict.alternatives.is_empty()) {
         html += &verdict(task, shown);
     }
     html += "<div class=\"two\">\n";
@@ -149,10 +149,14 @@ fn atom_markup(task: &Task, atom: &Atom) -> String {
     }
 }
 
+/// Attempts of how many a section lists; all are in the table of episodes.
+const SHOWN_ATTEMPTS: usize = 24;
+
 fn attempts(section: &TaskSection) -> String {
-    let rows: Vec<Vec<String>> = section
+    let mut rows: Vec<Vec<String>> = section
         .attempts
         .iter()
+        .take(SHOWN_ATTEMPTS)
         .map(|attempt| {
             let (outcome, reason) = match &attempt.outcome {
                 AttemptOutcome::Verified => (chip("good", "verified"), String::new()),
@@ -166,6 +170,10 @@ fn attempts(section: &TaskSection) -> String {
         .collect();
     if rows.is_empty() {
         return String::new();
+    }
+    if section.attempts.len() > SHOWN_ATTEMPTS {
+        let more = section.attempts.len() - SHOWN_ATTEMPTS;
+        rows.push(vec![format!("and {more} more"), "in the table of all episodes".into(), String::new()]);
     }
     format!("<div>\n<h3>Attempts</h3>\n{}</div>\n", table("list", &["Attempt", "Outcome", "Wall time"], &rows))
 }

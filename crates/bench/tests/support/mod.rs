@@ -183,7 +183,8 @@ pub fn report_input(tasks: Vec<Task>) -> ReportInput {
         ),
     };
     let mut all = Vec::new();
-    let mut sections = Vec::new();
+    let (mut sections, mut episodes) = (Vec::new(), Vec::new());
+    let rows = tasks.iter().map(TaskRow::of).collect();
     for (index, task) in tasks.into_iter().enumerate() {
         let fails = |number: u64| index == 3 || (index as u64 + number * 3) % 11 == 4;
         let cause = [FailureCause::Slipped, FailureCause::GoalMissed, FailureCause::Planning][index % 3];
@@ -203,7 +204,19 @@ pub fn report_input(tasks: Vec<Task>) -> ReportInput {
             },
             seconds: 2.1 + number as f64 * 0.37,
         });
+        for number in 0..4 {
+            let failure = fails(number).then(|| failure(&task, cause));
+            let made = EpisodeResult {
+                id: format!("{}-{number:02}", task.id),
+                ..result(&task, "expert", number, !fails(number), failure)
+            };
+            episodes.push(EpisodeRow::of(&made, index, None, true, Some(2.1 + number as f64 * 0.37)));
+        }
+        let evaluated = |result: &EpisodeResult| EpisodeRow::of(result, index, Some(&result.policy), false, None);
+        episodes.extend(results.iter().map(evaluated));
         sections.push(TaskSection {
+            why: None,
+            episode: Some(16 * index),
             scenario: None,
             graph: graph_svg(&task),
             layout: Some(layout_svg(&layout_picture(&task))),
@@ -247,6 +260,9 @@ pub fn report_input(tasks: Vec<Task>) -> ReportInput {
             "The expert reads the simulator's truth (poses and shapes); its results are marked oracle and are no measure of perception.".into(),
             "Replay applies the recorded commands open loop; it succeeds exactly where the recorded episode did.".into(),
         ],
-        tasks: sections,
+        tasks: rows,
+        episodes,
+        cases: sections,
+        rule: None,
     }
 }

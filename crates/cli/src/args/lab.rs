@@ -80,6 +80,25 @@ pub enum LabCommand {
                       genmanip lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
                       Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
     Segment(SegmentArguments),
+    /// Copy a run's episodes to any number, and measure what the report, opening and resuming cost
+    #[command(after_help = "Example:\n  genmanip lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
+                      The copies are further attempts at the same tasks, under ids of their own; synthetic.json marks \
+                      the folder.\nKeys of what is not there yet are null.")]
+    Scale(ScaleArguments),
+}
+
+/// Arguments of `lab scale`.
+#[derive(Debug, Args)]
+pub struct ScaleArguments {
+    /// Finished run to copy
+    #[arg(long, value_name = "DIR")]
+    pub run: PathBuf,
+    /// Episodes to copy it to
+    #[arg(long, value_name = "N", value_parser = super::parse_count)]
+    pub episodes: usize,
+    /// Empty folder for the copies: 0.5 MB per episode
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
 }
 
 /// Arguments of `lab segment`.

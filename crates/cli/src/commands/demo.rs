@@ -42,7 +42,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     }
 
     printer.say("4/4  report");
-    let page = report::write(out, None, printer)?;
+    let page = report::write(out, None, None, printer)?;
 
     let text = format!(
         "{}\n{}\nepisodes    {}\ndataset     {}\nevaluation  {}\nreport      {}\n\n{:.0} s in all\n",

@@ -13,7 +13,7 @@ use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
     agent, answers, assets, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render,
-    rendered, segment,
+    rendered, scale, segment,
 };
 use genmanip_run::agents::AgentChoice;
 use genmanip_run::{OracleSegmenter, inputs, robots};
@@ -86,6 +86,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
+        }
+        LabCommand::Scale(arguments) => {
+            let measured = scale::measure(&arguments.run, arguments.episodes, &arguments.out, printer)?;
+            printer.data(&measured, &scale::in_words(&measured));
         }
         LabCommand::Render(arguments) => {
             let measured = render::measure(Seed::new(arguments.seed), printer)?;

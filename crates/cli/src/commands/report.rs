@@ -11,15 +11,16 @@ use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &ReportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let path = write(&arguments.run, arguments.out.as_deref(), printer)?;
+    let path = write(&arguments.run, arguments.only.as_deref(), arguments.out.as_deref(), printer)?;
     printer.data(&path.display().to_string(), &path.display().to_string());
     Ok(ExitStatus::Done)
 }
 
 /// Writes the report of a run and says where; also used by the demo.
-pub fn write(run: &Path, out: Option<&Path>, printer: &Printer) -> Result<PathBuf, Failed> {
-    let html = report(run, &ReportSettings::default(), printer)?;
-    let path = out.map_or_else(|| run.join("report.html"), Path::to_owned);
+pub fn write(run: &Path, only: Option<&str>, out: Option<&Path>, printer: &Printer) -> Result<PathBuf, Failed> {
+    let html = report(run, only, &ReportSettings::default(), printer)?;
+    let name = only.map_or("report.html".into(), |id| format!("report-{id}.html"));
+    let path = out.map_or_else(|| run.join(name), Path::to_owned);
     inputs::write_file(&path, html.as_bytes())?;
     Ok(path)
 }

@@ -34,6 +34,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["lab", "motion"],
         &["lab", "grasp"],
         &["lab", "fit"],
+        &["lab", "scale"],
         &["doctor"],
     ];
     let overview = genmanip(folder.path(), &["--help"]);

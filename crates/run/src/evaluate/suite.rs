@@ -141,9 +141,9 @@ impl Suite {
                 "expected a JSON list of cameras as in a scenario: name, mount, mount_from_camera, intrinsics",
             )
         };
-        json::parse(&text).map_err(|error| {
-            let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
-            no_list(error.into()).with_hint(hint)
+        json::parse(&text).map_err(|error| match error {
+            DocumentError::NotJson { hint, .. } => no_list(error.into()).with_hint(hint),
+            _ => no_list(error.into()),
         })?;
         let cameras: Vec<Camera> = serde_json::from_str(&text).map_err(|error| no_list(error.into()))?;
         if let Some(fault) = camera_faults(&cameras).into_iter().next() {

@@ -111,11 +111,22 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let replayed = replay::check(&folder, true, None, &Silent).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");
 
-    let input = gather(&folder, &Silent).unwrap();
-    let [section] = &input.tasks[..] else { panic!("{} sections", input.tasks.len()) };
+    let input = gather(&folder, None, &Silent).unwrap();
+    let [section] = &input.cases[..] else { panic!("{} sections", input.cases.len()) };
     let ids: Vec<&str> = section.attempts.iter().map(|attempt| attempt.id.as_str()).collect();
     assert_eq!(ids, [format!("{TASK}-000"), format!("{TASK}-001")]);
     let shown = section.shown.as_ref().unwrap();
     assert!(shown.success && shown.id == ids[0], "the first verified attempt is shown, not {}", shown.id);
     assert_eq!((section.film.len(), section.scenario.as_ref().map(|s| s.id.as_str())), (12, Some(ids[0])));
+    assert_eq!((input.tasks.len(), input.episodes.len(), &input.rule), (1, 4, &None), "two attempts, two evaluated");
+
+    // One episode, and one task with all its episodes; what is neither is refused with what is near.
+    let second = format!("{TASK}-001");
+    let of = |id: &str| gather(&folder, Some(id), &Silent);
+    let episode = of(&second).unwrap();
+    assert_eq!((episode.cases.len(), episode.cases[0].shown.as_ref().unwrap().id.as_str()), (1, second.as_str()));
+    assert!(episode.episodes.iter().all(|row| row.id == second) && episode.summaries.is_empty());
+    assert_eq!((of(TASK).unwrap().cases.len(), of(TASK).unwrap().episodes.len()), (2, 4));
+    let refused = of("elsewhere").unwrap_err().to_string();
+    assert!(refused.contains("no task and no episode `elsewhere` in the run"), "{refused}");
 }

@@ -1,0 +1,233 @@
+//! Which episodes of a run are drawn: all tasks of a small run, and of a larger one every cause of failure and every
+//! kind of task.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use genmanip_core::{FailureCause, TaskKind};
+use serde::Serialize;
+
+use super::{EpisodeRow, TaskRow};
+
+/// A task that is drawn, with one of its episodes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Case {
+    /// Index of the task.
+    pub task: usize,
+    /// Index of the episode; `None` when none of the task can be shown.
+    pub episode: Option<usize>,
+    /// Why it was chosen; `None` when all tasks are.
+    pub why: Option<Why>,
+}
+
+/// What a case is an example of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Why {
+    /// What it shows.
+    pub shows: Shows,
+    /// Its place among the episodes that show the same, the most instructive is 1.
+    pub place: usize,
+    /// How many those are.
+    pub of: usize,
+}
+
+/// What a case shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shows {
+    /// A failure of this cause.
+    Failure(FailureCause),
+    /// A success at a task of this kind.
+    Success(TaskKind),
+}
+
+/// Most cases of a page: 48 draw in about 12 s on one core and take 6 MB.
+pub const MOST_CASES: usize = 48;
+
+/// The rule of [`choose`] for larger runs, for people.
+pub const RULE: &str = "every cause of failure, then successes of every kind of task. Among the episodes of a cause \
+                        those with a film come first, then those that came closest to their goal; causes, and kinds, \
+                        take turns";
+
+/// Chooses the cases of a run.
+///
+/// At most `most` tasks: all of them, in order, each with its first success that can be drawn, else its first episode
+/// that can; collected attempts before evaluated episodes, of which a failure comes before a success.
+///
+/// More tasks: by [`RULE`], two thirds of the cases for failures. Episodes of the `control` policy are no cases.
+/// Every cause and every kind has at least one case, however small `most` is.
+pub fn choose(tasks: &[TaskRow], rows: &[EpisodeRow], control: Option<&str>, most: usize) -> Vec<Case> {
+    if tasks.len() <= most {
+        let best = best_of_each_task(tasks.len(), rows);
+        return (0..tasks.len()).map(|task| Case { task, episode: best[task], why: None }).collect();
+    }
+    let mut groups: BTreeMap<Shows, Vec<usize>> = BTreeMap::new();
+    let is_control = |row: &EpisodeRow| row.evaluation.is_some() && row.evaluation.as_deref() == control;
+    for (index, row) in rows.iter().enumerate().filter(|(_, row)| !is_control(row)) {
+        match (row.success, row.cause, tasks.get(row.task)) {
+            (true, _, Some(task)) => groups.entry(Shows::Success(task.kind)).or_default().push(index),
+            (false, Some(cause), Some(_)) => groups.entry(Shows::Failure(cause)).or_default().push(index),
+            _ => {}
+        }
+    }
+    let mut groups: Vec<Group> = groups.into_iter().map(|(shows, members)| Group::new(shows, members, rows)).collect();
+    groups.sort_by_key(|group| (group.is_success(), std::cmp::Reverse(group.members.len()), group.shows));
+    let failures = groups.iter().take_while(|group| !group.is_success()).count();
+    let (failed, succeeded) = groups.split_at_mut(failures);
+    let left = |groups: &[Group]| groups.iter().map(|group| group.members.len()).sum::<usize>();
+    let share = (2 * most / 3).max(most.saturating_sub(left(succeeded)));
+    let mut known = BTreeSet::new();
+    let taken = take_turns(failed, share, rows, &mut known);
+    take_turns(succeeded, most.saturating_sub(taken), rows, &mut known);
+    groups.into_iter().flat_map(|group| group.cases(rows)).collect()
+}
+
+/// Index of the row that is shown of each task, see [`choose`].
+fn best_of_each_task(tasks: usize, rows: &[EpisodeRow]) -> Vec<Option<usize>> {
+    let rank = |row: &EpisodeRow| (!row.is_attempt(), row.success != row.is_attempt());
+    let mut best: Vec<Option<usize>> = vec![None; tasks];
+    for (index, row) in rows.iter().enumerate().filter(|(_, row)| row.recorded && row.task < tasks) {
+        if best[row.task].is_none_or(|known| rank(row) < rank(&rows[known])) {
+            best[row.task] = Some(index);
+        }
+    }
+    best
+}
+
+/// Episodes that show the same.
+struct Group {
+    shows: Shows,
+    /// Indices of rows, the most instructive first.
+    members: Vec<usize>,
+    /// Those of them that were chosen, as places.
+    chosen: Vec<usize>,
+}
+
+impl Group {
+    fn new(shows: Shows, mut members: Vec<usize>, rows: &[EpisodeRow]) -> Self {
+        members.sort_by(|&a, &b| {
+            let (a, b) = (&rows[a], &rows[b]);
+            (b.recorded.cmp(&a.recorded))
+                .then(b.score.total_cmp(&a.score))
+                .then(b.missed_by.total_cmp(&a.missed_by))
+                .then(a.is_attempt().cmp(&b.is_attempt()).reverse())
+                .then_with(|| (&a.evaluation, &a.id).cmp(&(&b.evaluation, &b.id)))
+        });
+        Self { shows, members, chosen: Vec::new() }
+    }
+
+    fn is_success(&self) -> bool {
+        matches!(self.shows, Shows::Success(_))
+    }
+
+    /// Chooses its next member, one of a task not yet chosen where there is any.
+    fn take(&mut self, rows: &[EpisodeRow], known: &mut BTreeSet<usize>) -> bool {
+        let next = self.chosen.last().map_or(0, |place| place + 1);
+        let is_free = |place: &usize| !self.chosen.contains(place);
+        let is_fresh = |place: &usize| !known.contains(&rows[self.members[*place]].task);
+        let fresh = (next..self.members.len()).find(is_fresh);
+        let Some(place) = fresh.or_else(|| (0..self.members.len()).find(is_free)) else { return false };
+        known.insert(rows[self.members[place]].task);
+        self.chosen.push(place);
+        true
+    }
+
+    fn cases(self, rows: &[EpisodeRow]) -> impl Iterator<Item = Case> {
+        let Self { shows, members, mut chosen } = self;
+        chosen.sort_unstable();
+        chosen.into_iter().map(move |place| Case {
+            task: rows[members[place]].task,
+            episode: Some(members[place]),
+            why: Some(Why { shows, place: place + 1, of: members.len() }),
+        })
+    }
+}
+
+/// Lets groups choose in turns until `most` are chosen, but each at least once; says how many were.
+fn take_turns(groups: &mut [Group], most: usize, rows: &[EpisodeRow], known: &mut BTreeSet<usize>) -> usize {
+    let (mut taken, mut round) = (0, 0);
+    loop {
+        let before = taken;
+        for group in groups.iter_mut() {
+            if (taken < most || round == 0) && group.take(rows, known) {
+                taken += 1;
+            }
+        }
+        round += 1;
+        if taken == before || taken >= most {
+            return taken;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(id: usize, task: usize, cause: Option<FailureCause>, recorded: bool, score: f64) -> EpisodeRow {
+        EpisodeRow {
+            id: format!("e{id}"),
+            task,
+            evaluation: None,
+            success: cause.is_none(),
+            cause,
+            evidence: String::new(),
+            score,
+            missed_by: 0.0,
+            recorded,
+            duration_s: 1.0,
+            wall_s: None,
+        }
+    }
+
+    fn tasks(count: usize) -> Vec<TaskRow> {
+        let kind = |index: usize| TaskKind::ALL[index % 3];
+        let task = |index| TaskRow { id: format!("t{index}"), kind: kind(index), goal: vec![], objects: vec![] };
+        (0..count).map(task).collect()
+    }
+
+    #[test]
+    fn a_small_run_shows_every_task_with_its_first_success() {
+        let slipped = Some(FailureCause::Slipped);
+        let mut rows = vec![row(0, 1, slipped, true, 0.5), row(1, 1, None, true, 1.0), row(2, 1, None, true, 1.0)];
+        rows.push(row(3, 2, slipped, false, 0.0));
+        // Of evaluated episodes a failure comes first.
+        for (id, cause) in [(4, None), (5, slipped)] {
+            rows.push(EpisodeRow { evaluation: Some("mine".into()), ..row(id, 0, cause, true, 1.0) });
+        }
+        let chosen: Vec<_> =
+            choose(&tasks(3), &rows, None, 3).into_iter().map(|case| (case.task, case.episode)).collect();
+        assert_eq!(chosen, [(0, Some(5)), (1, Some(1)), (2, None)]);
+    }
+
+    #[test]
+    fn a_large_run_shows_every_cause_and_every_kind_and_counts_the_rest() {
+        let mut rows: Vec<EpisodeRow> = (0..1000).map(|id| row(id, id, None, true, 1.0)).collect();
+        for id in (0..1000).step_by(7) {
+            rows[id] = row(id, id, Some(FailureCause::Slipped), id % 2 == 0, id as f64 / 2000.0);
+        }
+        rows[8] = row(8, 8, Some(FailureCause::Planning), false, 0.0);
+        let cases = choose(&tasks(1000), &rows, None, 12);
+        assert_eq!(cases.len(), 12);
+        let of =
+            |shows: Shows| cases.iter().filter(|case| case.why.as_ref().unwrap().shows == shows).collect::<Vec<_>>();
+        let slipped = of(Shows::Failure(FailureCause::Slipped));
+        assert_eq!((slipped.len(), of(Shows::Failure(FailureCause::Planning)).len()), (7, 1));
+        // The one with a film that came closest, of all that slipped.
+        assert_eq!((slipped[0].episode, slipped[0].why.as_ref().unwrap().of), (Some(994), 143));
+        for kind in &TaskKind::ALL[..3] {
+            assert!(!of(Shows::Success(*kind)).is_empty(), "{kind:?}");
+        }
+        let tasks_shown: BTreeSet<usize> = cases.iter().map(|case| case.task).collect();
+        assert_eq!(tasks_shown.len(), 12, "each of another task");
+        // Too few cases for all that must be shown: each is still shown once.
+        assert_eq!(choose(&tasks(1000), &rows, None, 1).len(), 5);
+    }
+
+    #[test]
+    fn the_control_policy_gives_no_cases() {
+        let failed =
+            EpisodeRow { evaluation: Some("do_nothing".into()), ..row(0, 0, Some(FailureCause::Timeout), true, 0.0) };
+        assert_eq!(choose(&tasks(2), std::slice::from_ref(&failed), Some("do_nothing"), 1), []);
+        assert_eq!(choose(&tasks(2), &[failed], None, 1).len(), 1);
+    }
+}

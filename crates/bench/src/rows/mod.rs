@@ -1,0 +1,106 @@
+//! What is kept of every episode and task of a run: a row each, small enough that memory holds all of them.
+//!
+//! Pages, tables and programs that show a run read these rows, [`totals`] over them, and the [`cases`] chosen to be drawn.
+
+pub mod cases;
+pub mod totals;
+
+use genmanip_core::{Atom, EpisodeResult, FailureCause, Task, TaskKind};
+use serde::Serialize;
+
+/// A task, as far as tables and totals need it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct TaskRow {
+    /// Id of the task.
+    pub id: String,
+    /// Its kind.
+    pub kind: TaskKind,
+    /// What the goal asks for: names of relations, and `state`; sorted, each once.
+    pub goal: Vec<&'static str>,
+    /// Names of the objects that the goal names; sorted, each once.
+    pub objects: Vec<String>,
+}
+
+/// A finished attempt at a demonstration, or an evaluated episode.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EpisodeRow {
+    /// Id of the episode.
+    pub id: String,
+    /// Its task, as an index into the rows of tasks.
+    pub task: usize,
+    /// Label of the evaluation; `None` for an attempt to collect a demonstration.
+    pub evaluation: Option<String>,
+    /// Whether the goal held at the end.
+    pub success: bool,
+    /// The most decisive cause of failure.
+    pub cause: Option<FailureCause>,
+    /// What was seen of all causes; empty after a success.
+    pub evidence: String,
+    /// Fraction of the goal reached, 0-1.
+    pub score: f64,
+    /// How far the best alternative of the goal is missed: the sum of its missed conditions' normalised margins, ≤ 0.
+    pub missed_by: f64,
+    /// Whether frames were kept, so that it can be drawn.
+    pub recorded: bool,
+    /// Simulated length, s.
+    pub duration_s: f64,
+    /// Wall-clock time it took, s, where that is known.
+    pub wall_s: Option<f64>,
+}
+
+impl TaskRow {
+    /// The row of a task.
+    pub fn of(task: &Task) -> Self {
+        let (mut goal, mut objects) = (Vec::new(), Vec::new());
+        for atom in task.goal.alternatives.iter().flatten() {
+            match atom {
+                Atom::Relation { subject, relation, reference, second_reference } => {
+                    goal.push(relation.name());
+                    objects.extend([subject, reference].into_iter().chain(second_reference));
+                }
+                Atom::State { object, .. } => {
+                    goal.push("state");
+                    objects.push(object);
+                }
+            }
+        }
+        goal.sort_unstable();
+        goal.dedup();
+        let mut objects: Vec<String> = objects.into_iter().map(|id| task.name_of(id).to_string()).collect();
+        objects.sort_unstable();
+        objects.dedup();
+        Self { id: task.id.clone(), kind: task.kind, goal, objects }
+    }
+}
+
+impl EpisodeRow {
+    /// The row of a result.
+    pub fn of(
+        result: &EpisodeResult,
+        task: usize,
+        evaluation: Option<&str>,
+        recorded: bool,
+        wall_s: Option<f64>,
+    ) -> Self {
+        let missed = result.verdict.best().unwrap_or_default().iter().filter(|atom| !atom.holds);
+        let failure = result.failure();
+        Self {
+            id: result.id.clone(),
+            task,
+            evaluation: evaluation.map(str::to_owned),
+            success: result.success,
+            cause: failure.as_ref().map(|failure| failure.cause),
+            evidence: failure.map(|failure| failure.evidence).unwrap_or_default(),
+            score: result.verdict.score,
+            missed_by: missed.map(|atom| atom.normalised_margin().min(0.0)).filter(|margin| margin.is_finite()).sum(),
+            recorded,
+            duration_s: result.duration_s,
+            wall_s,
+        }
+    }
+
+    /// Whether it is an attempt to collect a demonstration.
+    pub fn is_attempt(&self) -> bool {
+        self.evaluation.is_none()
+    }
+}

@@ -1,0 +1,155 @@
+//! Runs of any size: what a report of many episodes costs, and how quickly their folder opens and goes on.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use genmanip_bench::{ReportSettings, text_table};
+use genmanip_core::{Document, Seed, Task};
+use genmanip_rollout::collect::Attempt;
+use genmanip_run::collect::{CollectOptions, collect};
+use genmanip_run::report::report;
+use genmanip_run::{Progress, Run, RunFolder, inputs};
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::{forget_peak_memory, peak_memory_mb, process_clock};
+
+/// What a run of so many episodes costs.
+#[derive(Clone, Debug, Serialize)]
+pub struct Measured {
+    /// Episodes of the run.
+    pub episodes: usize,
+    /// Processor time of `report`, s.
+    pub report_cpu_s: f64,
+    /// Size of its page, bytes.
+    pub report_bytes: usize,
+    /// Most memory held meanwhile, MiB; `None` where the system does not tell.
+    pub report_rss_mb: Option<f64>,
+    /// Processor time of `report --full`, which is not there yet, s.
+    pub full_cpu_s: Option<f64>,
+    /// Most memory held meanwhile, MiB.
+    pub full_rss_mb: Option<f64>,
+    /// Processor time of `report --full` once more, s.
+    pub full_again_cpu_s: Option<f64>,
+    /// Wall-clock time to open the run and look at every episode, s.
+    pub open_s: f64,
+    /// Wall-clock time of `collect` when nothing is left to do, s.
+    pub resume_s: f64,
+    /// Wall-clock time to make an index of the episodes again; there is none yet, s.
+    pub index_rebuild_s: Option<f64>,
+}
+
+/// File that marks a folder of copies.
+const MARK: &str = "synthetic.json";
+
+/// Copies the finished episodes of a run into `out` until there are `episodes`, and measures the copy.
+///
+/// The copies are further attempts at the run's tasks; of the tasks, as many are used as give the number exactly. A copy
+/// has its own id, scenario and files.
+///
+/// # Errors
+/// When the run has no finished episode, `out` is not empty, or a copy cannot be written, read or drawn.
+pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
+    copy(run, episodes, out, progress)?;
+    forget_peak_memory();
+    let mut clock = process_clock();
+    let page = report(out, None, &ReportSettings::default(), progress)?;
+    inputs::write_file(&out.join("report.html"), page.as_bytes())?;
+    let (report_cpu_s, report_bytes, report_rss_mb) = (clock(), page.len(), peak_memory_mb());
+
+    let started = Instant::now();
+    let (folder, known) = RunFolder::open(out)?;
+    let survey = folder.survey(&folder.store()?)?;
+    let open_s = started.elapsed().as_secs_f64();
+
+    let started = Instant::now();
+    let options = CollectOptions { workers: inputs::workers(None), repair: false };
+    let collected = collect(out, &known, options, progress, &AtomicBool::new(false))?;
+    let resume_s = started.elapsed().as_secs_f64();
+    if collected.finished != survey.sound.len() || collected.finished != episodes {
+        let found =
+            format!("{} of {episodes} copies are whole, {} are counted", survey.sound.len(), collected.finished);
+        return Err(LabError::input(found).with_hint("name an empty folder with --out"));
+    }
+    Ok(Measured {
+        episodes,
+        report_cpu_s,
+        report_bytes,
+        report_rss_mb,
+        full_cpu_s: None,
+        full_rss_mb: None,
+        full_again_cpu_s: None,
+        open_s,
+        resume_s,
+        index_rebuild_s: None,
+    })
+}
+
+fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Result<(), LabError> {
+    let unwritable = |error: std::io::Error| LabError::broken(format!("cannot write {}", out.display()), error);
+    let (folder, known) = RunFolder::open(run)?;
+    let store = folder.store()?;
+    let mut finished: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let attempts = Attempt::all(&known.tasks, known.episodes_per_task, known.seed);
+    let sound = folder.survey(&store)?.sound;
+    for attempt in attempts.iter().filter(|attempt| sound.binary_search(&attempt.id()).is_ok()) {
+        finished.entry(attempt.task.id.clone()).or_default().push(attempt.id());
+    }
+    if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
+        return Err(LabError::input(format!("{} is not empty", out.display())).with_hint("name an empty folder"));
+    }
+    let mut tasks: Vec<Task> = known.tasks.iter().filter(|task| finished.contains_key(&task.id)).cloned().collect();
+    if tasks.is_empty() {
+        return Err(
+            LabError::input(format!("{} has no finished episode", run.display())).with_hint("collect some first")
+        );
+    }
+    // Fewest attempts per task that give the number exactly; one task gives any.
+    let is_exact = |per_task: &usize| episodes.is_multiple_of(*per_task);
+    let per_task = (episodes.div_ceil(tasks.len())..=episodes).find(is_exact).unwrap_or(episodes);
+    tasks.truncate(episodes / per_task);
+    let mut settings = known.settings.clone();
+    settings.images = None;
+    let copied = Run { tasks, episodes_per_task: per_task, settings, seed: Seed::new(0), ..known.clone() };
+    let target = RunFolder::begin(out, &copied)?;
+    let mark = serde_json::json!({ "copied_from": run.display().to_string(), "episodes": episodes });
+    inputs::write_file(&out.join(MARK), format!("{mark:#}\n").as_bytes())?;
+    let (into, scenarios) = (target.store()?, out.join("scenarios"));
+    fs::create_dir_all(&scenarios).map_err(unwritable)?;
+    let seconds = folder.timings().attempts;
+    progress.begin("copying", episodes);
+    for attempt in Attempt::all(&copied.tasks, per_task, copied.seed) {
+        let sources = &finished[&attempt.task.id];
+        let (source, name) = (&sources[attempt.number as usize % sources.len()], attempt.id());
+        let scenario = store
+            .copy_as(source, &into, &name)
+            .map_err(|error| LabError::broken(format!("cannot copy episode {source}"), error))?;
+        if let Some(scenario) = scenario {
+            fs::write(scenarios.join(format!("{name}.json")), scenario.to_json()).map_err(unwritable)?;
+        }
+        if let Some(&seconds) = seconds.get(source) {
+            target.time_attempt(&name, seconds);
+        }
+        progress.advance();
+    }
+    progress.end();
+    target.save_timings()
+}
+
+/// The figures for people.
+pub fn in_words(measured: &Measured) -> String {
+    let megabytes = |figure: Option<f64>| figure.map_or("unknown".into(), |mb| format!("{mb:.0} MiB"));
+    let rows = [
+        ["episodes".into(), measured.episodes.to_string()],
+        ["report, processor time".into(), format!("{:.1} s", measured.report_cpu_s)],
+        ["report, size".into(), format!("{:.1} MB", measured.report_bytes as f64 / 1e6)],
+        ["report, memory".into(), megabytes(measured.report_rss_mb)],
+        ["open".into(), format!("{:.2} s", measured.open_s)],
+        ["resume".into(), format!("{:.2} s", measured.resume_s)],
+    ];
+    let head = ["what", "measured"].map(String::from).to_vec();
+    text_table(&[head].into_iter().chain(rows.map(|row| row.to_vec())).collect::<Vec<_>>())
+}

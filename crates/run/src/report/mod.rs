@@ -1,0 +1,176 @@
+//! The report of a run: all its episodes as rows from one pass over their results, then pictures of the chosen cases.
+
+mod rows;
+mod sections;
+
+use std::path::Path;
+
+use genmanip_bench::rows::cases::{self, Case, MOST_CASES};
+use genmanip_bench::{
+    EvaluationReport, ReportInput, ReportSettings, StatisticsSettings, TaskSection, Timing, compare, report_html,
+};
+
+use crate::error::RunError;
+use crate::folder::{Run, RunFolder, Timings};
+use crate::progress::Progress;
+use rows::Rows;
+use sections::Drawing;
+
+/// The HTML page of a run as text, or with `only` of one of its tasks or episodes.
+///
+/// # Errors
+/// As [`gather`], and when the page would be too large.
+pub fn report(
+    path: &Path,
+    only: Option<&str>,
+    settings: &ReportSettings,
+    progress: &dyn Progress,
+) -> Result<String, RunError> {
+    let input = gather(path, only, progress)?;
+    report_html(&input, settings).map_err(|error| RunError::broken("cannot make the report", error))
+}
+
+/// Everything the page shows, from a run folder.
+///
+/// The record of each attempt is read once and kept as a row; only of the chosen cases, a bounded number, are frames
+/// read and pictures made, one episode at a time.
+///
+/// # Errors
+/// When there is no run, `only` names nothing of it, or an episode or an evaluation cannot be read or drawn.
+pub fn gather(path: &Path, only: Option<&str>, progress: &dyn Progress) -> Result<ReportInput, RunError> {
+    let (folder, run) = RunFolder::open(path)?;
+    let store = folder.store()?;
+    let timings = folder.timings();
+    let evaluations = rows::evaluations(&folder, progress)?;
+    let control = evaluations.iter().find(|report| report.label == CONTROL).map(|report| report.label.clone());
+    let (mut rows, mut left_out) = rows::read(&run, &folder, &store, &evaluations, &timings, progress)?;
+    let chosen = match only {
+        Some(id) => only_cases(&mut rows, id)?,
+        None => cases::choose(&rows.tasks, &rows.episodes, control.as_deref(), MOST_CASES),
+    };
+    let drawing = Drawing { folder: &folder, store: &store, run: &run, evaluations: &evaluations, rows: &rows };
+    let mut drawn = Vec::new();
+    progress.begin("drawing", chosen.len());
+    for case in chosen {
+        drawn.push(drawing.section(case, &mut left_out)?);
+        progress.advance();
+    }
+    progress.end();
+    left_out.iter().for_each(|note| progress.note(note));
+    let is_all = drawn.iter().all(|section| section.why.is_none());
+    let mut input = page(&path.display().to_string(), &run, &timings, evaluations, rows, drawn);
+    input.control = control;
+    input.rule = (!is_all).then(|| cases::RULE.to_owned());
+    input.notes.extend(left_out);
+    if let Some(id) = only {
+        narrow(&mut input, id, path);
+    }
+    Ok(input)
+}
+
+/// The policy that must never succeed.
+const CONTROL: &str = "do_nothing";
+
+/// Keeps the rows of one task or one episode, and makes each that can be drawn a case.
+fn only_cases(rows: &mut Rows, id: &str) -> Result<Vec<Case>, RunError> {
+    let task = rows.tasks.iter().position(|task| task.id == id);
+    let is_meant = |row: &genmanip_bench::EpisodeRow| task.map_or(row.id == id, |task| row.task == task);
+    let found: Vec<usize> = (0..rows.episodes.len()).filter(|&index| is_meant(&rows.episodes[index])).collect();
+    let Some(task) = task.or_else(|| Some(rows.episodes[*found.first()?].task)) else {
+        let known = rows.tasks.iter().map(|task| &task.id).chain(rows.episodes.iter().map(|row| &row.id));
+        let shared = |known: &str| known.bytes().zip(id.bytes()).take_while(|(a, b)| a == b).count();
+        let near = known.max_by_key(|known| shared(known)).map_or(String::new(), |near| format!(", e.g. {near}"));
+        return Err(RunError::input(format!("no task and no episode `{id}` in the run"))
+            .with_hint(format!("expected the id of a task or an episode{near}")));
+    };
+    rows.episodes = found.into_iter().map(|index| rows.episodes[index].clone()).collect();
+    let mut cases: Vec<Case> = (rows.episodes.iter().enumerate())
+        .filter(|(_, row)| row.recorded)
+        .take(MOST_CASES)
+        .map(|(index, _)| Case { task, episode: Some(index), why: None })
+        .collect();
+    if cases.is_empty() {
+        cases.push(Case { task, episode: (!rows.episodes.is_empty()).then_some(0), why: None });
+    }
+    Ok(cases)
+}
+
+/// What a page about one task or episode says otherwise than that of the run.
+fn narrow(input: &mut ReportInput, id: &str, path: &Path) {
+    input.title = format!("GenManip: {id}");
+    input.commands.pop();
+    input.commands.push(format!("genmanip report {} --only {id}", path.display()));
+    let task = input.cases.first().map(|case| case.task.id.clone()).unwrap_or_default();
+    input.tasks.retain(|row| row.id == task);
+    input.episodes.iter_mut().for_each(|row| row.task = 0);
+    input.summaries.clear();
+    input.comparisons.clear();
+    input.timings.clear();
+}
+
+fn page(
+    name: &str,
+    run: &Run,
+    timings: &Timings,
+    evaluations: Vec<EvaluationReport>,
+    rows: Rows,
+    cases: Vec<TaskSection>,
+) -> ReportInput {
+    let by_name = |name: &str| evaluations.iter().find(|report| report.label == name);
+    let comparisons = [("expert", "replay"), ("expert", CONTROL)]
+        .iter()
+        .filter_map(|(a, b)| {
+            let (a, b) = (by_name(a)?, by_name(b)?);
+            compare(&a.results, &b.results, &StatisticsSettings::default()).ok()
+        })
+        .collect();
+    ReportInput {
+        title: "GenManip: from tasks to verified demonstrations".into(),
+        generated_by: format!("genmanip {}", env!("CARGO_PKG_VERSION")),
+        seed: run.seed,
+        commands: commands(name, run, !rows.episodes.iter().any(|row| row.is_attempt())),
+        versions: vec![("genmanip".into(), run.genmanip_version.clone()), ("physics".into(), run.engine.clone())],
+        summaries: evaluations.iter().map(|report| report.summary.clone()).collect(),
+        control: None,
+        comparisons,
+        timings: timings.phases.iter().map(|(phase, &seconds)| Timing { phase: phase.clone(), seconds }).collect(),
+        notes: notes(run, &rows),
+        tasks: rows.tasks,
+        episodes: rows.episodes,
+        cases,
+        rule: None,
+    }
+}
+
+/// How the run was made; one that was made of scenarios was not collected.
+fn commands(name: &str, run: &Run, is_given: bool) -> Vec<String> {
+    let made = match is_given {
+        true => format!("genmanip evaluate SCENARIOS --out {name}"),
+        false => {
+            format!("genmanip collect TASKS --out {name} --episodes {} --seed {}", run.episodes_per_task, run.seed)
+        }
+    };
+    let evaluated = (!is_given).then(|| format!("genmanip evaluate {name}"));
+    [made].into_iter().chain(evaluated).chain([format!("genmanip report {name}")]).collect()
+}
+
+/// What the reader must know about this run.
+fn notes(run: &Run, rows: &Rows) -> Vec<String> {
+    let recorded = run.tasks.iter().filter(|task| task.source.starts_with("recorded answer")).count();
+    let mut notes = vec![
+        "The expert reads simulator truth; its results are marked oracle.".into(),
+        "Replay applies the recorded commands without looking; it shows that the simulation is deterministic, \
+             not that a policy is good."
+            .into(),
+        format!(
+            "{recorded} of {} tasks are recorded answers of a language model; every task passed every rule.",
+            run.tasks.len()
+        ),
+    ];
+    let (made, planned) =
+        (rows.episodes.iter().filter(|row| row.is_attempt()).count(), run.tasks.len() * run.episodes_per_task);
+    if made > 0 && made < planned {
+        notes.push(format!("Not all was collected yet: {made} of {planned} attempts are finished."));
+    }
+    notes
+}

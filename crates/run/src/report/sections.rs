@@ -1,0 +1,149 @@
+//! The second pass: what the page draws of each chosen case.
+
+use std::sync::Arc;
+
+use genmanip_assets::Catalogue;
+use genmanip_bench::rows::cases::Case;
+use genmanip_bench::{AttemptRow, EpisodeRow, EvaluationReport, FilmFrame, TaskSection, graph_svg, layout_svg};
+use genmanip_core::{AttemptOutcome, Episode, EpisodeResult, Failure, FailureCause};
+use genmanip_data::EpisodeStore;
+use genmanip_rollout::Stage;
+
+use super::rows::{Rows, kept_store};
+use crate::error::RunError;
+use crate::folder::{Run, RunFolder};
+use crate::inputs;
+use crate::pictures;
+
+/// Moments of the film strip.
+const FILM_FRAMES: usize = 12;
+
+/// Width of a picture of the film strip, and of the first and the last picture, pixels.
+const FILM_WIDTH: u32 = 256;
+const PICTURE_WIDTH: u32 = 512;
+
+/// What the cases are drawn from.
+pub(super) struct Drawing<'a> {
+    pub folder: &'a RunFolder,
+    pub store: &'a EpisodeStore,
+    pub run: &'a Run,
+    pub evaluations: &'a [EvaluationReport],
+    pub rows: &'a Rows,
+}
+
+impl Drawing<'_> {
+    /// The section of a case; a damaged episode is not shown and named in `left_out`.
+    ///
+    /// # Errors
+    /// When its episode cannot be read or drawn.
+    pub fn section(&self, case: Case, left_out: &mut Vec<String>) -> Result<TaskSection, RunError> {
+        let task = &self.run.tasks[case.task];
+        let own = self.rows.episodes.iter().filter(|row| row.task == case.task && row.is_attempt());
+        let results = self.evaluations.iter().flat_map(|report| &report.results);
+        let mut section = TaskSection {
+            task: task.clone(),
+            why: case.why,
+            episode: case.episode,
+            scenario: None,
+            graph: graph_svg(task),
+            layout: None,
+            first_image: None,
+            last_image: None,
+            film: Vec::new(),
+            shown: None,
+            attempts: own.map(attempt).collect(),
+            results: results.filter(|result| result.task_id == task.id).cloned().collect(),
+        };
+        if let Some(row) = case.episode.map(|index| &self.rows.episodes[index])
+            && let Some(store) = self.store_of(row)?
+        {
+            match add_episode(&mut section, &store, row) {
+                Err(Unshown::Damaged(why)) => {
+                    left_out.push(format!("episode {} is damaged and not shown: {why}", row.id));
+                    section.shown = None;
+                }
+                Err(Unshown::Broken(error)) => return Err(error),
+                Ok(()) => {}
+            }
+        }
+        Ok(section)
+    }
+
+    /// Where an episode is kept, if it is.
+    fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, RunError> {
+        match &row.evaluation {
+            None => Ok(Some(self.store.clone())),
+            Some(label) => Ok(kept_store(self.folder, label)?.filter(|store| store.contains(&row.id))),
+        }
+    }
+}
+
+/// Why an episode is not shown.
+enum Unshown {
+    Damaged(String),
+    Broken(RunError),
+}
+
+impl From<RunError> for Unshown {
+    fn from(error: RunError) -> Self {
+        Self::Broken(error)
+    }
+}
+
+fn attempt(row: &EpisodeRow) -> AttemptRow {
+    let failure = || Failure { cause: row.cause.unwrap_or(FailureCause::GoalMissed), evidence: row.evidence.clone() };
+    AttemptRow {
+        id: row.id.clone(),
+        outcome: if row.success { AttemptOutcome::Verified } else { AttemptOutcome::Failed(failure()) },
+        seconds: row.wall_s.unwrap_or(0.0),
+    }
+}
+
+/// Verdict, layout and pictures of an episode, as far as they were kept.
+fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow) -> Result<(), Unshown> {
+    let unreadable = |error: genmanip_data::DataError| match error.is_damage() {
+        true => Unshown::Damaged(error.to_string()),
+        false => Unshown::Broken(RunError::broken("cannot read the episodes", error)),
+    };
+    let by_label = |result: EpisodeResult| match &row.evaluation {
+        Some(label) => EpisodeResult { policy: label.clone(), ..result },
+        None => result,
+    };
+    let episode = match row.recorded {
+        true => Some(store.read(&row.id).map_err(unreadable)?),
+        false => None,
+    };
+    section.scenario = match &episode {
+        Some(episode) => Some(episode.scenario.clone()),
+        None => store.read_scenario(&row.id).map_err(unreadable)?,
+    };
+    if let Some(scenario) = &section.scenario {
+        section.layout = Some(layout_svg(&pictures::layout_picture(scenario, Catalogue::builtin())?));
+    }
+    if let Some(episode) = &episode {
+        add_pictures(section, episode)?;
+    }
+    section.shown = Some(by_label(match episode {
+        Some(episode) => episode.result,
+        None => store.read_result(&row.id).map_err(unreadable)?,
+    }));
+    Ok(())
+}
+
+fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunError> {
+    let robot = inputs::robot(&episode.scenario.world)?;
+    let stage = Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &robot)
+        .map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))?;
+    let mut painter = pictures::painter(&stage)?;
+    let mut ends = pictures::stills(&mut painter, episode, 2, PICTURE_WIDTH)?;
+    section.last_image = ends.pop();
+    section.first_image = ends.pop();
+    let strip = pictures::stills(&mut painter, episode, FILM_FRAMES, FILM_WIDTH)?;
+    let duration = episode.frames.last().map_or(0.0, |frame| frame.time_s);
+    section.film = strip
+        .into_iter()
+        .enumerate()
+        .map(|(index, jpeg)| FilmFrame { time_s: duration * index as f64 / (FILM_FRAMES - 1) as f64, jpeg })
+        .collect();
+    Ok(())
+}
