@@ -62,7 +62,7 @@ pub trait Document: Serialize + DeserializeOwned {
             other => {
                 return Err(DocumentError::WrongSchema {
                     expected: Self::SCHEMA.into(),
-                    got: other.map_or("none".into(), |schema| schema.to_string()),
+                    got: other.map_or("none".into(), |schema| schema.to_string().chars().take(80).collect()),
                 });
             }
         }

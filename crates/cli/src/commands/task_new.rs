@@ -109,8 +109,10 @@ fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
     let mut settings = match (arguments.settings.as_deref(), &arguments.folder) {
         (Some(path), _) => {
             let text = inputs::read_text(path, limits::SETTINGS)?;
-            LlmSettings::from_toml(&text)
-                .map_err(|error| Failed::because(format!("cannot use the settings in {}", path.display()), &error))?
+            LlmSettings::from_toml(&text).map_err(|error| {
+                Failed::because(format!("cannot use the settings in {}", path.display()), &error)
+                    .hint("expected TOML as in docs/guides/language-models.md")
+            })?
         }
         (None, Some(_)) => LlmSettings::default(),
         (None, None) => {

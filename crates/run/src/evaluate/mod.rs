@@ -101,7 +101,10 @@ fn one(
     let keep = match &stream {
         Some(stream) if options.keep_episodes => {
             let store = EpisodeStore::create(stream.folder().join("episodes"));
-            Some(store.map_err(|error| RunError::broken("cannot keep episodes", error))?)
+            Some(store.map_err(|error| {
+                let help = "move the episodes of that evaluation away";
+                RunError::broken("cannot keep episodes", error).with_hint(help)
+            })?)
         }
         _ => None,
     };
