@@ -9,6 +9,7 @@
 //! - [`ask`] puts questions to a vision-language model and takes only answers that name drawn marks.
 //! - [`picture`] draws the marks; [`grid`] names cells.
 //! - [`segmentation`] finds the things in an image; [`sight`] says where they are.
+//! - [`services`] asks other programs for masks and grasps, and says what they are asked.
 //!
 //! It never sees the simulator or the catalogue: the manifest forbids both.
 
@@ -17,6 +18,7 @@ pub mod grid;
 pub mod picture;
 mod pipeline;
 pub mod segmentation;
+pub mod services;
 mod settings;
 pub mod sight;
 

@@ -9,10 +9,12 @@ use genmanip_run::policies;
 
 pub use assets::*;
 pub use lab::*;
+pub use serve::*;
 pub use world::*;
 
 mod assets;
 mod lab;
+mod serve;
 mod world;
 
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
@@ -103,6 +105,12 @@ pub enum Command {
         /// What to measure
         #[command(subcommand)]
         command: LabCommand,
+    },
+    /// Offer masks or grasps to other programs over HTTP, on this machine unless told otherwise
+    Serve {
+        /// What to offer
+        #[command(subcommand)]
+        command: ServeCommand,
     },
     /// Say what this machine has, what is missing and how to mend it
     #[command(after_help = "Example:\n  genmanip doctor")]
@@ -202,6 +210,9 @@ pub struct NewArguments {
     /// Ask the model, record it or replay it instead of what the settings say: live, record or replay
     #[arg(long, value_name = "MODE")]
     pub cassettes: Option<String>,
+    /// Be the model yourself: questions are written into this folder, and an answer.json is awaited beside each
+    #[arg(long, value_name = "DIR")]
+    pub folder: Option<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
     pub catalog: String,

@@ -60,6 +60,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::World { command } => commands::world::run(command, printer),
         Command::Camera { command } => commands::world::run_camera(command, printer),
         Command::Lab { command } => commands::lab::run(command, printer),
+        Command::Serve { command } => commands::serve::run(command, printer),
         Command::Doctor => commands::doctor::run(printer),
     }
 }

@@ -4,11 +4,12 @@ use glam::Vec3A;
 
 use crate::arrival::Arrival;
 use crate::assets::RenderAssets;
-use crate::edges::{Edges, Scene};
+use crate::edges::Edges;
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::layers::Layers;
 use crate::points::CHUNK;
 use crate::raster::Target;
+use crate::scene::Scene;
 use crate::shade::{Shading, Spot};
 use crate::texture::{linear_from_srgb8, srgb8_from_linear};
 use crate::view::{Lens, View, part_and_triangle, surface_of};

@@ -13,19 +13,10 @@ use crate::arrival::Arrival;
 use crate::assets::{RenderAssets, TRIANGLE_BITS};
 use crate::layers::TILE;
 use crate::raster::Target;
-use crate::shade::{Lighting, Shading, Spot};
-use crate::shadow::ShadowMap;
+use crate::scene::Scene;
+use crate::shade::{Shading, Spot};
 use crate::texture::srgb8_from_linear;
-use crate::variation::RenderVariation;
 use crate::view::{View, part_and_triangle, surface_of};
-
-/// What is drawn and under which light.
-pub(crate) struct Scene<'a> {
-    pub assets: &'a RenderAssets,
-    pub variation: &'a RenderVariation,
-    pub lighting: &'a Lighting,
-    pub shadow: &'a ShadowMap,
-}
 
 /// What is found on the edges of a picture; memory kept from frame to frame.
 #[derive(Debug, Default)]

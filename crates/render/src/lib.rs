@@ -30,6 +30,7 @@ mod mesh;
 mod normals;
 mod points;
 mod raster;
+mod scene;
 mod shade;
 mod shadow;
 mod sky;

@@ -7,10 +7,10 @@ use glam::DQuat;
 
 use crate::assets::RenderAssets;
 use crate::canvas::{Canvas, write_geometry};
-use crate::edges::Scene;
 use crate::error::RenderError;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
 use crate::raster::Target;
+use crate::scene::Scene;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;

@@ -92,11 +92,6 @@ impl Glossy {
     }
 }
 
-#[inline(always)]
-pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// e to the power of `x` ≤ 0, to 10⁻⁵ of its value, without a call to the mathematics library.
 #[inline(always)]
 fn exp(x: f32) -> f32 {
@@ -194,4 +189,9 @@ fn harmonics_of(x: f32, y: f32, z: f32) -> [f32; 9] {
 /// Brightness of a linear colour.
 pub(crate) fn luminance(color: Vec3A) -> f32 {
     color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
+}
+
+#[inline(always)]
+pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

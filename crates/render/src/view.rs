@@ -316,15 +316,15 @@ pub(crate) fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(),
     }
 }
 
+/// The part of a visibility id, plus one.
+#[inline(always)]
+pub(crate) fn surface_of(id: u32) -> u32 {
+    id >> TRIANGLE_BITS
+}
+
 /// Part and triangle of a visibility id; `None` where nothing is seen.
 #[inline]
 pub(crate) fn part_and_triangle(id: u32) -> Option<(usize, usize)> {
     let part = (id >> TRIANGLE_BITS).checked_sub(1)?;
     Some((part as usize, (id & ((1 << TRIANGLE_BITS) - 1)) as usize))
-}
-
-/// The part of a visibility id, plus one.
-#[inline(always)]
-pub(crate) fn surface_of(id: u32) -> u32 {
-    id >> TRIANGLE_BITS
 }

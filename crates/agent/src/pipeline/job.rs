@@ -58,6 +58,14 @@ impl Job {
         let thing = Thing::new(sight.points(mask), &around, settings.table_m).ok_or_else(|| {
             FailedStage::new("object", "too_small", format!("too little is seen of {name} to take hold of it"))
         })?;
+        // What its outline left over is not in its own way.
+        let mut known = world.clone();
+        let own = known.add(hand::THING, &thing.pieces, &thing.pose);
+        own.map_err(|error| FailedStage::new("object", "too_small", format!("{name}: {error}")))?;
+        let around = agent
+            .planner
+            .points_seen(&hand::empty(&known, hand.width_m), &hand.arm, &sight.without(mask))
+            .map_err(|error| FailedStage::new("look", "unsuited", error.to_string()))?;
         let held = if settings.ctof { part(agent, view, mask, subtask)? } else { view.masks[mask].clone() };
         let pixel = grab_point(agent, view, &plain, &held, &name, seed)?;
         let grab = view.image.point(pixel).unwrap_or(thing.pose.position);

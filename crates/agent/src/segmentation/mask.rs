@@ -49,7 +49,7 @@ impl Mask {
         self.pixels.iter().filter(|is_inside| **is_inside).count()
     }
 
-    /// Intersection over union with a mask of the same image, 0-1; 0 for two empty ones.
+    /// Intersection over union, 0-1; 0 for two empty ones and for masks of different sizes.
     ///
     /// ```
     /// use genmanip_agent::segmentation::Mask;
@@ -58,6 +58,9 @@ impl Mask {
     /// assert!((iou - 0.25).abs() < 1e-12);
     /// ```
     pub fn iou(&self, other: &Self) -> f64 {
+        if self.pixels.len() != other.pixels.len() {
+            return 0.0;
+        }
         let count = |test: fn(bool, bool) -> bool| {
             self.pixels.iter().zip(&other.pixels).filter(|(one, other)| test(**one, **other)).count()
         };

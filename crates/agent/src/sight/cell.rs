@@ -32,7 +32,7 @@ impl Default for CellSettings {
             // Chosen: a thing that fills less of a cell is better named by the cells beside.
             thing_share: 0.3,
             // Chosen: room for the error of a release; fingers have their own test.
-            clearance_m: 0.008,
+            clearance_m: 0.006,
             samples: 7,
         }
     }
@@ -93,7 +93,7 @@ struct Receiver {
 /// The part of the table that an arm reaches, m.
 const REACH_M: [DVec2; 2] = [DVec2::new(-0.2, -1.0), DVec2::new(1.2, 1.0)];
 /// Free space around a place that is told apart, m: more makes no place better.
-const CLEARANCES_M: [f64; 7] = [0.024, 0.02, 0.016, 0.012, 0.008, 0.004, 0.0];
+const CLEARANCES_M: [f64; 4] = [0.01, 0.006, 0.003, 0.0];
 /// What is lower than this above a place is no obstacle there, m.
 const LOW_M: f64 = 0.006;
 /// A receiver this much longer than the moved thing takes two of them.
@@ -192,7 +192,7 @@ impl<'a> Resolver<'a> {
             };
             CLEARANCES_M.into_iter().find(|margin| is_free(*margin)).unwrap_or(-1.0)
         };
-        // The middle of a gap is what its cell means; where all is free, the centre.
+        // A gap is met in its middle; where there is room, the centre of the cell counts.
         let mut points: Vec<(f64, DVec3)> = points.map(|point| (clearance(point), point)).collect();
         let distance = |point: DVec3| point.distance(center);
         points.sort_by(|a, b| b.0.total_cmp(&a.0).then(distance(a.1).total_cmp(&distance(b.1))));

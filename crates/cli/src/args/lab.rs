@@ -183,7 +183,7 @@ pub struct EnvironmentArguments {
 #[derive(Debug, Args)]
 pub struct RenderArguments {
     /// Seed of objects, layout and episode
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
 }
 
@@ -274,7 +274,7 @@ pub struct AgentArguments {
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
     /// Seed of tasks, layouts and episodes
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
     /// Episodes, the kinds in turn
     #[arg(long, default_value_t = 60, value_parser = super::parse_count)]

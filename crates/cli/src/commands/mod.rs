@@ -12,6 +12,7 @@ pub mod layout;
 pub mod plan;
 pub mod replay;
 pub mod report;
+pub mod serve;
 pub mod task;
 pub mod task_new;
 pub mod world;

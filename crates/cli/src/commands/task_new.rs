@@ -36,8 +36,8 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
         name => vec![inputs::task_kind(name)?],
     };
     let is_rules = arguments.designer == "rules";
-    if is_rules && (arguments.settings.is_some() || arguments.cassettes.is_some()) {
-        return Err(Failed::misused("--settings and --cassettes are for language models")
+    if is_rules && (arguments.settings.is_some() || arguments.cassettes.is_some() || arguments.folder.is_some()) {
+        return Err(Failed::misused("--settings, --cassettes and --folder are for language models")
             .hint("add --designer llm, or leave them out"));
     }
     if is_rules && arguments.world.is_some() {
@@ -106,12 +106,21 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
 }
 
 fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
-    let path = arguments.settings.as_deref().ok_or_else(|| {
-        Failed::new("a language model needs --settings FILE").hint("see docs/guides/language-models.md")
-    })?;
-    let text = inputs::read_text(path, limits::SETTINGS)?;
-    let mut settings = LlmSettings::from_toml(&text)
-        .map_err(|error| Failed::because(format!("cannot use the settings in {}", path.display()), &error))?;
+    let mut settings = match (arguments.settings.as_deref(), &arguments.folder) {
+        (Some(path), _) => {
+            let text = inputs::read_text(path, limits::SETTINGS)?;
+            LlmSettings::from_toml(&text)
+                .map_err(|error| Failed::because(format!("cannot use the settings in {}", path.display()), &error))?
+        }
+        (None, Some(_)) => LlmSettings::default(),
+        (None, None) => {
+            return Err(Failed::new("a language model needs --settings FILE, or --folder DIR to be it yourself")
+                .hint("see docs/guides/language-models.md"));
+        }
+    };
+    if let Some(folder) = &arguments.folder {
+        settings.folder.get_or_insert_default().folder.clone_from(folder);
+    }
     if let Some(mode) = &arguments.cassettes {
         settings.cassettes.mode = match mode.as_str() {
             "live" => CassetteMode::Live,

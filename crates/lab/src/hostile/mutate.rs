@@ -251,3 +251,36 @@ pub(super) fn blind(bytes: &mut Vec<u8>, rng: &mut impl Rng) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use genmanip_core::Seed;
+
+    use super::*;
+
+    #[test]
+    fn changes_are_the_same_for_a_seed_and_never_the_input_alone() {
+        let samples =
+            [&b"{\"a\": [1, {\"b\": \"x\"}], \"c\": null}"[..], b"a = 1.5\n[b]\nc = \"x\"\n", b"\xff\x00\x80", b""];
+        for name in ["json", "tokens", "blind"] {
+            let all = |seed: u64| -> Vec<Vec<u8>> {
+                let mut rng = Seed::new(seed).rng();
+                let changed = |index: usize| {
+                    let mut bytes = samples[index % samples.len()].to_vec();
+                    match name {
+                        "json" => json(&mut bytes, &mut rng),
+                        "tokens" => tokens(&mut bytes, &mut rng),
+                        _ => blind(&mut bytes, &mut rng),
+                    }
+                    bytes
+                };
+                (0..2000).map(changed).collect()
+            };
+            let first = all(1);
+            assert_eq!(first, all(1), "{name}");
+            let different =
+                first.iter().enumerate().filter(|(index, bytes)| ***bytes != *samples[index % samples.len()]);
+            assert!(different.count() > 1500, "{name} changes too little");
+        }
+    }
+}

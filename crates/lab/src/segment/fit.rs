@@ -36,7 +36,7 @@ pub struct Fitted {
     pub in_order: Vec<f64>,
 }
 
-/// Fits the weights to scenes, each view with exact and with noisy depth.
+/// Fits the weights to scenes, with exact or noisy depth as asked.
 ///
 /// # Errors
 /// When a scene cannot be drawn.
@@ -52,16 +52,14 @@ pub fn fit_weights(
     let mut views: Vec<(Cut, Vec<Option<usize>>)> = Vec::new();
     progress.begin("drawing", arguments.count);
     for (index, task) in tasks.iter().enumerate() {
-        if views.len() >= 4 * arguments.count {
+        if views.len() >= 2 * arguments.count {
             break;
         }
         for mut view in scenes.draw(index, task)?.unwrap_or_default() {
-            for is_noisy in [false, true] {
-                SegmentArguments { is_noisy, ..arguments.clone() }.disturb(&mut view, seed, views.len());
-                let cut = segmenter.cut(&SegmentQuestion { image: &view.image, ignore: &view.ignore, within: None });
-                let owners = owners(&cut, &view);
-                views.push((cut, owners));
-            }
+            arguments.disturb(&mut view, seed, views.len());
+            let cut = segmenter.cut(&SegmentQuestion { image: &view.image, ignore: &view.ignore, within: None });
+            let owners = owners(&cut, &view);
+            views.push((cut, owners));
         }
         progress.advance();
     }

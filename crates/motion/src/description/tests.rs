@@ -125,7 +125,11 @@ fn every_flaw_has_its_own_message() {
             "type=\"floating\"",
             "joint j4: type should be fixed, revolute, continuous or prismatic",
         ),
-        ("radius=\"0.07\"", "radius=\"-0.07\"", "collision piece 0 of shoulder: sizes must be positive"),
+        (
+            "radius=\"0.07\"",
+            "radius=\"-0.07\"",
+            "link shoulder: size of the collision geometry should be 1e-6 to 10.0 m, got -0.14",
+        ),
     ];
     for (old, new, message) in cases {
         assert!(ARM.contains(old), "{old}");

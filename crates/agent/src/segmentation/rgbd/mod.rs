@@ -26,13 +26,21 @@ pub struct RgbdSettings {
     pub least_height_noises: f32,
     /// Neighbouring regions belong to one thing when the chance is at least this.
     pub least_chance: f64,
+    /// The same for regions within one thing, whose parts are asked for.
+    pub least_chance_in_thing: f64,
     /// Smaller masks are left out, pixels.
     pub least_px: usize,
 }
 
 impl Default for RgbdSettings {
     fn default() -> Self {
-        Self { least_height_m: 0.0025, least_height_noises: 3.5, least_chance: 0.5, least_px: 40 }
+        Self {
+            least_height_m: 0.0025,
+            least_height_noises: 3.5,
+            least_chance: 0.5,
+            least_chance_in_thing: 0.97,
+            least_px: 40,
+        }
     }
 }
 
@@ -48,7 +56,10 @@ impl Segmenter for RgbdSegmenter {
     fn segment(&self, question: &SegmentQuestion) -> Result<Vec<Mask>, SegmentError> {
         check(question.image)?;
         let cut = self.cut(question);
-        let group = cut.graph.merge(merge::chance, self.settings.least_chance);
+        // Of one thing everything belongs together; its parts are what is left at a much higher chance.
+        let least =
+            if question.within.is_some() { self.settings.least_chance_in_thing } else { self.settings.least_chance };
+        let group = cut.graph.merge(merge::chance, least);
         let (width, height) = (question.image.width(), question.image.height());
         let mut areas = vec![0_usize; group.len()];
         let of_pixel = |label: &u32| if *label == NONE { NONE } else { group[*label as usize] };
@@ -118,4 +129,82 @@ fn check(image: &RgbdImage) -> Result<(), SegmentError> {
         });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use genmanip_core::{Camera, Intrinsics};
+    use glam::{DVec2, DVec3};
+
+    /// A table with boxes on it, each from a lower to an upper corner and of one colour.
+    fn image(boxes: &[(DVec3, DVec3, [u8; 3])]) -> RgbdImage {
+        let intrinsics = Intrinsics::from_vertical_fov(256, 144, 0.5);
+        let world_from_camera = Camera::pose_looking_at(DVec3::new(1.4, 0.1, 1.0), DVec3::new(0.5, 0.0, 0.0));
+        let eye = world_from_camera.position;
+        let (mut depth, mut rgb) = (Vec::new(), Vec::new());
+        for index in 0..256 * 144 {
+            let pixel = DVec2::new(f64::from(index % 256), f64::from(index / 256));
+            let along = world_from_camera.transform_vector(intrinsics.unproject(pixel, 1.0));
+            let hit = |(low, high, color): &(DVec3, DVec3, [u8; 3])| {
+                let (one, other) = ((*low - eye) / along, (*high - eye) / along);
+                let (near, far) = (one.min(other).max_element(), one.max(other).min_element());
+                (near < far).then_some((near, *color))
+            };
+            let nearest = boxes.iter().filter_map(hit).min_by(|one, other| one.0.total_cmp(&other.0));
+            let (at, color) = nearest.unwrap_or((-eye.z / along.z, [190, 170, 140]));
+            depth.push(at as f32);
+            rgb.extend(color);
+        }
+        RgbdImage { rgb, ..RgbdImage::of_depth(intrinsics, world_from_camera, depth) }
+    }
+
+    fn cube(x: f64, y: f64, z: f64, size: f64, color: [u8; 3]) -> (DVec3, DVec3, [u8; 3]) {
+        let low = DVec3::new(x - size / 2.0, y - size / 2.0, z);
+        (low, low + DVec3::splat(size), color)
+    }
+
+    #[test]
+    fn boxes_apart_are_told_apart() {
+        let red = [200, 40, 40];
+        let cases = [
+            ("an empty table", vec![], 0),
+            ("apart, alike", vec![cube(0.5, -0.15, 0.0, 0.08, red), cube(0.5, 0.15, 0.0, 0.08, red)], 2),
+        ];
+        for (name, boxes, expected) in cases {
+            let image = image(&boxes);
+            let question = SegmentQuestion { image: &image, ignore: &[], within: None };
+            let masks = RgbdSegmenter::default().segment(&question).unwrap();
+            assert_eq!(masks.len(), expected, "{name}");
+            assert_eq!(masks, RgbdSegmenter::default().segment(&question).unwrap(), "{name}: twice the same");
+            for index in 0..image.depth_m.len() {
+                assert!(masks.iter().filter(|mask| mask.pixels[index]).count() <= 1, "{name}: pixel {index}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_found_where_it_is_not_asked_for() {
+        let image = image(&[cube(0.5, -0.15, 0.0, 0.08, [200, 40, 40]), cube(0.5, 0.15, 0.0, 0.08, [40, 40, 200])]);
+        let all = SegmentQuestion { image: &image, ignore: &[], within: None };
+        let masks = RgbdSegmenter::default().segment(&all).unwrap();
+        let ignore = masks[0].pixels.clone();
+        let rest = RgbdSegmenter::default().segment(&SegmentQuestion { ignore: &ignore, ..all.clone() }).unwrap();
+        assert!(rest.iter().any(|mask| mask.iou(&masks[1]) > 0.9));
+        assert!(rest.iter().all(|mask| mask.indices().all(|index| !ignore[index])));
+        let parts = RgbdSegmenter::default().segment(&SegmentQuestion { within: Some(&masks[1]), ..all }).unwrap();
+        assert!(!parts.is_empty());
+        assert!(parts.iter().all(|part| part.indices().all(|index| masks[1].pixels[index])));
+    }
+
+    #[test]
+    fn images_without_colour_or_depth_are_refused() {
+        let image = RgbdImage { rgb: vec![], ..image(&[]) };
+        let question = SegmentQuestion { image: &image, ignore: &[], within: None };
+        let error = RgbdSegmenter::default().segment(&question).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "segmentation needs colour and depth of 36864 pixels in the image: 0 bytes of colour, 36864 depths"
+        );
+    }
 }

@@ -105,7 +105,7 @@ fn difference(surface: &Surface, colors: &[Vec3], one: usize, other: usize, sett
     let bend = if bend < 0.0 { -bend / settings.concave_rad } else { bend / settings.convex_rad };
     let color = colors[one] - colors[other];
     let brightness = color.x.abs() / settings.brightness;
-    let hue = color.truncate_x() / settings.hue;
+    let hue = hue_of(color) / settings.hue;
     (step * step).max(bend * bend).min(4.0) + brightness * brightness + hue * hue
 }
 
@@ -123,15 +123,9 @@ pub(super) fn bend_of(surface: &Surface, one: usize, other: usize) -> f32 {
     if (b - a).dot(apart) < 0.0 { -angle } else { angle }
 }
 
-trait Hue {
-    /// Length of what is not brightness.
-    fn truncate_x(self) -> f32;
-}
-
-impl Hue for Vec3 {
-    fn truncate_x(self) -> f32 {
-        self.y.hypot(self.z)
-    }
+/// Length of what is not brightness in a difference of colours.
+pub(super) fn hue_of(difference: Vec3) -> f32 {
+    difference.y.hypot(difference.z)
 }
 
 /// Disjoint sets.
