@@ -6,12 +6,19 @@ use serde::{Deserialize, Deserializer};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Color(pub [f32; 3]);
 
+impl Color {
+    /// A colour written `#rrggbb`.
+    pub fn parse(text: &str) -> Option<Self> {
+        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6)?;
+        let value = u32::from_str_radix(digits, 16).ok()?;
+        Some(Self([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0)))
+    }
+}
+
 impl<'de> Deserialize<'de> for Color {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = String::deserialize(deserializer)?;
-        let wrong = || serde::de::Error::custom(format!("expected a colour #rrggbb, got \"{text}\""));
-        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6).ok_or_else(wrong)?;
-        let value = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
-        Ok(Self([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0)))
+        let color = Self::parse(&text);
+        color.ok_or_else(|| serde::de::Error::custom(format!("expected a colour #rrggbb, got \"{text}\"")))
     }
 }

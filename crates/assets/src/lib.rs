@@ -20,19 +20,25 @@
 
 mod catalogue;
 mod color;
+mod data_file;
 mod error;
+mod families;
 mod finish;
 mod grasps;
 mod handle;
 mod link_builder;
+pub mod listed;
+pub mod notes;
 mod paint;
 mod parts;
 mod recipe;
 mod record;
 mod robot;
 pub mod robots;
+pub mod search;
 mod solid;
 mod source;
+pub mod standing;
 mod surface;
 mod variant;
 pub mod worlds;
@@ -42,8 +48,9 @@ mod tests;
 
 pub use catalogue::Catalogue;
 pub use error::AssetError;
+pub use families::{Families, Family};
 pub use grasps::{GraspFile, GraspLibrary, GraspProvenance, ObjectGrasps};
 pub use handle::{HANDLE, handle_bounds};
-pub use robot::{panda, robot_from_json};
+pub use robot::{panda, panda_2f85, robot_from_json};
 pub use source::AssetSource;
 pub use variant::variant;

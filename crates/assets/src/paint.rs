@@ -5,7 +5,7 @@
 
 use std::f32::consts::TAU;
 
-use genmanip_core::{Seed, Texture};
+use genmanip_core::{Seed, Texture, stroke_font};
 use glam::{Vec2, Vec3};
 use rand::RngExt;
 use serde::Deserialize;
@@ -92,6 +92,20 @@ pub enum Paint {
     Weave { color: Color, cells: [f32; 2] },
     /// Lines of text as bars: `lines` rows between two heights.
     Text { color: Color, at: [f32; 2], size: [f32; 2], lines: u32 },
+    /// Words in capitals around a point, `height` high, made smaller where they are wider than `width` (a share of the
+    /// picture's width); `weight` is the strokes' width in heights of a capital.
+    Words {
+        color: Color,
+        text: String,
+        at: [f32; 2],
+        height: f32,
+        #[serde(default = "most")]
+        width: f32,
+        #[serde(default = "weight")]
+        weight: f32,
+        #[serde(default = "one")]
+        repeat: f32,
+    },
     /// Coloured squares on a grid, chosen at random.
     Squares { colors: Vec<Color>, cells: [u32; 2], gap: f32 },
     /// The seam of a tennis ball, on a surface wrapped around a ball.
@@ -213,6 +227,24 @@ impl Canvas {
                     });
                 }
             }
+            Paint::Words { color, text, at, height, width, weight, repeat } => {
+                let (strokes, long) = stroke_font::strokes(text);
+                let height = height.min(width * aspect / repeat / (long + weight).max(0.1));
+                let half = Vec2::new(long + weight, 1.0 + weight) * height / 2.0;
+                let place = |p: Vec2| Vec2::new(p.x - long / 2.0, 0.5 - p.y) * height;
+                let segments: Vec<[Vec2; 2]> = strokes
+                    .iter()
+                    .flat_map(|stroke| stroke.windows(2).map(|ends| [place(ends[0]), place(ends[1])]))
+                    .collect();
+                self.blend_rows(*color, around(at, half.y), |p| {
+                    let d = from(p, *at, *repeat);
+                    if d.x.abs() > half.x {
+                        return 0.0;
+                    }
+                    let near = segments.iter().map(|&ends| distance_squared(d, ends)).fold(f32::INFINITY, f32::min);
+                    edge(near.sqrt() - weight * height / 2.0)
+                });
+            }
             Paint::Squares { colors, cells, gap } => {
                 let mut rng = seed.rng();
                 for row in 0..cells[1] {
@@ -276,6 +308,13 @@ impl Canvas {
     }
 }
 
+/// Of a point to a segment.
+fn distance_squared(p: Vec2, [a, b]: [Vec2; 2]) -> f32 {
+    let along = b - a;
+    let t = ((p - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+    p.distance_squared(a + along * t)
+}
+
 /// Heights that something reaches.
 fn around(at: &[f32; 2], reach: f32) -> [f32; 2] {
     [at[1] - reach, at[1] + reach]
@@ -315,6 +354,14 @@ fn noise(p: Vec3, seed: Seed) -> f32 {
 
 fn full() -> [f32; 2] {
     [0.0, 1.0]
+}
+
+fn most() -> f32 {
+    0.9
+}
+
+fn weight() -> f32 {
+    0.17
 }
 
 fn one() -> f32 {

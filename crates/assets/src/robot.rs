@@ -5,9 +5,11 @@ use std::sync::{Arc, OnceLock};
 use genmanip_core::{Drives, Gripper, MassProperties, Pose, Reach, RobotJoint, RobotLink, RobotModel, Seed};
 use glam::{DMat3, DQuat, DVec3};
 use serde::Deserialize;
+use serde_json::{Map, Value};
 
 use crate::AssetError;
-use crate::catalogue::{check_parts, read};
+use crate::catalogue::check_parts;
+use crate::data_file::read;
 use crate::parts::{Part, assemble};
 
 /// The Franka Emika Panda with its parallel hand; the same `Arc` every time.
@@ -32,6 +34,38 @@ pub fn panda() -> Arc<RobotModel> {
         Arc::new(robot_from_json(include_str!("../data/panda.json")).expect("built-in data files are tested"))
     });
     Arc::clone(built)
+}
+
+/// The Panda with a hand like Robotiq's 2F-85, the second configuration of the DROID data set; the same `Arc` every time.
+///
+/// From the maker's data sheet: 85 mm stroke, up to 235 N, 20-150 mm/s between the fingers, 0.9 kg, pads 22 mm wide.
+/// Shapes are our own. The real fingers swing on four-bar linkages and keep their pads parallel; here the pads move in
+/// straight lines at the height that the real ones have at half stroke.
+///
+/// # Panics
+/// Never in a tested build: the data files are compiled in.
+pub fn panda_2f85() -> Arc<RobotModel> {
+    static BUILT: OnceLock<Arc<RobotModel>> = OnceLock::new();
+    let built = BUILT.get_or_init(|| {
+        let (arm, hand) = (include_str!("../data/panda.json"), include_str!("../data/hand_2f85.json"));
+        Arc::new(with_hand(arm, hand).expect("built-in data files are tested"))
+    });
+    Arc::clone(built)
+}
+
+/// An arm with another hand: the hand's links replace those from the arm's hand on, its other fields those of the same
+/// name.
+fn with_hand(arm: &str, hand: &str) -> Result<RobotModel, AssetError> {
+    let mut robot: Map<String, Value> = read("robot", arm)?;
+    let mut changes: Map<String, Value> = read("hand", hand)?;
+    changes.remove("on");
+    let first = robot.get("hand").and_then(Value::as_u64).unwrap_or(0) as usize;
+    if let (Some(Value::Array(links)), Some(Value::Array(own))) = (robot.get_mut("links"), changes.remove("links")) {
+        links.truncate(first);
+        links.extend(own);
+    }
+    robot.extend(changes);
+    robot_from_json(&Value::Object(robot).to_string())
 }
 
 /// A robot from its data file.

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use genmanip_core::{RobotModel, World};
 
-use crate::{AssetError, panda};
+use crate::{AssetError, panda, panda_2f85};
 
 /// Names of the robots there are.
-pub const NAMES: [&str; 1] = ["panda"];
+pub const NAMES: [&str; 2] = ["panda", "panda_2f85"];
 
 /// The robot of a name; the same `Arc` every time.
 ///
@@ -16,6 +16,7 @@ pub const NAMES: [&str; 1] = ["panda"];
 pub fn named(name: &str) -> Result<Arc<RobotModel>, AssetError> {
     match name {
         "panda" => Ok(panda()),
+        "panda_2f85" => Ok(panda_2f85()),
         _ => {
             let wanted = name.to_lowercase();
             let is_near = |known: &&&str| {

@@ -2,9 +2,9 @@
 
 use std::sync::{Arc, OnceLock};
 
-use genmanip_core::{RobotModel, World, WorldFault, WorldFile};
+use genmanip_core::{CameraMount, RobotModel, World, WorldFault, WorldFile, WorldRobot};
 
-use crate::robots;
+use crate::{AssetError, robots};
 
 /// The world that is used when nobody names one, as a commented TOML file to start from.
 pub const DEFAULT_TEXT: &str = include_str!("../data/world.toml");
@@ -34,4 +34,25 @@ pub fn read(text: &str) -> Result<(World, Arc<RobotModel>), Vec<WorldFault>> {
     let started = RobotModel { home: world.robot.home.clone(), ..(*robot).clone() };
     let robot = if started.home == robot.home { robot } else { Arc::new(started) };
     Ok((world, robot))
+}
+
+/// The same world with another robot at its home; a camera that sat where the one robot's wrist camera sits by default
+/// moves to where the other's does.
+///
+/// # Errors
+/// [`AssetError::UnknownRobot`] with near misses.
+pub fn with_robot(world: &World, name: &str) -> Result<World, AssetError> {
+    let robot = robots::named(name)?;
+    let before = robots::named(&world.robot.name)?;
+    let mut changed = world.clone();
+    changed.robot =
+        WorldRobot { name: robot.name.clone(), physics_hash: robot.physics_hash(), home: robot.home.clone() };
+    for camera in &mut changed.cameras {
+        let sits_as_before = camera.mount == CameraMount::Hand
+            && before.hand_from_wrist_camera.is_some_and(|pose| pose == camera.mount_from_camera);
+        if let (true, Some(pose)) = (sits_as_before, robot.hand_from_wrist_camera) {
+            camera.mount_from_camera = pose;
+        }
+    }
+    Ok(changed)
 }

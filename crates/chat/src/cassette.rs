@@ -163,17 +163,25 @@ impl<M: ChatModel> ChatModel for CassetteChat<M> {
 /// # Errors
 /// [`ChatError::Cassette`] says what is wrong with the file.
 pub fn read(path: &Path) -> Result<Cassette, ChatError> {
-    let length = fs::metadata(path).map_err(|error| failed(&error.to_string(), path))?.len();
-    if length > MAX_CASSETTE_BYTES {
-        return Err(failed(&format!("{length} bytes, more than a cassette of at most {MAX_CASSETTE_BYTES}"), path));
-    }
-    let text = fs::read_to_string(path).map_err(|error| failed(&error.to_string(), path))?;
-    let cassette = Cassette::from_json(&text).map_err(|error| failed(&error.to_string(), path))?;
+    let cassette = Cassette::from_json(&read_text(path)?).map_err(|error| failed(&error.to_string(), path))?;
     let key = cassette.request.key();
     if cassette.key != key {
         return Err(failed(&format!("the question was changed: its key is now {key}"), path));
     }
     Ok(cassette)
+}
+
+/// The text of a cassette that is not too large.
+pub(crate) fn read_text(path: &Path) -> Result<String, ChatError> {
+    let about = fs::metadata(path).map_err(|error| failed(&error.to_string(), path))?;
+    if !about.is_file() {
+        return Err(failed("expected a file, found a pipe, device or folder", path));
+    }
+    let length = about.len();
+    if length > MAX_CASSETTE_BYTES {
+        return Err(failed(&format!("{length} bytes, more than a cassette of at most {MAX_CASSETTE_BYTES}"), path));
+    }
+    fs::read_to_string(path).map_err(|error| failed(&error.to_string(), path))
 }
 
 /// The requests of all readable cassettes of a folder by file name, a bounded number.
@@ -188,12 +196,12 @@ fn all_in(folder: &Path) -> Vec<(String, RecordedRequest)> {
     paths.iter().filter_map(|path| Some((name(path)?, read(path).ok()?.request))).collect()
 }
 
-fn path_of(folder: &Path, key: &str) -> PathBuf {
+pub(crate) fn path_of(folder: &Path, key: &str) -> PathBuf {
     folder.join(format!("{}.json", key.get(..24).unwrap_or(key)))
 }
 
 /// Written aside, flushed and renamed: a partial cassette is never found.
-fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
+pub(crate) fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
     let aside = path.with_extension(format!("{}-{:?}.tmp", std::process::id(), std::thread::current().id()));

@@ -142,6 +142,22 @@ pub enum ChatError {
         /// The file.
         path: String,
     },
+    /// A question in a folder that nobody answered.
+    #[error("no {path} after {limit_s} s")]
+    Unanswered {
+        /// The answer that was waited for.
+        path: String,
+        /// The limit that was met.
+        limit_s: f64,
+    },
+    /// A folder of questions that cannot be written, or an answer that cannot be read.
+    #[error("{message}: {path}")]
+    Folder {
+        /// What is wrong.
+        message: String,
+        /// The folder or file.
+        path: String,
+    },
     /// The script of a fake has no more lines.
     #[error("the script ended after {answers} answers")]
     ScriptEnded {
@@ -210,6 +226,8 @@ impl ChatError {
             Self::WaitTooLong { .. } => "run later or with fewer `workers`; `max_retry_after_s` is the limit",
             Self::CassetteMiss { .. } => "run once in the mode `record`, or undo the change that made a new question",
             Self::Cassette { .. } => "mend or delete the file, then record again",
+            Self::Unanswered { .. } => "write the answer and start again: what was asked is not asked again",
+            Self::Folder { .. } => "check the folder's rights and the answer's size",
             Self::ScriptEnded { .. } => "give the script more answers",
         }
     }

@@ -3,6 +3,8 @@
 //! - [`ChatModel`] answers a [`ChatRequest`], whose messages consist of texts and images.
 //! - [`HttpChat`] asks a server in its [`Dialect`]: limits on time, size and retries, structured output with a fallback.
 //! - [`CassetteChat`] records exchanges and replays them, found by the content of the request.
+//! - [`FolderChat`] writes questions into a folder and waits for whoever answers there.
+//! - [`Service`] is the same for services that answer JSON with JSON: over HTTP, recorded, replayed.
 //! - [`Ledger`] counts answers, requests, tokens and cost.
 //! - [`fake`] has a scripted model and a loopback server that misbehaves on request.
 //!
@@ -20,6 +22,7 @@ mod cassette;
 mod dialect;
 mod error;
 pub mod fake;
+mod folder;
 mod http;
 mod ledger;
 mod lines;
@@ -31,11 +34,14 @@ mod reply;
 mod request;
 mod retry;
 mod secret;
+mod service;
 mod settings;
+mod transport;
 
 pub use cassette::{Cassette, CassetteChat, CassetteMode, CassetteSettings, read as read_cassette};
 pub use dialect::Dialect;
 pub use error::{ChatError, ImageError, NearestCassette, SettingsError};
+pub use folder::{FolderChat, FolderMessage, FolderPart, FolderQuestion, FolderSettings};
 pub use http::HttpChat;
 pub use ledger::{Cost, Ledger, ModelUsage, Price};
 pub use message::{Image, MediaType, Message, Part, Role};
@@ -44,4 +50,5 @@ pub use recorded::{RecordedImage, RecordedMessage, RecordedPart, RecordedText};
 pub use reply::{ChatReply, Structure, Usage};
 pub use request::{ChatRequest, RecordedRequest, ReplySchema};
 pub use secret::ApiKey;
+pub use service::{HttpService, RecordedService, Service, ServiceCassette, ServiceSettings};
 pub use settings::{ServerSettings, from_toml};

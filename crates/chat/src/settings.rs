@@ -77,19 +77,10 @@ impl ServerSettings {
     /// Names the first field that makes no sense, as in a file where these settings are the table `server`.
     pub fn check(&self) -> Result<(), SettingsError> {
         let invalid = |field, expected: &str| Err(SettingsError::Invalid { field, expected: expected.into() });
-        let Some((scheme, rest)) = self.base_url.split_once("://") else {
-            return invalid("server.base_url", "an address that begins with http:// or https://");
-        };
-        let https = scheme == "https";
-        if !https && scheme != "http" {
-            return invalid("server.base_url", "an address that begins with http:// or https://");
+        if let Err(expected) = check_address(&self.base_url) {
+            return invalid("server.base_url", expected);
         }
-        if https && !cfg!(feature = "https") {
-            return invalid("server.base_url", "http://, because this program was built without the feature `https`");
-        }
-        if rest.is_empty() || rest.contains(['@', '?', '#']) || rest.contains(char::is_whitespace) {
-            return invalid("server.base_url", "host and path only: no user, password, query or space");
-        }
+        let https = self.base_url.starts_with("https://");
         if let Some(variable) = &self.api_key_env {
             let usual = |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit() || byte == b'_';
             if variable.is_empty() || variable.len() > 64 || !variable.bytes().all(usual) {
@@ -134,13 +125,32 @@ impl ServerSettings {
 
     /// Whether the server is on this machine.
     pub(crate) fn is_loopback(&self) -> bool {
-        let authority = self.base_url.split("://").nth(1).unwrap_or_default().split('/').next().unwrap_or_default();
-        let host = match authority.strip_prefix('[') {
-            Some(rest) => rest.split(']').next().unwrap_or_default(),
-            None => authority.split(':').next().unwrap_or_default(),
-        };
-        host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|address| address.is_loopback())
+        is_loopback(&self.base_url)
     }
+}
+
+/// Checks an address, which appears in errors; `Err` holds what was expected.
+pub(crate) fn check_address(url: &str) -> Result<(), &'static str> {
+    let Some((scheme, rest)) = url.split_once("://").filter(|(scheme, _)| matches!(*scheme, "http" | "https")) else {
+        return Err("an address that begins with http:// or https://");
+    };
+    if scheme == "https" && !cfg!(feature = "https") {
+        return Err("http://, because this program was built without the feature `https`");
+    }
+    if rest.is_empty() || rest.contains(['@', '?', '#']) || rest.contains(char::is_whitespace) {
+        return Err("host and path only: no user, password, query or space");
+    }
+    Ok(())
+}
+
+/// Whether an address is on this machine.
+pub(crate) fn is_loopback(url: &str) -> bool {
+    let authority = url.split("://").nth(1).unwrap_or_default().split('/').next().unwrap_or_default();
+    let host = match authority.strip_prefix('[') {
+        Some(rest) => rest.split(']').next().unwrap_or_default(),
+        None => authority.split(':').next().unwrap_or_default(),
+    };
+    host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|address| address.is_loopback())
 }
 
 /// Reads settings from a TOML text without ever showing a value: someone may have written a key there.

@@ -7,10 +7,14 @@ use clap::{Args, Parser, Subcommand};
 use genmanip_core::Seed;
 use genmanip_run::policies;
 
+pub use assets::*;
 pub use lab::*;
+pub use serve::*;
 pub use world::*;
 
+mod assets;
 mod lab;
+mod serve;
 mod world;
 
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.
@@ -80,6 +84,12 @@ pub enum Command {
         #[command(subcommand)]
         command: GraspsCommand,
     },
+    /// List, find, show, draw, export and audit objects
+    Assets {
+        /// What to do with objects
+        #[command(subcommand)]
+        command: AssetsCommand,
+    },
     /// Write, check and show worlds: support surfaces, robot, cameras, how things move and are judged
     World {
         /// What to do with worlds
@@ -97,6 +107,12 @@ pub enum Command {
         /// What to measure
         #[command(subcommand)]
         command: LabCommand,
+    },
+    /// Offer masks or grasps to other programs over HTTP, on this machine unless told otherwise
+    Serve {
+        /// What to offer
+        #[command(subcommand)]
+        command: ServeCommand,
     },
     /// Say what this machine has, what is missing and how to mend it
     #[command(after_help = "Example:\n  genmanip doctor")]
@@ -148,12 +164,18 @@ pub struct BakeArguments {
     /// Trials per candidate
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub trials: u32,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
     /// Uids, comma separated, instead of all objects that can be grasped
     #[arg(long, value_delimiter = ',')]
     pub objects: Vec<String>,
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
+    /// Robot whose hand tries them: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `grasps show`.
@@ -190,6 +212,15 @@ pub struct NewArguments {
     /// Ask the model, record it or replay it instead of what the settings say: live, record or replay
     #[arg(long, value_name = "MODE")]
     pub cassettes: Option<String>,
+    /// Be the model yourself: questions are written into this folder, and an answer.json is awaited beside each
+    #[arg(long, value_name = "DIR")]
+    pub folder: Option<PathBuf>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+    /// Only objects that are found by these words and filters, as with `assets search`
+    #[arg(long, value_name = "QUERY")]
+    pub objects: Option<String>,
     /// World whose further support surfaces tasks may name; only with --designer llm
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
@@ -240,6 +271,9 @@ pub struct LayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed
     #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
@@ -296,6 +330,9 @@ pub struct PlanArguments {
     /// Camera of picture and film, one of the scenario's [default: a view of the whole arm]
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
+    /// Refuse scenarios that were laid out for another robot than this
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `collect`.
@@ -313,6 +350,9 @@ pub struct CollectArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed
     #[arg(long, default_value_t = 0, value_parser = parse_seed)]
     pub seed: u64,
@@ -424,6 +464,9 @@ pub struct EvaluateArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
+    /// Refuse scenarios that were laid out for another robot than this
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// Arguments of `replay`.

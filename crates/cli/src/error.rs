@@ -68,8 +68,9 @@ impl Failed {
 impl From<RunError> for Failed {
     fn from(error: RunError) -> Self {
         let causes = error.source().map_or_else(Vec::new, chain);
-        // Names are only ever typed.
-        let is_misused = matches!(error, RunError::UnknownName { .. });
+        // These names are known whatever any file holds.
+        let typed = ["policy", "policy argument", "kind", "preset"];
+        let is_misused = matches!(&error, RunError::UnknownName { what, .. } if typed.contains(what));
         let status = if is_misused { ExitStatus::NotUnderstood } else { ExitStatus::NotMet };
         Self { what: error.to_string(), causes, hint: error.hint(), status }
     }

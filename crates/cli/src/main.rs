@@ -56,9 +56,11 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Export(arguments) => commands::export::run(arguments, printer),
         Command::Grasps { command: GraspsCommand::Bake(arguments) } => commands::grasps::bake(arguments, printer),
         Command::Grasps { command: GraspsCommand::Show(arguments) } => commands::grasps::show(arguments, printer),
+        Command::Assets { command } => commands::assets::run(command, printer),
         Command::World { command } => commands::world::run(command, printer),
         Command::Camera { command } => commands::world::run_camera(command, printer),
         Command::Lab { command } => commands::lab::run(command, printer),
+        Command::Serve { command } => commands::serve::run(command, printer),
         Command::Doctor => commands::doctor::run(printer),
     }
 }

@@ -38,6 +38,7 @@ pub mod pose;
 pub mod robot;
 pub mod scenario;
 pub mod seed;
+pub mod stroke_font;
 pub mod task;
 pub mod upgrade;
 pub mod verdict;

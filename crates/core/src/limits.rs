@@ -61,6 +61,8 @@ pub const CASES: Limit = Limit::mib("a file of recorded cases", 16);
 pub const CLOUDS: Limit = Limit::mib("an archive of clouds", 64);
 /// Trials of grasps, one per line.
 pub const TRIALS: Limit = Limit::mib("a file of trials", 64);
+/// Families of objects; the largest built-in file is 60 KiB.
+pub const FAMILIES: Limit = Limit::mib("a file of families", 4);
 /// URDF or SRDF text.
 pub const ROBOT: Limit = Limit::mib("a robot description", 8);
 /// A mesh of a robot, STL or OBJ.

@@ -39,7 +39,10 @@ impl Document for Scenario {
         }
         for (index, object) in self.objects.iter().enumerate() {
             if self.objects[..index].iter().any(|other| other.id == object.id) {
-                return refuse(format!("$.objects[{index}].id"), format!("expected an id of its own, got {:?}", object.id));
+                return refuse(
+                    format!("$.objects[{index}].id"),
+                    format!("expected an id of its own, got {:?}", object.id),
+                );
             }
         }
         match self.world.faults_of_parts().into_iter().next() {

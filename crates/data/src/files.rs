@@ -9,8 +9,8 @@ use std::path::Path;
 
 use genmanip_core::limits::Limit;
 
-use crate::partial::{beside, is_abandoned};
 use crate::DataError;
+use crate::partial::{beside, is_abandoned};
 
 /// A file that a person named; it may be reached through links.
 ///

@@ -48,9 +48,15 @@ impl Writer {
         WRITER.get_or_init(|| {
             let text = |path: &str| fs::read_to_string(path).unwrap_or_default();
             let namespace = fs::read_link("/proc/self/ns/pid").unwrap_or_default();
-            let host = format!("{}\n{}\n{}", text("/proc/sys/kernel/hostname"), text("/etc/machine-id"), namespace.display());
+            let host =
+                format!("{}\n{}\n{}", text("/proc/sys/kernel/hostname"), text("/etc/machine-id"), namespace.display());
             let boot = text("/proc/sys/kernel/random/boot_id");
-            Self { host: digits(&host), boot: digits(&boot), pid: std::process::id(), start: start_of("self").unwrap_or(0) }
+            Self {
+                host: digits(&host),
+                boot: digits(&boot),
+                pid: std::process::id(),
+                start: start_of("self").unwrap_or(0),
+            }
         })
     }
 

@@ -134,18 +134,18 @@ fn a_hostile_store_is_refused() {
     };
     type Attack<'a> = (&'a str, &'a dyn Fn(), &'a str);
     let attacks: [Attack; 9] = [
-        ("a name that leads outside", &|| record(&|r| r["files"][0]["name"] = "../../outside.txt".into()), "files[0].name"),
+        (
+            "a name that leads outside",
+            &|| record(&|r| r["files"][0]["name"] = "../../outside.txt".into()),
+            "files[0].name",
+        ),
         ("an absolute name", &|| record(&|r| r["files"][0]["name"] = "/etc/passwd".into()), "files[0].name"),
         ("a file listed twice", &|| record(&|r| r["files"][1] = r["files"][0].clone()), "files[1].name"),
         ("more frames than the table has", &|| record(&|r| r["result"]["frames"] = 2_000_000.into()), "2000000 rows"),
         ("a larger size", &|| record(&|r| r["files"][1]["bytes"] = 1.into()), "expected 1 bytes"),
         ("a link", &|| replaced(&|at| std::os::unix::fs::symlink(&outside, at).unwrap()), "no file"),
         ("an endless device", &|| replaced(&|at| std::os::unix::fs::symlink("/dev/zero", at).unwrap()), "no file"),
-        (
-            "a pipe",
-            &|| replaced(&|at| assert!(Command::new("mkfifo").arg(at).status().unwrap().success())),
-            "no file",
-        ),
+        ("a pipe", &|| replaced(&|at| assert!(Command::new("mkfifo").arg(at).status().unwrap().success())), "no file"),
         ("a truncated record", &|| fs::write(root.join(id).join("episode.json"), "{\"schema\": ").unwrap(), "not JSON"),
     ];
     for (what, attack, expected) in attacks {

@@ -1,7 +1,6 @@
 //! Tasks of the rule-based designer: validity, variety, quotas, references.
 
-use genmanip_assets::Catalogue;
-use genmanip_core::Seed;
+use genmanip_core::{ObjectCard, Seed};
 use genmanip_scene::designer::{self, DesignReport, DesignSettings};
 
 use crate::LabError;
@@ -11,12 +10,11 @@ use genmanip_bench::text_table;
 /// Flaws that are printed for people; the JSON has all.
 const SHOWN: usize = 20;
 
-/// Designs so many tasks, the six kinds in turn, and judges them.
+/// Designs so many tasks about objects, the six kinds in turn, and judges them.
 ///
 /// # Errors
 /// When the designer gives up.
-pub fn measure(count: usize, seed: Seed) -> Result<DesignReport, LabError> {
-    let cards = Catalogue::builtin().cards();
+pub fn measure(cards: &[ObjectCard], count: usize, seed: Seed) -> Result<DesignReport, LabError> {
     designer::measure(cards, count, seed, &DesignSettings::default(), &mut cpu_clock())
         .map_err(|error| LabError::broken("the designer gave up", error))
 }

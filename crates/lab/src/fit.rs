@@ -47,7 +47,7 @@ pub struct Reliability {
 }
 
 /// One trial: its features in the order of the names, after a constant 1, and whether the grasp held.
-type Sample = (Vec<f64>, bool);
+pub(crate) type Sample = (Vec<f64>, bool);
 
 /// Fits the weights to trials, or with `constant` only their constant, and tests them on others.
 ///
@@ -118,12 +118,12 @@ fn broken(path: &Path, index: usize, why: &str) -> LabError {
         .with_hint("expected a file of `genmanip lab grasp --out`")
 }
 
-fn chance(weights: &[f64], features: &[f64]) -> f64 {
+pub(crate) fn chance(weights: &[f64], features: &[f64]) -> f64 {
     1.0 / (1.0 + (-weights.iter().zip(features).map(|(weight, feature)| weight * feature).sum::<f64>()).exp())
 }
 
 /// Logistic regression by Newton's method (iteratively reweighted least squares) with a ridge; the constant is free.
-fn fit(samples: &[Sample]) -> Vec<f64> {
+pub(crate) fn fit(samples: &[Sample]) -> Vec<f64> {
     let size = samples.first().map_or(0, |(features, _)| features.len());
     let mut weights = vec![0.0; size];
     for _ in 0..STEPS {

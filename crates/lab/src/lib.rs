@@ -3,7 +3,9 @@
 //! One module per measurement: a function from arguments to values that serialise, and those values in words.
 //! Figures are of one thread and in processor time; nothing is printed.
 
+pub mod agent;
 pub mod answers;
+pub mod assets;
 pub mod calibration;
 mod clock;
 pub mod design;
@@ -11,11 +13,14 @@ pub mod environment;
 pub mod expert;
 pub mod fit;
 pub mod grasp;
+pub mod hostile;
 pub mod layout;
 pub mod motion;
 pub mod relations;
+pub mod render;
 pub mod rendered;
 pub mod scale;
+pub mod segment;
 
 pub use clock::cpu_clock;
 /// Why a measurement could not be made.

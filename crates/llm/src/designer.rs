@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
-use genmanip_chat::{CassetteChat, ChatModel, ChatRequest, Message, SettingsError};
+use genmanip_chat::{CassetteChat, CassetteMode, ChatModel, ChatRequest, FolderChat, Message, SettingsError};
 use genmanip_core::{NamedSurface, ObjectCard, Seed, TaskKind};
 use genmanip_scene::answer::{AnswerReport, TaskRequest, check_answer};
 use serde_json::{Map, Value};
@@ -65,6 +65,10 @@ impl Designer {
     /// As [`generate`].
     pub fn open(settings: &LlmSettings, seed: Seed) -> Result<Self, DesignerError> {
         settings.check()?;
+        if let Some(folder) = settings.folder.as_ref().filter(|_| settings.cassettes.mode != CassetteMode::Replay) {
+            let model = FolderChat::new(folder.clone())?;
+            return Self::with_model(CassetteChat::new(model, settings.cassettes.clone(), None), settings);
+        }
         let model = CassetteChat::open(&settings.server, &settings.cassettes, seed.fork("retries"))?;
         Self::with_model(model, settings)
     }

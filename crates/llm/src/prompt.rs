@@ -123,6 +123,7 @@ impl PromptSet {
         }
         let text = |(file, builtin): (&str, Option<&str>)| {
             match folder.map(|folder| folder.join(file)).filter(|path| path.exists()) {
+                Some(path) if !path.is_file() => Err(("expected a file".into(), path.display().to_string())),
                 Some(path) => {
                     std::fs::read_to_string(&path).map_err(|error| (error.to_string(), path.display().to_string()))
                 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use genmanip_chat::{CassetteSettings, Price, ServerSettings, SettingsError, from_toml};
+use genmanip_chat::{CassetteSettings, FolderSettings, Price, ServerSettings, SettingsError, from_toml};
 use serde::{Deserialize, Serialize};
 
 use crate::sampling::SamplingSettings;
@@ -26,6 +26,9 @@ use crate::sampling::SamplingSettings;
 pub struct LlmSettings {
     /// The server and how patient to be with it.
     pub server: ServerSettings,
+    /// A folder in which somebody answers, instead of the server.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub folder: Option<FolderSettings>,
     /// Recording and replaying.
     pub cassettes: CassetteSettings,
     /// How tasks are asked for.
@@ -82,6 +85,9 @@ impl LlmSettings {
     /// Names the first field that makes no sense.
     pub fn check(&self) -> Result<(), SettingsError> {
         self.server.check()?;
+        if let Some(folder) = &self.folder {
+            folder.check()?;
+        }
         let generation = &self.generation;
         let invalid = |field, expected: &str| Err(SettingsError::Invalid { field, expected: expected.into() });
         if !(1..=64).contains(&generation.workers) {

@@ -6,6 +6,7 @@
 
 mod chain;
 mod collision;
+pub mod commands;
 mod depth;
 pub mod description;
 pub mod feasibility;

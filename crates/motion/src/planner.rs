@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::{Grasp, Pose, RgbdImage, RobotModel, Seed};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::collision::{
@@ -166,13 +167,26 @@ impl Planner {
         name: &str,
         images: &[RgbdImage],
     ) -> Result<CollisionWorld, DepthError> {
-        let settings = &self.settings.depth;
-        let points = depth::unexplained_points(&self.checker(around, 0.0), config, images, settings)?;
+        let points = self.points_seen(around, config, images)?;
         let mut world = around.world.clone();
         if !points.is_empty() {
-            world.add_points(name, &points, settings.radius_m)?;
+            world.add_points(name, &points, self.settings.depth.radius_m)?;
         }
         Ok(world)
+    }
+
+    /// Points in the world that depth images see and nothing known explains, neither the robot at `config`, nor what
+    /// it carries, nor the obstacles of `around`; thinned, in the order of the pixels.
+    ///
+    /// # Errors
+    /// Images that cannot be used, or that see nothing at all.
+    pub fn points_seen(
+        &self,
+        around: &PlanningScene,
+        config: &[f64],
+        images: &[RgbdImage],
+    ) -> Result<Vec<DVec3>, DepthError> {
+        depth::unexplained_points(&self.checker(around, 0.0), config, images, &self.settings.depth)
     }
 
     /// A short, smooth, collision-free path from `start` to one of `goals`.

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{Frame, Material, ObjectModel, Pose, RobotModel, TriMesh, VisualPart, World};
-use glam::{Vec2, Vec3, Vec3A};
+use genmanip_core::{Frame, Material, ObjectModel, Pose, RobotModel, VisualPart, World};
+use glam::Vec3A;
 
 use crate::error::RenderError;
 use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
+use crate::mesh::Mesh;
 use crate::surroundings;
 use crate::texture::{MipTexture, linear_from_srgb};
 
@@ -25,37 +26,11 @@ pub(crate) struct Part {
     /// Index into the frame's body poses; `None` is fixed in the world.
     pub body: Option<usize>,
     pub instance: u16,
-    pub positions: Vec<Vec3>,
-    pub normals: Vec<Vec3>,
-    pub uvs: Vec<Vec2>,
-    pub triangles: Vec<[u32; 3]>,
-    /// Where each triangle lies.
-    pub faces: Vec<Face>,
-    /// Texels per metre of each triangle; empty without texture.
-    pub texel_density: Vec<f32>,
-    pub bounds_center: Vec3,
-    pub bounds_radius: f32,
-    /// Closed and consistently wound: its back faces can never be seen from outside.
-    pub closed: bool,
+    pub mesh: Arc<Mesh>,
     /// Known to be convex: cannot darken itself.
     pub convex: bool,
     pub casts_shadow: bool,
     pub surface: Surface,
-}
-
-/// A triangle as planes in the body's frame: everything a ray needs without touching the corners.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Face {
-    /// Unit normal; zero for a triangle without area.
-    pub normal: Vec3,
-    /// Distance of the plane from the origin along the normal.
-    pub offset: f32,
-    /// The weight of corner 1 at a point is `weight1.dot(point) + offset1`.
-    pub weight1: Vec3,
-    pub offset1: f32,
-    /// The same for corner 2.
-    pub weight2: Vec3,
-    pub offset2: f32,
 }
 
 /// A material ready for shading: linear colour, no optional parameters.
@@ -67,7 +42,7 @@ pub(crate) struct Surface {
     pub opacity: f32,
     /// Reflectance of a dielectric seen head-on.
     pub reflectance: f32,
-    pub texture: Option<MipTexture>,
+    pub texture: Option<Arc<MipTexture>>,
     /// Whether the texture is tinted by [`crate::RenderVariation::table_color`].
     pub is_table: bool,
 }
@@ -138,7 +113,7 @@ impl RenderAssets {
 
     /// Number of triangles of everything together.
     pub fn triangle_count(&self) -> usize {
-        self.parts.iter().map(|part| part.triangles.len()).sum()
+        self.parts.iter().map(|part| part.mesh.triangles.len()).sum()
     }
 
     /// Poses of all bodies from joint positions, the opening width between the pads,
@@ -194,78 +169,23 @@ impl Part {
         if mesh.triangles.len() > limit {
             return Err(RenderError::TooLarge { what: "triangles in one mesh", got: mesh.triangles.len(), limit });
         }
-        let place = |point: Vec3| visual.link_from_part.transform_point(point.as_dvec3()).as_vec3();
-        let turn = |vector: Vec3| visual.link_from_part.transform_vector(vector.as_dvec3()).as_vec3();
-        let positions: Vec<Vec3> = mesh.positions.iter().copied().map(place).collect();
-        if !positions.iter().all(|position| position.is_finite()) {
+        if !mesh.positions.iter().all(|position| position.is_finite()) {
             return Err(RenderError::NotFinite {
                 what: format!("a corner of part `{}` of `{body_name}`", visual.name),
             });
         }
-        let faces = mesh.triangles.iter().map(|triangle| Face::new(triangle.map(|i| positions[i as usize]))).collect();
-        let normals = if mesh.normals.len() == corners {
-            mesh.normals.iter().copied().map(turn).collect()
-        } else {
-            smooth_normals(&positions, &mesh.triangles)
-        };
-        let uvs = if mesh.uvs.len() == corners { mesh.uvs.clone() } else { vec![Vec2::ZERO; corners] };
+        let mesh = Mesh::shared(&visual.mesh, &visual.link_from_part);
         let surface = Surface::new(&visual.material);
-        let texel_density = surface.texture.as_ref().map_or_else(Vec::new, |texture| {
-            mesh.triangles.iter().map(|&triangle| texel_density(texture, &positions, &uvs, triangle)).collect()
-        });
-        let (low, high) = positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &point| (low.min(point), high.max(point)));
-        let bounds_center = if corners == 0 { Vec3::ZERO } else { (low + high) * 0.5 };
-        let bounds_radius = positions.iter().map(|point| point.distance(bounds_center)).fold(0.0, f32::max);
-        let closed = surface.opacity >= 1.0 && is_closed(mesh);
-        let triangles = mesh.triangles.clone();
-        Ok(Self {
-            body,
-            instance,
-            positions,
-            normals,
-            uvs,
-            triangles,
-            faces,
-            texel_density,
-            bounds_center,
-            bounds_radius,
-            closed,
-            convex: false,
-            casts_shadow: true,
-            surface,
-        })
+        Ok(Self { body, instance, mesh, convex: false, casts_shadow: true, surface })
     }
 
-    /// Corners of a triangle in the body's frame.
-    #[cfg(test)]
-    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
-        self.triangles[triangle].map(|index| self.positions[index as usize])
+    /// Whether only the sides of triangles that face the viewer can be seen, at a level of detail.
+    pub fn hides_back(&self, mesh: &Mesh) -> bool {
+        mesh.closed && !self.is_transparent()
     }
 
     pub fn is_transparent(&self) -> bool {
         self.surface.opacity < 1.0
-    }
-}
-
-impl Face {
-    fn new(corners: [Vec3; 3]) -> Self {
-        // In double precision: small triangles have large gradients.
-        let [a, b, c] = corners.map(Vec3::as_dvec3);
-        let (ab, ac) = (b - a, c - a);
-        let area = ab.cross(ac);
-        let normal = area.normalize_or_zero();
-        let inverse = area.length_squared().max(1e-30).recip();
-        let (weight1, weight2) = (ac.cross(area) * inverse, area.cross(ab) * inverse);
-        Self {
-            normal: normal.as_vec3(),
-            offset: normal.dot(a) as f32,
-            weight1: weight1.as_vec3(),
-            offset1: -weight1.dot(a) as f32,
-            weight2: weight2.as_vec3(),
-            offset2: -weight2.dot(a) as f32,
-        }
     }
 }
 
@@ -278,64 +198,8 @@ impl Surface {
             metallic: material.metallic.clamp(0.0, 1.0),
             opacity: material.opacity.clamp(0.0, 1.0),
             reflectance: ((ior - 1.0) / (ior + 1.0)).powi(2),
-            texture: material.texture.as_ref().and_then(MipTexture::new),
+            texture: material.texture.as_ref().and_then(MipTexture::shared),
             is_table: false,
         }
     }
-}
-
-fn area_vector(positions: &[Vec3], triangle: [u32; 3]) -> Vec3 {
-    let [a, b, c] = triangle.map(|index| positions[index as usize]);
-    (b - a).cross(c - a)
-}
-
-fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
-    let mut normals = vec![Vec3::ZERO; positions.len()];
-    for &triangle in triangles {
-        let area = area_vector(positions, triangle);
-        triangle.iter().for_each(|&index| normals[index as usize] += area);
-    }
-    normals.into_iter().map(Vec3::normalize_or_zero).collect()
-}
-
-fn texel_density(texture: &MipTexture, positions: &[Vec3], uvs: &[Vec2], triangle: [u32; 3]) -> f32 {
-    let [a, b, c] = triangle.map(|index| uvs[index as usize]);
-    let uv_area = (b - a).perp_dot(c - a).abs();
-    let area = area_vector(positions, triangle).length();
-    (texture.texels() * uv_area / area.max(1e-12)).sqrt()
-}
-
-/// Whether every edge, after joining corners at equal places, is walked as often forwards as backwards,
-/// and the mesh is not inside out.
-fn is_closed(mesh: &TriMesh) -> bool {
-    // Corners by their place, and edges, each as one number, which is quickly sorted.
-    let key = |position: &Vec3| {
-        let [x, y, z] = position.to_array().map(|value| u128::from((value + 0.0).to_bits()));
-        x << 64 | y << 32 | z
-    };
-    let mut corners: Vec<u128> =
-        mesh.positions.iter().zip(0..).map(|(place, index)| key(place) << 32 | index).collect();
-    corners.sort_unstable();
-    let mut joined = vec![0_u64; corners.len()];
-    let mut place = 0;
-    for (rank, corner) in corners.iter().enumerate() {
-        if rank > 0 && corners[rank - 1] >> 32 != corner >> 32 {
-            place += 1;
-        }
-        joined[*corner as u32 as usize] = place;
-    }
-    // The lowest bit tells the direction.
-    let mut edges: Vec<u64> = mesh
-        .triangles
-        .iter()
-        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
-        .map(|edge| edge.map(|index| joined[index as usize]))
-        .filter(|[from, to]| from != to)
-        .map(|[from, to]| if from < to { from << 32 | to << 1 | 1 } else { to << 32 | from << 1 })
-        .collect();
-    edges.sort_unstable();
-    let forwards = |same: &[u64]| same.iter().filter(|edge| *edge & 1 == 1).count();
-    let balanced = edges.chunk_by(|a, b| a >> 1 == b >> 1).all(|same| forwards(same) * 2 == same.len());
-    let volume: f64 = mesh.corners().map(|[a, b, c]| a.dot(b.cross(c))).sum();
-    balanced && volume > 0.0
 }

@@ -1,7 +1,7 @@
 //! Pictures of posed bodies: colour, metric depth, instance ids and normals from a CPU, without GL, GPU or display.
 //!
 //! A visibility-buffer rasteriser: triangles write only *which* surface a sample sees and how near it is;
-//! every visible sample is then shaded once from its triangle.
+//! every pixel's surface is then shaded once, at its centre, and edges are smoothed from the samples around it.
 //! Depth and ids therefore cost a fraction of a colour image, and they never depend on whether colour was asked for.
 //!
 //! ```text
@@ -11,6 +11,8 @@
 //! ```
 //!
 //! One [`Renderer`] per worker thread; an image is drawn by one thread, and the same job gives the same bytes.
+//! A picture continues the one before of the same camera: `layers` finds the tiles that may have changed, `canvas`
+//! draws these again, and nobody can tell.
 //! Light, exposure, background and table colour are data ([`RenderVariation`]): recorded episodes are drawn again with others.
 
 pub mod assets;
@@ -20,11 +22,15 @@ pub mod job;
 pub mod renderer;
 pub mod variation;
 
-mod hit;
-mod lanes;
-mod occlusion;
+mod arrival;
+mod canvas;
+mod edges;
+mod layers;
+mod mesh;
+mod normals;
+mod points;
 mod raster;
-mod resolve;
+mod scene;
 mod shade;
 mod shadow;
 mod sky;

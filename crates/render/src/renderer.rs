@@ -2,40 +2,55 @@
 
 use std::sync::Arc;
 
-use genmanip_core::Pose;
+use genmanip_core::{CameraMount, Intrinsics, Pose};
+use glam::DQuat;
 
 use crate::assets::RenderAssets;
+use crate::canvas::{Canvas, write_geometry};
 use crate::error::RenderError;
-use crate::hit::normal_in_camera;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
-use crate::occlusion::Arrival;
 use crate::raster::Target;
-use crate::resolve::Resolve;
+use crate::scene::Scene;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
-use crate::view::{Layer, Lens, View, check_finite, part_and_triangle};
+use crate::view::{Lens, View, check_finite};
+
+/// Pixels of the pictures that are kept to be continued; beyond it the one that was not drawn for longest goes.
+const KEPT_PIXELS: usize = 4 << 20;
+/// Images with no more pixels along the longer side get by with coarser shadows.
+const SMALL_PX: u32 = 128;
+/// Texels per side of the shadow map of small images, and the level of detail of what is drawn into it.
+const SMALL_SHADOW: (usize, usize) = (256, 3);
+/// Level of detail of what is drawn into the shadow map of other images: cells a little smaller than its texels.
+const SHADOW_LEVEL: usize = 1;
 
 /// Draws jobs on the thread that calls it; keeps its memory from job to job.
 ///
 /// The same job gives the same bytes, whatever was drawn before and whatever other threads do.
+/// A camera that stands still is cheaper than one that moves: what did not change since its last picture is kept.
 #[derive(Debug)]
 pub struct Renderer {
     assets: Arc<RenderAssets>,
     variation: RenderVariation,
     lighting: Lighting,
+    /// Shadows of large and of small images, and the frame that each was drawn for.
+    shadows: [(ShadowMap, Option<FrameState>); 2],
+    /// Pictures by camera, the one drawn last at the end.
+    kept: Vec<(Seat, Canvas)>,
+    /// Depth and ids without colour.
     view: View,
-    shadow: ShadowMap,
-    /// The frame whose shadows `shadow` holds: all views of a frame share them, also from call to call.
-    shadow_of: Option<FrameState>,
-    arrival: Arrival,
-    /// One sample per pixel: opaque things, then with transparent ones.
-    opaque: Target,
     solid: Target,
-    /// Samples for the colour: opaque things, back and front sides of transparent ones.
-    samples: Target,
-    glass_back: Target,
-    glass_front: Target,
+    shaded_pixels: usize,
+}
+
+/// A camera on its mount, and the samples per pixel.
+#[derive(Clone, Debug, PartialEq)]
+struct Seat {
+    mount: CameraMount,
+    mount_from_camera: Pose,
+    intrinsics: Intrinsics,
+    scale: usize,
 }
 
 impl Renderer {
@@ -45,21 +60,28 @@ impl Renderer {
             assets,
             lighting: Lighting::new(&variation),
             variation,
+            shadows: Default::default(),
+            kept: Vec::new(),
             view: View::default(),
-            shadow: ShadowMap::default(),
-            shadow_of: None,
-            arrival: Arrival::default(),
-            opaque: Target::default(),
             solid: Target::default(),
-            samples: Target::default(),
-            glass_back: Target::default(),
-            glass_front: Target::default(),
+            shaded_pixels: 0,
         }
     }
 
     /// What is drawn.
     pub fn assets(&self) -> &Arc<RenderAssets> {
         &self.assets
+    }
+
+    /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
+    pub fn forget(&mut self) {
+        self.shadows = Default::default();
+        self.kept.clear();
+    }
+
+    /// How many pixels of the last picture in colour were shaded rather than kept from the one before.
+    pub fn shaded_pixels(&self) -> usize {
+        self.shaded_pixels
     }
 
     /// Draws all jobs, `out[i]` for `jobs[i]`.
@@ -74,15 +96,22 @@ impl Renderer {
         }
         let lenses = jobs.iter().map(|job| self.lens(job)).collect::<Result<Vec<_>, _>>()?;
         for ((job, lens), buffers) in jobs.iter().zip(lenses).zip(out) {
-            self.see(job, lens);
-            self.write_geometry(job, buffers);
+            (buffers.width, buffers.height) = (lens.width as u32, lens.height as u32);
             buffers.rgb.clear();
+            buffers.depth_m.clear();
+            buffers.instance.clear();
+            buffers.normal.clear();
+            let frame = snapped(job.frame);
             if job.channels.rgb {
-                if !self.shadow_of.as_ref().is_some_and(|drawn| is_same(drawn, job.frame)) {
-                    self.shadow.draw(&self.assets, job.frame, &self.variation);
-                    self.shadow_of = Some(job.frame.clone());
+                self.draw(job, &frame, lens, buffers);
+            } else {
+                self.solid.reset::<true>(lens.width, lens.height, 1);
+                self.view.place(&self.assets, &frame, lens);
+                for part in 0..self.assets.parts.len() {
+                    self.view.draw_opaque(&self.assets, part, &mut self.solid);
                 }
-                self.write_rgb(job, buffers);
+                self.view.draw_transparent(&self.assets, [true, true], &mut self.solid);
+                write_geometry(&self.assets, &self.view, &self.solid, job.channels, buffers);
             }
         }
         Ok(())
@@ -99,76 +128,51 @@ impl Renderer {
         Lens::new(job.camera, &self.assets.world_from_hand(job.frame))
     }
 
-    /// Which surface every pixel's centre sees.
-    fn see(&mut self, job: &ViewJob<'_>, lens: Lens) {
-        let (width, height) = (lens.width, lens.height);
-        self.view.place(&self.assets, job.frame, lens);
-        self.opaque.reset::<true>(width, height);
-        self.view.draw(&self.assets, Layer::Opaque, 1, &mut self.opaque);
-        if self.view.has_transparent {
-            self.solid.copy_from(&self.opaque);
-            self.view.draw(&self.assets, Layer::Transparent, 1, &mut self.solid);
+    fn draw(&mut self, job: &ViewJob<'_>, frame: &FrameState, lens: Lens, out: &mut FrameBuffers) {
+        let intrinsics = job.camera.intrinsics;
+        let is_small = intrinsics.width.max(intrinsics.height) <= SMALL_PX;
+        let full = self.variation.shadow_resolution.min(8192) as usize;
+        let (size, level) = if is_small { (full.min(SMALL_SHADOW.0), SMALL_SHADOW.1) } else { (full, SHADOW_LEVEL) };
+        let (shadow, shadow_of) = &mut self.shadows[usize::from(is_small)];
+        if shadow_of.as_ref() != Some(frame) {
+            shadow.update(&self.assets, frame, &self.variation, size, level);
+            shadow_of.get_or_insert_with(|| frame.clone()).clone_from(frame);
         }
-    }
-
-    fn write_geometry(&self, job: &ViewJob<'_>, out: &mut FrameBuffers) {
-        let seen = if self.view.has_transparent { &self.solid } else { &self.opaque };
-        (out.width, out.height) = (seen.width as u32, seen.height as u32);
-        out.depth_m.clear();
-        if job.channels.depth {
-            let depth = |&nearness: &f32| if nearness > 0.0 { 1.0 / nearness } else { 0.0 };
-            out.depth_m.extend(seen.nearness.iter().map(depth));
-        }
-        out.instance.clear();
-        if job.channels.instance {
-            let instance = |&id: &u32| part_and_triangle(id).map_or(0, |(part, _)| self.assets.parts[part].instance);
-            out.instance.extend(seen.ids.iter().map(instance));
-        }
-        out.normal.clear();
-        if job.channels.normal {
-            out.normal.extend(seen.ids.iter().enumerate().map(|(pixel, &id)| {
-                let at = [(pixel % seen.width) as f32, (pixel / seen.width) as f32];
-                part_and_triangle(id).map_or([0; 3], |(part, triangle)| self.normal(part, triangle, at))
-            }));
-        }
-    }
-
-    fn normal(&self, part: usize, triangle: usize, at: [f32; 2]) -> [i8; 3] {
-        let (part, placed) = (&self.assets.parts[part], &self.view.parts[part]);
-        let normal = normal_in_camera(part, placed, &self.view.lens, triangle, at);
-        (normal * 127.0).to_array().map(|value| value.round() as i8)
-    }
-
-    fn write_rgb(&mut self, job: &ViewJob<'_>, out: &mut FrameBuffers) {
-        let supersample = job.supersample.clamp(1, 4) as usize;
-        let (width, height) = (self.view.lens.width * supersample, self.view.lens.height * supersample);
-        let (assets, view) = (&*self.assets, &self.view);
-        self.samples.reset::<true>(width, height);
-        view.draw(assets, Layer::Opaque, supersample, &mut self.samples);
-        if view.has_transparent {
-            self.glass_back.reset::<true>(width, height);
-            view.draw(assets, Layer::TransparentBack, supersample, &mut self.glass_back);
-            self.glass_front.reset::<true>(width, height);
-            view.draw(assets, Layer::TransparentFront, supersample, &mut self.glass_front);
-        }
-        self.arrival.estimate(assets, view, &self.opaque, &self.shadow, &self.variation);
-        let resolve = Resolve {
-            assets,
-            view,
-            variation: &self.variation,
-            lighting: &self.lighting,
-            arrival: &self.arrival,
-            shadow: &self.shadow,
-            opaque: &self.samples,
-            glass: view.has_transparent.then_some([&self.glass_back, &self.glass_front]),
-            supersample,
+        let seat = Seat {
+            mount: job.camera.mount,
+            mount_from_camera: job.camera.mount_from_camera,
+            intrinsics,
+            scale: match job.supersample {
+                0 | 1 => 1,
+                2 => 2,
+                _ => 4,
+            },
         };
-        resolve.write_rgb(&mut out.rgb);
+        let scale = seat.scale;
+        let (seat, mut canvas) = match self.kept.iter().position(|(known, _)| *known == seat) {
+            Some(index) => self.kept.remove(index),
+            None => (seat, Canvas::default()),
+        };
+        let scene = Scene { assets: &self.assets, variation: &self.variation, lighting: &self.lighting, shadow };
+        canvas.draw(&scene, frame, lens, scale);
+        canvas.write(&self.assets, job.channels, out);
+        self.shaded_pixels = canvas.shaded_pixels;
+        self.kept.push((seat, canvas));
+        while self.kept.len() > 1 && self.kept.iter().map(|(_, canvas)| canvas.pixels()).sum::<usize>() > KEPT_PIXELS {
+            self.kept.remove(0);
+        }
     }
 }
 
-/// Whether two frames agree to the last bit, so that one's shadows are the other's.
-fn is_same(a: &FrameState, b: &FrameState) -> bool {
-    let bits = |pose: &Pose| (pose.position.to_array().map(f64::to_bits), pose.rotation.to_array().map(f64::to_bits));
-    a.body_poses.len() == b.body_poses.len() && a.body_poses.iter().zip(&b.body_poses).all(|(a, b)| bits(a) == bits(b))
+/// A frame whose poses lie on a fine grid, so that the trembling of things at rest in a simulation, nanometres, does not
+/// change a picture: 8 µm and 8 µrad, far below what a depth image holds.
+fn snapped(frame: &FrameState) -> FrameState {
+    const STEPS: f64 = 131_072.0;
+    // Adding 0 turns -0 into 0.
+    let snap = |value: f64| (value * STEPS).round() / STEPS + 0.0;
+    let body_poses = frame.body_poses.iter().map(|pose| {
+        let [x, y, z, w] = pose.rotation.to_array().map(snap);
+        Pose { position: pose.position.to_array().map(snap).into(), rotation: DQuat::from_xyzw(x, y, z, w) }
+    });
+    FrameState { body_poses: body_poses.collect() }
 }

@@ -2,15 +2,18 @@
 //!
 //! GGX distribution with Hammon's approximation of the Smith visibility and Schlick's Fresnel term;
 //! the surroundings through Karis' analytic fit of the split sum ("Physically Based Shading on Mobile", 2014).
-//! Four points at a time.
+//! A chunk of points of one part at a time.
 
-use glam::{Vec3A, Vec4};
+use glam::{Vec2, Vec3A, Vec4};
+use multiversion::multiversion;
 
-use crate::assets::Surface;
-use crate::lanes::Vec3x4;
-use crate::sky::Sky;
+use crate::assets::{Part, Surface, TRIANGLE_BITS};
+use crate::points::CHUNK;
+use crate::raster::within;
+use crate::sky::{Glossy, Sky, dot};
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
+use crate::view::{Lens, PartView};
 
 /// All light of a scene.
 #[derive(Debug)]
@@ -20,30 +23,7 @@ pub(crate) struct Lighting {
     /// Brightness of a white diffuse surface that faces the light.
     key: Vec3A,
     exposure: f32,
-}
-
-/// Four points of one material and how much light reaches them.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SurfacePoints {
-    /// Linear base colour, texture included.
-    pub base: Vec3x4,
-    /// Unit, world frame, towards the viewer.
-    pub normal: Vec3x4,
-    /// Unit, world frame, from the point to the viewer.
-    pub to_viewer: Vec3x4,
-    /// Share of the key light that arrives.
-    pub key_share: Vec4,
-    /// Share of the ambient light that arrives.
-    pub ambient_share: Vec4,
-}
-
-/// Light that leaves the points, linear, before the tone map.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Reflected {
-    pub diffuse: Vec3x4,
-    pub specular: Vec3x4,
-    /// Schlick's weight at this viewing angle, 0 head-on and 1 at grazing.
-    pub grazing: Vec4,
+    table_tint: Vec3A,
 }
 
 impl Lighting {
@@ -53,117 +33,465 @@ impl Lighting {
             to_light: Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z),
             key: linear_from_srgb(variation.light_color) * variation.light_intensity,
             exposure: variation.exposure,
+            table_tint: linear_from_srgb(variation.table_color),
         }
     }
+}
 
-    /// Light reflected towards the viewer.
-    #[inline]
-    pub fn reflect(&self, surface: &Surface, points: &SurfacePoints) -> Reflected {
-        let (normal, to_viewer) = (points.normal, points.to_viewer);
-        let (reflectance, metallic) = (Vec4::splat(surface.reflectance), surface.metallic);
-        let cosine = normal.dot(to_viewer);
-        let facing = cosine.max(Vec4::splat(1e-3)).min(Vec4::ONE);
-        let albedo = points.base * (1.0 - metallic);
-        let f0 = points.base.map(|base| reflectance + (base - reflectance) * metallic);
-        let mut diffuse = albedo * self.sky.diffuse(normal) * points.ambient_share;
-        let mirrored = normal * (cosine + cosine) - to_viewer;
-        // Corners that see little of the sky see little of it in their reflection, unless they are metal.
-        let glossy_share = points.ambient_share + (Vec4::ONE - points.ambient_share) * (0.3 * metallic);
-        let mut specular = self.sky.glossy(mirrored, surface.roughness)
-            * ambient_fresnel(f0, surface.roughness, facing)
-            * glossy_share;
-        let lit = normal.dot(Vec3x4::splat(self.to_light)).max(Vec4::ZERO);
-        let strength = lit * points.key_share;
-        if strength.max_element() > 0.0 {
-            let arriving = Vec3x4::splat(self.key) * strength;
-            diffuse += albedo * arriving;
-            let lobe = self.ggx(surface.roughness, points, facing, lit, f0);
-            // `key` is the irradiance over π, hence the factor.
-            specular += arriving * (lobe * std::f32::consts::PI).map(|lobe| lobe.min(Vec4::splat(12.0)));
+/// A place on the image where a surface is shaded.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Spot {
+    /// Visibility id.
+    pub id: u32,
+    /// Pixels; integers at pixel centres.
+    pub x: f32,
+    pub y: f32,
+    pub depth: f32,
+    /// Share of the key light that arrives.
+    pub key: f32,
+    /// Share of the ambient light that arrives.
+    pub ambient: f32,
+}
+
+/// Spots of one part, component by component, and their colours.
+#[derive(Clone)]
+pub(crate) struct Shading {
+    pub count: usize,
+    x: Lane,
+    y: Lane,
+    depth: Lane,
+    key: Lane,
+    ambient: Lane,
+    triangle: [u32; CHUNK],
+    /// In the body's frame.
+    place: [Lane; 3],
+    /// Normal between the corners', and u.
+    normal_u: [[f32; 4]; CHUNK],
+    v: Lane,
+    texels: Lane,
+    base: [Lane; 3],
+    reflected: Reflected,
+}
+
+type Lane = [f32; CHUNK];
+const ZERO: Lane = [0.0; CHUNK];
+
+impl Default for Shading {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            x: ZERO,
+            y: ZERO,
+            depth: ZERO,
+            key: ZERO,
+            ambient: ZERO,
+            triangle: [0; CHUNK],
+            place: [ZERO; 3],
+            normal_u: [[0.0; 4]; CHUNK],
+            v: ZERO,
+            texels: ZERO,
+            base: [ZERO; 3],
+            reflected: Reflected::default(),
         }
-        Reflected { diffuse, specular, grazing: schlick_weight(facing) }
+    }
+}
+
+impl Shading {
+    /// Starts a new chunk.
+    pub fn clear(&mut self) {
+        self.count = 0;
     }
 
-    /// Linear display colours, 0-1, of light.
-    #[inline]
-    pub fn develop(&self, light: Vec3x4) -> Vec3x4 {
-        tone_map(light * self.exposure)
+    /// Adds a spot; says whether the chunk is full.
+    #[inline(always)]
+    pub fn push(&mut self, spot: Spot) -> bool {
+        let i = self.count;
+        (self.x[i], self.y[i], self.depth[i]) = (spot.x, spot.y, spot.depth);
+        (self.key[i], self.ambient[i]) = (spot.key, spot.ambient);
+        self.triangle[i] = spot.id & ((1 << TRIANGLE_BITS) - 1);
+        self.count += 1;
+        self.count == CHUNK
     }
 
-    #[inline]
-    fn ggx(&self, roughness: f32, points: &SurfacePoints, facing: Vec4, lit: Vec4, f0: Vec3x4) -> Vec3x4 {
-        let sum = points.to_viewer + Vec3x4::splat(self.to_light);
-        let half = sum * sum.dot(sum).max(Vec4::splat(1e-12)).sqrt().recip();
-        let n_h = points.normal.dot(half).max(Vec4::ZERO).min(Vec4::ONE);
-        let alpha = roughness * roughness;
-        let square = alpha * alpha;
-        let denominator = n_h * n_h * (square - 1.0) + 1.0;
-        let smith = (lit * facing * (2.0 * (1.0 - alpha)) + (lit + facing) * alpha).max(Vec4::splat(1e-4));
-        let lobe = Vec4::splat(square * 0.5 / std::f32::consts::PI) / (denominator * denominator * smith);
-        let weight = schlick_weight(points.to_viewer.dot(half));
-        f0.map(|f0| f0 + (Vec4::ONE - f0) * weight) * lobe
+    /// Linear display colour of a spot.
+    #[inline(always)]
+    pub fn color_of(&self, spot: usize) -> Vec3A {
+        let [r, g, b] = &self.reflected.color;
+        Vec3A::new(r[spot], g[spot], b[spot])
+    }
+
+    /// How much of what is behind a spot of a transparent surface is covered.
+    pub fn cover_of(&self, spot: usize) -> f32 {
+        self.reflected.cover[spot]
+    }
+
+    /// Linear colour of the material at a spot.
+    pub fn base_of(&self, spot: usize) -> Vec3A {
+        Vec3A::new(self.base[0][spot], self.base[1][spot], self.base[2][spot])
+    }
+
+    /// Shades the spots, which show one part.
+    pub fn shade(&mut self, part: &Part, placed: &PartView, lens: &Lens, lighting: &Lighting) {
+        locate(self, placed, lens);
+        let mesh = placed.mesh(part);
+        let both_sides = !part.hides_back(mesh);
+        for i in 0..self.count {
+            let face = &mesh.faces[self.triangle[i] as usize];
+            let [x, y, z] = [self.place[0][i], self.place[1][i], self.place[2][i]];
+            let [a, b, c, d] = face.columns;
+            let mut normal_u = a * x + b * y + c * z + d;
+            if both_sides {
+                // The side that is seen is the one towards the eye.
+                let plane = Vec3A::from_vec4(face.plane);
+                if plane.dot(Vec3A::new(x, y, z) - placed.eye_in_body) > 0.0 {
+                    normal_u = (-normal_u).with_w(normal_u.w);
+                }
+            }
+            self.normal_u[i] = normal_u.to_array();
+            if part.surface.texture.is_some() {
+                self.v[i] = face.v.dot(Vec4::new(x, y, z, 1.0));
+                self.texels[i] = face.plane.w;
+            }
+        }
+        let tint = if part.surface.is_table { lighting.table_tint } else { Vec3A::ONE } * part.surface.base;
+        if let Some(texture) = &part.surface.texture {
+            find_footprints(self, placed, lens, texture.texels());
+            for i in 0..self.count {
+                let uv = Vec2::new(self.normal_u[i][3], self.v[i]);
+                let color = texture.sample(uv, self.texels[i]) * tint;
+                (self.base[0][i], self.base[1][i], self.base[2][i]) = (color.x, color.y, color.z);
+            }
+        } else {
+            self.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
+        }
+        let glossy = lighting.sky.glossy(part.surface.roughness);
+        let mut reflected = std::mem::take(&mut self.reflected);
+        reflect(self, &part.surface, placed, lens, lighting, &glossy, &mut reflected);
+        self.reflected = reflected;
+    }
+}
+
+/// Places in the body's frame.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn locate(shading: &mut Shading, placed: &PartView, lens: &Lens) {
+    let turn = [placed.body_from_camera.x_axis, placed.body_from_camera.y_axis, placed.body_from_camera.z_axis]
+        .map(|column| column.to_array());
+    let eye = placed.eye_in_body.to_array();
+    let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
+    for i in 0..CHUNK {
+        let depth = shading.depth[i];
+        let x = (shading.x[i] - lens.center.x) * inverse_x * depth;
+        let y = (shading.y[i] - lens.center.y) * inverse_y * depth;
+        for axis in 0..3 {
+            shading.place[axis][i] = turn[0][axis] * x + turn[1][axis] * y + turn[2][axis] * depth + eye[axis];
+        }
+    }
+}
+
+/// Texels per pixel; square texture units per square metre go in.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn find_footprints(shading: &mut Shading, placed: &PartView, lens: &Lens, texels: f32) {
+    let inverse_focal = 1.0 / lens.focal.x;
+    let eye = placed.eye_in_body.to_array();
+    for i in 0..CHUNK {
+        let normal = shading.normal_u[i];
+        let ray = [shading.place[0][i] - eye[0], shading.place[1][i] - eye[1], shading.place[2][i] - eye[2]];
+        let along = (normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]).abs();
+        let lengths = (ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
+            * (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
+        let facing = along / (lengths + 1e-20).sqrt();
+        // A grazing view stretches the pixel along one direction; the square root is the compromise.
+        let facing = (if facing > 0.05 { facing } else { 0.05 }).sqrt();
+        shading.texels[i] = (shading.texels[i] * texels).sqrt() * shading.depth[i] * inverse_focal / facing;
+    }
+}
+
+/// What is computed between the loops of [`reflect`], and its result.
+#[derive(Clone)]
+struct Reflected {
+    normal: [Lane; 3],
+    viewer: [Lane; 3],
+    /// Cosine between them.
+    facing: Lane,
+    /// From the surroundings: diffuse, and mirrored.
+    around: [Lane; 3],
+    mirrored: [Lane; 3],
+    /// Scale and bias of the reflectance head-on, for light from everywhere.
+    scale: Lane,
+    bias: Lane,
+    /// Light of the lamp that arrives, and the size and Fresnel weight of its highlight.
+    strength: Lane,
+    lobe: Lane,
+    weight: Lane,
+    color: [Lane; 3],
+    cover: Lane,
+}
+
+impl Default for Reflected {
+    fn default() -> Self {
+        let lanes = [ZERO; 3];
+        Self {
+            normal: lanes,
+            viewer: lanes,
+            facing: ZERO,
+            around: lanes,
+            mirrored: lanes,
+            scale: ZERO,
+            bias: ZERO,
+            strength: ZERO,
+            lobe: ZERO,
+            weight: ZERO,
+            color: lanes,
+            cover: ZERO,
+        }
+    }
+}
+
+/// Light reflected towards the viewer, developed.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn reflect(
+    shading: &Shading,
+    surface: &Surface,
+    placed: &PartView,
+    lens: &Lens,
+    lighting: &Lighting,
+    glossy: &Glossy,
+    out: &mut Reflected,
+) {
+    reflect_chunk(shading, surface, placed, lens, lighting, glossy, out);
+}
+
+/// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
+#[inline(always)]
+fn reflect_chunk(
+    shading: &Shading,
+    surface: &Surface,
+    placed: &PartView,
+    lens: &Lens,
+    lighting: &Lighting,
+    glossy: &Glossy,
+    out: &mut Reflected,
+) {
+    face_viewer(shading, placed, lens, out);
+    look_around(&lighting.sky, glossy, out);
+    find_highlights(surface.roughness, lighting.to_light.to_array(), &shading.key, out);
+    add_up(shading, surface, lighting, out);
+}
+
+/// Unit normals and directions to the viewer.
+#[inline(always)]
+fn face_viewer(shading: &Shading, placed: &PartView, lens: &Lens, out: &mut Reflected) {
+    let turn = [placed.world_from_body.x_axis, placed.world_from_body.y_axis, placed.world_from_body.z_axis]
+        .map(|column| column.to_array());
+    let camera = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
+    let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
+    let (center_x, center_y) = (lens.center.x, lens.center.y);
+    for i in 0..CHUNK {
+        let (ray_x, ray_y) = ((shading.x[i] - center_x) * inverse_x, (shading.y[i] - center_y) * inverse_y);
+        let inverse = -1.0 / (ray_x * ray_x + ray_y * ray_y + 1.0).sqrt();
+        for axis in 0..3 {
+            out.viewer[axis][i] = (camera[0][axis] * ray_x + camera[1][axis] * ray_y + camera[2][axis]) * inverse;
+        }
+    }
+    for i in 0..CHUNK {
+        let mixed = shading.normal_u[i];
+        let x = turn[0][0] * mixed[0] + turn[1][0] * mixed[1] + turn[2][0] * mixed[2];
+        let y = turn[0][1] * mixed[0] + turn[1][1] * mixed[1] + turn[2][1] * mixed[2];
+        let z = turn[0][2] * mixed[0] + turn[1][2] * mixed[1] + turn[2][2] * mixed[2];
+        let inverse = 1.0 / (x * x + y * y + z * z + 1e-20).sqrt();
+        out.normal[0][i] = x * inverse;
+        out.normal[1][i] = y * inverse;
+        out.normal[2][i] = z * inverse;
+    }
+}
+
+/// Light of the surroundings.
+#[inline(always)]
+fn look_around(sky: &Sky, glossy: &Glossy, out: &mut Reflected) {
+    for i in 0..CHUNK {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let around = sky.diffuse(normal);
+        out.around[0][i] = around[0];
+        out.around[1][i] = around[1];
+        out.around[2][i] = around[2];
+    }
+    for i in 0..CHUNK {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
+        let cosine = dot(normal, viewer);
+        out.facing[i] = within(cosine, 1e-3, 1.0);
+        let twice = cosine + cosine;
+        let mirrored = [normal[0] * twice - viewer[0], normal[1] * twice - viewer[1], normal[2] * twice - viewer[2]];
+        let light = glossy.at(mirrored);
+        out.mirrored[0][i] = light[0];
+        out.mirrored[1][i] = light[1];
+        out.mirrored[2][i] = light[2];
+    }
+}
+
+/// Highlights of the lamp.
+#[inline(always)]
+fn find_highlights(roughness: f32, to_light: [f32; 3], key: &Lane, out: &mut Reflected) {
+    let alpha = roughness * roughness;
+    let square_alpha = alpha * alpha;
+    for i in 0..CHUNK {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
+        let facing = out.facing[i];
+        let lit = dot(normal, to_light);
+        let lit = if lit > 0.0 { lit } else { 0.0 };
+        out.strength[i] = lit * key[i];
+        let half = [viewer[0] + to_light[0], viewer[1] + to_light[1], viewer[2] + to_light[2]];
+        let inverse = 1.0 / (dot(half, half) + 1e-12).sqrt();
+        let half = [half[0] * inverse, half[1] * inverse, half[2] * inverse];
+        let n_h = within(dot(normal, half), 0.0, 1.0);
+        let denominator = n_h * n_h * (square_alpha - 1.0) + 1.0;
+        let smith = lit * facing * (2.0 * (1.0 - alpha)) + (lit + facing) * alpha;
+        let smith = if smith > 1e-4 { smith } else { 1e-4 };
+        // The lamp's strength is its irradiance over π, hence without the π of the distribution.
+        out.lobe[i] = square_alpha * 0.5 / (denominator * denominator * smith);
+        out.weight[i] = schlick_weight(dot(viewer, half));
+    }
+    for i in 0..CHUNK {
+        (out.scale[i], out.bias[i]) = ambient_fresnel(roughness, out.facing[i]);
+    }
+}
+
+/// The sum of all light, developed.
+#[inline(always)]
+fn add_up(shading: &Shading, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
+    let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
+    let key = lighting.key.to_array();
+    // Most sights pass two sides: each covers so much that both together have the material's opacity.
+    let side = if surface.opacity < 1.0 { 1.0 - (1.0 - surface.opacity).sqrt() } else { 1.0 };
+    for channel in 0..3 {
+        let lamp = key[channel];
+        for i in 0..CHUNK {
+            let (base, ambient_share) = (shading.base[channel][i], shading.ambient[i]);
+            // Corners that see little of the sky see little of it in their reflection, unless they are metal.
+            let glossy_share = ambient_share + (1.0 - ambient_share) * (0.3 * metallic);
+            let f0 = reflectance + (base - reflectance) * metallic;
+            let albedo = base * (1.0 - metallic);
+            let arriving = lamp * out.strength[i];
+            let ambient = f0 * out.scale[i] + out.bias[i];
+            let ambient = if ambient > 0.0 { ambient } else { 0.0 };
+            let direct = (f0 + (1.0 - f0) * out.weight[i]) * out.lobe[i];
+            let direct = if direct < 12.0 { direct } else { 12.0 };
+            let diffuse = albedo * (out.around[channel][i] * ambient_share + arriving);
+            let specular = out.mirrored[channel][i] * ambient * glossy_share + arriving * direct;
+            out.color[channel][i] = (diffuse * side + specular) * exposure;
+        }
+    }
+    for i in 0..CHUNK {
+        let color = tone_map([out.color[0][i], out.color[1][i], out.color[2][i]]);
+        out.color[0][i] = color[0];
+        out.color[1][i] = color[1];
+        out.color[2][i] = color[2];
+        out.cover[i] = side + (1.0 - side) * schlick_weight(out.facing[i]);
     }
 }
 
 /// Khronos PBR Neutral: colours below 0.76 stay what they are, highlights are compressed towards white.
-#[inline]
-pub(crate) fn tone_map(color: Vec3x4) -> Vec3x4 {
+#[inline(always)]
+pub(crate) fn tone_map([r, g, b]: [f32; 3]) -> [f32; 3] {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
-    let low = color.min_element();
-    let offset = Vec4::select(low.cmplt(Vec4::splat(0.08)), low - low * low * 6.25, Vec4::splat(0.04));
-    let color = color.map(|channel| channel - offset);
-    let peak = color.max_element();
-    let is_bright = peak.cmpge(Vec4::splat(START));
-    if !is_bright.any() {
-        return color;
+    const D: f32 = 1.0 - START;
+    let low = if r < g { r } else { g };
+    let low = if b < low { b } else { low };
+    let offset = if low < 0.08 { low - low * low * 6.25 } else { 0.04 };
+    let color = [r - offset, g - offset, b - offset];
+    let peak = if color[0] > color[1] { color[0] } else { color[1] };
+    let peak = if color[2] > peak { color[2] } else { peak };
+    let bright = if peak > START { peak } else { START };
+    let new_peak = 1.0 - D * D / (bright + (D - START));
+    let weight = 1.0 - 1.0 / ((bright - new_peak) * DESATURATION + 1.0);
+    let scale = new_peak / bright;
+    let mut out = [0.0; 3];
+    for channel in 0..3 {
+        let scaled = color[channel] * scale;
+        let compressed = scaled + (new_peak - scaled) * weight;
+        out[channel] = if peak >= START { compressed } else { color[channel] };
     }
-    let d = 1.0 - START;
-    let new_peak = 1.0 - d * d / (peak + (d - START));
-    let weight = 1.0 - ((peak - new_peak) * DESATURATION + 1.0).recip();
-    let scale = new_peak / peak;
-    let compressed = color.map(|channel| {
-        let scaled = channel * scale;
-        scaled + (new_peak - scaled) * weight
-    });
-    Vec3x4::select(is_bright, compressed, color)
+    out
 }
 
-#[inline]
-fn schlick_weight(cosine: Vec4) -> Vec4 {
-    let x = Vec4::ONE - cosine.max(Vec4::ZERO).min(Vec4::ONE);
+#[inline(always)]
+fn schlick_weight(cosine: f32) -> f32 {
+    let x = 1.0 - within(cosine, 0.0, 1.0);
     let square = x * x;
     square * square * x
 }
 
-#[inline]
-fn ambient_fresnel(f0: Vec3x4, roughness: f32, facing: Vec4) -> Vec3x4 {
+/// Scale and bias of the reflectance head-on.
+#[inline(always)]
+fn ambient_fresnel(roughness: f32, facing: f32) -> (f32, f32) {
     let smoothness = 1.0 - roughness;
-    let limit = Vec4::splat(smoothness * smoothness);
-    let edge = limit.min(exp2_of_negative(facing)) * smoothness + (0.0425 - 0.0275 * roughness);
-    let scale = edge * -1.04 + (1.04 - 0.572 * roughness);
-    let bias = edge * 1.04 + (0.022 * roughness - 0.04);
-    f0.map(|f0| (f0 * scale + bias).max(Vec4::ZERO))
+    let limit = smoothness * smoothness;
+    let power = exp2_of_negative(facing);
+    let edge = (if limit < power { limit } else { power }) * smoothness + (0.0425 - 0.0275 * roughness);
+    (edge * -1.04 + (1.04 - 0.572 * roughness), edge * 1.04 + (0.022 * roughness - 0.04))
 }
 
 /// 2 to the power of `-9.28 x` for `x` 0-1, to a thousandth of its value: the series of an eighth of it, squared thrice.
-#[inline]
-fn exp2_of_negative(x: Vec4) -> Vec4 {
+#[inline(always)]
+fn exp2_of_negative(x: f32) -> f32 {
     const RATE: f32 = -9.28 / 8.0 * std::f32::consts::LN_2;
     let u = x * RATE;
-    let series =
-        ((((u * (1.0 / 720.0) + 1.0 / 120.0) * u + 1.0 / 24.0) * u + 1.0 / 6.0) * u + 0.5) * u * u + u + Vec4::ONE;
+    let series = ((((u * (1.0 / 720.0) + 1.0 / 120.0) * u + 1.0 / 24.0) * u + 1.0 / 6.0) * u + 0.5) * u * u + u + 1.0;
     let square = series * series;
     let fourth = square * square;
     fourth * fourth
 }
 
 #[cfg(test)]
-#[test]
-fn the_series_is_good_to_a_thousandth() {
-    for step in 0..=100 {
-        let x = step as f32 / 100.0;
-        let (got, expected) = (exp2_of_negative(Vec4::splat(x)).y, (-9.28 * x).exp2());
-        assert!((got / expected - 1.0).abs() < 1e-3, "{got} instead of {expected} at {x}");
+mod tests {
+    use super::*;
+
+    /// Whatever registers the machine has, the bits are those of the plain loop.
+    #[test]
+    fn wide_registers_give_the_same_bits() {
+        let variation = RenderVariation::default();
+        let lighting = Lighting::new(&variation);
+        let lens = Lens { focal: Vec2::new(400.0, 410.0), center: Vec2::new(250.0, 140.0), ..Lens::default() };
+        let mut state = 1_u32;
+        let mut draw = |low: f32, high: f32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            low + (high - low) * (state >> 8) as f32 / 16_777_216.0
+        };
+        for _ in 0..50 {
+            let mut shading = Shading::default();
+            for i in 0..CHUNK {
+                (shading.x[i], shading.y[i], shading.depth[i]) = (draw(0.0, 512.0), draw(0.0, 288.0), draw(0.1, 2.0));
+                (shading.key[i], shading.ambient[i]) = (draw(0.0, 1.0), draw(0.0, 1.0));
+                shading.normal_u[i] = [draw(-1.0, 1.0), draw(-1.0, 1.0), draw(-1.0, 1.0), 0.0];
+                shading.base.iter_mut().for_each(|channel| channel[i] = draw(0.0, 1.0));
+            }
+            let surface = Surface {
+                base: Vec3A::ONE,
+                roughness: draw(0.05, 1.0),
+                metallic: draw(0.0, 1.0),
+                opacity: draw(0.2, 1.2).min(1.0),
+                reflectance: 0.04,
+                texture: None,
+                is_table: false,
+            };
+            let (placed, glossy) = (PartView::default(), lighting.sky.glossy(surface.roughness));
+            let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
+            reflect(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut wide);
+            reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut plain);
+            let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
+            assert_eq!(bits(&wide.color), bits(&plain.color));
+            assert_eq!(wide.cover.map(f32::to_bits), plain.cover.map(f32::to_bits));
+        }
+    }
+
+    #[test]
+    fn the_series_is_good_to_a_thousandth() {
+        for step in 0..=100 {
+            let x = step as f32 / 100.0;
+            let (got, expected) = (exp2_of_negative(x), (-9.28 * x).exp2());
+            assert!((got / expected - 1.0).abs() < 1e-3, "{got} instead of {expected} at {x}");
+        }
     }
 }

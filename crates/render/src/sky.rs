@@ -1,77 +1,108 @@
 //! The light that is everywhere: a soft studio of sky, reflecting ground and three large lamps.
 //!
-//! Made of a gradient and spherical Gaussians, so that its blurred copies for rough surfaces have closed forms.
-//! Tables are filled once per light setting and only read while shading.
+//! Made of a gradient and spherical Gaussians, so that its blurred copies for rough surfaces have closed forms,
+//! which are evaluated where they are needed: arithmetic is cheaper than tables.
 
-use std::ops::{Add, Mul, Sub};
+use glam::{Vec2, Vec3A};
 
-use glam::{Vec2, Vec3A, Vec4};
-
-use crate::lanes::{Vec3x4, each};
+use crate::raster::within;
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
-
-const LEVELS: usize = 12;
-const SIDE: usize = 48;
 
 /// Ambient light for diffuse and for glossy surfaces.
 #[derive(Debug)]
 pub(crate) struct Sky {
     /// Nine coefficients of the irradiance over π (Ramamoorthi and Hanrahan, 2001).
-    harmonics: [Vec3x4; 9],
-    /// Blurred surroundings per roughness level, octahedral maps of `SIDE`².
-    glossy: Vec<Vec3A>,
+    harmonics: [[f32; 3]; 9],
+    studio: Studio,
+    /// From the studio's brightness to the settings'.
+    scale: f32,
+}
+
+/// The surroundings blurred as a surface of one roughness reflects them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Glossy {
+    sky: [f32; 3],
+    ground: [f32; 3],
+    /// Half the inverse width of the horizon.
+    sharpness: f32,
+    /// Direction, sharpness, brightness.
+    lamps: [([f32; 3], f32, f32); 3],
 }
 
 impl Sky {
     pub fn new(variation: &RenderVariation) -> Self {
         let studio = Studio::new(variation);
-        let mut harmonics = project(&studio);
+        let harmonics = project(&studio);
         // The mean over the upper half is what the settings call ambient intensity.
         let scale = variation.ambient_intensity / luminance(irradiance_above(&harmonics)).max(1e-6);
-        harmonics.iter_mut().for_each(|coefficient| *coefficient *= scale);
-        let mut glossy = Vec::with_capacity(LEVELS * SIDE * SIDE);
-        for level in 0..LEVELS {
-            let roughness = level as f32 / (LEVELS - 1) as f32;
-            for y in 0..SIDE {
-                for x in 0..SIDE {
-                    let place = Vec2::new(x as f32, y as f32) / (SIDE - 1) as f32;
-                    glossy.push(studio.radiance(from_octahedron(place), roughness) * scale);
-                }
+        Self { harmonics: harmonics.map(|coefficient| (coefficient * scale).to_array()), studio, scale }
+    }
+
+    /// Brightness of white diffuse surfaces with this normal.
+    #[inline(always)]
+    pub fn diffuse(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let basis = harmonics_of(x, y, z);
+        let mut out = [0.0; 3];
+        for channel in 0..3 {
+            let mut sum = 0.0;
+            for index in 0..9 {
+                sum += self.harmonics[index][channel] * basis[index];
             }
+            out[channel] = if sum > 0.0 { sum } else { 0.0 };
         }
-        Self { harmonics: harmonics.map(Vec3x4::splat), glossy }
+        out
     }
 
-    /// Brightness of white diffuse surfaces with these normals.
-    #[inline]
-    pub fn diffuse(&self, normal: Vec3x4) -> Vec3x4 {
-        let [x, y, z] = [normal.x, normal.y, normal.z];
-        let sum = self
-            .harmonics
-            .iter()
-            .zip(harmonics_of(x, y, z))
-            .fold(Vec3x4::splat(Vec3A::ZERO), |sum, (&coefficient, basis)| sum + coefficient * basis);
-        sum.map(|value| value.max(Vec4::ZERO))
-    }
-
-    /// Light from unit directions, blurred as a surface of that roughness reflects it.
-    #[inline]
-    pub fn glossy(&self, direction: Vec3x4, roughness: f32) -> Vec3x4 {
-        let level = (roughness * (LEVELS - 1) as f32 + 0.5) as usize;
-        let map = &self.glossy[level.min(LEVELS - 1) * SIDE * SIDE..][..SIDE * SIDE];
-        let [x, y] = to_octahedron(direction);
-        let (x, y) = ((x * (SIDE - 1) as f32).to_array(), (y * (SIDE - 1) as f32).to_array());
-        Vec3x4::from_lanes(each(|lane| {
-            let (column, row) = ((x[lane] as i32 as usize).min(SIDE - 2), (y[lane] as i32 as usize).min(SIDE - 2));
-            let (fx, fy) = (x[lane] - column as i32 as f32, y[lane] - row as i32 as f32);
-            let first = row * SIDE + column;
-            let ([a, b], [c, d]) = ([map[first], map[first + 1]], [map[first + SIDE], map[first + SIDE + 1]]);
-            a.lerp(b, fx).lerp(c.lerp(d, fx), fy)
-        }))
+    /// The surroundings for surfaces of a roughness.
+    pub fn glossy(&self, roughness: f32) -> Glossy {
+        let lamps = self.studio.lamps.map(|(axis, sharpness, brightness)| {
+            let blurred = sharpness / (1.0 + sharpness * 0.5 * roughness * roughness);
+            (axis.to_array(), blurred, brightness * blurred / sharpness)
+        });
+        Glossy {
+            sky: (self.studio.sky * self.scale).to_array(),
+            ground: (self.studio.ground * self.scale).to_array(),
+            sharpness: 0.5 / (0.06 + 0.9 * roughness),
+            lamps,
+        }
     }
 }
 
+impl Glossy {
+    /// Light from a unit direction.
+    #[inline(always)]
+    pub fn at(&self, direction: [f32; 3]) -> [f32; 3] {
+        let z = direction[2];
+        let t = within(z * self.sharpness + 0.5, 0.0, 1.0);
+        let above = t * t * (3.0 - 2.0 * t);
+        let overhead = 0.75 + 0.35 * (if z > 0.0 { z } else { 0.0 });
+        let mut lamps = 0.0;
+        for (axis, sharpness, brightness) in self.lamps {
+            lamps += brightness * exp(sharpness * (dot(direction, axis) - 1.0));
+        }
+        let mut out = [0.0; 3];
+        for channel in 0..3 {
+            let (sky, ground) = (self.sky[channel], self.ground[channel]);
+            out[channel] = ground + (sky * overhead - ground) * above + sky * lamps;
+        }
+        out
+    }
+}
+
+/// e to the power of `x` ≤ 0, to 10⁻⁵ of its value, without a call to the mathematics library.
+#[inline(always)]
+fn exp(x: f32) -> f32 {
+    let scaled = within(x * std::f32::consts::LOG2_E, -126.0, 0.0);
+    // Adding 1.5 · 2²³ rounds, and leaves the whole number in the lowest bits.
+    let shifted = scaled + 12_582_912.0;
+    let whole = shifted - 12_582_912.0;
+    let u = (scaled - whole) * std::f32::consts::LN_2;
+    let series = ((((u * (1.0 / 120.0) + 1.0 / 24.0) * u + 1.0 / 6.0) * u + 0.5) * u + 1.0) * u + 1.0;
+    series * f32::from_bits(shifted.to_bits().wrapping_add(127) << 23)
+}
+
+#[derive(Debug)]
 struct Studio {
     sky: Vec3A,
     ground: Vec3A,
@@ -138,19 +169,10 @@ fn irradiance_above(harmonics: &[Vec3A; 9]) -> Vec3A {
         .fold(Vec3A::ZERO, |sum, (&coefficient, basis)| sum + coefficient * basis)
 }
 
-/// For one direction or for four.
-#[inline]
-fn harmonics_of<T>(x: T, y: T, z: T) -> [T; 9]
-where
-    T: Copy
-        + Mul<T, Output = T>
-        + Mul<f32, Output = T>
-        + Sub<T, Output = T>
-        + Sub<f32, Output = T>
-        + Add<f32, Output = T>,
-{
+#[inline(always)]
+fn harmonics_of(x: f32, y: f32, z: f32) -> [f32; 9] {
     [
-        x * 0.0 + 0.282_095,
+        0.282_095,
         y * 0.488_603,
         z * 0.488_603,
         x * 0.488_603,
@@ -167,30 +189,7 @@ pub(crate) fn luminance(color: Vec3A) -> f32 {
     color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
 }
 
-/// Unit vectors → columns and rows in the unit square.
-#[inline]
-fn to_octahedron(direction: Vec3x4) -> [Vec4; 2] {
-    let Vec3x4 { x, y, z } = direction;
-    let inverse = (x.abs() + y.abs() + z.abs()).max(Vec4::splat(1e-12)).recip();
-    let (x, y) = (x * inverse, y * inverse);
-    let is_above = z.cmpge(Vec4::ZERO);
-    let sign = |value: Vec4| Vec4::select(value.cmpge(Vec4::ZERO), Vec4::ONE, Vec4::NEG_ONE);
-    let folded_x = Vec4::select(is_above, x, (Vec4::ONE - y.abs()) * sign(x));
-    let folded_y = Vec4::select(is_above, y, (Vec4::ONE - x.abs()) * sign(y));
-    let place = |value: Vec4| (value * 0.5 + 0.5).max(Vec4::ZERO).min(Vec4::ONE);
-    [place(folded_x), place(folded_y)]
-}
-
-/// Unit square → unit vector.
-fn from_octahedron(place: Vec2) -> Vec3A {
-    let flat = place * 2.0 - 1.0;
-    let z = 1.0 - flat.x.abs() - flat.y.abs();
-    let unfolded = if z >= 0.0 { flat } else { fold(flat) };
-    Vec3A::from(unfolded.extend(z)).normalize_or(Vec3A::Z)
-}
-
-#[inline]
-fn fold(flat: Vec2) -> Vec2 {
-    let sign = |value: f32| if value >= 0.0 { 1.0 } else { -1.0 };
-    Vec2::new((1.0 - flat.y.abs()) * sign(flat.x), (1.0 - flat.x.abs()) * sign(flat.y))
+#[inline(always)]
+pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -1,9 +1,12 @@
 //! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
 
-use std::sync::{Arc, OnceLock};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use genmanip_core::Texture;
 use glam::{Vec2, Vec3A};
+
+use crate::raster::{nearest_integer, within};
 
 /// A texture and its smaller copies, linear colour; they are made when the first pixel asks for them.
 #[derive(Debug)]
@@ -21,11 +24,17 @@ struct Level {
 }
 
 impl MipTexture {
-    /// The pyramid of a texture; `None` when it has no pixels or their number does not match its size.
-    pub fn new(texture: &Arc<Texture>) -> Option<Self> {
+    /// The pyramid of a texture, one per process while the texture lives; `None` when it has no pixels or their number does not match its size.
+    pub fn shared(texture: &Arc<Texture>) -> Option<Arc<Self>> {
+        static KNOWN: Mutex<BTreeMap<usize, Arc<MipTexture>>> = Mutex::new(BTreeMap::new());
         let (width, height) = (texture.width as usize, texture.height as usize);
         let is_whole = width > 0 && height > 0 && texture.rgb.len() == width * height * 3;
-        is_whole.then(|| Self { texture: Arc::clone(texture), levels: OnceLock::new() })
+        // A thread that panicked while it held the lock left a whole map behind.
+        let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        // Dropped when nobody else holds the texture or its pyramid.
+        known.retain(|_, made| Arc::strong_count(&made.texture) > 1 || Arc::strong_count(made) > 1);
+        let new = || Arc::new(Self { texture: Arc::clone(texture), levels: OnceLock::new() });
+        is_whole.then(|| Arc::clone(known.entry(Arc::as_ptr(texture) as usize).or_insert_with(new)))
     }
 
     /// Number of texels per unit square of texture coordinates.
@@ -103,21 +112,23 @@ impl Level {
 const STEPS: u64 = 64;
 
 /// The two texels beside a texture coordinate that repeats, and how many steps it lies towards the second.
-#[inline]
+#[inline(always)]
 fn neighbours(coordinate: f32, count: usize) -> (usize, usize, u64) {
     let count = count as i32;
-    let place = ((coordinate - floor(coordinate)) * (count * STEPS as i32) as f32) as i32 - STEPS as i32 / 2;
+    let steps = (coordinate - floor(coordinate)) * (count * STEPS as i32) as f32;
+    let place = nearest_integer(steps) as i32 - STEPS as i32 / 2;
     let first = (place >> STEPS.trailing_zeros()).min(count - 1);
     let second = if first + 1 >= count { 0 } else { first + 1 };
     let first = if first < 0 { count - 1 } else { first };
     (first as usize, second as usize, (place & (STEPS as i32 - 1)) as u64)
 }
 
-/// Without a call to the mathematics library; for numbers below 2³¹.
-#[inline]
+/// Without a call to the mathematics library; for numbers below 2²².
+#[inline(always)]
 fn floor(value: f32) -> f32 {
-    let truncated = value as i32 as f32;
-    if truncated > value { truncated - 1.0 } else { truncated }
+    const SHIFT: f32 = 12_582_912.0;
+    let nearest = (value + SHIFT) - SHIFT;
+    if nearest > value { nearest - 1.0 } else { nearest }
 }
 
 /// Linear light of an 8-bit sRGB colour.
@@ -131,9 +142,8 @@ pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
 #[inline]
 pub(crate) fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
     let table = srgb_table();
-    let place = linear.max(Vec3A::ZERO).min(Vec3A::ONE) * 4095.0 + 0.5;
-    let code = |place: f32| table[place as i32 as usize & 4095];
-    [code(place.x), code(place.y), code(place.z)]
+    let code = |value: f32| table[nearest_integer(within(value, 0.0, 1.0) * 4095.0) as usize & 4095];
+    [code(linear.x), code(linear.y), code(linear.z)]
 }
 
 /// Linear light of an sRGB colour, 0-1.

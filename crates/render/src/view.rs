@@ -2,17 +2,20 @@
 
 use genmanip_core::{Camera, Pose};
 use glam::{Mat3A, Vec2, Vec3A};
+use multiversion::multiversion;
 
 use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::error::RenderError;
 use crate::job::FrameState;
+use crate::layers::{Motion, Rectangle};
+use crate::mesh::{CELLS_M, Mesh};
 use crate::raster::{Corner, Target};
 
 /// Nothing nearer than this is drawn, metres.
 pub(crate) const NEAR_M: f32 = 0.01;
 
 /// A pinhole at a place, single precision, ready for drawing.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Lens {
     pub width: usize,
     pub height: usize,
@@ -25,54 +28,48 @@ pub(crate) struct Lens {
     pub turn: Mat3A,
 }
 
-/// Corners of all parts seen through a lens.
+/// All parts seen through a lens; remembers what it saw before.
 #[derive(Debug, Default)]
 pub(crate) struct View {
     pub lens: Lens,
     pub parts: Vec<PartView>,
-    pub corners: Vec<ProjectedCorner>,
+    /// What became of each part at the last [`View::place`].
+    pub motions: Vec<Motion>,
     /// Whether anything in view is transparent.
     pub has_transparent: bool,
-    /// First and last column and row, `[[x, y], [x, y]]`, where anything transparent can be.
-    pub glass_bounds: [[usize; 2]; 2],
 }
 
 /// A part at its place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct PartView {
+    pose: Pose,
     pub visible: bool,
-    /// Index of its first corner in [`View::corners`].
-    pub first_corner: usize,
+    /// Level of detail, see [`Mesh::at_level`].
+    pub level: usize,
     /// Rotation from the body's frame to the world.
     pub world_from_body: Mat3A,
     /// Rotation from camera axes to the body's frame.
     pub body_from_camera: Mat3A,
     /// The optical centre in the body's frame.
     pub eye_in_body: Vec3A,
+    corners: Vec<ProjectedCorner>,
 }
 
 /// A corner on the image plane at one sample per pixel.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ProjectedCorner {
-    pub x: f32,
-    pub y: f32,
+struct ProjectedCorner {
+    x: f32,
+    y: f32,
     /// 1 / depth.
-    pub nearness: f32,
-    pub depth: f32,
+    nearness: f32,
+    depth: f32,
 }
 
-/// Which sides of which parts to draw.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Layer {
-    /// Opaque parts; closed ones without their invisible back faces.
-    Opaque,
-    /// Transparent parts, both sides.
-    Transparent,
-    /// Sides of transparent parts that face the viewer.
-    TransparentFront,
-    /// Sides of transparent parts that face away.
-    TransparentBack,
-}
+/// Which sides of triangles to draw: those that face the viewer, and those that face away.
+pub(crate) type Sides = [bool; 2];
+
+/// Smallest size of an image, along its longer side, that shows meshes in full detail.
+const FULL_DETAIL_PX: usize = 256;
 
 impl Lens {
     /// Checks a camera and places it.
@@ -101,12 +98,6 @@ impl Lens {
         })
     }
 
-    /// Direction through a pixel in camera axes, 1 along the optical axis.
-    #[inline]
-    pub fn ray(&self, x: f32, y: f32) -> Vec3A {
-        Vec3A::new((x - self.center.x) / self.focal.x, (y - self.center.y) / self.focal.y, 1.0)
-    }
-
     /// Whether any of a ball, in camera axes, may be in view.
     fn sees(&self, center: Vec3A, radius: f32) -> bool {
         let outside = |slope: f32, offset: f32| (offset - slope * center.z) > radius * (1.0 + slope * slope).sqrt();
@@ -123,87 +114,75 @@ impl Lens {
 }
 
 impl View {
-    /// Places all parts of a frame before a lens and projects the corners of those in view.
-    pub fn place(&mut self, assets: &RenderAssets, frame: &FrameState, lens: Lens) {
-        let camera_from_world = lens.world_from_camera.inverse();
-        self.parts.clear();
-        self.corners.clear();
-        self.has_transparent = false;
-        self.glass_bounds = [[usize::MAX; 2], [0; 2]];
-        for part in &assets.parts {
-            let world_from_body = part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]);
-            let camera_from_body = camera_from_world * world_from_body;
-            let (turn, shift) = (rotation(&camera_from_body), camera_from_body.position.as_vec3a());
-            let visible = lens.sees(turn * Vec3A::from(part.bounds_center) + shift, part.bounds_radius);
-            self.parts.push(PartView {
-                visible,
-                first_corner: self.corners.len(),
-                world_from_body: rotation(&world_from_body),
-                body_from_camera: turn.transpose(),
-                eye_in_body: camera_from_body.inverse().position.as_vec3a(),
-            });
-            if visible {
-                self.corners
-                    .extend(part.positions.iter().map(|&position| lens.project(turn * Vec3A::from(position) + shift)));
-                if part.is_transparent() {
-                    self.has_transparent = true;
-                    let first_corner = self.corners.len() - part.positions.len();
-                    include_corners(&mut self.glass_bounds, &self.corners[first_corner..], &lens);
-                }
-            }
-        }
+    /// Places all parts of a frame before a lens; says whether it is the lens of the last time.
+    ///
+    /// What did not move before a lens that did not move is left as it is.
+    pub fn place(&mut self, assets: &RenderAssets, frame: &FrameState, lens: Lens) -> bool {
+        let follows = self.lens == lens && self.parts.len() == assets.parts.len();
         self.lens = lens;
+        self.parts.resize_with(assets.parts.len(), PartView::default);
+        self.motions.resize_with(assets.parts.len(), Motion::default);
+        self.has_transparent = false;
+        let camera_from_world = self.lens.world_from_camera.inverse();
+        for ((part, placed), motion) in assets.parts.iter().zip(&mut self.parts).zip(&mut self.motions) {
+            let pose = part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]);
+            motion.moved = !follows || placed.pose != pose;
+            motion.before.clone_from(&motion.now);
+            if motion.moved {
+                motion.now = placed.place(part, pose, &camera_from_world, &self.lens);
+            }
+            self.has_transparent |= placed.visible && part.is_transparent();
+        }
+        follows
     }
 
-    /// Draws one layer at `scale` × `scale` samples per pixel over what the target holds.
-    pub fn draw(&self, assets: &RenderAssets, layer: Layer, scale: usize, target: &mut Target) {
-        for (index, (part, placed)) in assets.parts.iter().zip(&self.parts).enumerate() {
-            if placed.visible && part.is_transparent() == (layer != Layer::Opaque) {
-                let first_id = (index as u32 + 1) << TRIANGLE_BITS;
-                self.draw_part(part, placed, layer, scale as f32, first_id, target);
-            }
+    /// Draws one part over what the target holds.
+    pub fn draw(&self, assets: &RenderAssets, index: usize, sides: Sides, target: &mut Target) {
+        let (part, placed) = (&assets.parts[index], &self.parts[index]);
+        if !placed.visible {
+            return;
+        }
+        let mesh = placed.mesh(part);
+        let first_id = (index as u32 + 1) << TRIANGLE_BITS;
+        let mut cut = Vec::new();
+        draw_triangles(mesh, &placed.corners, sides, first_id, target, &mut cut);
+        for triangle in cut {
+            self.draw_clipped(placed, mesh, triangle as usize, sides, first_id, target);
         }
     }
 
-    fn draw_part(&self, part: &Part, placed: &PartView, layer: Layer, scale: f32, first_id: u32, target: &mut Target) {
-        let corners = &self.corners[placed.first_corner..placed.first_corner + part.positions.len()];
-        let keep_front = layer != Layer::TransparentBack;
-        let keep_back = layer != Layer::TransparentFront && !part.closed;
-        for (&triangle, id) in part.triangles.iter().zip(first_id..) {
-            let (a, b, c) =
-                (corners[triangle[0] as usize], corners[triangle[1] as usize], corners[triangle[2] as usize]);
-            if a.depth.min(b.depth).min(c.depth) < NEAR_M {
-                if a.depth.max(b.depth).max(c.depth) >= NEAR_M {
-                    self.draw_clipped(part, placed, triangle, [keep_front, keep_back], scale, id, target);
-                }
-                continue;
-            }
-            draw_facing(
-                [a.on_target(scale), b.on_target(scale), c.on_target(scale)],
-                [keep_front, keep_back],
-                id,
-                target,
-            );
+    /// Draws one opaque part without the sides that can never be seen.
+    pub fn draw_opaque(&self, assets: &RenderAssets, index: usize, target: &mut Target) {
+        let part = &assets.parts[index];
+        if !part.is_transparent() {
+            let hides_back = part.hides_back(self.parts[index].mesh(part));
+            self.draw(assets, index, [true, !hides_back], target);
+        }
+    }
+
+    /// Draws all transparent parts.
+    pub fn draw_transparent(&self, assets: &RenderAssets, sides: Sides, target: &mut Target) {
+        for index in (0..assets.parts.len()).filter(|&index| assets.parts[index].is_transparent()) {
+            self.draw(assets, index, sides, target);
         }
     }
 
     /// A triangle that crosses the near plane: what lies beyond it, as a fan.
     #[cold]
-    #[expect(clippy::too_many_arguments, reason = "the body of one loop of `draw_part`, out of line")]
     fn draw_clipped(
         &self,
-        part: &Part,
         placed: &PartView,
-        triangle: [u32; 3],
-        keep: [bool; 2],
-        scale: f32,
-        id: u32,
+        mesh: &Mesh,
+        triangle: usize,
+        sides: Sides,
+        first_id: u32,
         target: &mut Target,
     ) {
         let in_camera = |index: u32| {
-            placed.body_from_camera.transpose() * (Vec3A::from(part.positions[index as usize]) - placed.eye_in_body)
+            placed.body_from_camera.transpose() * (Vec3A::from(mesh.positions[index as usize]) - placed.eye_in_body)
         };
-        let corners = triangle.map(in_camera);
+        let corners = mesh.triangles[triangle].map(in_camera);
+        let scale = target.scale as f32;
         let mut polygon: Vec<Corner> = Vec::with_capacity(4);
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             let (from, to) = (corners[from], corners[to]);
@@ -218,13 +197,58 @@ impl View {
             }
         }
         for pair in polygon.get(1..).unwrap_or_default().windows(2) {
-            draw_facing([polygon[0], pair[0], pair[1]], keep, id, target);
+            draw_facing([polygon[0], pair[0], pair[1]], sides, first_id + triangle as u32, target);
         }
     }
 }
 
+impl PartView {
+    /// The mesh at the level of detail.
+    pub fn mesh<'a>(&self, part: &'a Part) -> &'a Mesh {
+        part.mesh.at_level(self.level)
+    }
+
+    /// Moves to a pose; returns the pixels that the part may cover.
+    fn place(&mut self, part: &Part, pose: Pose, camera_from_world: &Pose, lens: &Lens) -> Rectangle {
+        let camera_from_body = *camera_from_world * pose;
+        let (turn, shift) = (rotation(&camera_from_body), camera_from_body.position.as_vec3a());
+        let center = turn * Vec3A::from(part.mesh.bounds_center) + shift;
+        self.pose = pose;
+        self.visible = lens.sees(center, part.mesh.bounds_radius);
+        self.world_from_body = rotation(&pose);
+        self.body_from_camera = turn.transpose();
+        self.eye_in_body = camera_from_body.inverse().position.as_vec3a();
+        self.corners.clear();
+        if !self.visible {
+            return Rectangle::default();
+        }
+        self.level = lens.level(center.z - part.mesh.bounds_radius);
+        let positions = &self.mesh(part).positions;
+        let mut corners = std::mem::take(&mut self.corners);
+        corners.extend(positions.iter().map(|&position| lens.project(turn * Vec3A::from(position) + shift)));
+        self.corners = corners;
+        if self.corners.iter().any(|corner| corner.depth < NEAR_M) {
+            return Rectangle { columns: 0..lens.width, rows: 0..lens.height };
+        }
+        let (low, high) = self.corners.iter().fold(([f32::MAX; 2], [f32::MIN; 2]), |(low, high), corner| {
+            let (x, y) = (corner.x, corner.y);
+            ([low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)])
+        });
+        Rectangle::around(low, high, lens.width, lens.height)
+    }
+}
+
 impl Lens {
-    #[inline]
+    /// The coarsest level of detail whose cells are smaller than a pixel at a distance; 0 in large images.
+    fn level(&self, distance_m: f32) -> usize {
+        if self.width.max(self.height) >= FULL_DETAIL_PX {
+            return 0;
+        }
+        let pixel_m = distance_m / self.focal.x;
+        CELLS_M.iter().take_while(|&&cell| cell < pixel_m).count()
+    }
+
+    #[inline(always)]
     fn project(&self, in_camera: Vec3A) -> ProjectedCorner {
         let nearness = 1.0 / in_camera.z;
         ProjectedCorner {
@@ -237,36 +261,42 @@ impl Lens {
 }
 
 impl ProjectedCorner {
-    /// With `scale` samples per pixel: pixel centres at integers stay between their samples.
-    #[inline]
+    /// With `scale` samples per pixel: a pixel's centre is its first sample.
+    #[inline(always)]
     fn on_target(self, scale: f32) -> Corner {
-        Corner { x: (self.x + 0.5) * scale - 0.5, y: (self.y + 0.5) * scale - 0.5, nearness: self.nearness }
+        Corner { x: self.x * scale, y: self.y * scale, nearness: self.nearness }
     }
 }
 
-/// Widens bounds of pixels by projected corners; by everything when a corner is too near to be projected.
-fn include_corners(bounds: &mut [[usize; 2]; 2], corners: &[ProjectedCorner], lens: &Lens) {
-    let size = [lens.width, lens.height];
-    for corner in corners {
-        for (axis, place) in [corner.x, corner.y].into_iter().enumerate() {
-            let last = size[axis] - 1;
-            let (from, to) = if corner.depth < NEAR_M {
-                (0, last)
-            } else {
-                (((place - 1.0).max(0.0)) as usize, (place + 2.0).max(0.0) as usize)
-            };
-            bounds[0][axis] = bounds[0][axis].min(from);
-            bounds[1][axis] = bounds[1][axis].max(to.min(last));
+/// Draws the triangles beyond the near plane; lists those that cross it.
+#[multiversion(targets("x86_64+avx2"))]
+fn draw_triangles(
+    mesh: &Mesh,
+    corners: &[ProjectedCorner],
+    sides: Sides,
+    first_id: u32,
+    target: &mut Target,
+    cut: &mut Vec<u32>,
+) {
+    let scale = target.scale as f32;
+    for (&triangle, id) in mesh.triangles.iter().zip(first_id..) {
+        let [a, b, c] = [corners[triangle[0] as usize], corners[triangle[1] as usize], corners[triangle[2] as usize]];
+        if a.depth.min(b.depth).min(c.depth) < NEAR_M {
+            if a.depth.max(b.depth).max(c.depth) >= NEAR_M {
+                cut.push(id - first_id);
+            }
+            continue;
         }
+        draw_facing([a.on_target(scale), b.on_target(scale), c.on_target(scale)], sides, id, target);
     }
 }
 
-/// Draws a triangle if its side is wanted: `keep` = [front, back].
+/// Draws a triangle if its side is wanted.
 #[inline(always)]
-pub(crate) fn draw_facing(corners: [Corner; 3], keep: [bool; 2], id: u32, target: &mut Target) {
+fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut Target) {
     let [a, b, c] = corners;
     let area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
-    let wanted = if area < 0.0 { keep[0] } else { keep[1] };
+    let wanted = if area < 0.0 { sides[0] } else { sides[1] };
     if wanted {
         target.draw::<true>(corners, area, id);
     }
@@ -284,6 +314,12 @@ pub(crate) fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(),
     } else {
         Err(RenderError::NotFinite { what: what() })
     }
+}
+
+/// The part of a visibility id, plus one.
+#[inline(always)]
+pub(crate) fn surface_of(id: u32) -> u32 {
+    id >> TRIANGLE_BITS
 }
 
 /// Part and triangle of a visibility id; `None` where nothing is seen.

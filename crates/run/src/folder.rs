@@ -115,8 +115,7 @@ impl RunFolder {
                 && !is_there(&file)
             {
                 let what = format!("{} holds `{name}`, but no {RECORD} of a run that made it", path.display());
-                return Err(RunError::input(what)
-                    .with_hint("choose an empty --out folder, or move what is there away"));
+                return Err(RunError::input(what).with_hint("choose an empty --out folder, or move what is there away"));
             }
             let created = files::create(&file, run.to_json().as_bytes());
             if created.map_err(|error| unwritable(&file, error))? {
@@ -214,16 +213,8 @@ impl RunFolder {
 const RECORD: &str = "run.json";
 
 /// What a run writes into its folder besides its record.
-const OWN: [&str; 8] = [
-    "episodes",
-    "scenarios",
-    "dataset",
-    "dataset-depth",
-    "evaluation",
-    "damaged",
-    "timings.json",
-    "report.html",
-];
+const OWN: [&str; 8] =
+    ["episodes", "scenarios", "dataset", "dataset-depth", "evaluation", "damaged", "timings.json", "report.html"];
 
 fn is_there(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok()
@@ -242,7 +233,9 @@ fn check_links(path: &Path) -> Result<(), RunError> {
 
 /// What lies in a folder; nothing where there is none.
 fn list_folders(path: &Path) -> Vec<PathBuf> {
-    std::fs::read_dir(path).map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect()).unwrap_or_default()
+    std::fs::read_dir(path)
+        .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
+        .unwrap_or_default()
 }
 
 fn unwritable(path: &Path, error: DataError) -> RunError {

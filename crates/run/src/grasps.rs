@@ -25,6 +25,8 @@ pub struct BakeSettings {
     pub trying: TryingSettings,
     /// Where candidates come from.
     pub generator: GraspSettings,
+    /// Name of the catalogue whose objects are tried.
+    pub catalog: String,
 }
 
 /// What baking came to.
@@ -71,7 +73,7 @@ pub fn bake(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Baked, RunError> {
-    let BakeSettings { trying, generator } = settings;
+    let BakeSettings { trying, generator, catalog } = settings;
     let settings = PlannerSettings { grasp: generator.clone(), ..PlannerSettings::default() };
     let (planner, robot) = (inputs::planner(world, &settings)?, inputs::robot(world)?);
     let made_by = GraspProvenance {
@@ -82,7 +84,7 @@ pub fn bake(
         robot_hash: Some(robot.physics_hash()),
         settings: json!({ "trying": trying, "generator": generator, "physics": world.physics, "drives": robot.drives }),
     };
-    let catalogue = Catalogue::builtin();
+    let catalogue = Catalogue::named(catalog).unwrap_or_else(Catalogue::builtin);
     let models = graspable(catalogue, uids)?;
     let known = if out.exists() { read(out)? } else { nothing(&made_by) };
     // What was made otherwise, or for objects that have changed, is made again; older files do not name the robot's hash.

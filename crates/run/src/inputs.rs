@@ -143,12 +143,12 @@ pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     Ok(tasks)
 }
 
-/// Tasks of the rule-based designer, the six kinds in turn.
+/// Tasks of the rule-based designer about the objects of a catalogue, the six kinds in turn.
 ///
 /// # Errors
 /// When the designer finds no task.
-pub fn designed_tasks(count: usize, seed: u64) -> Result<Vec<Task>, RunError> {
-    let cards = Catalogue::builtin().cards();
+pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<Vec<Task>, RunError> {
+    let cards = catalogue.cards();
     let batch = design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default())
         .map_err(|error| RunError::broken("the designer gave up", error))?;
     Ok(batch.tasks)
@@ -302,12 +302,12 @@ pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
 fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, RunError> {
     let catalogue = Catalogue::builtin();
     uids.iter()
-        .map(|uid| match catalogue.card(uid_of(uid)) {
+        .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::full().card(uid_of(uid))) {
             Some(card) => Ok(card.clone()),
             // Asking for the model of an object without a card says which ones look alike.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
                 RunError::broken("an offered object is not in the catalogue", error)
-                    .with_hint("uids are three digits, 001 to 064")
+                    .with_hint("uids are 001 to 064, or as `genmanip assets list` says")
             }),
         })
         .collect()
@@ -358,6 +358,32 @@ pub fn read_world(path: Option<&Path>) -> Result<World, RunError> {
     };
     Err(RunError::input(format!("{} is no world: {}", path.display(), faults.join("; ")))
         .with_hint(format!("`genmanip world check {}` lists every fault", path.display())))
+}
+
+/// The world in a file or the default one, with another robot when one is named.
+///
+/// # Errors
+/// As [`read_world`], and when there is no such robot.
+pub fn read_world_with(path: Option<&Path>, robot: Option<&str>) -> Result<World, RunError> {
+    let world = read_world(path)?;
+    let Some(name) = robot else { return Ok(world) };
+    worlds::with_robot(&world, name)
+        .map_err(|error| RunError::input(format!("robot `{name}` cannot be used")).because(error))
+}
+
+/// Refuses a world whose robot is another than the one that was named.
+///
+/// # Errors
+/// Names both robots.
+pub fn check_robot(world: &World, named: Option<&str>) -> Result<(), RunError> {
+    match named {
+        Some(name) if name != world.robot.name => Err(RunError::input(format!(
+            "the scenario was laid out for robot `{}`, not for `{name}`",
+            world.robot.name
+        ))
+        .with_hint(format!("lay its task out again with --robot {name}"))),
+        _ => Ok(()),
+    }
 }
 
 /// The robot of a world, starting where the world says.

@@ -6,11 +6,15 @@
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
 //! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
+//! - [`OracleSegmenter`]: masks from truth, for the modular system to be measured against.
 //! - [`inputs`] and [`robots`]: tasks, answers, scenarios and robots from files that anybody may have written.
 //!
 //! Every stage is a function from input, settings and seed to a result or a [`RunError`];
 //! it tells a [`Progress`] how far it is and prints nothing.
 
+pub mod agents;
+pub mod assets;
+pub mod audit;
 pub mod collect;
 mod error;
 pub mod evaluate;
@@ -19,6 +23,7 @@ pub mod grasps;
 pub mod inputs;
 pub mod layouts;
 pub mod motion_pictures;
+mod oracle_segmenter;
 pub mod pictures;
 pub mod plan;
 pub mod policies;
@@ -31,5 +36,6 @@ pub mod worlds;
 
 pub use error::{Cause, RunError};
 pub use folder::{Run, RunFolder, Timings};
+pub use oracle_segmenter::OracleSegmenter;
 pub use policies::PolicyFactory;
 pub use progress::{Progress, Silent};

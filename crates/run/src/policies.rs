@@ -4,25 +4,29 @@
 //! Another policy is one more entry of [`POLICIES`].
 
 use std::fmt;
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use genmanip_agent::ask::Stage;
 use genmanip_assets::GraspLibrary;
 use genmanip_core::{Episode, Policy};
 use genmanip_motion::Planner;
-use genmanip_rollout::Stage;
+use genmanip_rollout::Stage as Scene;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
 
+use crate::agents::{AgentChoice, Transcribing};
 use crate::error::RunError;
 
 /// All policies there are, in the order in which they are listed.
-pub const POLICIES: [PolicyEntry; 3] = [
+pub const POLICIES: [PolicyEntry; 4] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
         arguments: &[],
         needs_record: false,
+        is_usual: true,
         prepare: expert,
     },
     PolicyEntry {
@@ -30,6 +34,7 @@ pub const POLICIES: [PolicyEntry; 3] = [
         about: "applies the recorded commands of the episode without looking",
         arguments: &[],
         needs_record: true,
+        is_usual: true,
         prepare: replay,
     },
     PolicyEntry {
@@ -37,8 +42,35 @@ pub const POLICIES: [PolicyEntry; 3] = [
         about: "stands still: the control that shows that no scenario solves itself",
         arguments: &[PolicyArgument { name: "seconds", default: "5", about: "how long it stands still, s" }],
         needs_record: false,
+        is_usual: true,
         prepare: do_nothing,
     },
+    PolicyEntry {
+        name: "agent",
+        about: "asks a vision-language model and acts from RGB-D images; oracle services make its results oracle",
+        arguments: &AGENT_ARGUMENTS,
+        needs_record: false,
+        is_usual: false,
+        prepare: agent,
+    },
+];
+
+/// What may be said about the agent.
+const AGENT_ARGUMENTS: [PolicyArgument; 14] = [
+    PolicyArgument { name: "vlm", default: "oracle", about: "who answers: oracle, or the settings file of a model" },
+    PolicyArgument { name: "masks", default: "rgbd", about: "where masks come from: rgbd, or oracle" },
+    PolicyArgument { name: "path", default: "p2p", about: "p2p asks for one cell, grid for a path over the grid" },
+    PolicyArgument { name: "preset", default: "full", about: "paper is as published, full is sturdier" },
+    PolicyArgument { name: "ctof", default: "no", about: "yes asks for the part to hold, too" },
+    PolicyArgument { name: "arrows", default: "yes", about: "no leaves out the robot's directions" },
+    PolicyArgument { name: "prompts", default: "", about: "folder of prompt files that replace the built-in ones" },
+    PolicyArgument { name: "transcripts", default: "", about: "folder for questions, pictures and answers" },
+    PolicyArgument { name: "err_decompose", default: "0", about: "share of asks that the oracle answers wrongly" },
+    PolicyArgument { name: "err_object", default: "0", about: "the same" },
+    PolicyArgument { name: "err_part", default: "0", about: "the same" },
+    PolicyArgument { name: "err_grab_point", default: "0", about: "the same" },
+    PolicyArgument { name: "err_path", default: "0", about: "the same, of paths and cells" },
+    PolicyArgument { name: "err_check", default: "0", about: "the same" },
 ];
 
 fn expert(_given: &Given) -> Result<Make, RunError> {
@@ -65,6 +97,34 @@ fn do_nothing(given: &Given) -> Result<Make, RunError> {
     }))
 }
 
+fn agent(given: &Given) -> Result<Make, RunError> {
+    let mut choice =
+        AgentChoice::named(given.text("vlm"), given.text("masks"), given.text("path"), given.text("preset"))?;
+    (choice.settings.ctof, choice.settings.arrows) = (given.is_yes("ctof")?, given.is_yes("arrows")?);
+    choice.prompts = given.folder("prompts");
+    let transcripts = given.folder("transcripts");
+    choice.keeps_pictures = transcripts.is_some();
+    let rates = [
+        ("err_decompose", Stage::Decompose),
+        ("err_object", Stage::Object),
+        ("err_part", Stage::Part),
+        ("err_grab_point", Stage::GrabPoint),
+        ("err_path", Stage::GridPath),
+        ("err_path", Stage::PointToPoint),
+        ("err_check", Stage::Check),
+    ];
+    for (name, stage) in rates {
+        choice.errors.insert(stage, given.number(name, 0.0..=1.0)?);
+    }
+    Ok(Box::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        let made = choice.make(episode.stage, episode.planner, episode.grasps)?;
+        Ok(match &transcripts {
+            Some(folder) => Box::new(Transcribing::new(made, folder.join(&episode.stage.scenario.id))),
+            None => made.policy,
+        })
+    }))
+}
+
 /// One policy of the registry.
 pub struct PolicyEntry {
     /// The name on the command line and in results.
@@ -75,6 +135,8 @@ pub struct PolicyEntry {
     pub arguments: &'static [PolicyArgument],
     /// Whether it needs an episode that was recorded on the same scenario.
     pub needs_record: bool,
+    /// Whether it is run where nobody names a policy: those that ask services are not.
+    pub is_usual: bool,
     /// Checks the arguments, once.
     prepare: fn(&Given) -> Result<Make, RunError>,
 }
@@ -94,7 +156,7 @@ pub struct PolicyArgument {
 #[derive(Clone, Copy)]
 pub struct PolicyContext<'a> {
     /// The scenario made ready; only policies that declare it may look at its truth.
-    pub stage: &'a Stage,
+    pub stage: &'a Scene,
     /// What was recorded on the same scenario, where something was.
     pub recorded: Option<&'a Episode>,
     /// How the robot is planned for.
@@ -111,6 +173,7 @@ type Make = Box<dyn Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Se
 pub struct PolicyFactory {
     name: &'static str,
     label: String,
+    needs_record: bool,
     make: Make,
 }
 
@@ -125,15 +188,16 @@ impl PolicyFactory {
         let entry = POLICIES.iter().find(|entry| entry.name == name);
         let entry = entry.ok_or_else(|| RunError::unknown("policy", "policies", name, &known))?;
         let given = Given::parse(entry, arguments)?;
-        Ok(Self { name: entry.name, label: given.label(), make: (entry.prepare)(&given)? })
+        let make = (entry.prepare)(&given)?;
+        Ok(Self { name: entry.name, label: given.label(), needs_record: entry.needs_record, make })
     }
 
-    /// All policies with their defaults, without those that need a record where there is none.
+    /// The usual policies with their defaults, without those that need a record where there is none.
     ///
     /// # Errors
     /// None, as long as the defaults are sound.
     pub fn all(is_recorded: bool) -> Result<Vec<Self>, RunError> {
-        let usable = POLICIES.iter().filter(|entry| is_recorded || !entry.needs_record);
+        let usable = POLICIES.iter().filter(|entry| entry.is_usual && (is_recorded || !entry.needs_record));
         usable.map(|entry| Self::resolve(entry.name)).collect()
     }
 
@@ -145,6 +209,11 @@ impl PolicyFactory {
     /// The name with those arguments that differ from their defaults, fit for the name of a file.
     pub fn label(&self) -> &str {
         &self.label
+    }
+
+    /// Whether it needs an episode that was recorded on the same scenario.
+    pub fn needs_record(&self) -> bool {
+        self.needs_record
     }
 
     /// The policy for one episode.
@@ -204,7 +273,7 @@ impl Given {
     }
 
     fn number(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, RunError> {
-        let text = self.values.iter().find(|(known, ..)| *known == name).map_or("", |(_, value, _)| value);
+        let text = self.text(name);
         text.parse().ok().filter(|value| range.contains(value) && !value.is_sign_negative()).ok_or_else(|| {
             RunError::input(format!("policy {}: {name}={text} is not possible", self.policy)).with_hint(format!(
                 "expected a number from {} to {}",
@@ -212,6 +281,23 @@ impl Given {
                 range.end()
             ))
         })
+    }
+
+    fn text(&self, name: &str) -> &str {
+        self.values.iter().find(|(known, ..)| *known == name).map_or("", |(_, value, _)| value)
+    }
+
+    fn is_yes(&self, name: &str) -> Result<bool, RunError> {
+        match self.text(name) {
+            "yes" => Ok(true),
+            "no" => Ok(false),
+            other => Err(RunError::input(format!("policy {}: {name}={other} is not possible", self.policy))
+                .with_hint("expected yes or no")),
+        }
+    }
+
+    fn folder(&self, name: &str) -> Option<PathBuf> {
+        Some(self.text(name)).filter(|path| !path.is_empty()).map(PathBuf::from)
     }
 
     fn label(&self) -> String {
@@ -234,12 +320,13 @@ mod tests {
             ("do_nothing", "do_nothing"),
             ("do_nothing:seconds=5", "do_nothing"),
             ("do_nothing:seconds=0.5", "do_nothing_seconds=0.5"),
+            ("agent:path=grid,preset=paper", "agent_path=grid_preset=paper"),
         ];
         for (text, label) in labels {
             let factory = PolicyFactory::resolve(text).unwrap();
             assert_eq!((factory.label(), factory.name()), (label, text.split(':').next().unwrap()));
         }
-        let known: Vec<&str> = POLICIES.iter().map(|entry| entry.name).collect();
+        let known: Vec<&str> = POLICIES.iter().filter(|entry| entry.is_usual).map(|entry| entry.name).collect();
         let all: Vec<&str> = PolicyFactory::all(true).unwrap().iter().map(PolicyFactory::name).collect();
         assert_eq!(all, known);
     }
@@ -248,11 +335,15 @@ mod tests {
     fn what_is_wrong_is_said() {
         let cases = [
             ("expret", "unknown policy `expret`", "did you mean `expert`?"),
-            ("", "unknown policy ``", "policies are expert, replay, do_nothing"),
+            ("", "unknown policy ``", "policies are expert, replay, do_nothing, agent"),
             ("expert:speed=2", "policy expert takes no arguments", "expected expert alone"),
             ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
             ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),
             ("do_nothing:seconds=-1", "seconds=-1 is not possible", "from 0 to 600"),
+            ("agent:masks=none", "unknown source of masks `none`", "sources of masks are oracle, rgbd"),
+            ("agent:vlm=none.toml", "cannot read none.toml", ""),
+            ("agent:ctof=1", "ctof=1 is not possible", "yes or no"),
+            ("agent:err_check=2", "err_check=2 is not possible", "from 0 to 1"),
             ("do_nothing:seconds=-0.0", "seconds=-0.0 is not possible", "from 0 to 600"),
             ("do_nothing:seconds=NaN", "seconds=NaN is not possible", "from 0 to 600"),
         ];

@@ -133,6 +133,13 @@ impl Sim {
         Ok(())
     }
 
+    /// Runs the engine's own step so often, unchecked: what the simulator itself takes, for comparison.
+    pub fn advance_bare(&mut self, physics_steps: u32) {
+        for _ in 0..physics_steps {
+            self.data.step();
+        }
+    }
+
     /// Poses and speeds of the objects, in the scene's order; the speed is that of the object's origin.
     pub fn object_states(&self) -> Vec<ObjectState> {
         let (qpos, qvel) = (self.data.qpos(), self.data.qvel());

@@ -1,6 +1,7 @@
 //! Checks of the built-in data, with the geometry they share.
 
 mod cameras;
+mod families;
 mod grasps;
 mod joints;
 mod objects;

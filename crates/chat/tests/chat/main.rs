@@ -5,8 +5,10 @@
 mod cassettes;
 mod client;
 mod dialects;
+mod folder;
 mod images;
 mod secrets;
+mod services;
 
 use genmanip_chat::fake::FakeServer;
 use genmanip_chat::{ChatRequest, HttpChat, Message, ReplySchema, ServerSettings};

@@ -22,6 +22,12 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab expert --seed 2000 --count 60 --json\n\n\
                       One thread; processor time covers layout, planning, physics and checks.")]
     Expert(ExpertArguments),
+    /// Let the agent do fresh tasks from RGB-D images, its questions answered by an oracle or a model
+    #[command(after_help = "Examples:\n  \
+                      genmanip lab agent --seed 7 --count 240 --vlm oracle --masks oracle --json\n  \
+                      genmanip lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
+                      One thread; processor time covers looking, asking, planning and physics, not the layout.")]
+    Agent(AgentArguments),
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
     #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
@@ -33,6 +39,10 @@ pub enum LabCommand {
                       length; pos and yaw) in the robot's base frame; --robot is a folder with a URDF, its meshes and \
                       SRDF.")]
     Motion(MotionArguments),
+    /// Make new objects of all families and try them: stability, grasps, containers, states, cost of physics
+    #[command(after_help = "Example:\n  genmanip lab assets --seed 7 --count 200 --json\n\n\
+                      The families in turn, each with seeds of its own; docs/concepts/assets.md says what is measured.")]
+    Assets(LabAssetsArguments),
     /// Lay designed tasks out, once each, and audit what comes of it
     #[command(after_help = "Example:\n  genmanip lab layout --seed 2000 --count 1000 --json\n\n\
                       One thread; the audit (every edge, state and goal again, 2 s of physics with sleep off, \
@@ -48,10 +58,28 @@ pub enum LabCommand {
                       genmanip lab environment --store out/run --json\n\n\
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
+    /// Hand the program changed files of every kind, in calls of its own under limits of memory and time
+    #[command(
+        after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
+                      genmanip lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
+                      Run it in the project's folder. Minutes are processor time of all calls; each may use 1 GiB\n\
+                      and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first."
+    )]
+    Hostile(HostileArguments),
+    /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
+    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
+                      One thread, processor time, medians over the frames of the episode; the static camera is drawn \
+                      first and draws the shadows, which the wrist camera shares.")]
+    Render(RenderArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
     Fit(FitArguments),
+    /// Segment what the data cameras see, from colour and depth, and compare with the renderer's ids
+    #[command(after_help = "Examples:\n  genmanip lab segment --seed 1 --count 60 --json\n  \
+                      genmanip lab segment --seed 1 --count 60 --noise d435 --out out/segment\n\n\
+                      Scenes of 5 to 12 objects, two views each; objects with at least 200 visible pixels count.")]
+    Segment(SegmentArguments),
     /// Copy a run's episodes to any number, and measure what the report, opening and resuming cost
     #[command(after_help = "Example:\n  genmanip lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
                       The copies are further attempts at the same tasks, under ids of their own; synthetic.json marks \
@@ -71,6 +99,72 @@ pub struct ScaleArguments {
     /// Empty folder for the copies: 0.5 MB per episode
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+/// Arguments of `lab segment`.
+#[derive(Debug, Args)]
+pub struct SegmentArguments {
+    /// Seed of tasks, layouts and noise
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Scenes, each seen by two cameras
+    #[arg(long, default_value_t = 40, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Depth as this camera measures it, instead of the exact one
+    #[arg(long, value_parser = ["d435"])]
+    pub noise: Option<String>,
+    /// Where masks come from; `oracle` is the renderer's truth
+    #[arg(long, default_value = "rgbd", value_parser = ["rgbd", "oracle"])]
+    pub masks: String,
+    /// Fit the weights by which regions are joined to these scenes, instead of measuring
+    #[arg(long, conflicts_with_all = ["masks", "out"])]
+    pub fit: bool,
+    /// Folder for pictures of the worst views: image, truth, masks
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// Arguments of `lab hostile`.
+#[derive(Debug, Args)]
+pub struct HostileArguments {
+    /// Seed of the changes
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Processor time of all calls together, minutes
+    #[arg(long, default_value_t = 1.0, value_parser = parse_minutes)]
+    pub minutes: f64,
+    /// Change only this kind
+    #[arg(long, value_parser = genmanip_lab::hostile::KINDS)]
+    pub kind: Option<String>,
+    /// Write all messages to this file
+    #[arg(long, value_name = "FILE")]
+    pub refusals: Option<PathBuf>,
+    /// Copy what broke something into this folder
+    #[arg(long, value_name = "DIR")]
+    pub found: Option<PathBuf>,
+    /// Also race so many pairs of starts with different seeds for one folder
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
+    pub races: usize,
+    /// Also kill so many runs at random moments, continue them and compare the bytes
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
+    pub kills: usize,
+    /// The project's folder, for its examples
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub project: PathBuf,
+}
+
+fn parse_minutes(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(minutes) if (0.0..=10_000.0).contains(&minutes) => Ok(minutes),
+        _ => Err("expected minutes from 0 to 10000".into()),
+    }
+}
+
+fn parse_few(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count @ 0..=100_000) => Ok(count),
+        _ => Err("expected a whole number from 0 to 100000".into()),
+    }
 }
 
 /// Arguments of `lab fit`.
@@ -99,6 +193,17 @@ pub struct EnvironmentArguments {
     /// Step through the episodes stored here instead: a run, its episodes, or one of them
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+}
+
+/// Arguments of `lab render`.
+#[derive(Debug, Args)]
+pub struct RenderArguments {
+    /// Seed of objects, layout and episode
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
 }
 
 /// Arguments of `lab design`.
@@ -110,6 +215,9 @@ pub struct DesignArguments {
     /// Tasks, the six kinds in turn
     #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
     pub count: usize,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
 }
 
 /// Arguments of `lab answers`.
@@ -158,6 +266,9 @@ pub struct ExpertArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
@@ -170,6 +281,47 @@ pub struct ExpertArguments {
     /// Tasks of your own instead of designed ones: files or folders
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+}
+
+/// Arguments of `lab agent`.
+#[derive(Debug, Args)]
+pub struct AgentArguments {
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Seed of tasks, layouts and episodes
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Episodes, the kinds in turn
+    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Kinds of tasks; `articulated` cannot be done by picking and placing
+    #[arg(long, value_delimiter = ',', default_value = "pick_and_place,spatial,appearance,common_sense,long_horizon")]
+    pub kinds: Vec<String>,
+    /// Who answers: `oracle` (the simulator's truth), or the settings file of a model
+    #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
+    pub vlm: String,
+    /// Where masks come from
+    #[arg(long, default_value = "rgbd", value_parser = ["rgbd", "oracle"])]
+    pub masks: String,
+    /// One cell for the placement, or a path over the grid
+    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
+    pub path: String,
+    /// As published, or with everything that makes it sturdier
+    #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
+    pub preset: String,
+    /// Ask for the part to hold, too
+    #[arg(long)]
+    pub ctof: bool,
+    /// Let the oracle answer a share of a stage's asks wrongly, and test the failure analysis by that
+    #[arg(long, value_name = "STAGE=SHARE")]
+    pub error: Vec<String>,
+    /// Write each episode's transcript and pictures into this folder
+    #[arg(long, value_name = "FOLDER")]
+    pub transcripts: Option<PathBuf>,
 }
 
 /// Arguments of `lab motion`.
@@ -213,6 +365,9 @@ pub struct LabLayoutArguments {
     /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
     #[arg(long, value_name = "FILE")]
     pub world: Option<PathBuf>,
+    /// Robot instead of the world's: panda or panda_2f85
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// Seed of tasks and layouts
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
@@ -225,6 +380,29 @@ pub struct LabLayoutArguments {
     /// Unmentioned objects to add to each scene
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+}
+
+/// Arguments of `lab assets`.
+#[derive(Debug, Args)]
+pub struct LabAssetsArguments {
+    /// Seed of the objects
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Objects to make, the families in turn
+    #[arg(long, default_value_t = 100, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Only this family
+    #[arg(long, value_name = "NAME")]
+    pub family: Option<String>,
+    /// Take the families from the data files of this folder
+    #[arg(long, value_name = "DIR")]
+    pub families: Option<PathBuf>,
+    /// Threads; the figures in processor time are of one
+    #[arg(long, value_name = "N")]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `lab grasp`.

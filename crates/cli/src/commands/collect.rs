@@ -16,7 +16,7 @@ use crate::printer::Printer;
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
     let images = (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
-    let world = inputs::read_world(arguments.world.as_deref())?;
+    let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let settings = CollectSettings { images, keep_failed: arguments.keep_failed, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();

@@ -21,6 +21,9 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         Some(run) => Suite::of_run(run)?,
         None => Suite::of_scenarios(&arguments.paths)?,
     };
+    for scenario in &suite.scenarios {
+        inputs::check_robot(&scenario.world, arguments.robot.as_deref())?;
+    }
     if let Some(file) = &arguments.cameras {
         suite = suite.with_cameras(file)?;
     }

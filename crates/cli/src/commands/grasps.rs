@@ -20,13 +20,14 @@ pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, 
     let settings = grasps::BakeSettings {
         trying: TryingSettings { trials: arguments.trials, ..TryingSettings::default() },
         generator: GraspSettings { max_candidates: arguments.count, ..GraspSettings::default() },
+        catalog: arguments.catalog.clone(),
     };
     let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
     let stop = crate::stop::on_interrupt();
     let baked = grasps::bake(
         &arguments.out,
         &arguments.objects,
-        &inputs::read_world(None)?,
+        &inputs::read_world_with(None, arguments.robot.as_deref())?,
         &settings,
         seed,
         workers,
@@ -38,7 +39,7 @@ pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, 
 }
 
 pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let model = Catalogue::builtin()
+    let model = Catalogue::full()
         .build(&arguments.uid)
         .map_err(|error| Failed::because(format!("no object {}", arguments.uid), &error))?;
     let own = arguments.file.as_deref().map(grasps::read).transpose()?;

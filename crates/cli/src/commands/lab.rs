@@ -2,36 +2,50 @@
 
 use std::path::PathBuf;
 
-use genmanip_assets::panda;
+use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_assets::worlds::default_world;
+use genmanip_assets::{Catalogue, Families, panda};
 use genmanip_core::{Seed, Task};
+use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::grasp::{GraspArguments, named};
+use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
-use genmanip_lab::{answers, design, environment, expert, fit, grasp, layout, motion, relations, rendered, scale};
-use genmanip_run::{inputs, robots};
+use genmanip_lab::{
+    agent, answers, assets, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render,
+    rendered, scale, segment,
+};
+use genmanip_run::agents::AgentChoice;
+use genmanip_run::{OracleSegmenter, inputs, robots};
 
 use crate::args::{self, LabCommand};
+use crate::commands::assets::catalogue;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
         LabCommand::Relations(arguments) => relations_of(arguments, printer)?,
+        LabCommand::Agent(arguments) => {
+            let world = inputs::read_world(arguments.world.as_deref())?;
+            let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &agent::in_words(&measured));
+        }
         LabCommand::Answers(arguments) => {
             let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);
             let measured = answers::measure(&arguments.answers, amount, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &answers::in_words(&measured));
         }
         LabCommand::Design(arguments) => {
-            let measured = design::measure(arguments.count, Seed::new(arguments.seed))?;
+            let measured =
+                design::measure(catalogue(&arguments.catalog).cards(), arguments.count, Seed::new(arguments.seed))?;
             printer.data(&measured, &design::in_words(&measured));
         }
         LabCommand::Environment(arguments) => {
             let measured = match &arguments.store {
                 Some(path) => environment::measure_store(path, printer)?,
                 None => {
-                    let tasks = inputs::designed_tasks(arguments.count, arguments.seed)?;
+                    let tasks = inputs::designed_tasks(arguments.count, arguments.seed, catalogue(&arguments.catalog))?;
                     environment::measure(&tasks, Seed::new(arguments.seed), printer)?
                 }
             };
@@ -41,6 +55,10 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let measured = fit::measure(&arguments.trials, &arguments.test, arguments.constant)?;
             printer.data(&measured, &fit::in_words(&measured));
         }
+        LabCommand::Hostile(arguments) => {
+            let measured = hostile::measure(&hostile_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &hostile::in_words(&measured));
+        }
         LabCommand::Grasp(arguments) => {
             let measured =
                 grasp::measure(&grasp_arguments(arguments)?, &default_world(), Seed::new(arguments.seed), printer)?;
@@ -48,22 +66,37 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         }
         LabCommand::Expert(arguments) => {
             let tasks = match arguments.tasks.as_slice() {
-                [] => inputs::designed_tasks(arguments.count, arguments.seed)?,
+                [] => inputs::designed_tasks(arguments.count, arguments.seed, catalogue(&arguments.catalog))?,
                 named => inputs::read_tasks(named)?,
             };
-            let world = inputs::read_world(arguments.world.as_deref())?;
+            let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = expert::measure(&tasks, &world, arguments.tries, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &expert::in_words(&measured));
         }
+        LabCommand::Assets(arguments) => {
+            let own = arguments.families.as_deref().map(genmanip_run::assets::read_families).transpose()?;
+            let families = own.as_ref().unwrap_or_else(|| Families::builtin());
+            let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
+            let chosen = arguments.family.as_deref();
+            let measured = assets::measure(families, chosen, arguments.count, seed, workers, printer)?;
+            printer.data(&measured, &assets::in_words(&measured));
+        }
         LabCommand::Layout(arguments) => {
-            let tasks = layout_tasks(&arguments.tasks, arguments.count, arguments.seed)?;
-            let world = inputs::read_world(arguments.world.as_deref())?;
+            let tasks = layout_tasks(&arguments.tasks, arguments.count, arguments.seed, catalogue(&arguments.catalog))?;
+            let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
             let measured = layout::measure(&tasks, &world, arguments.distractors, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &layout::in_words(&measured));
         }
         LabCommand::Scale(arguments) => {
             let measured = scale::measure(&arguments.run, arguments.episodes, &arguments.out, printer)?;
             printer.data(&measured, &scale::in_words(&measured));
+        }
+        LabCommand::Render(arguments) => {
+            let measured = render::measure(Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &render::in_words(&measured));
+        }
+        LabCommand::Segment(arguments) => {
+            segment_of(arguments, printer)?;
         }
         LabCommand::Motion(arguments) => {
             let measured = motion::measure(&motion_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
@@ -85,13 +118,63 @@ fn relations_of(arguments: &args::RelationsArguments, printer: &Printer) -> Resu
     Ok(())
 }
 
+fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(), Failed> {
+    let asked = segment::SegmentArguments {
+        count: arguments.count,
+        is_noisy: arguments.noise.is_some(),
+        out: arguments.out.clone(),
+    };
+    let (world, seed, rgbd) = (default_world(), Seed::new(arguments.seed), RgbdSegmenter::default());
+    if arguments.fit {
+        let fitted = segment::fit::fit_weights(&asked, &rgbd, &world, seed, printer)?;
+        printer.data(&fitted, &segment::fit::in_words(&fitted));
+        return Ok(());
+    }
+    let segmenter: &dyn Segmenter = if arguments.masks == "oracle" { &OracleSegmenter } else { &rgbd };
+    let measured = segment::measure(&asked, segmenter, &world, seed, printer)?;
+    printer.data(&measured, &segment::in_words(&measured));
+    Ok(())
+}
+
 /// The tasks that were named, as often as asked, or designed ones of all kinds.
-fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64) -> Result<Vec<Task>, Failed> {
+fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64, from: &Catalogue) -> Result<Vec<Task>, Failed> {
     if paths.is_empty() {
-        return Ok(inputs::designed_tasks(count, seed)?);
+        return Ok(inputs::designed_tasks(count, seed, from)?);
     }
     let known = inputs::read_tasks(paths)?;
     Ok((0..count).flat_map(|_| known.iter().cloned()).collect())
+}
+
+fn hostile_arguments(arguments: &args::HostileArguments) -> Result<HostileArguments, Failed> {
+    let own = |what: &str, found: std::io::Result<PathBuf>| {
+        found.map_err(|error| Failed::because(format!("cannot find {what}"), &error).hint("name it with --project"))
+    };
+    Ok(HostileArguments {
+        program: own("the program itself", std::env::current_exe())?,
+        project: own("the project's folder", arguments.project.canonicalize())?,
+        minutes: arguments.minutes,
+        kind: arguments.kind.clone(),
+        refusals: arguments.refusals.clone(),
+        found: arguments.found.clone(),
+        races: arguments.races,
+        kills: arguments.kills,
+    })
+}
+
+fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, Failed> {
+    let choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
+    let mut choice = AgentChoice { keeps_pictures: arguments.transcripts.is_some(), ..choice };
+    choice.settings.ctof = arguments.ctof;
+    for error in &arguments.error {
+        choice.add_error(error)?;
+    }
+    Ok(AgentArguments {
+        names: [choice.model.name(), choice.masks.name()],
+        kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,
+        count: arguments.count,
+        transcripts: arguments.transcripts.clone(),
+        choice,
+    })
 }
 
 fn grasp_arguments(arguments: &args::GraspArguments) -> Result<GraspArguments, Failed> {

@@ -14,7 +14,7 @@ use crate::printer::Printer;
 
 pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
-    let world = inputs::read_world(arguments.world.as_deref())?;
+    let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let settings = LayoutSettings { distractors: arguments.distractors, ..LayoutSettings::default() };
     let output = LayoutOutput { folder: arguments.out.clone(), explain: arguments.explain };
     let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));

@@ -1,5 +1,6 @@
 //! One module per verb.
 
+pub mod assets;
 pub mod collect;
 pub mod demo;
 pub mod doctor;
@@ -11,6 +12,7 @@ pub mod layout;
 pub mod plan;
 pub mod replay;
 pub mod report;
+pub mod serve;
 pub mod task;
 pub mod task_new;
 pub mod world;

@@ -13,6 +13,7 @@ use crate::printer::Printer;
 
 pub fn run(arguments: &PlanArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let stage = inputs::read_stage(&arguments.scenario)?;
+    inputs::check_robot(&stage.scenario.world, arguments.robot.as_deref())?;
     let mut settings = PlannerSettings::default();
     settings.plan.rrt_range = arguments.rrt_range.unwrap_or(settings.plan.rrt_range);
     let planner = inputs::planner(&stage.scenario.world, &settings)?;

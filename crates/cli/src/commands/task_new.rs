@@ -2,17 +2,18 @@
 
 use std::path::Path;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::search::Filter;
 use genmanip_bench::text_table;
 use genmanip_chat::CassetteMode;
 use genmanip_core::limits;
-use genmanip_core::{Document, Seed, Task, TaskKind};
+use genmanip_core::{Document, ObjectCard, Seed, Task, TaskKind};
 use genmanip_llm::{Designer, GenerationOutcome, LlmSettings};
 use genmanip_run::{Progress, inputs};
 use genmanip_scene::designer::{DesignSettings, design_each};
 use serde::Serialize;
 
 use crate::args::NewArguments;
+use crate::commands::assets::catalogue;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
@@ -35,8 +36,8 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
         name => vec![inputs::task_kind(name)?],
     };
     let is_rules = arguments.designer == "rules";
-    if is_rules && (arguments.settings.is_some() || arguments.cassettes.is_some()) {
-        return Err(Failed::misused("--settings and --cassettes are for language models")
+    if is_rules && (arguments.settings.is_some() || arguments.cassettes.is_some() || arguments.folder.is_some()) {
+        return Err(Failed::misused("--settings, --cassettes and --folder are for language models")
             .hint("add --designer llm, or leave them out"));
     }
     if is_rules && arguments.world.is_some() {
@@ -63,8 +64,20 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     Ok(ExitStatus::Done)
 }
 
+/// The cards that tasks may be about.
+fn cards(arguments: &NewArguments) -> Result<Vec<ObjectCard>, Failed> {
+    let catalogue = catalogue(&arguments.catalog);
+    let Some(query) = &arguments.objects else { return Ok(catalogue.cards().to_vec()) };
+    let index = catalogue.index();
+    let found = index.search(query, &Filter::default(), usize::MAX);
+    if found.is_empty() {
+        return Err(Failed::new(format!("no object fits \"{query}\"")).hint("try it with `genmanip assets search`"));
+    }
+    Ok(found.iter().map(|one| one.card.clone()).collect())
+}
+
 fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
-    let cards = Catalogue::builtin().cards();
+    let cards = &*cards(arguments)?;
     printer.begin("designing", arguments.count);
     let settings = DesignSettings { copies: arguments.copies, ..DesignSettings::default() };
     let seed = Seed::new(arguments.seed);
@@ -83,21 +96,31 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
         .with_surfaces(inputs::read_world(arguments.world.as_deref())?.named_surfaces());
     printer.begin("asking", arguments.count);
     let mut outcomes: Vec<GenerationOutcome> = Vec::new();
+    let cards = cards(arguments)?;
     for (index, &kind) in kinds.iter().enumerate() {
         let count = (arguments.count + kinds.len() - 1 - index) / kinds.len();
-        outcomes.extend(designer.generate(kind, count, seed, Catalogue::builtin().cards(), &|_| printer.advance()));
+        outcomes.extend(designer.generate(kind, count, seed, &cards, &|_| printer.advance()));
     }
     printer.end();
     outcomes.iter().map(|outcome| write_outcome(outcome, &arguments.out)).collect()
 }
 
 fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
-    let path = arguments.settings.as_deref().ok_or_else(|| {
-        Failed::new("a language model needs --settings FILE").hint("see docs/guides/language-models.md")
-    })?;
-    let text = inputs::read_text(path, limits::SETTINGS)?;
-    let mut settings = LlmSettings::from_toml(&text)
-        .map_err(|error| Failed::because(format!("cannot use the settings in {}", path.display()), &error))?;
+    let mut settings = match (arguments.settings.as_deref(), &arguments.folder) {
+        (Some(path), _) => {
+            let text = inputs::read_text(path, limits::SETTINGS)?;
+            LlmSettings::from_toml(&text)
+                .map_err(|error| Failed::because(format!("cannot use the settings in {}", path.display()), &error))?
+        }
+        (None, Some(_)) => LlmSettings::default(),
+        (None, None) => {
+            return Err(Failed::new("a language model needs --settings FILE, or --folder DIR to be it yourself")
+                .hint("see docs/guides/language-models.md"));
+        }
+    };
+    if let Some(folder) = &arguments.folder {
+        settings.folder.get_or_insert_default().folder.clone_from(folder);
+    }
     if let Some(mode) = &arguments.cassettes {
         settings.cassettes.mode = match mode.as_str() {
             "live" => CassetteMode::Live,

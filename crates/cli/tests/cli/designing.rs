@@ -125,18 +125,18 @@ fn what_cannot_be_designed_is_refused_in_one_message() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("llm.toml"), "[server]\nbase_url = \"ftp://x\"\n").unwrap();
     fs::write(folder.path().join("file"), "").unwrap();
-    let cases: [(&str, &[&str]); 7] = [
-        ("--designer magic --out out", &["no designer `magic`", "rules or llm"]),
-        ("--kind cooking --out out", &["unknown kind `cooking`", "pick_and_place"]),
-        ("--designer llm --out out", &["needs --settings", "language-models.md"]),
-        ("--settings llm.toml --out out", &["for language models", "--designer llm"]),
-        ("--designer llm --settings none.toml --out out", &["cannot read none.toml"]),
-        ("--designer llm --settings llm.toml --out out", &["llm.toml", "server.base_url"]),
-        ("--count 1 --out file/out", &["cannot write"]),
+    let cases: [(&str, i32, &[&str]); 7] = [
+        ("--designer magic --out out", 2, &["unknown designer `magic`", "rules or llm"]),
+        ("--kind cooking --out out", 2, &["unknown kind `cooking`", "pick_and_place"]),
+        ("--designer llm --out out", 1, &["needs --settings", "language-models.md"]),
+        ("--settings llm.toml --out out", 2, &["for language models", "--designer llm"]),
+        ("--designer llm --settings none.toml --out out", 1, &["cannot read none.toml"]),
+        ("--designer llm --settings llm.toml --out out", 1, &["llm.toml", "server.base_url"]),
+        ("--count 1 --out file/out", 1, &["cannot write"]),
     ];
-    for (arguments, wanted) in cases {
+    for (arguments, code, wanted) in cases {
         let arguments: Vec<&str> = ["task", "new"].into_iter().chain(arguments.split(' ')).collect();
-        genmanip(folder.path(), &arguments).assert_refused(wanted);
+        genmanip(folder.path(), &arguments).assert_ended(code, wanted);
         assert!(!folder.path().join("out").exists());
     }
 }

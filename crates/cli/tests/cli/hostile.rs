@@ -4,7 +4,6 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
@@ -33,7 +32,6 @@ fn what_no_run_made_is_never_replaced() {
     fs::create_dir_all(&own).unwrap();
     fs::write(own.join("info.json"), "{\"mine\": true}").unwrap();
     let before = tree(folder.path());
-    let started = Instant::now();
     collect_again(folder.path(), &[]).assert_refused(&["holds `dataset`, but no run.json", "hint:"]);
     assert_same_tree(&tree(folder.path()), &before);
     // One put into a run afterwards.
@@ -47,7 +45,6 @@ fn what_no_run_made_is_never_replaced() {
         collect_again(folder.path(), &[]).assert_refused(&["that this run did not make", name, "move it away"]);
         assert_same_tree(&tree(folder.path()), &before);
     }
-    assert!(started.elapsed() < Duration::from_secs(30), "refused before the work");
 }
 
 #[test]
@@ -75,7 +72,8 @@ fn lost_output_is_an_error_and_a_closed_pipe_is_none() {
 /// Both are begun before either has written: one wins, the other says why, and nothing is mixed.
 #[test]
 fn two_starts_with_other_seeds_never_mix() {
-    for pair in 0..6 {
+    // `genmanip lab hostile --races` does this as often as one likes.
+    for pair in 0..2 {
         let folder = tempfile::tempdir().unwrap();
         let task = example("024_appearance");
         let start = |seed: String| {
@@ -110,10 +108,7 @@ fn two_starts_of_one_run_share_the_work() {
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     }
-    assert_same_tree(
-        &without_timings(tree(&folder.path().join("run"))),
-        &without_timings(tree(finished_run())),
-    );
+    assert_same_tree(&without_timings(tree(&folder.path().join("run"))), &without_timings(tree(finished_run())));
 }
 
 #[test]
@@ -232,8 +227,8 @@ fn a_damaged_record_spoils_no_verb() {
 fn nothing_waits_without_a_word() {
     let folder = tempfile::tempdir().unwrap();
     assert!(Command::new("mkfifo").arg(folder.path().join("fifo.json")).status().unwrap().success());
-    let started = Instant::now();
-    for verb in ["task show fifo.json", "task check fifo.json", "layout fifo.json --out out", "export --mjcf fifo.json"] {
+    for verb in ["task show fifo.json", "task check fifo.json", "layout fifo.json --out out", "export --mjcf fifo.json"]
+    {
         let arguments: Vec<&str> = verb.split(' ').collect();
         genmanip(folder.path(), &arguments).assert_refused(&["fifo.json", "found a pipe or device"]);
     }
@@ -248,8 +243,9 @@ fn nothing_waits_without_a_word() {
     let atom = task["goal"][0][0].clone();
     task["goal"] = vec![vec![atom; 64]; 4].into();
     fs::write(folder.path().join("most.json"), task.to_string()).unwrap();
-    assert_eq!(genmanip(folder.path(), &["task", "show", "most.json", "--svg", "most.svg"]).code, Some(0));
-    assert!(started.elapsed() < Duration::from_secs(20), "{:?}", started.elapsed());
+    // Within five seconds of processor time, however busy the machine is.
+    let outcome = shell(folder.path(), "ulimit -t 5; exec $G task show most.json --svg most.svg");
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
 }
 
 /// Where the system gives no thread at all, the work is done with the one there is.
@@ -259,7 +255,9 @@ fn a_shortage_of_threads_is_survived() {
     let task = example("024_appearance");
     let collect = |out: &str| {
         // No thread can have a stack of 2^46 bytes.
-        format!("RUST_MIN_STACK=70368744177664 $G collect {task} --episodes 1 --no-dataset --seed 3 --workers 2 --out {out}")
+        format!(
+            "RUST_MIN_STACK=70368744177664 $G collect {task} --episodes 1 --no-dataset --seed 3 --workers 2 --out {out}"
+        )
     };
     let outcome = shell(folder.path(), &collect("short"));
     assert!(outcome.code == Some(0) && !outcome.stderr.contains("panicked"), "{outcome:?}");
@@ -273,7 +271,7 @@ fn a_shortage_of_memory_is_never_a_verdict() {
     let collect = ["collect", &task, "--episodes", QUICK[1], "--no-dataset", "--seed", "3", "--workers", "1", "--out"];
     genmanip(folder.path(), &[&collect[..], &["alone"]].concat());
     let whole = without_timings(tree(&folder.path().join("alone")));
-    for mib in [60, 90, 120, 150, 180, 210, 240, 280, 340] {
+    for mib in [90, 150, 210, 280] {
         let out = format!("run{mib}");
         let command = format!("ulimit -v {}; exec $G {} {out}", mib << 10, collect.join(" "));
         let limited = shell(folder.path(), &command);

@@ -56,7 +56,13 @@ impl Outcome {
     /// Panics unless the call failed as a user's mistake does: exit 1, one message, nothing on stdout.
     #[track_caller]
     fn assert_refused(&self, wanted: &[&str]) {
-        assert_eq!(self.code, Some(1), "{self:?}");
+        self.assert_ended(1, wanted);
+    }
+
+    /// As [`Outcome::assert_refused`], with another exit code.
+    #[track_caller]
+    fn assert_ended(&self, code: i32, wanted: &[&str]) {
+        assert_eq!(self.code, Some(code), "{self:?}");
         assert_eq!(self.stdout, "", "{self:?}");
         assert_eq!(self.stderr.matches("error:").count(), 1, "{self:?}");
         for part in wanted {

@@ -9,11 +9,10 @@ use crate::{copy_of_finished_run, example, genmanip, quick_examples};
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
 
-const CASES: [Case; 44] = [
+const CASES: [Case; 43] = [
     // Seeds are kept in JSON, exact to 53 bits.
     ("layout task.json --out out --seed 9007199254740992", 2, &["from 0 to 9007199254740991"]),
     ("lab design --seed 18446744073709551615", 2, &["from 0 to 9007199254740991"]),
-    ("task show large_seed.json", 1, &["large_seed.json", "$.seed", "at most 9007199254740991"]),
     ("export --mjcf large_seed.json", 1, &["large_seed.json", "at $.seed: expected a seed of at most"]),
     // A negative number is a value, no option.
     ("layout task.json --out out --seed -1", 2, &["'-1' for '--seed", "from 0 to 9007199254740991"]),
@@ -44,14 +43,22 @@ const CASES: [Case; 44] = [
     ("lab motion --problems cut.json", 1, &["cut.json", "ends too early"]),
     ("lab motion --problems twice_problem.json", 1, &["twice_problem.json", "key `start` stands twice"]),
     ("evaluate scenario.json --policy do_nothing --cameras cut.json", 1, &["cut.json", "ends too early"]),
-    ("evaluate scenario.json --policy do_nothing --cameras flat.json", 1, &["flat.json", "cameras[0].intrinsics", "0x"]),
+    (
+        "evaluate scenario.json --policy do_nothing --cameras flat.json",
+        1,
+        &["flat.json", "cameras[0].intrinsics", "0x"],
+    ),
     // A file that is too large is named as what it should be.
     ("task show large.json", 1, &["large.json is larger than a task or recorded answer may be: 4 MiB"]),
     ("world check large.toml", 1, &["large.toml is larger than", "a world"]),
     ("task new --designer llm --settings large.toml --out out", 1, &["large.toml", "a settings file", "1 MiB"]),
     ("lab motion --generate easy --robot large.urdf", 1, &["large.urdf", "a robot description", "8 MiB"]),
     // A robot in millimetres.
-    ("lab motion --generate easy --robot millimetres.urdf", 1, &["millimetres.urdf", "origin should be", "is this in millimetres?"]),
+    (
+        "lab motion --generate easy --robot millimetres.urdf",
+        1,
+        &["millimetres.urdf", "origin should be", "is this in millimetres?"],
+    ),
     // Problems of another robot.
     ("lab motion --problems problems.json", 1, &["problems.json", "problems[0].start", "expected 7", "got 6"]),
     ("lab motion --problems far.json", 1, &["far.json", "problems[0].obstacles[0]", "expected", "got"]),
@@ -89,14 +96,20 @@ fn workplace() -> tempfile::TempDir {
     write("large.urdf", &vec![b' '; (8 << 20) + 1]);
     let joint = "<joint name=\"j\" type=\"revolute\"><parent link=\"a\"/><child link=\"b\"/><origin xyz=\"0 0 333\"/>\
                  <limit lower=\"-1\" upper=\"1\" velocity=\"1\"/></joint>";
-    write("millimetres.urdf", format!("<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/>{joint}</robot>").as_bytes());
+    write(
+        "millimetres.urdf",
+        format!("<robot name=\"r\"><link name=\"a\"/><link name=\"b\"/>{joint}</robot>").as_bytes(),
+    );
     let problem = |dof: usize, size: f64| {
         let obstacle = json!({"type": "box", "size": [size, 1, 1], "pos": [2, 0, 0]});
         json!({"problems": [{"start": vec![0.0; dof], "goal": vec![0.1; dof], "obstacles": [obstacle]}]}).to_string()
     };
     write("problems.json", problem(6, 0.1).as_bytes());
     write("far.json", problem(7, 1e9).as_bytes());
-    write("twice_problem.json", b"{\"problems\": [{\"start\": [0], \"start\": [0], \"goal\": [0], \"obstacles\": []}]}");
+    write(
+        "twice_problem.json",
+        b"{\"problems\": [{\"start\": [0], \"start\": [0], \"goal\": [0], \"obstacles\": []}]}",
+    );
     let mut cameras = changed["world"]["cameras"].clone();
     cameras[0]["intrinsics"]["width"] = 0.into();
     write("flat.json", cameras.to_string().as_bytes());

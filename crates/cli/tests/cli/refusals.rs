@@ -111,8 +111,9 @@ fn every_refusal_is_one_clear_message_and_changes_nothing() {
         assert_eq!(outcome.stdout, "", "{case}: {outcome:?}");
         assert_eq!(outcome.stderr.matches("error:").count(), 1, "{case}: {outcome:?}");
         assert!(!outcome.stderr.contains("panicked"), "{case}: {outcome:?}");
-        // A call that cannot be parsed ends with 2, as everywhere; one that cannot be met ends with 1.
-        let code = if outcome.stderr.contains("For more information, try '--help'") { 2 } else { 1 };
+        // A call that cannot be understood ends with 2, as everywhere; one that cannot be met ends with 1.
+        let is_misused = ["For more information, try '--help'", "unknown policy", "unknown kind"];
+        let code = if is_misused.iter().any(|part| outcome.stderr.contains(part)) { 2 } else { 1 };
         assert_eq!(outcome.code, Some(code), "{case}: {outcome:?}");
         said += &format!("$ genmanip {case}\n{}\n", outcome.stderr);
     }

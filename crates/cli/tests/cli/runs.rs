@@ -37,7 +37,7 @@ fn recorded_commands_lead_to_the_identical_final_state() {
     }
 }
 
-/// A damaged recording is noticed; a replay that ends elsewhere is exit 1.
+/// A damaged recording is refused where it alone is meant.
 #[test]
 fn a_damaged_episode_is_refused() {
     let folder = copy_of_finished_run();
@@ -46,7 +46,8 @@ fn a_damaged_episode_is_refused() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     fs::write(&frames, bytes).unwrap();
-    genmanip(folder.path(), &["replay", "--check", "run"]).assert_refused(&["021_spatial-000", "frames.parquet"]);
+    let outcome = genmanip(folder.path(), &["replay", "--check", "run/episodes/021_spatial-000"]);
+    outcome.assert_refused(&["021_spatial-000", "frames.parquet", "--repair"]);
 }
 
 #[test]
@@ -54,7 +55,9 @@ fn a_run_of_another_seed_is_refused_and_nothing_changes() {
     let folder = copy_of_finished_run();
     let run = folder.path().join("run");
     let (files, written) = (tree(&run), times(&run));
-    for (more, wanted) in [(["--seed", "5"], "its seed is 0, not 5"), (["--fps", "15"], "with other settings")] {
+    for (more, wanted) in
+        [(["--seed", "5"], "its seed is 0, not 5"), (["--fps", "15"], "settings.images.fps is 10, not 15")]
+    {
         let examples = quick_examples();
         let arguments: Vec<&str> = ["collect"]
             .into_iter()

@@ -244,5 +244,9 @@ pub fn check_owner(target: &Path, run: Option<&str>) -> Result<(), DataError> {
     let mark = target.join(SETTINGS);
     let known = files::read_own(&mark, limits::SETTINGS).ok();
     let known = known.and_then(|text| LerobotSettings::from_bytes(&text).ok()).and_then(|settings| settings.run);
-    if about.is_dir() && known.as_deref() == Some(run) { Ok(()) } else { Err(DataError::NotOurs { path: target.into() }) }
+    if about.is_dir() && known.as_deref() == Some(run) {
+        Ok(())
+    } else {
+        Err(DataError::NotOurs { path: target.into() })
+    }
 }

@@ -68,7 +68,8 @@ impl RobotShape {
             })
             .collect::<Result<Vec<_>, GeometryError>>()?;
         let frame = |link: usize| chain.link_mount(link, 0.0).0;
-        let allowed: BTreeSet<(usize, usize)> = robot.never_colliding.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
+        let allowed: BTreeSet<(usize, usize)> =
+            robot.never_colliding.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
         let never = |a: usize, b: usize| frame(a) == frame(b) || allowed.contains(&(a, b));
         let count = links.len();
         let pairs = (0..count)

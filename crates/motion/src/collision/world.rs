@@ -163,8 +163,11 @@ impl Attached {
 
 impl Allowed {
     /// Nothing may touch.
+    pub const NONE: Self = Self { pairs: Vec::new(), ignored: Vec::new() };
+
+    /// Nothing may touch.
     pub fn none() -> Self {
-        Self::default()
+        Self::NONE
     }
 
     /// Also lets a moving part touch an obstacle.

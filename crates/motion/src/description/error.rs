@@ -101,7 +101,9 @@ impl DescriptionError {
             Self::Huge { .. } => "expected one robot; take links and pieces out that planning does not need",
             Self::UnknownLink { .. } | Self::Twice { .. } => "names of links and joints must match and differ",
             Self::TwoParents(_) | Self::NotATree(_) => "expected every link but the base to be the child of one joint",
-            Self::Mesh { .. } => "expected STL or OBJ in metres; a simpler hull beside it as MESH.convex.stl is preferred",
+            Self::Mesh { .. } => {
+                "expected STL or OBJ in metres; a simpler hull beside it as MESH.convex.stl is preferred"
+            }
             Self::BadAttribute { .. } => "the URDF specification says what each attribute holds",
             Self::NothingMoves => "expected at least one revolute, continuous or prismatic joint",
             Self::Robot(_) => "expected convex or nearly convex collision geometry (box, cylinder, sphere, STL, OBJ)",

@@ -70,7 +70,8 @@ pub fn read_robot(
     let tree = tree::Tree::of(root)?;
     let links = links::read(&tree, mesh)?;
     plausible::check(&links)?;
-    let indices: BTreeMap<&str, usize> = links.iter().zip(0..).map(|(link, index)| (link.name.as_str(), index)).collect();
+    let indices: BTreeMap<&str, usize> =
+        links.iter().zip(0..).map(|(link, index)| (link.name.as_str(), index)).collect();
     let position = |name: &str, by: &str| {
         let found = indices.get(name).copied();
         found.ok_or_else(|| DescriptionError::UnknownLink { name: name.to_owned(), by: by.to_owned() })

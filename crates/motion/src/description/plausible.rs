@@ -33,7 +33,8 @@ const MAX_EFFORT: f64 = 1e6;
 const MAX_MASS: f64 = 1e5;
 
 /// What most likely happened to lengths that are too large.
-const MILLIMETRES: &str = "is this in millimetres? URDF is in metres; a mesh can be scaled with scale=\"0.001 0.001 0.001\"";
+const MILLIMETRES: &str =
+    "is this in millimetres? URDF is in metres; a mesh can be scaled with scale=\"0.001 0.001 0.001\"";
 const DEGREES: &str = "is this in degrees? URDF is in radians";
 
 /// Checks what the links say one by one, and then the whole.
@@ -165,7 +166,13 @@ fn implausible(
     got: f64,
     hint: &'static str,
 ) -> DescriptionError {
-    DescriptionError::Implausible { place, what, expected: format!("{low:?} to {high:?} {unit}"), got: format!("{got:?}"), hint }
+    DescriptionError::Implausible {
+        place,
+        what,
+        expected: format!("{low:?} to {high:?} {unit}"),
+        got: format!("{got:?}"),
+        hint,
+    }
 }
 
 /// Distance of the farthest corner from the middle, or from the origin for a hull.

@@ -125,7 +125,11 @@ fn every_flaw_has_its_own_message() {
             "type=\"floating\"",
             "joint j4: type should be fixed, revolute, continuous or prismatic",
         ),
-        ("radius=\"0.07\"", "radius=\"-0.07\"", "collision piece 0 of shoulder: sizes must be positive"),
+        (
+            "radius=\"0.07\"",
+            "radius=\"-0.07\"",
+            "link shoulder: size of the collision geometry should be 1e-6 to 10.0 m, got -0.14",
+        ),
     ];
     for (old, new, message) in cases {
         assert!(ARM.contains(old), "{old}");
@@ -186,7 +190,11 @@ fn robots_that_cannot_be_are_refused_with_a_hint() {
     for (old, new, message, hint) in cases {
         assert!(ARM.contains(old), "{old}");
         let error = read_robot(&ARM.replacen(old, new, 1), None, None, &mut brick).unwrap_err();
-        assert!(error.to_string().contains(message) && error.hint().contains(hint), "{new}: {error} ({})", error.hint());
+        assert!(
+            error.to_string().contains(message) && error.hint().contains(hint),
+            "{new}: {error} ({})",
+            error.hint()
+        );
     }
     // Too many of something.
     let joint = |index: usize| {

@@ -54,7 +54,8 @@ impl<'a> Tree<'a> {
         let mut links = vec![(elements[base], None)];
         let mut next = 0;
         // Joints in the order of the file, so that the arm's joints keep theirs.
-        let mut below: Vec<(&str, Node, &str)> = above.iter().map(|(&child, &(joint, parent))| (child, joint, parent)).collect();
+        let mut below: Vec<(&str, Node, &str)> =
+            above.iter().map(|(&child, &(joint, parent))| (child, joint, parent)).collect();
         below.sort_by_key(|(_, joint, _)| joint.id().get());
         while next < order.len() {
             let here = order[next];

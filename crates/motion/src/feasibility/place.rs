@@ -91,8 +91,12 @@ impl PlaceQuery<'_> {
         // Once let go of, the object is an obstacle.
         let mut occupied = self.world.clone();
         occupied.add(self.name, self.pieces, &goal.raised(height_m)).map_err(unusable)?;
+        let leaving = match settings.object_clearance_m {
+            Some(_) => Allowed::none(),
+            None => Allowed::none().and_gripper(planner.robot(), self.name),
+        };
         let opened =
-            PlanningScene { world: &occupied, attached: None, allowed: &nothing, gripper_width: self.open_width_m };
+            PlanningScene { world: &occupied, attached: None, allowed: &leaving, gripper_width: self.open_width_m };
         let hand_alone = PlanningScene { world: self.world, ..opened };
         let checker = planner.checker(&hand_alone, settings.clearance_m);
         let back = world_from_release.transform_vector(DVec3::NEG_Z) * settings.approach_m;

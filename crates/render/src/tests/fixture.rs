@@ -189,11 +189,11 @@ pub fn cast(assets: &RenderAssets, frame: &FrameState, camera: &Camera, pixel: [
 }
 
 fn hits_of(part: &Part, origin: DVec3, ray: DVec3) -> impl Iterator<Item = f64> {
-    let to_center = part.bounds_center.as_dvec3() - origin;
+    let to_center = part.mesh.bounds_center.as_dvec3() - origin;
     let off_axis = (to_center - ray * (to_center.dot(ray) / ray.length_squared())).length();
-    let may_hit = off_axis <= f64::from(part.bounds_radius) + 1e-6;
-    (0..if may_hit { part.triangles.len() } else { 0 }).filter_map(move |triangle| {
-        let [a, b, c] = part.corners(triangle).map(Vec3::as_dvec3);
+    let may_hit = off_axis <= f64::from(part.mesh.bounds_radius) + 1e-6;
+    (0..if may_hit { part.mesh.triangles.len() } else { 0 }).filter_map(move |triangle| {
+        let [a, b, c] = part.mesh.corners(triangle).map(Vec3::as_dvec3);
         let (ab, ac) = (b - a, c - a);
         let across = ray.cross(ac);
         let determinant = ab.dot(across);

@@ -4,10 +4,11 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, JointKind, Pose, Seed};
 use genmanip_layout::articulation::{JointSweep, Sweeper, joint_changes};
 use genmanip_layout::{Move, obstacles};
+use genmanip_motion::commands;
 use genmanip_motion::{Allowed, Path, PlanningScene};
 use genmanip_scene::relations::PosedScene;
 
-use super::{Expert, commands, pick::grasp_direction};
+use super::{Expert, pick::grasp_direction};
 
 /// Peak speed of a smooth start and end, per mean speed: the largest slope of 10t³ − 15t⁴ + 6t⁵.
 const PEAK_SPEED: f64 = 1.875;

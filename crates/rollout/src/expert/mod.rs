@@ -5,7 +5,6 @@
 //! what came of it: an object that was not lifted is picked again another way, an atom that does not hold is
 //! tried again, and when nothing is left to try the expert gives up with the cause and its evidence.
 
-mod commands;
 mod joint;
 mod pick;
 mod place;
@@ -22,6 +21,7 @@ use genmanip_core::{
     PrivilegedState, Seed, TriedGrasp,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
+use genmanip_motion::commands;
 use genmanip_motion::{Allowed, CollisionWorld, Path, PlaceGoal, Planner, PlanningScene};
 use genmanip_scene::relations::{PosedScene, judge_atom};
 

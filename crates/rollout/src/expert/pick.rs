@@ -3,12 +3,13 @@
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Failure, FailureCause, Pose, Seed};
 use genmanip_layout::{Move, obstacles};
+use genmanip_motion::commands;
 use genmanip_motion::{
     FeasibilitySettings, FeasibleGrasp, GeometryError, GraspRejections, PickMotions, PickQuery, PickedObject, PlaceGoal,
 };
 use genmanip_scene::relations::PosedScene;
 
-use super::{Expert, commands};
+use super::Expert;
 
 /// A planned pick.
 pub(super) struct Pick {

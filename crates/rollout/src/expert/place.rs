@@ -2,10 +2,11 @@
 
 use genmanip_core::{Failure, FailureCause, Piece, Pose, Seed};
 use genmanip_layout::{GoalPose, Move, obstacles};
+use genmanip_motion::commands;
 use genmanip_motion::{CollisionWorld, PlaceGoal, PlaceQuery, Release};
 use genmanip_scene::relations::PosedScene;
 
-use super::{Expert, Hand, commands};
+use super::{Expert, Hand};
 
 /// Height above a goal pose which the hand must get to for its motions to be planned at all, metres: chosen in the
 /// lower part of the release heights.

@@ -88,6 +88,44 @@ pub fn tried_grasps(
     settings: &TryingSettings,
     seed: Seed,
 ) -> Result<Vec<TriedGrasp>, TrialError> {
+    let (table, candidates) = candidates(trials, model, seed)?;
+    let mut tried = Vec::new();
+    for (index, grasp) in candidates.into_iter().enumerate() {
+        tried.extend(try_out(trials, &table, grasp, settings, seed.fork("trials").fork_index(index as u64))?);
+    }
+    tried.sort_by(|a, b| b.share().total_cmp(&a.share()).then(b.grasp.score.total_cmp(&a.grasp.score)));
+    Ok(tried)
+}
+
+/// The first of the best `most` candidates that held in every trial; `None` when none did.
+///
+/// # Errors
+/// As [`tried_grasps`].
+pub fn sound_grasp(
+    trials: &GraspTrials,
+    model: &Arc<ObjectModel>,
+    settings: &TryingSettings,
+    most: usize,
+    seed: Seed,
+) -> Result<Option<TriedGrasp>, TrialError> {
+    let (table, candidates) = candidates(trials, model, seed)?;
+    let mut tried = 0;
+    for (index, grasp) in candidates.into_iter().enumerate() {
+        if tried == most {
+            break;
+        }
+        let seed = seed.fork("trials").fork_index(index as u64);
+        let Some(grasp) = try_out(trials, &table, grasp, settings, seed)? else { continue };
+        if grasp.held == settings.trials {
+            return Ok(Some(grasp));
+        }
+        tried += 1;
+    }
+    Ok(None)
+}
+
+/// The object upright on the table, and the candidates of the planner's exact generator, best first.
+fn candidates(trials: &GraspTrials, model: &Arc<ObjectModel>, seed: Seed) -> Result<(Table, Vec<Grasp>), TrialError> {
     let table = Table::with_one(Arc::clone(model), &trials.world)?;
     let object = PosedObject {
         id: model.card.uid.clone(),
@@ -97,12 +135,7 @@ pub fn tried_grasps(
     };
     let scene = PosedScene::new(vec![object], &trials.world.surfaces, &mut ShapeCache::default());
     let candidates = obstacles::generated_grasps(&trials.planner, &scene, 0, seed)?;
-    let mut tried = Vec::new();
-    for (index, grasp) in candidates.into_iter().enumerate() {
-        tried.extend(try_out(trials, &table, grasp, settings, seed.fork("trials").fork_index(index as u64))?);
-    }
-    tried.sort_by(|a, b| b.share().total_cmp(&a.share()).then(b.grasp.score.total_cmp(&a.grasp.score)));
-    Ok(tried)
+    Ok((table, candidates))
 }
 
 fn try_out(

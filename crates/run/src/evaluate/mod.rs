@@ -114,7 +114,15 @@ fn one(
             RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
             error => RolloutError::Spec { policy: policy.label().into(), reason: error.to_string() },
         };
-        let recorded = suite.recorded(&case.id)?;
+        let recorded = match suite.recorded(&case.id) {
+            // A damaged recording says nothing about a policy that needs it, and is nothing to the others.
+            Err(error) if error.is_damage() && policy.needs_record() => {
+                let reason = format!("what was recorded is damaged: {error}");
+                return Err(RolloutError::NotRun { policy: policy.label().into(), reason });
+            }
+            Err(error) if error.is_damage() => None,
+            recorded => recorded?,
+        };
         let context = PolicyContext {
             stage,
             recorded: recorded.as_ref(),

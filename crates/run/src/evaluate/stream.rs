@@ -146,7 +146,11 @@ fn known_results(path: &Path, bytes: &[u8]) -> Result<Vec<EpisodeResult>, RunErr
                 .with_hint("take the line out: that episode is then evaluated again")
         };
         if line.len() as u64 > limits::RESULT_LINE.bytes {
-            return Err(damaged(format!("expected at most {}, got {} bytes", limits::RESULT_LINE.in_words(), line.len())));
+            return Err(damaged(format!(
+                "expected at most {}, got {} bytes",
+                limits::RESULT_LINE.in_words(),
+                line.len()
+            )));
         }
         let result = EpisodeResult::from_bytes(line).map_err(|error| damaged(error.to_string()))?;
         if ids.insert(result.id.clone()) {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use genmanip_bench::reference_paths_m;
 use genmanip_core::world::camera_faults;
-use genmanip_core::{Camera, Document, Episode, Scenario, Task, json, limits};
+use genmanip_core::{Camera, Document, DocumentError, Episode, Scenario, Task, json, limits};
 use genmanip_data::{DataError, EpisodeStore};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::evaluate::Case;
@@ -141,7 +141,10 @@ impl Suite {
                 "expected a JSON list of cameras as in a scenario: name, mount, mount_from_camera, intrinsics",
             )
         };
-        json::parse(&text).map_err(|error| no_list(error.into()))?;
+        json::parse(&text).map_err(|error| match error {
+            DocumentError::NotJson { hint, .. } => no_list(error.into()).with_hint(hint),
+            _ => no_list(error.into()),
+        })?;
         let cameras: Vec<Camera> = serde_json::from_str(&text).map_err(|error| no_list(error.into()))?;
         if let Some(fault) = camera_faults(&cameras).into_iter().next() {
             return Err(no_list(fault.to_string().into()));

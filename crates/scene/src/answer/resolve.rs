@@ -233,7 +233,7 @@ impl Resolver<'_> {
                     beside = Some(self.state(subject, state, &raw.path)?);
                 }
                 let second = self.second(relation, raw.second.as_ref(), &raw.path).ok()?;
-                self.check_surfaces(subject, relation, [Some(reference), second], &raw.path).ok()?;
+                let relation = self.check_surfaces(subject, relation, [Some(reference), second], &raw.path).ok()?;
                 Test::Relation(relation, reference, second)
             }
             (None, Named::Absent, Some(state)) => Test::State(self.state(subject, state, &raw.path)?),
@@ -286,7 +286,9 @@ impl Resolver<'_> {
                     return EdgeReading::Unreadable;
                 };
                 match self.check_surfaces(subject, relation, [Some(reference), second], &raw.path) {
-                    Ok(()) => EdgeReading::Edge(Edge { subject, relation, reference, second, path: raw.path.clone() }),
+                    Ok(relation) => {
+                        EdgeReading::Edge(Edge { subject, relation, reference, second, path: raw.path.clone() })
+                    }
                     Err(Noted) => EdgeReading::Unreadable,
                 }
             }
@@ -311,14 +313,14 @@ impl Resolver<'_> {
         }
     }
 
-    /// Surfaces do not move, and things are on or near them only.
+    /// Surfaces do not move, and things are on or near them only: `top` of one is `on` it, since nothing is in it.
     fn check_surfaces(
         &mut self,
         subject: usize,
         relation: Relation,
         references: [Option<usize>; 2],
         path: &str,
-    ) -> Result<(), Noted> {
+    ) -> Result<Relation, Noted> {
         let is_surface = |index: &usize| self.request.is_surface(*index);
         if is_surface(&subject) {
             let message = format!("expected an object in obj1, got the {}", self.names[subject]);
@@ -326,13 +328,14 @@ impl Resolver<'_> {
             return Err(Noted);
         }
         let fits = matches!(relation, Relation::On | Relation::Top | Relation::Near);
-        if let Some(index) = references.into_iter().flatten().find(is_surface).filter(|_| !fits) {
+        let Some(index) = references.into_iter().flatten().find(is_surface) else { return Ok(relation) };
+        if !fits {
             let message =
                 format!("expected `on`, `top` or `near` with the {}, got `{}`", self.names[index], relation.name());
             self.findings.reject(FlawKind::UnknownRelation, path, message, "other relations are between objects");
             return Err(Noted);
         }
-        Ok(())
+        Ok(if relation == Relation::Top { Relation::On } else { relation })
     }
 
     fn node(&mut self, raw: &RawNode) -> Option<Node> {

@@ -1,0 +1,161 @@
+//! Prompts: one file per stage, with a name and a version; placeholders as in the paper.
+//!
+//! A file begins with TOML between two lines `+++`; in the rest `{instruction}`, `{object_name}`, `{start_point}` and
+//! `{arrows}` are filled in, and all other braces stay what they are.
+//! The built-in files lie in `prompts/`; a folder may replace any of them by a file of the same name.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+
+use super::stage::{PromptStamp, Stage};
+
+/// All prompts of the agent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PromptSet {
+    /// In the order of [`Stage::ALL`].
+    prompts: Vec<Prompt>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Prompt {
+    stamp: PromptStamp,
+    text: String,
+}
+
+/// Why a prompt cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("prompt {file}: {message}")]
+pub struct PromptError {
+    /// The file.
+    pub file: String,
+    /// What is wrong.
+    pub message: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    id: String,
+    version: u32,
+}
+
+/// What may be filled in; what a stage does not have stays empty.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Inputs<'a> {
+    pub instruction: &'a str,
+    pub object_name: &'a str,
+    pub start_point: &'a str,
+    pub arrows: &'a str,
+}
+
+const BUILT_IN: [(&str, &str); 7] = [
+    ("decompose.md", include_str!("../../prompts/decompose.md")),
+    ("object.md", include_str!("../../prompts/object.md")),
+    ("part.md", include_str!("../../prompts/part.md")),
+    ("grab_point.md", include_str!("../../prompts/grab_point.md")),
+    ("grid_path.md", include_str!("../../prompts/grid_path.md")),
+    ("point_to_point.md", include_str!("../../prompts/point_to_point.md")),
+    ("check.md", include_str!("../../prompts/check.md")),
+];
+
+impl PromptSet {
+    /// The built-in prompts, those of `folder` in their place where it has a file of the same name.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or does not begin as it should.
+    pub fn load(folder: Option<&Path>) -> Result<Self, PromptError> {
+        let prompt = |(name, built_in): &(&str, &str)| {
+            let path = folder.map(|folder| folder.join(name)).filter(|path| path.exists());
+            let file = path.as_ref().map_or_else(|| (*name).to_owned(), |path| path.display().to_string());
+            let wrong = |message: String| PromptError { file: file.clone(), message };
+            match &path {
+                None => Prompt::parse(built_in).map_err(wrong),
+                Some(path) => {
+                    let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+                    Prompt::parse(&text).map_err(wrong)
+                }
+            }
+        };
+        Ok(Self { prompts: BUILT_IN.iter().map(prompt).collect::<Result<_, _>>()? })
+    }
+
+    /// The words of a stage and which prompt they are from.
+    pub(crate) fn fill(&self, stage: Stage, inputs: Inputs) -> (PromptStamp, String) {
+        let Prompt { stamp, text } = &self.prompts[stage as usize];
+        (stamp.clone(), filled(text, inputs))
+    }
+}
+
+impl Prompt {
+    fn parse(content: &str) -> Result<Self, String> {
+        let content = content.replace("\r\n", "\n");
+        let (head, text) = content
+            .strip_prefix("+++\n")
+            .and_then(|rest| rest.split_once("\n+++\n"))
+            .ok_or("expected TOML with `id` and `version` between two lines `+++`")?;
+        let Head { id, version } = toml::from_str(head).map_err(|error| error.message().to_owned())?;
+        let text = text.trim().to_owned();
+        let digest = Sha256::digest(text.as_bytes());
+        let sha256 = digest.iter().take(6).map(|byte| format!("{byte:02x}")).collect();
+        Ok(Self { stamp: PromptStamp { id, version, sha256 }, text })
+    }
+}
+
+/// The text with its placeholders filled in, in one pass, so that braces in a value stay what they are.
+fn filled(text: &str, inputs: Inputs) -> String {
+    let values = [
+        ("{instruction}", inputs.instruction),
+        ("{object_name}", inputs.object_name),
+        ("{start_point}", inputs.start_point),
+        ("{arrows}", inputs.arrows),
+    ];
+    let mut words = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find('{') {
+        words += &rest[..at];
+        rest = &rest[at..];
+        match values.iter().find(|(name, _)| rest.starts_with(name)) {
+            Some((name, value)) => {
+                words += value;
+                rest = &rest[name.len()..];
+            }
+            None => {
+                words.push('{');
+                rest = &rest[1..];
+            }
+        }
+    }
+    words + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn placeholders_are_filled_once_and_other_braces_stay() {
+        let inputs = Inputs { instruction: "put {object_name} {", object_name: "cup", ..Inputs::default() };
+        assert_eq!(filled("{instruction}: {\"a\": {object_name}} {x", inputs), "put {object_name} {: {\"a\": cup} {x");
+    }
+
+    #[test]
+    fn a_folder_replaces_single_prompts_and_says_what_is_wrong() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("check.md"), "+++\nid = \"mine\"\nversion = 3\n+++\nDone: {instruction}?\n")
+            .unwrap();
+        let mine = PromptSet::load(Some(folder.path())).unwrap();
+        let (stamp, text) = mine.fill(Stage::Check, Inputs { instruction: "x", ..Inputs::default() });
+        assert_eq!((stamp.id.as_str(), stamp.version, text.as_str()), ("mine", 3, "Done: x?"));
+        let built_in = PromptSet::load(None).unwrap();
+        assert_eq!(mine.prompts[0], built_in.prompts[0]);
+        for (stage, prompt) in Stage::ALL.iter().zip(&built_in.prompts) {
+            assert_eq!(prompt.stamp.id, format!("agent.{}", stage.name()));
+            assert!(prompt.text.contains("{instruction}") || *stage == Stage::GrabPoint, "{}", stage.name());
+        }
+        std::fs::write(folder.path().join("check.md"), "no head").unwrap();
+        let error = PromptSet::load(Some(folder.path())).unwrap_err().to_string();
+        assert!(error.contains("check.md") && error.contains("+++"), "{error}");
+    }
+}

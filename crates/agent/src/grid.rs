@@ -1,0 +1,97 @@
+//! The lettered grid over a picture: rows from the top, columns from 1 at the left.
+
+use std::fmt;
+
+/// A grid over a whole picture, whose cells share it evenly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Rows, at most 26.
+    pub rows: u32,
+    /// Columns.
+    pub columns: u32,
+    /// Pixels per row of the picture.
+    pub width: u32,
+    /// Rows of the picture.
+    pub height: u32,
+}
+
+/// One cell of a grid, counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Cell {
+    /// Row from the top.
+    pub row: u32,
+    /// Column from the left.
+    pub column: u32,
+}
+
+impl Grid {
+    /// The usual grid of 9 rows and 16 columns: square cells on 16:9 pictures.
+    pub fn usual(width: u32, height: u32) -> Self {
+        Self { rows: 9, columns: 16, width, height }
+    }
+
+    /// All cells, row by row.
+    pub fn cells(&self) -> impl Iterator<Item = Cell> + use<> {
+        let Self { rows, columns, .. } = *self;
+        (0..rows).flat_map(move |row| (0..columns).map(move |column| Cell { row, column }))
+    }
+
+    /// Left, top, right and bottom edge of a cell, pixels; the pixel k covers k to k + 1.
+    pub fn edges(&self, cell: Cell) -> [f64; 4] {
+        let x = |column: u32| f64::from(column) * f64::from(self.width) / f64::from(self.columns);
+        let y = |row: u32| f64::from(row) * f64::from(self.height) / f64::from(self.rows);
+        [x(cell.column), y(cell.row), x(cell.column + 1), y(cell.row + 1)]
+    }
+
+    /// The middle of a cell in pixel coordinates, in which the centre of a pixel is a whole number.
+    pub fn center(&self, cell: Cell) -> [f64; 2] {
+        let [left, top, right, bottom] = self.edges(cell);
+        [(left + right) / 2.0 - 0.5, (top + bottom) / 2.0 - 0.5]
+    }
+
+    /// The cell that holds a pixel; `None` outside of the picture.
+    pub fn cell_at(&self, x: f64, y: f64) -> Option<Cell> {
+        let (x, y) = ((x + 0.5) / f64::from(self.width), (y + 0.5) / f64::from(self.height));
+        ((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y))
+            .then(|| Cell { row: (y * f64::from(self.rows)) as u32, column: (x * f64::from(self.columns)) as u32 })
+    }
+
+    /// The cell of a label such as `C4`; `None` for anything that is not drawn.
+    pub fn named(&self, label: &str) -> Option<Cell> {
+        let letter = label.chars().next().filter(char::is_ascii_uppercase)?;
+        let digits = &label[1..];
+        let column: u32 = digits.parse().ok().filter(|_| !digits.starts_with(['0', '+']))?;
+        let row = u32::from(letter) - u32::from('A');
+        (row < self.rows && (1..=self.columns).contains(&column)).then(|| Cell { row, column: column - 1 })
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let letter = char::from_u32(u32::from('A') + self.row).unwrap_or('?');
+        write!(f, "{letter}{}", self.column + 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_name_their_cells_and_nothing_else() {
+        for (width, height) in [(512, 288), (1280, 720), (640, 480)] {
+            let grid = Grid::usual(width, height);
+            for cell in grid.cells() {
+                assert_eq!(grid.named(&cell.to_string()), Some(cell));
+                let [x, y] = grid.center(cell);
+                assert_eq!(grid.cell_at(x, y), Some(cell));
+            }
+            for label in ["", "Z99", "J1", "A0", "A17", "A", "1A", "a1", "A01", "A+1", "A1 ", "É1", "A-1", "A1.0"] {
+                assert_eq!(grid.named(label), None, "{label}");
+            }
+            assert_eq!(grid.cell_at(-0.6, 0.0), None);
+            assert_eq!(grid.cell_at(f64::from(width) - 0.4, 0.0), None);
+            assert_eq!(grid.cell_at(f64::NAN, 0.0), None);
+        }
+    }
+}

@@ -1,0 +1,304 @@
+//! The marks on pictures: numbered masks, crops, points, the lettered grid, the grab point, the robot's directions.
+//!
+//! Labels are white on a dark ground and stand on large things, beside small ones.
+
+use genmanip_core::RgbdImage;
+use glam::DVec3;
+
+use super::font::label_size;
+use super::{BLACK, Color, Picture, WHITE};
+use crate::grid::Grid;
+use crate::segmentation::Mask;
+
+/// What the prompts say about the arrows.
+pub const ARROWS: &str = "The camera faces the robot. Arrows in the picture show the robot's own directions: LEFT and \
+RIGHT are the robot's left and right, FAR points away from the robot, NEAR towards it. Words like left, right, front \
+and behind in the task mean the robot's directions, not those of the picture: front, or in front of, means the far \
+side, and behind means the side near the robot.";
+
+/// Colours of masks and points, told apart on white and on each other; they repeat.
+const COLORS: [Color; 8] = [
+    [228, 26, 28],
+    [55, 126, 184],
+    [60, 160, 60],
+    [152, 78, 163],
+    [235, 120, 0],
+    [0, 150, 150],
+    [166, 86, 40],
+    [220, 60, 150],
+];
+
+/// Dots of a label per pixel of a 512x288 picture.
+const DOT: f64 = 1.0;
+
+fn color(index: usize) -> Color {
+    COLORS[index % COLORS.len()]
+}
+
+/// Dot size on a picture: whole pixels, so that letters stay sharp.
+fn dot(picture: &Picture) -> f64 {
+    (DOT * picture.unit()).round().max(1.0)
+}
+
+/// The picture with masks outlined, tinted and numbered from 1.
+pub fn masks(picture: &Picture, masks: &[Mask]) -> Picture {
+    let mut marked = picture.clone();
+    for (index, mask) in masks.iter().enumerate() {
+        tint(&mut marked, mask, color(index));
+    }
+    let taken = labels(&marked, masks);
+    let size = dot(&marked);
+    for (index, middle) in taken.into_iter().enumerate() {
+        let Some(middle) = middle else { continue };
+        if let Some(anchor) = anchor(&masks[index]).filter(|anchor| !is_on(&masks[index], middle, *anchor)) {
+            marked.line(middle, anchor, size.max(1.0), color(index));
+        }
+        marked.label(&(index + 1).to_string(), middle, size);
+        frame(&mut marked, &(index + 1).to_string(), middle, size, color(index));
+    }
+    marked
+}
+
+/// A thin coloured frame around a label, so that it can be told which outline it belongs to.
+fn frame(picture: &mut Picture, text: &str, middle: [f64; 2], dot: f64, color: Color) {
+    let size = label_size(text, dot);
+    let [left, top] = [(middle[0] - size[0] / 2.0).round(), (middle[1] - size[1] / 2.0).round()];
+    let (right, bottom) = (left + size[0], top + size[1]);
+    for [from, to] in [
+        [[left, top - dot], [right, top]],
+        [[left, bottom], [right, bottom + dot]],
+        [[left - dot, top], [left, bottom]],
+        [[right, top], [right + dot, bottom]],
+    ] {
+        picture.rectangle(from, to, color, 1.0);
+    }
+}
+
+fn tint(picture: &mut Picture, mask: &Mask, color: Color) {
+    let width = mask.width as usize;
+    let has = |x: i64, y: i64| {
+        x >= 0
+            && y >= 0
+            && x < i64::from(mask.width)
+            && y < i64::from(mask.height)
+            && mask.pixels[y as usize * width + x as usize]
+    };
+    let reach = (picture.unit().round() as i64).max(1);
+    for index in mask.indices() {
+        let (x, y) = ((index % width) as i64, (index / width) as i64);
+        let edge = [(-reach, 0), (reach, 0), (0, -reach), (0, reach)].iter().any(|(dx, dy)| !has(x + dx, y + dy));
+        picture.blend(x, y, color, if edge { 0.9 } else { 0.05 });
+    }
+}
+
+/// The pixel of a mask that is nearest to the middle of all of them.
+fn anchor(mask: &Mask) -> Option<[f64; 2]> {
+    let width = mask.width as usize;
+    let place = |index: usize| [(index % width) as f64, (index / width) as f64];
+    let count = mask.indices().count();
+    if count == 0 {
+        return None;
+    }
+    let sum = mask.indices().map(place).fold([0.0, 0.0], |sum, at| [sum[0] + at[0], sum[1] + at[1]]);
+    let middle = [sum[0] / count as f64, sum[1] / count as f64];
+    let distance = |at: [f64; 2]| (at[0] - middle[0]).hypot(at[1] - middle[1]);
+    mask.indices().map(place).min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
+}
+
+/// Whether a label stands on its thing.
+fn is_on(mask: &Mask, middle: [f64; 2], anchor: [f64; 2]) -> bool {
+    let index = middle[1].max(0.0) as usize * mask.width as usize + middle[0].max(0.0) as usize;
+    middle == anchor || mask.pixels.get(index) == Some(&true)
+}
+
+/// The largest part of a thing that a label on it may hide.
+const HIDDEN_SHARE: f64 = 0.2;
+/// Directions and steps in which a free place for a label is sought.
+const WAYS: usize = 16;
+const STEPS: usize = 12;
+
+/// The middle of each mask's label: on large things, otherwise beside them where nothing else is covered.
+fn labels(picture: &Picture, masks: &[Mask]) -> Vec<Option<[f64; 2]>> {
+    let size_dot = dot(picture);
+    let mut placed: Vec<[f64; 4]> = Vec::new();
+    let bounds = |middle: [f64; 2], size: [f64; 2]| {
+        [middle[0] - size[0] / 2.0, middle[1] - size[1] / 2.0, middle[0] + size[0] / 2.0, middle[1] + size[1] / 2.0]
+    };
+    let covered = |mask: &Mask, [left, top, right, bottom]: [f64; 4]| {
+        let rows = top.max(0.0) as usize..(bottom.max(0.0).ceil() as usize).min(mask.height as usize);
+        rows.map(|row| {
+            let columns = left.max(0.0) as usize..(right.max(0.0).ceil() as usize).min(mask.width as usize);
+            columns.filter(|column| mask.pixels[row * mask.width as usize + column]).count()
+        })
+        .sum::<usize>()
+    };
+    masks
+        .iter()
+        .enumerate()
+        .map(|(index, mask)| {
+            let anchor = anchor(mask)?;
+            let size = label_size(&(index + 1).to_string(), size_dot).map(|side| side + 2.0 * size_dot);
+            let area = mask.indices().count();
+            let hides = |middle: [f64; 2]| {
+                let area_of = |other: &Mask| covered(other, bounds(middle, size));
+                masks.iter().map(area_of).sum::<usize>() as f64
+            };
+            let overlap = |middle: [f64; 2], placed: &[[f64; 4]]| {
+                let [left, top, right, bottom] = bounds(middle, size);
+                let outside =
+                    left < 0.0 || top < 0.0 || right > f64::from(picture.width) || bottom > f64::from(picture.height);
+                let crossing = placed
+                    .iter()
+                    .any(|other| left < other[2] && right > other[0] && top < other[3] && bottom > other[1]);
+                outside || crossing
+            };
+            let fits_on = size[0] * size[1] <= HIDDEN_SHARE * area as f64;
+            let beside = (1..=STEPS).flat_map(|step| (0..WAYS).map(move |way| (step, way))).map(|(step, way)| {
+                let turn = way as f64 / WAYS as f64 * std::f64::consts::TAU - std::f64::consts::FRAC_PI_2;
+                let reach = size[1] * (0.5 + 0.5 * step as f64);
+                [anchor[0] + reach * turn.cos(), anchor[1] + reach * turn.sin()]
+            });
+            let choices: Vec<[f64; 2]> = std::iter::once(anchor).filter(|_| fits_on).chain(beside).collect();
+            let cost = |index: usize, middle: [f64; 2]| match (index, fits_on) {
+                (0, true) => 0.0,
+                _ => hides(middle) + 0.1 * index as f64,
+            };
+            let free = choices.iter().enumerate().filter(|(_, middle)| !overlap(**middle, &placed));
+            let best = free.min_by(|a, b| cost(a.0, *a.1).total_cmp(&cost(b.0, *b.1)));
+            let middle = best.map_or(anchor, |(_, middle)| *middle);
+            placed.push(bounds(middle, size));
+            Some(middle)
+        })
+        .collect()
+}
+
+/// The part of a picture around a thing, plain, and with parts of it outlined and numbered.
+pub fn crops(picture: &Picture, whole: &Mask, parts: &[Mask]) -> [Picture; 2] {
+    let width = whole.width as usize;
+    let (mut low, mut high) = ([whole.width, whole.height], [0, 0]);
+    for index in whole.indices() {
+        let at = [(index % width) as u32, (index / width) as u32];
+        (low, high) = ([low[0].min(at[0]), low[1].min(at[1])], [high[0].max(at[0]), high[1].max(at[1])]);
+    }
+    if low[0] > high[0] {
+        return [picture.clone(), picture.clone()];
+    }
+    let margin = ((high[0] - low[0]).max(high[1] - low[1]) / 5).max(6);
+    let corner = low.map(|side| side.saturating_sub(margin));
+    let end = [(high[0] + margin + 1).min(picture.width), (high[1] + margin + 1).min(picture.height)];
+    let size = [end[0] - corner[0], end[1] - corner[1]];
+    // Enlarged until it is about as wide as a whole picture of the usual size.
+    let scale = (512 / size[0].max(1)).min(288 / size[1].max(1)).clamp(1, 6);
+    let plain = picture.cropped(corner, size, scale);
+    let cut = |mask: &Mask| {
+        let [columns, rows] = size.map(|side| (side * scale) as usize);
+        let pixels = (0..rows * columns).map(|index| {
+            let x = corner[0] as usize + index % columns / scale as usize;
+            let y = corner[1] as usize + index / columns / scale as usize;
+            mask.pixels[y * width + x]
+        });
+        Mask { width: columns as u32, height: rows as u32, pixels: pixels.collect() }
+    };
+    let parts: Vec<Mask> = parts.iter().map(cut).collect();
+    let numbered = masks(&plain, &parts);
+    [plain, numbered]
+}
+
+/// The picture with points numbered from 1, each a dot with its label beside it.
+pub fn points(picture: &Picture, pixels: &[usize]) -> Picture {
+    let mut marked = picture.clone();
+    let (size, width) = (dot(picture), picture.width as usize);
+    let places: Vec<[f64; 2]> = pixels.iter().map(|pixel| [(pixel % width) as f64, (pixel / width) as f64]).collect();
+    let count = places.len().max(1) as f64;
+    let middle = places.iter().fold([0.0, 0.0], |sum, at| [sum[0] + at[0] / count, sum[1] + at[1] / count]);
+    // Labels stand around the points, in the order of their directions from the middle of all.
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    let turn = |index: usize| (places[index][1] - middle[1]).atan2(places[index][0] - middle[0]);
+    order.sort_by(|a, b| turn(*a).total_cmp(&turn(*b)));
+    let spread = places.iter().map(|at| (at[0] - middle[0]).hypot(at[1] - middle[1])).fold(0.0, f64::max);
+    for (rank, &index) in order.iter().enumerate() {
+        let first = order.first().map_or(0.0, |&index| turn(index));
+        let angle = first + rank as f64 / count * std::f64::consts::TAU;
+        let reach = spread + 14.0 * size;
+        let label = label_size("5", size);
+        let keep = |value: f64, side: f64, most: u32| value.clamp(side / 2.0 + 1.0, f64::from(most) - side / 2.0 - 1.0);
+        let at = [
+            keep(middle[0] + reach * angle.cos(), label[0], picture.width),
+            keep(middle[1] + reach * angle.sin(), label[1], picture.height),
+        ];
+        marked.line(places[index], at, size, color(index));
+        marked.label(&(index + 1).to_string(), at, size);
+        frame(&mut marked, &(index + 1).to_string(), at, size, color(index));
+    }
+    for (index, at) in places.iter().enumerate() {
+        marked.disc(*at, 2.6 * size, WHITE);
+        marked.disc(*at, 1.9 * size, color(index));
+    }
+    marked
+}
+
+/// The picture under a lettered grid, with a cross where the thing is held.
+pub fn grid(picture: &Picture, grid: &Grid, grab: [f64; 2]) -> Picture {
+    let mut marked = picture.clone();
+    let size = dot(picture);
+    for cell in grid.cells() {
+        let [left, top, right, bottom] = grid.edges(cell);
+        for [from, to] in [[[left, top], [right, top + size]], [[left, top], [left + size, bottom]]] {
+            marked.rectangle(from, to, BLACK, 0.45);
+        }
+        marked.small_label(&cell.to_string(), [left + 2.0 * size, top + 2.0 * size], size);
+    }
+    cross(&mut marked, grab);
+    marked
+}
+
+/// A cross with a light edge.
+fn cross(picture: &mut Picture, at: [f64; 2]) {
+    let (size, reach) = (dot(picture), 6.0 * dot(picture));
+    for (width, color) in [(4.0, WHITE), (2.0, [220, 0, 0])] {
+        for (dx, dy) in [(1.0, 1.0), (1.0, -1.0)] {
+            let (from, to) = ([at[0] - reach * dx, at[1] - reach * dy], [at[0] + reach * dx, at[1] + reach * dy]);
+            picture.line(from, to, width * size, color);
+        }
+    }
+}
+
+/// Length of an arrow in the world, m, and the place of their common foot over the table.
+const ARROW_M: f64 = 0.11;
+/// Share of the picture's width and height at which the arrows stand: a lower corner, away from the middle of the table.
+const ARROWS_AT: [f64; 2] = [0.9, 0.86];
+
+/// Draws arrows for the robot's left, right, far and near into a corner of the picture, as the camera sees them.
+pub fn arrows(picture: &mut Picture, image: &RgbdImage, table_m: f64) {
+    let at = [ARROWS_AT[0] * f64::from(picture.width), ARROWS_AT[1] * f64::from(picture.height)];
+    let Some(foot) = crate::sight::on_plane(image, at, table_m) else { return };
+    let camera_from_world = image.world_from_camera.inverse();
+    let pixel = |point: DVec3| image.intrinsics.project(camera_from_world.transform_point(point));
+    let Some(start) = pixel(foot) else { return };
+    let size = dot(picture);
+    for (way, name) in [(DVec3::Y, "LEFT"), (DVec3::NEG_Y, "RIGHT"), (DVec3::X, "FAR"), (DVec3::NEG_X, "NEAR")] {
+        let Some(end) = pixel(foot + way * ARROW_M) else { continue };
+        let step = end - start;
+        let length = step.length();
+        if length < 1.0 {
+            continue;
+        }
+        // As long on every picture; only the direction is the world's.
+        let step = step / length;
+        let tip = start + step * (16.0 * size);
+        let side = step.perp() * (3.0 * size);
+        let back = tip - step * (4.5 * size);
+        let (from, to) = (start + step * (3.0 * size), tip);
+        for (width, color) in [(3.0, WHITE), (1.4, [0, 70, 160])] {
+            picture.line(from.to_array(), to.to_array(), width * size, color);
+            for barb in [back + side, back - side] {
+                picture.line(barb.to_array(), tip.to_array(), width * size, color);
+            }
+        }
+        let label = label_size(name, size);
+        let beyond = tip + step * (2.0 * size) + step * glam::DVec2::new(label[0], label[1]) / 2.0;
+        let keep = |value: f64, side: f64, most: u32| value.clamp(side / 2.0, f64::from(most) - side / 2.0);
+        let middle = [keep(beyond.x, label[0], picture.width), keep(beyond.y, label[1], picture.height)];
+        picture.label(name, middle, size);
+    }
+}

@@ -1,0 +1,82 @@
+//! The pixels of one thing.
+
+/// The pixels of one thing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mask {
+    /// Pixels per row of the image.
+    pub width: u32,
+    /// Rows of the image.
+    pub height: u32,
+    /// Whether a pixel belongs to the thing, row by row from the top left.
+    pub pixels: Vec<bool>,
+}
+
+impl Mask {
+    /// Whether there is a value for each pixel.
+    pub fn is_whole(&self) -> bool {
+        self.pixels.len() as u64 == u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Indices of the pixels that belong to the thing, in order.
+    pub fn indices(&self) -> impl Iterator<Item = usize> + '_ {
+        self.pixels.iter().enumerate().filter(|(_, inside)| **inside).map(|(index, _)| index)
+    }
+
+    /// The mask with all eight neighbours of its pixels.
+    #[must_use]
+    pub fn grown(&self) -> Self {
+        let mut grown = self.clone();
+        let (width, height) = (self.width as i64, self.height as i64);
+        for index in self.indices() {
+            let (x, y) = (index as i64 % width, index as i64 / width);
+            for (dx, dy) in [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)] {
+                let (x, y) = (x + dx, y + dy);
+                if (0..width).contains(&x) && (0..height).contains(&y) {
+                    grown.pixels[(y * width + x) as usize] = true;
+                }
+            }
+        }
+        grown
+    }
+
+    /// The mask that holds the pixels of an index, of an image that says for each pixel to what it belongs.
+    pub fn of_label<T: PartialEq>(width: u32, height: u32, labels: &[T], label: &T) -> Self {
+        Self { width, height, pixels: labels.iter().map(|other| other == label).collect() }
+    }
+
+    /// Number of pixels.
+    pub fn area(&self) -> usize {
+        self.pixels.iter().filter(|is_inside| **is_inside).count()
+    }
+
+    /// Intersection over union, 0-1; 0 for two empty ones and for masks of different sizes.
+    ///
+    /// ```
+    /// use genmanip_agent::segmentation::Mask;
+    /// let mask = |pixels: [bool; 4]| Mask { width: 2, height: 2, pixels: pixels.to_vec() };
+    /// let iou = mask([true, true, false, false]).iou(&mask([false, true, true, true]));
+    /// assert!((iou - 0.25).abs() < 1e-12);
+    /// ```
+    pub fn iou(&self, other: &Self) -> f64 {
+        if self.pixels.len() != other.pixels.len() {
+            return 0.0;
+        }
+        let count = |test: fn(bool, bool) -> bool| {
+            self.pixels.iter().zip(&other.pixels).filter(|(one, other)| test(**one, **other)).count()
+        };
+        count(|one, other| one && other) as f64 / count(|one, other| one || other).max(1) as f64
+    }
+
+    /// Columns and rows that it covers, first and last, `[[x, x], [y, y]]`; `None` without a pixel.
+    pub fn bounds(&self) -> Option<[[u32; 2]; 2]> {
+        let width = self.width.max(1) as usize;
+        let mut bounds: Option<[[u32; 2]; 2]> = None;
+        for (index, _) in self.pixels.iter().enumerate().filter(|(_, is_inside)| **is_inside) {
+            let (x, y) = ((index % width) as u32, (index / width) as u32);
+            let [columns, rows] = bounds.get_or_insert([[x, x], [y, y]]);
+            *columns = [columns[0].min(x), columns[1].max(x)];
+            *rows = [rows[0].min(y), rows[1].max(y)];
+        }
+        bounds
+    }
+}

@@ -1,0 +1,268 @@
+//! Grasps for a thing that is known by its points: our sampler, or a server.
+
+use std::sync::Arc;
+
+use genmanip_chat::Service;
+use genmanip_core::grasp::GraspNetGrasp;
+use genmanip_core::{Grasp, Pose};
+use genmanip_motion::{CloudTarget, Planner};
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{read, unanswered};
+
+/// Most grasps that are read.
+const MAX_GRASPS: usize = 10_000;
+/// Farther from the camera nothing can be grasped, m: larger numbers are millimetres taken for metres.
+const MAX_DISTANCE_M: f64 = 10.0;
+/// Widest opening that is believed, m.
+const MAX_WIDTH_M: f64 = 0.5;
+
+/// What is to be grasped, and what is known around it; world frame.
+#[derive(Clone, Copy, Debug)]
+pub struct GraspQuestion<'a> {
+    /// Points on the target.
+    pub points: &'a [DVec3],
+    /// Points of everything else.
+    pub scene: &'a [DVec3],
+    /// The camera that saw most of it; x right, y down, z forward.
+    pub world_from_camera: Pose,
+    /// Height of what it stands on (world z), m.
+    pub table_height: f64,
+}
+
+/// Anything that proposes grasps. Calls block and may come from several threads at once.
+pub trait GraspSource: Send + Sync {
+    /// Grasps in the world frame, best first.
+    ///
+    /// # Errors
+    /// Says why there are none; nothing that fits the hand is no error.
+    fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError>;
+}
+
+/// Why there are no grasps.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum GraspError {
+    /// Points that cannot be worked with.
+    #[error("{0}")]
+    Unsuited(String),
+    /// The service did not answer, or answered something that cannot be used.
+    #[error("the grasp service: {0}")]
+    Service(String),
+}
+
+/// Our sampler: [`Planner::cloud_grasps`].
+#[derive(Clone, Debug)]
+pub struct SampledGrasps {
+    planner: Arc<Planner>,
+}
+
+impl SampledGrasps {
+    /// With the gripper and the settings of a planner.
+    pub fn new(planner: Arc<Planner>) -> Self {
+        Self { planner }
+    }
+}
+
+impl GraspSource for SampledGrasps {
+    fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
+        let target = CloudTarget {
+            points: question.points,
+            cameras: &[question.world_from_camera.position],
+            scene: question.scene,
+            table_height: question.table_height,
+        };
+        let found = self.planner.cloud_grasps(&target).map_err(|error| GraspError::Unsuited(error.to_string()))?;
+        Ok(found.into_iter().map(|found| found.grasp).collect())
+    }
+}
+
+/// What is posted. Points are in the camera's frame, metres.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GraspRequest {
+    /// Points on the target.
+    pub points: Vec<[f32; 3]>,
+    /// Points of everything else.
+    #[serde(default)]
+    pub scene: Vec<[f32; 3]>,
+    /// Where the camera is; the world's z is up.
+    pub world_from_camera: Pose,
+    /// Height of what the target stands on (world z), m.
+    pub table_height: f64,
+}
+
+/// What is answered; further fields are left alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct GraspReply {
+    /// Rows of 17 numbers as GraspNet writes them, in the camera's frame; see [`GraspNetGrasp`].
+    pub grasps: Vec<[f64; 17]>,
+}
+
+impl GraspRequest {
+    /// The question as it is posted.
+    pub fn of(question: &GraspQuestion) -> Self {
+        let camera_from_world = question.world_from_camera.inverse();
+        let seen = |points: &[DVec3]| {
+            points.iter().map(|point| camera_from_world.transform_point(*point).as_vec3().to_array()).collect()
+        };
+        Self {
+            points: seen(question.points),
+            scene: seen(question.scene),
+            world_from_camera: question.world_from_camera,
+            table_height: question.table_height,
+        }
+    }
+
+    /// Points of the target and of the rest in the world.
+    ///
+    /// # Errors
+    /// When a number is not finite.
+    pub fn read(&self) -> Result<[Vec<DVec3>; 2], String> {
+        let Pose { position, rotation } = self.world_from_camera;
+        let is_pose = position.is_finite() && rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-3;
+        if !is_pose || !self.table_height.is_finite() {
+            return Err("world_from_camera is no finite pose, or table_height is not finite".into());
+        }
+        let world = |points: &[[f32; 3]]| -> Vec<DVec3> {
+            let point = |[x, y, z]: [f32; 3]| DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+            points.iter().map(|numbers| self.world_from_camera.transform_point(point(*numbers))).collect()
+        };
+        Ok([world(&self.points), world(&self.scene)])
+    }
+}
+
+impl GraspReply {
+    /// Grasps as they are answered to a camera.
+    pub fn of(grasps: &[Grasp], world_from_camera: &Pose) -> Self {
+        let camera_from_world = world_from_camera.inverse();
+        let row = |grasp: &Grasp| {
+            let grasp = Grasp { pose: camera_from_world * grasp.pose, ..grasp.clone() };
+            // Our sampler knows neither the height of the fingers nor how deep they reach.
+            GraspNetGrasp { grasp, height_m: 0.02, depth_m: 0.0, object_id: -1 }.to_graspnet()
+        };
+        Self { grasps: grasps.iter().map(row).collect() }
+    }
+}
+
+/// Grasps from a service.
+#[derive(Clone, Debug)]
+pub struct ServiceGrasps<S> {
+    service: S,
+}
+
+impl<S: Service> ServiceGrasps<S> {
+    /// The grasps that this service proposes.
+    pub fn new(service: S) -> Self {
+        Self { service }
+    }
+}
+
+impl<S: Service> GraspSource for ServiceGrasps<S> {
+    fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
+        let asked = serde_json::to_value(GraspRequest::of(question))
+            .map_err(|error| GraspError::Service(format!("the question cannot be written: {error}")))?;
+        let answer = self.service.ask(&asked).map_err(|error| GraspError::Service(unanswered(&error)))?;
+        let reply: GraspReply = read(answer).map_err(GraspError::Service)?;
+        grasps_of(&reply, &question.world_from_camera).map_err(GraspError::Service)
+    }
+}
+
+fn grasps_of(reply: &GraspReply, world_from_camera: &Pose) -> Result<Vec<Grasp>, String> {
+    if reply.grasps.len() > MAX_GRASPS {
+        return Err(format!("it answered {} grasps, expected at most {MAX_GRASPS}", reply.grasps.len()));
+    }
+    let mut grasps = Vec::with_capacity(reply.grasps.len());
+    for (index, row) in reply.grasps.iter().enumerate() {
+        let wrong = |error: String| format!("grasp {index}: {error}");
+        let grasp = GraspNetGrasp::from_graspnet(row).map_err(|error| wrong(error.to_string()))?.grasp;
+        let distance_m = grasp.pose.position.length();
+        if distance_m > MAX_DISTANCE_M {
+            return Err(wrong(format!(
+                "{distance_m:.1} m from the camera, expected at most {MAX_DISTANCE_M}; in metres?"
+            )));
+        }
+        if !(0.0..=MAX_WIDTH_M).contains(&grasp.width) {
+            return Err(wrong(format!("a width of {} m, expected 0 to {MAX_WIDTH_M}", grasp.width)));
+        }
+        grasps.push(Grasp { pose: *world_from_camera * grasp.pose, ..grasp });
+    }
+    grasps.sort_by(|one, other| other.score.total_cmp(&one.score));
+    Ok(grasps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use genmanip_chat::ChatError;
+    use serde_json::{Value, json};
+
+    struct Fixed(Value);
+
+    impl Service for Fixed {
+        fn ask(&self, _: &Value) -> Result<Value, ChatError> {
+            Ok(self.0.clone())
+        }
+    }
+
+    fn camera() -> Pose {
+        genmanip_core::Camera::pose_looking_at(DVec3::new(1.0, 0.3, 0.9), DVec3::new(0.4, 0.0, 0.0))
+    }
+
+    fn asked(answer: Value) -> Result<Vec<Grasp>, GraspError> {
+        let points = [DVec3::new(0.4, 0.0, 0.02)];
+        let question = GraspQuestion { points: &points, scene: &[], world_from_camera: camera(), table_height: 0.0 };
+        ServiceGrasps::new(Fixed(answer)).grasps(&question)
+    }
+
+    #[test]
+    fn grasps_come_back_in_the_world_best_first() {
+        let grasp = |x: f64, score: f64| Grasp {
+            pose: Pose::from_axes(DVec3::new(x, 0.1, 0.05), DVec3::X, -DVec3::Y, -DVec3::Z),
+            width: 0.04,
+            score,
+        };
+        let sent = [grasp(0.3, 0.2), grasp(0.5, 0.9)];
+        let reply = serde_json::to_value(GraspReply::of(&sent, &camera())).unwrap();
+        let got = asked(reply).unwrap();
+        assert_eq!(got.iter().map(|grasp| grasp.score).collect::<Vec<_>>(), [0.9, 0.2]);
+        for (got, sent) in got.iter().zip([&sent[1], &sent[0]]) {
+            assert!(got.pose.position.distance(sent.pose.position) < 1e-9 && got.pose.angle_to(&sent.pose) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn points_come_back() {
+        let points = [DVec3::new(0.4, 0.1, 0.02), DVec3::new(0.5, -0.2, 0.3)];
+        let question =
+            GraspQuestion { points: &points, scene: &points[..1], world_from_camera: camera(), table_height: 0.0 };
+        let [target, scene] = GraspRequest::of(&question).read().unwrap();
+        assert_eq!((target.len(), scene.len()), (2, 1));
+        assert!(target.iter().zip(&points).all(|(one, other)| one.distance(*other) < 1e-6));
+    }
+
+    #[test]
+    fn hostile_answers_are_one_clear_error() {
+        let mut row = vec![0.9, 0.05, 0.02, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -1.0];
+        assert_eq!(asked(json!({"grasps": [row]})).map(|grasps| grasps.len()), Ok(1));
+        let mut with = |index: usize, value: f64| {
+            let before = std::mem::replace(&mut row[index], value);
+            let answer = json!({"grasps": [row]});
+            row[index] = before;
+            answer
+        };
+        let cases = [
+            (json!({"poses": []}), "missing field `grasps`"),
+            (json!({"grasps": [[1.0, 2.0]]}), "its answer is wrong at grasps[0]: "),
+            (json!({"grasps": [vec![Value::Null; 17]]}), "its answer is wrong at grasps[0][0]: "),
+            (with(15, 1000.0), "grasp 0: 1000.0 m from the camera"),
+            (with(1, 50.0), "grasp 0: a width of 50 m"),
+            (with(4, 0.2), "grasp 0: "),
+        ];
+        for (answer, expected) in cases {
+            let error = asked(answer).unwrap_err().to_string();
+            assert!(error.starts_with("the grasp service: ") && error.contains(expected), "{error}");
+        }
+    }
+}

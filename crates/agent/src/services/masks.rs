@@ -1,0 +1,310 @@
+//! Masks from a server.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use genmanip_chat::Service;
+use genmanip_core::{Intrinsics, Pose, RgbdImage};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{read, unanswered};
+use crate::segmentation::{Mask, SegmentError, SegmentQuestion, Segmenter};
+
+/// Most masks that are read; automatic mask generators return a few hundred.
+const MAX_MASKS: usize = 2000;
+/// A mask this much like a better one is another drawing of the same thing (suppression as with SAM's generator).
+const SAME_IOU: f64 = 0.8;
+/// Largest image that is read, pixels each way.
+const MAX_SIDE: u32 = 8192;
+
+/// What is posted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SegmentRequest {
+    /// Size and projection of the image.
+    pub intrinsics: Intrinsics,
+    /// Where the camera is; x right, y down, z forward; the world's z is up.
+    pub world_from_camera: Pose,
+    /// Colour: three bytes per pixel, row by row from the top left, 8-bit sRGB, in base64.
+    pub rgb: String,
+    /// Metres along the optical axis: 32-bit little-endian floats in the same order, 0 for none, in base64.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_m: Option<String>,
+    /// Pixels that may not belong to a mask.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ignore: Option<RunLengths>,
+    /// Pixels to be cut into the parts of one thing; without it, the things of the whole image are asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<RunLengths>,
+}
+
+/// What is answered; further fields are left alone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SegmentReply {
+    /// The masks.
+    pub masks: Vec<ScoredMask>,
+}
+
+/// One mask.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ScoredMask {
+    /// Its pixels.
+    pub segmentation: RunLengths,
+    /// How good it is, higher is better; masks without a score come in the order of the answer.
+    #[serde(default)]
+    pub score: Option<f64>,
+}
+
+/// A mask as COCO writes it without compression, and SAM 2 with `uncompressed_rle`: column by column, lengths of runs
+/// outside and inside by turns, beginning with outside.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct RunLengths {
+    /// Rows and columns.
+    pub size: [u32; 2],
+    /// Lengths of the runs.
+    pub counts: Vec<u32>,
+}
+
+impl RunLengths {
+    /// The runs of a mask.
+    pub fn of(mask: &Mask) -> Self {
+        Self::of_pixels(mask.width, mask.height, &mask.pixels)
+    }
+
+    /// The runs of pixels, row by row.
+    pub fn of_pixels(width: u32, height: u32, pixels: &[bool]) -> Self {
+        let (mut counts, mut inside, mut run) = (Vec::new(), false, 0);
+        for x in 0..width as usize {
+            for y in 0..height as usize {
+                let pixel = pixels.get(y * width as usize + x) == Some(&true);
+                if pixel != inside {
+                    counts.push(run);
+                    (inside, run) = (pixel, 0);
+                }
+                run += 1;
+            }
+        }
+        counts.push(run);
+        Self { size: [height, width], counts }
+    }
+
+    /// The mask, if it is of an image of this size.
+    ///
+    /// # Errors
+    /// Says what does not fit.
+    pub fn mask(&self, width: u32, height: u32) -> Result<Mask, String> {
+        if self.size != [height, width] {
+            return Err(format!("size {:?}, expected {:?} (rows, columns)", self.size, [height, width]));
+        }
+        let all = u64::from(width) * u64::from(height);
+        let sum = self.counts.iter().map(|run| u64::from(*run)).sum::<u64>();
+        if sum != all {
+            return Err(format!("its counts add up to {sum}, expected {all}"));
+        }
+        let mut pixels = vec![false; all as usize];
+        let (mut place, mut inside) = (0, false);
+        for &run in &self.counts {
+            let covered = if inside { run as usize } else { 0 };
+            for index in place..place + covered {
+                let (x, y) = (index / height as usize, index % height as usize);
+                pixels[y * width as usize + x] = true;
+            }
+            (place, inside) = (place + run as usize, !inside);
+        }
+        Ok(Mask { width, height, pixels })
+    }
+}
+
+impl SegmentRequest {
+    /// The question as it is posted.
+    pub fn of(question: &SegmentQuestion) -> Self {
+        let image = question.image;
+        let (width, height) = (image.width(), image.height());
+        let depth: Vec<u8> = image.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect();
+        Self {
+            intrinsics: image.intrinsics,
+            world_from_camera: image.world_from_camera,
+            rgb: STANDARD.encode(&image.rgb),
+            depth_m: (!depth.is_empty()).then(|| STANDARD.encode(depth)),
+            ignore: (!question.ignore.is_empty()).then(|| RunLengths::of_pixels(width, height, question.ignore)),
+            within: question.within.map(RunLengths::of),
+        }
+    }
+
+    /// The image, the pixels to be ignored, and the mask to stay within.
+    ///
+    /// # Errors
+    /// Says what does not fit together.
+    pub fn read(&self) -> Result<(RgbdImage, Vec<bool>, Option<Mask>), String> {
+        let k = &self.intrinsics;
+        let (width, height) = (k.width, k.height);
+        if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+            return Err(format!("an image of {width} x {height} pixels, expected 1 to {MAX_SIDE} each way"));
+        }
+        if ![k.fx, k.fy, k.cx, k.cy].iter().all(|value| value.is_finite()) || k.fx <= 0.0 || k.fy <= 0.0 {
+            return Err("intrinsics that are not finite, or no focal length".into());
+        }
+        let Pose { position, rotation } = self.world_from_camera;
+        if !(position.is_finite() && rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-3) {
+            return Err("world_from_camera is no finite pose".into());
+        }
+        let count = width as usize * height as usize;
+        let bytes = |name: &str, text: &str, expected: usize| {
+            let bytes = STANDARD.decode(text).map_err(|error| format!("{name} is no base64: {error}"))?;
+            let fits = bytes.len() == expected;
+            let got = bytes.len();
+            fits.then_some(bytes).ok_or_else(|| format!("{name} has {got} bytes, expected {expected}"))
+        };
+        let rgb = bytes("rgb", &self.rgb, 3 * count)?;
+        let depth =
+            self.depth_m.as_ref().map(|depth| bytes("depth_m", depth, 4 * count)).transpose()?.unwrap_or_default();
+        let depth =
+            depth.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect();
+        let named = |name: &'static str| move |error: String| format!("{name}: {error}");
+        let ignore = self.ignore.as_ref().map(|runs| runs.mask(width, height)).transpose().map_err(named("ignore"))?;
+        let within = self.within.as_ref().map(|runs| runs.mask(width, height)).transpose().map_err(named("within"))?;
+        let image = RgbdImage { rgb, ..RgbdImage::of_depth(*k, self.world_from_camera, depth) };
+        Ok((image, ignore.map_or_else(Vec::new, |mask| mask.pixels), within))
+    }
+}
+
+/// Masks from a service.
+#[derive(Clone, Debug)]
+pub struct ServiceMasks<S> {
+    service: S,
+}
+
+impl<S: Service> ServiceMasks<S> {
+    /// The masks that this service makes.
+    pub fn new(service: S) -> Self {
+        Self { service }
+    }
+}
+
+impl<S: Service> Segmenter for ServiceMasks<S> {
+    /// Masks by score, without pixels that are to be ignored; of those that are nearly the same, the best.
+    fn segment(&self, question: &SegmentQuestion) -> Result<Vec<Mask>, SegmentError> {
+        let asked = serde_json::to_value(SegmentRequest::of(question))
+            .map_err(|error| SegmentError::Service(format!("the question cannot be written: {error}")))?;
+        let answer = self.service.ask(&asked).map_err(|error| SegmentError::Service(unanswered(&error)))?;
+        let reply: SegmentReply = read(answer).map_err(SegmentError::Service)?;
+        masks_of(reply, question).map_err(SegmentError::Service)
+    }
+}
+
+fn masks_of(mut reply: SegmentReply, question: &SegmentQuestion) -> Result<Vec<Mask>, String> {
+    if reply.masks.len() > MAX_MASKS {
+        return Err(format!("it answered {} masks, expected at most {MAX_MASKS}", reply.masks.len()));
+    }
+    if let Some(index) = reply.masks.iter().position(|mask| mask.score.is_some_and(|score| !score.is_finite())) {
+        return Err(format!("the score of mask {index} is not finite"));
+    }
+    let (width, height) = (question.image.width(), question.image.height());
+    let mut masks: Vec<(f64, Mask)> = Vec::new();
+    for (index, scored) in reply.masks.drain(..).enumerate() {
+        let mut mask = scored.segmentation.mask(width, height).map_err(|error| format!("mask {index}: {error}"))?;
+        for (pixel, inside) in mask.pixels.iter_mut().enumerate() {
+            let is_asked = question.within.is_none_or(|within| within.pixels.get(pixel) == Some(&true));
+            *inside &= is_asked && question.ignore.get(pixel) != Some(&true);
+        }
+        masks.push((scored.score.unwrap_or(0.0), mask));
+    }
+    masks.sort_by(|one, other| other.0.total_cmp(&one.0));
+    let mut kept: Vec<Mask> = Vec::new();
+    for (_, mask) in masks {
+        if mask.area() > 0 && kept.iter().all(|other| other.iou(&mask) < SAME_IOU) {
+            kept.push(mask);
+        }
+    }
+    Ok(kept)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use genmanip_chat::ChatError;
+    use proptest::prelude::*;
+    use serde_json::{Value, json};
+
+    struct Fixed(Value);
+
+    impl Service for Fixed {
+        fn ask(&self, _: &Value) -> Result<Value, ChatError> {
+            Ok(self.0.clone())
+        }
+    }
+
+    fn image() -> RgbdImage {
+        let intrinsics = Intrinsics::from_vertical_fov(3, 2, 0.5);
+        RgbdImage { rgb: (0..18).collect(), ..RgbdImage::of_depth(intrinsics, Pose::IDENTITY, vec![1.5; 6]) }
+    }
+
+    proptest! {
+        #[test]
+        fn runs_come_back(width in 1_u32..9, height in 1_u32..9, bits in prop::collection::vec(any::<bool>(), 81)) {
+            let mask = Mask { width, height, pixels: bits[..(width * height) as usize].to_vec() };
+            prop_assert_eq!(RunLengths::of(&mask).mask(width, height), Ok(mask));
+        }
+    }
+
+    #[test]
+    fn runs_are_those_of_coco() {
+        // The middle column of three: two pixels outside, two inside, two outside.
+        let pixels = vec![false, true, false, false, true, false];
+        let runs = RunLengths::of(&Mask { width: 3, height: 2, pixels });
+        assert_eq!(runs, RunLengths { size: [2, 3], counts: vec![2, 2, 2] });
+    }
+
+    #[test]
+    fn questions_come_back() {
+        let (image, ignore) = (image(), vec![false, true, false, false, false, true]);
+        let question = SegmentQuestion { image: &image, ignore: &ignore, within: None };
+        let value = serde_json::to_value(SegmentRequest::of(&question)).unwrap();
+        let request: SegmentRequest = serde_json::from_value(value).unwrap();
+        assert_eq!(request.read(), Ok((image, ignore, None)));
+    }
+
+    #[test]
+    fn the_best_of_like_masks_is_taken_and_ignored_pixels_are_left_out() {
+        let answer = json!({"masks": [
+            {"segmentation": {"size": [2, 3], "counts": [2, 4]}, "score": 0.5, "area": 4},
+            {"segmentation": {"size": [2, 3], "counts": [2, 4]}, "score": 0.9},
+            {"segmentation": {"size": [2, 3], "counts": [0, 2, 4]}},
+            {"segmentation": {"size": [2, 3], "counts": [6]}},
+        ]});
+        let (image, ignore) = (image(), vec![true, false, false, false, false, false]);
+        let question = SegmentQuestion { image: &image, ignore: &ignore, within: None };
+        let masks = ServiceMasks::new(Fixed(answer)).segment(&question).unwrap();
+        let inside: Vec<Vec<usize>> = masks.iter().map(|mask| mask.indices().collect()).collect();
+        assert_eq!(inside, [vec![1, 2, 4, 5], vec![3]]);
+    }
+
+    #[test]
+    fn hostile_answers_are_one_clear_error() {
+        let runs = |counts: Value| json!({"masks": [{"segmentation": {"size": [2, 3], "counts": counts}}]});
+        let cases = [
+            (json!([]), "the segmentation service: its answer is wrong at ."),
+            (json!({"masks": 7}), "the segmentation service: its answer is wrong at masks: "),
+            (
+                runs(json!([-1, 7])),
+                "the segmentation service: its answer is wrong at masks[0].segmentation.counts[0]: ",
+            ),
+            (
+                runs(json!([4_294_967_295_u32, 4_294_967_295_u32])),
+                "mask 0: its counts add up to 8589934590, expected 6",
+            ),
+            (runs(json!([5])), "mask 0: its counts add up to 5, expected 6"),
+            (
+                json!({"masks": [{"segmentation": {"size": [9, 9], "counts": [81]}}]}),
+                "mask 0: size [9, 9], expected [2, 3]",
+            ),
+            (json!({"masks": vec![json!({"segmentation": {"size": [2, 3], "counts": [6]}}); 2001]}), "2001 masks"),
+        ];
+        let image = image();
+        for (answer, expected) in cases {
+            let question = SegmentQuestion { image: &image, ignore: &[], within: None };
+            let error = ServiceMasks::new(Fixed(answer)).segment(&question).unwrap_err().to_string();
+            assert!(error.contains(expected) && error.len() < 400, "{error}");
+        }
+    }
+}

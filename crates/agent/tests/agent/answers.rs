@@ -1,0 +1,190 @@
+//! Hostile answers are asked again within the bound, then a stage fails; no mark is ever taken by default.
+
+use std::sync::Arc;
+
+use genmanip_agent::ask::{
+    Answer, ChatService, Marks, Moment, PromptStamp, Question, Stage, Transcribed, VisionModel, ask,
+};
+use genmanip_agent::grid::{Cell, Grid};
+use genmanip_agent::segmentation::Mask;
+use genmanip_chat::fake::ScriptedChat;
+use genmanip_core::glam::DVec3;
+use genmanip_core::{Intrinsics, Pose, RgbdImage};
+use proptest::prelude::*;
+
+const REASKS: usize = 2;
+
+fn question(stage: Stage) -> Question {
+    let mask = || Mask { width: 16, height: 9, pixels: vec![true; 144] };
+    let grid = Grid::usual(16, 9);
+    let marks = match stage {
+        Stage::Object | Stage::Part => Marks::Masks(vec![mask(), mask(), mask()].into()),
+        Stage::GrabPoint => Marks::Points(vec![1, 2, 3, 4, 5]),
+        Stage::GridPath | Stage::PointToPoint => Marks::Grid {
+            grid,
+            // Everywhere but in the last cell.
+            targets: grid.cells().filter(|cell| cell.to_string() != "I16").map(|cell| (cell, DVec3::ZERO)).collect(),
+            moved: mask(),
+        },
+        Stage::Decompose | Stage::Check => Marks::None,
+    };
+    let image = RgbdImage::of_depth(Intrinsics::from_vertical_fov(16, 9, 1.0), Pose::IDENTITY, vec![1.0; 144]);
+    Question {
+        stage,
+        ask: 0,
+        prompt: PromptStamp { id: "test".into(), version: 1, sha256: String::new() },
+        text: "?".into(),
+        instruction: "?".into(),
+        pictures: Vec::new(),
+        marks,
+        view: Arc::new(image),
+        refused: Vec::new(),
+    }
+}
+
+fn service(answers: &[&str]) -> (Arc<ScriptedChat>, ChatService) {
+    let script = Arc::new(ScriptedChat::new(answers.iter().copied()));
+    let chat: Arc<dyn genmanip_chat::ChatModel> = script.clone();
+    (script, ChatService { chat, model: "script".into(), parameters: Default::default() })
+}
+
+#[test]
+fn hostile_answers_are_asked_again_and_then_fail_by_name() {
+    let huge = format!("{{\"number\": 1, \"object_name\": \"{}\", \"color\": \"x\"}}", "a".repeat(10 << 20));
+    let cases: Vec<(Stage, &str, &str)> = vec![
+        (Stage::Object, r#"{"number": 4, "object_name": "cup", "color": "red"}"#, "undrawn"),
+        (Stage::Object, r#"{"number": 0, "object_name": "cup", "color": "red"}"#, "undrawn"),
+        (Stage::Object, r#"{"number": -1, "object_name": "not_found", "color": "not_found"}"#, "not_found"),
+        (Stage::Object, r#"{"number": -2, "object_name": "cup", "color": "red"}"#, "undrawn"),
+        (Stage::Object, r#"{"number": 9223372036854775808, "object_name": "cup", "color": "red"}"#, "format"),
+        (Stage::Object, r#"{"number": 1.5, "object_name": "cup", "color": "red"}"#, "format"),
+        (Stage::Object, r#"{"number": "1", "object_name": "cup", "color": "red"}"#, "format"),
+        (Stage::Object, r#"{"number": 1, "object_name": "cup"}"#, "format"),
+        (Stage::Object, r#"{"number": 1, "object_name": "cup", "color": "red", "sure": true}"#, "format"),
+        (Stage::Object, r#"Sure! {"number": 1, "object_name": "cup", "color": "red"}"#, "format"),
+        (Stage::Object, r#"{"number": 1, "object_name": "cup", "color": "red"} Done."#, "format"),
+        (Stage::Object, "I would pick mask 1.", "format"),
+        (Stage::Object, "[]", "format"),
+        (Stage::Object, &huge, "format"),
+        (Stage::Part, r#"{"number": 9, "part_name": "lid", "color": "red"}"#, "undrawn"),
+        (Stage::GrabPoint, r#"{"selected_point": 6, "reason": ""}"#, "undrawn"),
+        (Stage::GrabPoint, r#"{"selected_point": -1, "reason": ""}"#, "undrawn"),
+        (Stage::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "Z99"}}"#, "undrawn"),
+        (Stage::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "A17"}}"#, "undrawn"),
+        (Stage::PointToPoint, r#"{"selected_point": {"type": "grid", "label": "I16"}}"#, "unusable"),
+        (Stage::PointToPoint, r#"{"selected_point": {"type": "pixel", "label": "C4"}}"#, "format"),
+        (Stage::PointToPoint, r#"{"selected_point": "C4"}"#, "format"),
+        (Stage::GridPath, r#"[]"#, "format"),
+        (Stage::GridPath, r#"[{"grid_number": "C4", "height_m": 0.2, "claw_orientation": 0}]"#, "format"),
+        (
+            Stage::GridPath,
+            r#"[{"grid_number": "C4", "height_m": NaN, "claw_orientation": 0}, {"grid_number": "C5", "height_m": 0.2, "claw_orientation": 0}]"#,
+            "format",
+        ),
+        (
+            Stage::GridPath,
+            r#"[{"grid_number": "C4", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "C5", "height_m": 5.0, "claw_orientation": 0}]"#,
+            "format",
+        ),
+        (
+            Stage::GridPath,
+            r#"[{"grid_number": "C4", "height_m": 0.2, "claw_orientation": 1e9}, {"grid_number": "C5", "height_m": 0.2, "claw_orientation": 0}]"#,
+            "format",
+        ),
+        (
+            Stage::GridPath,
+            r#"[{"grid_number": "Z99", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "C5", "height_m": 0.2, "claw_orientation": 0}]"#,
+            "undrawn",
+        ),
+        (Stage::Decompose, r#"{"subtasks": []}"#, "format"),
+        (Stage::Decompose, r#"{"subtasks": [" "]}"#, "format"),
+        (Stage::Check, r#"{"scene_description": "done", "finished": "yes"}"#, "format"),
+    ];
+    for (stage, answer, cause) in cases {
+        let (script, model) = service(&[answer; REASKS + 1]);
+        let transcribed = Transcribed::new(false);
+        let shown = &answer[..answer.len().min(120)];
+        let failure = ask(&model, &mut question(stage), REASKS, &transcribed).expect_err(shown);
+        assert_eq!((failure.stage.as_str(), failure.cause.as_str()), (stage.name(), cause), "{shown}");
+        let seen = script.seen();
+        assert_eq!(seen.len(), REASKS + 1, "{shown}: asked within the bound");
+        let complaint = seen[REASKS].messages.last().unwrap().text();
+        assert!(complaint.starts_with("This answer cannot be used: "), "{complaint}");
+        assert!(seen[REASKS].messages.iter().all(|message| message.text().len() < 4000), "what was huge is cut");
+        let moments = transcribed.transcript().moments;
+        assert_eq!(moments.len(), REASKS + 1);
+        assert!(moments.iter().all(|moment| matches!(moment, Moment::Asked(asked) if asked.refused.is_some())));
+    }
+}
+
+#[test]
+fn a_good_answer_after_a_bad_one_is_taken() {
+    let good = r#"{"number": 2, "object_name": "cup", "color": "red"}"#;
+    for good in [good.to_owned(), format!("```json\n{good}\n```"), format!("  {good}\n")] {
+        let (script, model) = service(&["no idea", &good]);
+        let answer = ask(&model, &mut question(Stage::Object), REASKS, &Transcribed::new(false)).unwrap();
+        assert!(matches!(answer, Answer::Mark(answer) if answer.mask == 1 && answer.name == "cup"));
+        assert_eq!(script.seen().len(), 2);
+    }
+    let path = r#"[{"grid_number": "A1", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "B2", "height_m": 0.1, "claw_orientation": -90}]"#;
+    for path in [path.to_owned(), format!("{{\"path\": {path}}}")] {
+        let (_, model) = service(&[&path]);
+        let answer = ask(&model, &mut question(Stage::GridPath), 0, &Transcribed::new(false)).unwrap();
+        let Answer::Path(answer) = answer else { panic!("expected a path, got {answer:?}") };
+        assert_eq!(answer.cells[1].cell, Cell { row: 1, column: 1 });
+    }
+}
+
+#[test]
+fn a_service_that_fails_is_no_answer() {
+    let (_, model) = service(&[]);
+    let failure = ask(&model, &mut question(Stage::Check), REASKS, &Transcribed::new(false)).unwrap_err();
+    assert_eq!(failure.cause, "service");
+}
+
+#[test]
+fn schemas_are_closed_and_hold_only_drawn_numbers() {
+    for stage in Stage::ALL {
+        let schema = question(stage).schema();
+        assert_eq!(schema["additionalProperties"], false, "{}", stage.name());
+        let names: Vec<&String> = schema["properties"].as_object().unwrap().keys().collect();
+        let required: Vec<&str> =
+            schema["required"].as_array().unwrap().iter().filter_map(|name| name.as_str()).collect();
+        assert_eq!(names, required);
+    }
+    assert_eq!(question(Stage::Object).schema()["properties"]["number"]["enum"], serde_json::json!([-1, 1, 2, 3]));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn nothing_breaks_the_reader_and_only_drawn_marks_come_out(text in "\\PC{0,80}", number in any::<i64>(), label in "[A-Za-z0-9+-]{0,5}") {
+        let texts = [
+            text,
+            format!(r#"{{"number": {number}, "object_name": "x", "color": "y"}}"#),
+            format!(r#"{{"selected_point": {number}, "reason": "x"}}"#),
+            format!(r#"{{"selected_point": {{"type": "grid", "label": "{label}"}}}}"#),
+        ];
+        for stage in Stage::ALL {
+            let question = question(stage);
+            for text in &texts {
+                match genmanip_agent::ask::parse(&question, text) {
+                    Ok(Answer::Mark(answer)) => prop_assert!(answer.mask < 3 && number == answer.mask as i64 + 1),
+                    Ok(Answer::GrabPoint(answer)) => prop_assert!(answer.point < 5),
+                    Ok(Answer::Point(answer)) => prop_assert_eq!(answer.cell.to_string(), label.clone()),
+                    _ => {}
+                }
+            }
+        }
+    }
+}
+
+/// What a model is shown depends on the question alone, so that recorded answers are found again.
+#[test]
+fn the_same_question_is_the_same_request() {
+    let key = || question(Stage::Object).request("m", &Default::default()).unwrap().key();
+    assert_eq!(key(), key());
+    let (_, model) = service(&["x"]);
+    assert_eq!(model.answer(&question(Stage::Check)).unwrap().text, "x");
+}

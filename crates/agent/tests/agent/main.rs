@@ -1,0 +1,4 @@
+//! The agent as others use it: questions and answers, and the marks on pictures.
+
+mod answers;
+mod marks;

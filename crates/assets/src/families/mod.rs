@@ -1,0 +1,146 @@
+//! Families: parametric generators of objects, as data.
+//!
+//! `data/families/*.json` has one record per family: parameters with their ranges, templates of the parts, and of
+//! everything that is said about an object. [`Families::instance`] turns a family and a seed into an object with its
+//! annotations; the same seed gives the same object, and parameters that are set leave the others as they were.
+//! What several families share (finishes, patterns, handles) stands in `shapes.json`, colours in `palettes.json`.
+
+mod expression;
+mod family;
+mod template;
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use genmanip_core::{AssetRef, ObjectCard, ObjectModel, Seed};
+use serde_json::Value;
+
+pub use family::Family;
+use template::Library;
+
+use crate::AssetError;
+
+/// Files of families, general category by general category.
+const FILES: [(&str, &str); 10] = [
+    ("tableware", include_str!("../../data/families/tableware.json")),
+    ("kitchen", include_str!("../../data/families/kitchen.json")),
+    ("packaged", include_str!("../../data/families/packaged.json")),
+    ("food", include_str!("../../data/families/food.json")),
+    ("office", include_str!("../../data/families/office.json")),
+    ("toys", include_str!("../../data/families/toys.json")),
+    ("containers", include_str!("../../data/families/containers.json")),
+    ("tools", include_str!("../../data/families/tools.json")),
+    ("household", include_str!("../../data/families/household.json")),
+    ("articulated", include_str!("../../data/families/articulated.json")),
+];
+
+/// All families with what they share.
+#[derive(Debug)]
+pub struct Families {
+    families: BTreeMap<String, Family>,
+    palettes: BTreeMap<String, Value>,
+    library: Library,
+}
+
+impl Families {
+    /// The families that come with the program.
+    ///
+    /// # Panics
+    /// Never in a tested build: the data files are compiled in.
+    pub fn builtin() -> &'static Self {
+        static BUILTIN: OnceLock<Families> = OnceLock::new();
+        BUILTIN.get_or_init(|| {
+            let shapes = include_str!("../../data/families/shapes.json");
+            let palettes = include_str!("../../data/families/palettes.json");
+            Self::from_json(&FILES, shapes, palettes).expect("built-in data files are tested")
+        })
+    }
+
+    /// Families from the texts of named files, with shared shapes and palettes, all JSON.
+    ///
+    /// # Errors
+    /// [`AssetError::Data`] with the place of the mistake.
+    pub fn from_json(files: &[(&str, &str)], shapes: &str, palettes: &str) -> Result<Self, AssetError> {
+        let mut families = BTreeMap::new();
+        for (file, text) in files {
+            let records: Vec<Family> = crate::data_file::read(file, text)?;
+            for family in records {
+                if let Some(twice) = families.insert(family.family.clone(), family) {
+                    let message = format!("{}: expected one family of that name", twice.family);
+                    return Err(AssetError::Data { file: (*file).to_owned(), message });
+                }
+            }
+        }
+        let library = crate::data_file::read("shapes", shapes)?;
+        let palettes = crate::data_file::read("palettes", palettes)?;
+        Ok(Self { families, palettes, library })
+    }
+
+    /// All families by name.
+    pub fn all(&self) -> impl Iterator<Item = &Family> {
+        self.families.values()
+    }
+
+    /// A family by its name.
+    pub fn get(&self, name: &str) -> Option<&Family> {
+        self.families.get(name)
+    }
+
+    /// The object of a family for a seed, with some parameters set.
+    ///
+    /// ```
+    /// use genmanip_assets::Families;
+    /// use genmanip_core::Seed;
+    /// let mug = Families::builtin().instance("mug", &Default::default(), Seed::new(7))?;
+    /// assert_eq!((mug.card.category.as_str(), mug.card.uid.as_str()), ("mug", "mug-7"));
+    /// # Ok::<(), genmanip_assets::AssetError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`AssetError::NotGenerated`] naming the parameter or template that is wrong.
+    pub fn instance(
+        &self,
+        family: &str,
+        params: &BTreeMap<String, Value>,
+        seed: Seed,
+    ) -> Result<ObjectModel, AssetError> {
+        let refused = |reason: String| AssetError::NotGenerated { family: family.to_owned(), reason };
+        let known = self.families.get(family).ok_or_else(|| {
+            let near: Vec<&str> =
+                self.families.keys().map(String::as_str).filter(|name| is_near(name, family)).collect();
+            refused(format!(
+                "there is no such family; near misses: {}",
+                if near.is_empty() { "none".into() } else { near.join(", ") }
+            ))
+        })?;
+        known.instance(params, seed, &self.palettes, &self.library).map_err(refused)
+    }
+
+    /// The card of the object of a family for a seed.
+    ///
+    /// # Errors
+    /// As [`Families::instance`].
+    pub fn card(&self, family: &str, seed: Seed) -> Result<ObjectCard, AssetError> {
+        self.instance(family, &BTreeMap::new(), seed).map(|model| model.card)
+    }
+
+    /// The first family of a category.
+    pub fn of_category(&self, category: &str) -> Option<&Family> {
+        self.families.values().find(|family| family.category() == category)
+    }
+
+    /// The family that made a model.
+    pub fn of(&self, asset: &AssetRef) -> Option<&Family> {
+        match asset {
+            AssetRef::Generated { family, .. } => self.get(family),
+            AssetRef::Builtin { .. } | AssetRef::Imported { .. } => None,
+        }
+    }
+}
+
+/// Whether two names share a word or most of their letters.
+fn is_near(known: &str, wanted: &str) -> bool {
+    let wanted = wanted.to_lowercase();
+    let same = known.chars().zip(wanted.chars()).filter(|(a, b)| a == b).count();
+    known.split(' ').any(|word| wanted.contains(word)) || 2 * same > known.len()
+}

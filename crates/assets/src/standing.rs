@@ -1,0 +1,100 @@
+//! In which poses an object stands by itself.
+
+use genmanip_core::{ObjectModel, Piece, Pose};
+use glam::{DQuat, DVec3};
+use serde::Serialize;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Corners this close to the lowest one carry the object, m: more than rounding of data, less than a foot's height.
+const TOUCHING_M: f64 = 0.0004;
+/// How far inside its support the centre of mass must lie, m; with less, a nudge topples it.
+const MARGIN_M: f64 = 0.003;
+/// Directions along which the support is measured.
+const DIRECTIONS: usize = 32;
+
+/// A pose in which an object stays put on a level surface.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StablePose {
+    /// Which side is up, in words.
+    pub name: &'static str,
+    /// Of the object, its lowest point at z = 0, its centre of mass above the origin's z axis left as it is.
+    pub world_from_object: Pose,
+    /// Least distance from the centre of mass to the edge of its support, m.
+    pub margin_m: f64,
+}
+
+/// Which of the six turns that put an axis of the object upright leave it standing on a face, upright first.
+///
+/// The exact support of the pieces is used: what lies on a round mantle has none, so a ball or a can on its side is not
+/// listed. Articulated objects have the canonical pose alone.
+pub fn stable_poses(model: &ObjectModel) -> Vec<StablePose> {
+    let turns = [
+        ("upright", DQuat::IDENTITY),
+        ("upside down", DQuat::from_rotation_x(PI)),
+        ("on its front", DQuat::from_rotation_y(-FRAC_PI_2)),
+        ("on its back", DQuat::from_rotation_y(FRAC_PI_2)),
+        ("on its left side", DQuat::from_rotation_x(FRAC_PI_2)),
+        ("on its right side", DQuat::from_rotation_x(-FRAC_PI_2)),
+    ];
+    let joints = vec![0.0; model.joint_count()];
+    let pieces = model.pieces(&joints);
+    let total: f64 = model.links.iter().map(|link| link.mass.mass_kg).sum();
+    let weighted = model.links.iter().zip(model.link_poses(&joints));
+    let center = weighted.map(|(link, pose)| pose.transform_point(link.mass.center) * link.mass.mass_kg).sum::<DVec3>()
+        / total.max(1e-9);
+    turns
+        .into_iter()
+        .enumerate()
+        .filter_map(|(index, (name, rotation))| {
+            let (lowest, margin_m) = support(&pieces, center, rotation);
+            let is_canonical = index == 0;
+            if !is_canonical && (model.card.is_articulated || margin_m < MARGIN_M) {
+                return None;
+            }
+            Some(StablePose { name, world_from_object: Pose::new(DVec3::Z * -lowest, rotation), margin_m })
+        })
+        .collect()
+}
+
+/// Lowest height of the turned pieces, and how far the centre of mass lies inside the hull of what touches there.
+fn support(pieces: &[Piece], center: DVec3, rotation: DQuat) -> (f64, f64) {
+    let back = rotation.inverse();
+    let height = |point: DVec3| (rotation * point).z;
+    let lowest = pieces.iter().map(|piece| height(piece.support(back * DVec3::NEG_Z))).fold(f64::INFINITY, f64::min);
+    let low: Vec<&Piece> =
+        pieces.iter().filter(|piece| height(piece.support(back * DVec3::NEG_Z)) < lowest + TOUCHING_M).collect();
+    let margin = (0..DIRECTIONS).map(|index| {
+        let angle = TAU * index as f64 / DIRECTIONS as f64;
+        let outward = DVec3::new(angle.cos(), angle.sin(), 0.0);
+        // A direction a little off straight down finds the outermost corner of the lowest face.
+        let reach = low.iter().map(|piece| {
+            let point = rotation * piece.support(back * (DVec3::NEG_Z + outward * 1e-3));
+            if point.z < lowest + TOUCHING_M { (point - rotation * center).dot(outward) } else { f64::NEG_INFINITY }
+        });
+        reach.fold(f64::NEG_INFINITY, f64::max)
+    });
+    (lowest, margin.fold(f64::INFINITY, f64::min))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Catalogue;
+
+    #[test]
+    fn things_stand_as_they_should() {
+        let check = |uid: &str, expected: &[&str]| {
+            let model = Catalogue::builtin().build(uid).unwrap();
+            let names: Vec<&str> = stable_poses(&model).iter().map(|pose| pose.name).collect();
+            assert_eq!(names, expected, "{}", model.card.name);
+        };
+        // A cube on every side, a can on its ends, a ball nowhere but on its own flat spots, a mug on its rim too.
+        check(
+            "046",
+            &["upright", "upside down", "on its front", "on its back", "on its left side", "on its right side"],
+        );
+        check("021", &["upright", "upside down"]);
+        check("001", &["upright", "upside down"]);
+        check("057", &["upright"]);
+    }
+}

@@ -1,0 +1,224 @@
+//! Services that answer JSON with JSON, such as segmentation or grasps: over HTTP, recorded and replayed.
+
+use std::path::Path;
+use std::time::Duration;
+
+use genmanip_core::Document;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use crate::cassette::{CassetteMode, CassetteSettings, path_of, read_text, write_whole};
+use crate::error::{ChatError, SettingsError};
+use crate::message::hexadecimal;
+use crate::settings::{check_address, is_loopback};
+use crate::transport::{Limits, Transport};
+
+/// Anything that answers JSON with JSON. Calls block and may come from several threads at once.
+pub trait Service: Send + Sync {
+    /// The answer to a question.
+    ///
+    /// # Errors
+    /// Says why there is none; retries are over by then.
+    fn ask(&self, question: &Value) -> Result<Value, ChatError>;
+}
+
+impl<S: Service + ?Sized> Service for Box<S> {
+    fn ask(&self, question: &Value) -> Result<Value, ChatError> {
+        (**self).ask(question)
+    }
+}
+
+/// A service over HTTP and how patient to be with it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ServiceSettings {
+    /// Address that questions are posted to, e.g. `http://127.0.0.1:8091/segment`; no user, password or query.
+    pub url: String,
+    /// Limit for making a connection, seconds.
+    pub connect_timeout_s: f64,
+    /// Limit for one whole request, seconds.
+    pub total_timeout_s: f64,
+    /// Largest question that is sent, bytes.
+    pub max_request_bytes: u64,
+    /// Largest answer that is read, bytes.
+    pub max_body_bytes: u64,
+    /// Further requests after one that was refused for the moment, timed out or was cut off.
+    pub max_retries: u32,
+    /// Wait before the first retry, seconds; doubles each time.
+    pub first_backoff_s: f64,
+}
+
+impl Default for ServiceSettings {
+    fn default() -> Self {
+        Self {
+            url: String::new(),
+            connect_timeout_s: 5.0,
+            total_timeout_s: 60.0,       // a large model without a GPU takes tens of seconds
+            max_request_bytes: 64 << 20, // colour and depth of 1280x720 are 9 MB in base64
+            max_body_bytes: 64 << 20,    // masks of 1280x720 as nested lists of numbers would still fit
+            max_retries: 2,
+            first_backoff_s: 0.5,
+        }
+    }
+}
+
+impl ServiceSettings {
+    /// A service at an address.
+    pub fn at(url: &str) -> Self {
+        Self { url: url.into(), ..Self::default() }
+    }
+
+    /// Checks what the types do not say.
+    ///
+    /// # Errors
+    /// Names the first field that makes no sense, as in a file where these settings are the table `service`.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        let invalid = |field, expected: &str| Err(SettingsError::Invalid { field, expected: expected.into() });
+        if let Err(expected) = check_address(&self.url) {
+            return invalid("service.url", expected);
+        }
+        let seconds = [
+            ("service.connect_timeout_s", self.connect_timeout_s),
+            ("service.total_timeout_s", self.total_timeout_s),
+            ("service.first_backoff_s", self.first_backoff_s),
+        ];
+        for (field, seconds) in seconds {
+            if !(seconds > 0.0 && seconds <= 86_400.0) {
+                return invalid(field, "seconds, more than 0 and at most a day");
+            }
+        }
+        if !(1..=1 << 30).contains(&self.max_request_bytes) || !(1..=1 << 30).contains(&self.max_body_bytes) {
+            return invalid("service.max_request_bytes and max_body_bytes", "1 to 1073741824");
+        }
+        if self.max_retries > 20 {
+            return invalid("service.max_retries", "0 to 20");
+        }
+        Ok(())
+    }
+}
+
+/// A service over HTTP.
+#[derive(Debug)]
+pub struct HttpService {
+    settings: ServiceSettings,
+    transport: Transport,
+}
+
+impl HttpService {
+    /// A client; nothing is sent yet.
+    ///
+    /// # Errors
+    /// Names the setting that makes no sense.
+    pub fn new(settings: ServiceSettings) -> Result<Self, SettingsError> {
+        settings.check()?;
+        let limits = Limits {
+            connect_timeout_s: settings.connect_timeout_s,
+            total_timeout_s: settings.total_timeout_s,
+            max_body_bytes: settings.max_body_bytes,
+        };
+        let transport = Transport::new(limits, is_loopback(&settings.url), None);
+        Ok(Self { settings, transport })
+    }
+}
+
+impl Service for HttpService {
+    fn ask(&self, question: &Value) -> Result<Value, ChatError> {
+        let body = question.to_string();
+        let (size_bytes, limit_bytes) = (body.len() as u64, self.settings.max_request_bytes);
+        if size_bytes > limit_bytes {
+            return Err(ChatError::RequestTooLarge { size_bytes, limit_bytes });
+        }
+        let mut retry = 0;
+        loop {
+            let failure = match self.transport.post(&self.settings.url, &[], &body) {
+                Ok(answer) => return Ok(answer),
+                Err(failure) => failure,
+            };
+            if !failure.transient || self.settings.max_retries == 0 {
+                return Err(failure.error);
+            }
+            if retry == self.settings.max_retries {
+                return Err(ChatError::GaveUp { attempts: retry + 1, last: Box::new(failure.error) });
+            }
+            std::thread::sleep(Duration::from_secs_f64(self.settings.first_backoff_s * f64::from(1 << retry)));
+            retry += 1;
+        }
+    }
+}
+
+/// One recorded answer of a service; of the question, which may hold megabytes of pixels, only its hash.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ServiceCassette {
+    /// SHA-256 of the question as JSON with sorted keys, 64 hexadecimal digits.
+    pub key: String,
+    /// Who answered, and why it was recorded; for people.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub note: String,
+    /// What was answered.
+    pub answer: Value,
+}
+
+impl Document for ServiceCassette {
+    const SCHEMA: &'static str = "genmanip.service-cassette/1";
+}
+
+/// A service with a folder of recorded answers before it.
+#[derive(Debug)]
+pub struct RecordedService<S> {
+    service: Option<S>,
+    settings: CassetteSettings,
+}
+
+impl<S: Service> RecordedService<S> {
+    /// `service` is asked in the modes live and record.
+    pub fn new(service: S, settings: CassetteSettings) -> Self {
+        Self { service: Some(service), settings }
+    }
+}
+
+impl RecordedService<HttpService> {
+    /// Only what is recorded in a folder.
+    pub fn replay(folder: &Path) -> Self {
+        let settings =
+            CassetteSettings { mode: CassetteMode::Replay, folder: folder.to_owned(), ..CassetteSettings::default() };
+        Self { service: None, settings }
+    }
+}
+
+impl<S: Service> Service for RecordedService<S> {
+    fn ask(&self, question: &Value) -> Result<Value, ChatError> {
+        let service = match (&self.service, self.settings.mode) {
+            (Some(service), CassetteMode::Live) => return service.ask(question),
+            (Some(service), CassetteMode::Record) => Some(service),
+            _ => None,
+        };
+        let key = key_of(question);
+        let path = path_of(&self.settings.folder, &key);
+        let broken = |message: String| ChatError::Cassette { message, path: path.display().to_string() };
+        match (path.exists(), service) {
+            (true, _) => {
+                let cassette =
+                    ServiceCassette::from_json(&read_text(&path)?).map_err(|error| broken(error.to_string()))?;
+                if cassette.key == key { Ok(cassette.answer) } else { Err(broken("it is of another question".into())) }
+            }
+            (false, Some(service)) => {
+                let answer = service.ask(question)?;
+                let cassette = ServiceCassette { key, note: self.settings.note.clone(), answer: answer.clone() };
+                let written = write_whole(&path, &cassette.to_json());
+                written.map_err(|error| broken(format!("cannot write the cassette: {error}")))?;
+                Ok(answer)
+            }
+            (false, None) => {
+                Err(ChatError::CassetteMiss { key, nearest: None, folder: self.settings.folder.display().to_string() })
+            }
+        }
+    }
+}
+
+fn key_of(question: &Value) -> String {
+    let mut canonical = question.clone();
+    canonical.sort_all_objects();
+    hexadecimal(&Sha256::digest(canonical.to_string().as_bytes()))
+}

@@ -1,0 +1,136 @@
+//! What the user may type after `assets`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+/// Verbs for objects.
+#[derive(Debug, Subcommand)]
+pub enum AssetsCommand {
+    /// List objects: uid, name, category, size
+    #[command(after_help = "Example:\n  genmanip assets list --catalog full color:red container:yes")]
+    List(SearchArguments),
+    /// Find objects by words and filters, best first
+    #[command(after_help = "Examples:\n  genmanip assets search \"something to drink from that is not red\"\n  \
+                      genmanip assets search wooden container:yes max-size:0.15 --json\n\n\
+                      \"not\", \"no\" and \"without\" exclude what follows, -word excludes. Filters: color: material: \
+                      category: affordance: container: graspable: articulated: split: (train, unseen_instance, \
+                      unseen_family) min-size: max-size: (m) licence:")]
+    Search(SearchArguments),
+    /// Show one object: words, parts, joints, stable poses, grasps; with --picture from four sides
+    #[command(after_help = "Example:\n  genmanip assets show mug-3 --picture mug.png")]
+    Show(ShowAssetArguments),
+    /// Draw a contact sheet
+    #[command(after_help = "Examples:\n  genmanip assets sheet --out sheet.png --catalog full category:food\n  \
+                      genmanip assets sheet --family mug --seed 100 --count 12 --out mugs.png\n  \
+                      genmanip assets sheet --families my-families/ --family \"garden gnome\" --count 8 --out g.png")]
+    Sheet(SheetArguments),
+    /// Write one object as OBJ and MTL, MJCF and JSON
+    #[command(after_help = "Example:\n  genmanip assets export mug-3 --out out/mug-3")]
+    Export(ExportAssetArguments),
+    /// Look for implausible density, friction, size, texture, roughness and reflectivity
+    #[command(after_help = "Example:\n  genmanip assets audit --catalog full --json\n\nExit 1 when anything is found.")]
+    Audit(AuditArguments),
+    /// Choose the list of generated objects anew: for whoever changes the families
+    #[command(hide = true)]
+    Freeze(FreezeArguments),
+}
+
+/// Which objects there are.
+#[derive(Debug, Args)]
+pub struct CatalogArguments {
+    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
+    #[arg(long, value_name = "NAME", default_value = "full", value_parser = ["builtin", "full"])]
+    pub catalog: String,
+}
+
+/// Arguments of `assets list` and `assets search`.
+#[derive(Debug, Args)]
+pub struct SearchArguments {
+    /// Words and filters
+    #[arg(value_name = "QUERY")]
+    pub query: Vec<String>,
+    /// Most objects to name
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    /// Which objects there are
+    #[command(flatten)]
+    pub catalog: CatalogArguments,
+}
+
+/// Arguments of `assets show`.
+#[derive(Debug, Args)]
+pub struct ShowAssetArguments {
+    /// Uid of the object
+    pub uid: String,
+    /// Write a picture of it from four sides, PNG or JPEG
+    #[arg(long, value_name = "FILE")]
+    pub picture: Option<PathBuf>,
+}
+
+/// Arguments of `assets sheet`.
+#[derive(Debug, Args)]
+pub struct SheetArguments {
+    /// Words and filters of the objects to draw
+    #[arg(value_name = "QUERY")]
+    pub query: Vec<String>,
+    /// Picture to write, PNG or JPEG
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Draw new objects of this family instead; `all` for each in turn
+    #[arg(long, value_name = "NAME")]
+    pub family: Option<String>,
+    /// Take the families from the data files of this folder
+    #[arg(long, value_name = "DIR", requires = "family")]
+    pub families: Option<PathBuf>,
+    /// First seed of new objects
+    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Objects to draw, or new objects of each family
+    #[arg(long, value_name = "N", value_parser = super::parse_count)]
+    pub count: Option<usize>,
+    /// Pictures per row
+    #[arg(long, default_value_t = 10, value_parser = super::parse_count)]
+    pub columns: usize,
+    /// Pixels per side of a picture
+    #[arg(long, default_value_t = 160, value_parser = clap::value_parser!(u32).range(16..=1024))]
+    pub cell: u32,
+    /// Which objects there are
+    #[command(flatten)]
+    pub catalog: CatalogArguments,
+}
+
+/// Arguments of `assets export`.
+#[derive(Debug, Args)]
+pub struct ExportAssetArguments {
+    /// Uid of the object
+    pub uid: String,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// Arguments of `assets audit`.
+#[derive(Debug, Args)]
+pub struct AuditArguments {
+    /// Which objects there are
+    #[command(flatten)]
+    pub catalog: CatalogArguments,
+}
+
+/// Arguments of `assets freeze`.
+#[derive(Debug, Args)]
+pub struct FreezeArguments {
+    /// File to write
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Take the families from the data files of this folder
+    #[arg(long, value_name = "DIR")]
+    pub families: Option<PathBuf>,
+    /// Rigid objects, the built-in ones included
+    #[arg(long, default_value_t = 1000)]
+    pub rigid: usize,
+    /// Articulated objects, the built-in ones included
+    #[arg(long, default_value_t = 120)]
+    pub articulated: usize,
+}

@@ -1,0 +1,39 @@
+//! What the user may type after `serve`.
+
+use std::net::SocketAddr;
+
+use clap::{Args, Subcommand};
+
+/// What is offered to other programs.
+#[derive(Debug, Subcommand)]
+pub enum ServeCommand {
+    /// Masks of the things in an image, from colour and depth
+    #[command(
+        after_help = "Examples:\n  genmanip serve segment\n  genmanip serve segment --openapi > segment.json\n  \
+                      curl http://127.0.0.1:8091/health"
+    )]
+    Segment(ServeArguments),
+    /// Grasps of a thing that is known by its points, for the Panda's hand
+    #[command(after_help = "Example:\n  genmanip serve grasp --address 127.0.0.1:8092")]
+    Grasp(ServeArguments),
+}
+
+/// Arguments of every service.
+#[derive(Debug, Args)]
+pub struct ServeArguments {
+    /// Address and port to listen at; port 0 takes a free one
+    #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:8091")]
+    pub address: SocketAddr,
+    /// Listen at an address that other machines can reach; nobody is asked who they are
+    #[arg(long)]
+    pub allow_others: bool,
+    /// Largest request that is read, MiB
+    #[arg(long, value_name = "MIB", default_value_t = 64, value_parser = super::parse_count)]
+    pub max_mb: usize,
+    /// Requests that are computed at once [default: one per core]
+    #[arg(long, value_name = "N", value_parser = super::parse_count)]
+    pub workers: Option<usize>,
+    /// Print the OpenAPI description instead
+    #[arg(long)]
+    pub openapi: bool,
+}

@@ -1,0 +1,237 @@
+//! `genmanip assets`.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_assets::listed::{choose, to_text};
+use genmanip_assets::notes::{geometry_notes, notes};
+use genmanip_assets::search::Filter;
+use genmanip_assets::{Catalogue, Families, GraspLibrary, panda};
+use genmanip_bench::text_table;
+use genmanip_core::glam::DVec3;
+use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed};
+use genmanip_run::{Progress, RunError, assets, audit, inputs};
+use serde_json::json;
+
+use crate::args::{
+    AssetsCommand, AuditArguments, ExportAssetArguments, FreezeArguments, SearchArguments, SheetArguments,
+    ShowAssetArguments,
+};
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+/// Most objects that a search names unless asked otherwise.
+const FOUND: usize = 20;
+/// Pixels per side of the views of `show`.
+const VIEW_PX: u32 = 320;
+
+pub fn run(command: &AssetsCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
+    match command {
+        AssetsCommand::List(arguments) => search(arguments, usize::MAX, printer),
+        AssetsCommand::Search(arguments) => search(arguments, FOUND, printer),
+        AssetsCommand::Show(arguments) => show(arguments, printer),
+        AssetsCommand::Sheet(arguments) => sheet(arguments, printer),
+        AssetsCommand::Export(arguments) => export(arguments, printer),
+        AssetsCommand::Audit(arguments) => audit(arguments, printer),
+        AssetsCommand::Freeze(arguments) => freeze(arguments, printer),
+    }
+}
+
+/// The catalogue of a name that the command line has checked.
+pub fn catalogue(name: &str) -> &'static Catalogue {
+    Catalogue::named(name).unwrap_or_else(Catalogue::builtin)
+}
+
+fn search(arguments: &SearchArguments, limit: usize, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let index = catalogue(&arguments.catalog.catalog).index();
+    let found = index.search(&arguments.query.join(" "), &Filter::default(), arguments.limit.unwrap_or(limit));
+    let mut rows = vec![["uid", "name", "category", "size, mm", "what it is"].map(String::from).to_vec()];
+    for one in &found {
+        let card = one.card;
+        rows.push(vec![
+            card.uid.clone(),
+            card.name.clone(),
+            card.category.clone(),
+            card.size_m.to_array().map(|side| format!("{:.0}", side * 1e3)).join(" × "),
+            card.description.clone(),
+        ]);
+    }
+    printer.data(&found, &text_table(&rows));
+    printer.say(format!("{} objects", found.len()));
+    Ok(if found.is_empty() { ExitStatus::NotMet } else { ExitStatus::Done })
+}
+
+fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let catalogue = Catalogue::full();
+    let model = assets::model(catalogue, &arguments.uid)?;
+    let (card, geometry, known) = (&model.card, geometry_notes(&model), notes(&model.card));
+    let joints: Vec<_> = model.links.iter().filter_map(|link| link.joint.as_ref()).collect();
+    let states: Vec<_> =
+        model.joint_states.iter().map(|state| json!({"name": state.name, "joints": state.intervals})).collect();
+    let grasps = GraspLibrary::builtin()
+        .of(&panda(), &model)
+        .map_err(|error| Failed::because("the tried grasps cannot be used", &error))?;
+    let hashes = assets::hashes(catalogue, &model)?;
+    let value = json!({
+        "card": card, "notes": known, "split": catalogue.split(&card.uid), "geometry": geometry,
+        "joints": joints.iter().map(|joint| json!({
+            "name": joint.name, "kind": joint.kind, "range": joint.range, "axis": joint.axis,
+        })).collect::<Vec<_>>(),
+        "states": states,
+        "grasps": {"robot": panda().name, "tried": grasps.len(),
+                   "always_held": grasps.iter().filter(|tried| tried.held == tried.trials).count()},
+        "hashes": {"physics": hashes.physics, "judging": hashes.judging, "looks": hashes.looks},
+    });
+    let mut text = format!(
+        "{} {}\n{}\n\ncategory   {}\nalso       {}\nuses       {}\nsize       {} mm, {} kg, friction {}\nsplit      {}\n\
+         pieces     {} convex collision pieces\ngrasps     {} tried with {}\n\nstands\n",
+        card.uid,
+        card.name,
+        card.description,
+        known.category_path.join(" > "),
+        known.synonyms.join(", "),
+        known.uses.join(", "),
+        card.size_m.to_array().map(|side| format!("{:.0}", side * 1e3)).join(" × "),
+        card.mass_kg,
+        model.friction,
+        catalogue.split(&card.uid).name(),
+        geometry.pieces,
+        grasps.len(),
+        panda().name,
+    );
+    for pose in &geometry.stable_poses {
+        text += &format!("  {:<19} centre of mass {:.0} mm inside its support\n", pose.name, pose.margin_m * 1e3);
+    }
+    text += "\nparts\n";
+    for part in &geometry.parts {
+        let size = part.link_bounds.size().to_array().map(|side| format!("{:.0}", side * 1e3)).join(" × ");
+        text += &format!("  {:<10} {:<14} {size} mm  {}\n", part.link, part.name, part.affordances.join(", "));
+    }
+    for joint in &joints {
+        text +=
+            &format!("\njoint      {} ({:?}) {:.3} to {:.3}", joint.name, joint.kind, joint.range[0], joint.range[1]);
+    }
+    for state in &model.joint_states {
+        text += &format!("\nstate      {}", state.name);
+    }
+    printer.data(&value, &text);
+    if let Some(path) = &arguments.picture {
+        inputs::write_file(path, &views(&model, path)?)?;
+        printer.say(format!("wrote {}", path.display()));
+    }
+    Ok(ExitStatus::Done)
+}
+
+/// From the robot's left, its right, behind and above; in each named state instead where there are some.
+fn views(model: &Arc<ObjectModel>, path: &Path) -> Result<Vec<u8>, RunError> {
+    let at = Pose::from_position(DVec3::new(0.5, 0.0, 0.0));
+    let closed = vec![0.0; model.joint_count()];
+    let directions = [[-0.8, 0.5, 0.6], [-0.8, -0.5, 0.6], [0.8, 0.45, 0.5], [-0.25, 0.0, 1.0]].map(DVec3::from_array);
+    let mut pictures = Vec::new();
+    for direction in directions {
+        pictures.push(assets::portrait_from(model, &at, &closed, direction, VIEW_PX)?);
+    }
+    for state in &model.joint_states {
+        pictures.push(assets::portrait_from(model, &at, &state.nominal, directions[1], VIEW_PX)?);
+    }
+    assets::tiled(&pictures, 4, VIEW_PX, path)
+}
+
+fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let own = arguments.families.as_deref().map(assets::read_families).transpose()?;
+    let families = own.as_ref().unwrap_or_else(|| Families::builtin());
+    let models = match &arguments.family {
+        Some(name) => new_objects(families, name, arguments.seed, arguments.count.unwrap_or(1))?,
+        None => {
+            let catalogue = catalogue(&arguments.catalog.catalog);
+            let index = catalogue.index();
+            let limit = arguments.count.unwrap_or(usize::MAX);
+            let found = index.search(&arguments.query.join(" "), &Filter::default(), limit);
+            found.iter().map(|one| assets::model(catalogue, &one.card.uid)).collect::<Result<Vec<_>, _>>()?
+        }
+    };
+    if models.is_empty() {
+        return Err(Failed::new("there is nothing to draw").hint("see `genmanip assets list`"));
+    }
+    let picture = assets::sheet(&models, arguments.columns, arguments.cell, &arguments.out, printer)?;
+    inputs::write_file(&arguments.out, &picture)?;
+    let columns = arguments.columns.min(models.len());
+    let place = |(index, model): (usize, &Arc<ObjectModel>)| {
+        json!({"row": index / columns + 1, "column": index % columns + 1, "uid": model.card.uid, "name": model.card.name,
+               "description": model.card.description})
+    };
+    let rows: Vec<_> = models.iter().enumerate().map(place).collect();
+    let line = |row: &serde_json::Value| {
+        let text = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
+        format!("{:>3}, {:>2}  {}  {}", row["row"], row["column"], text("uid"), text("description"))
+    };
+    printer.data(&rows, &rows.iter().map(line).collect::<Vec<_>>().join("\n"));
+    printer.say(format!("wrote {}", arguments.out.display()));
+    Ok(ExitStatus::Done)
+}
+
+/// Objects of consecutive seeds of a family, or of each.
+fn new_objects(families: &Families, name: &str, seed: u64, count: usize) -> Result<Vec<Arc<ObjectModel>>, Failed> {
+    let wanted = families.all().filter(|family| name == "all" || family.family == name).collect::<Vec<_>>();
+    let mut models = Vec::new();
+    for family in &wanted {
+        for seed in (seed..seed + count as u64).map(Seed::new) {
+            let model = families.instance(&family.family, &std::collections::BTreeMap::new(), seed);
+            let broken = |error| Failed::because(format!("{} {} cannot be made", family.family, seed.value()), &error);
+            models.push(Arc::new(model.map_err(broken)?));
+        }
+    }
+    if wanted.is_empty() {
+        let known: Vec<&str> = families.all().map(|family| family.family.as_str()).collect();
+        return Err(Failed::new(format!("there is no family `{name}`")).hint(format!("there are {}", known.join(", "))));
+    }
+    Ok(models)
+}
+
+fn export(arguments: &ExportAssetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let model = assets::model(Catalogue::full(), &arguments.uid)?;
+    let write = |name: &str, text: &str| inputs::write_file(&arguments.out.join(name), text.as_bytes());
+    let mtl = format!("{}.mtl", model.card.uid);
+    let (geometry, materials) = assets::obj(&model, &mtl);
+    write(&format!("{}.obj", model.card.uid), &geometry)?;
+    write(&mtl, &materials)?;
+    write(&format!("{}.xml", model.card.uid), &assets::mjcf(&model)?)?;
+    let described = json!({"card": model.card, "notes": notes(&model.card), "geometry": geometry_notes(&model)});
+    write(&format!("{}.json", model.card.uid), &serde_json::to_string_pretty(&described).unwrap_or_default())?;
+    let files = ["obj", "mtl", "xml", "json"].map(|end| format!("{}.{end}", model.card.uid));
+    printer.data(&json!({"folder": arguments.out, "files": files}), &files.join("\n"));
+    Ok(ExitStatus::Done)
+}
+
+fn audit(arguments: &AuditArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let findings = audit::audit(catalogue(&arguments.catalog.catalog), printer)?;
+    let mut rows = vec![["uid", "name", "what", "got", "expected"].map(String::from).to_vec()];
+    for finding in &findings {
+        rows.push(
+            [&finding.uid, &finding.name, &finding.what, &finding.got, &finding.expected].map(String::clone).to_vec(),
+        );
+    }
+    let text = if findings.is_empty() { "nothing implausible\n".to_owned() } else { text_table(&rows) };
+    printer.data(&findings, &text);
+    Ok(if findings.is_empty() { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
+fn freeze(arguments: &FreezeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let known = Catalogue::builtin().cards();
+    let of_kind =
+        |articulated: bool| known.iter().filter(|card: &&ObjectCard| card.is_articulated == articulated).count();
+    let (rigid, articulated) = (arguments.rigid - of_kind(false), arguments.articulated - of_kind(true));
+    let own = arguments.families.as_deref().map(assets::read_families).transpose()?;
+    let families = own.as_ref().unwrap_or_else(|| Families::builtin());
+    printer.begin("choosing", rigid + articulated);
+    let list = choose(families, rigid, articulated, known, &mut || printer.advance())
+        .map_err(|error| Failed::because("a family cannot make an object", &error))?;
+    printer.end();
+    write_list(&arguments.out, &to_text(&list))?;
+    printer.say(format!("{} objects, of {} wanted", list.len(), rigid + articulated));
+    Ok(ExitStatus::Done)
+}
+
+fn write_list(path: &Path, text: &str) -> Result<(), RunError> {
+    inputs::write_file(path, text.as_bytes())
+}

@@ -1,0 +1,44 @@
+//! `genmanip serve`: masks and grasps for other programs.
+
+use genmanip_agent::segmentation::RgbdSegmenter;
+use genmanip_assets::worlds::default_world;
+use genmanip_motion::PlannerSettings;
+use genmanip_run::inputs;
+use genmanip_serve::{Offer, ServeSettings, Server, openapi};
+
+use crate::args::{ServeArguments, ServeCommand};
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+pub fn run(command: &ServeCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
+    match command {
+        ServeCommand::Segment(arguments) => serve(Offer::Segment(RgbdSegmenter::default()), arguments, printer),
+        ServeCommand::Grasp(arguments) => {
+            let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
+            serve(Offer::Grasp(planner), arguments, printer)
+        }
+    }
+}
+
+fn serve(offer: Offer, arguments: &ServeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    if arguments.openapi {
+        let description = openapi(&offer);
+        printer.data(&description, &serde_json::to_string_pretty(&description).unwrap_or_default());
+        return Ok(ExitStatus::Done);
+    }
+    if !arguments.address.ip().is_loopback() && !arguments.allow_others {
+        return Err(Failed::new(format!("{} can be reached by other machines", arguments.address))
+            .hint("nobody is asked who they are; add --allow-others if your network is trusted"));
+    }
+    let settings = ServeSettings {
+        address: arguments.address,
+        max_request_bytes: arguments.max_mb << 20,
+        workers: arguments.workers.unwrap_or(ServeSettings::default().workers),
+    };
+    let (name, path) = (offer.name(), offer.path());
+    let server = Server::start(offer, &settings)
+        .map_err(|error| Failed::because(format!("cannot offer {name}"), &error).hint("choose another --address"))?;
+    printer.say(format!("offering {name} at http://{}{path}; Ctrl-C ends it", server.address()));
+    server.wait();
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,490 @@
+//! New objects of the families, tried: do they stand, can they be held, do containers contain, do states stay?
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use genmanip_assets::standing::stable_poses;
+use genmanip_assets::worlds::default_world;
+use genmanip_assets::{Catalogue, Families, Family};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{
+    Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape, World,
+};
+use genmanip_motion::PlannerSettings;
+use genmanip_rollout::collect::in_parallel;
+use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, sound_grasp};
+use genmanip_run::{Progress, inputs};
+use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::cpu_clock;
+
+/// Where an object stands, m.
+const PLACE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
+/// How far above its place it is let go, m.
+const DROP_M: f64 = 0.0005;
+/// Longest settling and the time during which drift counts, simulated seconds.
+const SETTLE_S: f64 = 3.0;
+const WATCH_S: f64 = 2.0;
+/// Physics steps a second.
+const STEPS_HZ: f64 = 480.0;
+/// More drift than this is a problem, mm.
+const MOST_DRIFT_MM: f64 = 0.1;
+/// Deeper than this is a problem, mm.
+const MOST_PENETRATION_MM: f64 = 1.0;
+/// Trials per grasp: each with mass and friction changed by up to 20 %.
+const TRIALS: u32 = 3;
+/// Grasps that are tried before an object counts as not held.
+const GRASPS: usize = 8;
+/// Balls dropped per container, one after the other; diameter as a share of the opening; highest start above the rim, m.
+const BALLS: u64 = 3;
+const BALL_SHARE: f64 = 1.0 / 3.0;
+const BALL_DROP_M: f64 = 0.01;
+/// A container is as deep as half such a ball at least; plates and trays hold no balls.
+const LEAST_DEPTH: f64 = BALL_SHARE / 2.0;
+/// Objects of the scene that is timed, and physics steps per timing; the median of so many timings counts.
+const SCENE_OBJECTS: usize = 12;
+const SCENE_STEPS: u32 = 2000;
+const TIMINGS: usize = 5;
+
+/// What the objects came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct Measured {
+    /// Objects made.
+    pub objects: usize,
+    /// Objects that could not be made, compiled or brought to rest.
+    pub failed: usize,
+    /// Processor time of making them with their textures, s.
+    pub build_cpu_s: f64,
+    /// Different descriptions among them.
+    pub distinct_descriptions: usize,
+    /// Largest way of an object in 2 s after it came to rest, over all its stable poses, mm.
+    pub drift_mm_max: f64,
+    /// Deepest penetration at rest, mm.
+    pub penetration_mm_max: f64,
+    /// Rigid objects meant for the hand.
+    pub can_grasp: usize,
+    /// Those that the arm lifted, shook and held, mass and friction changed by up to 20 %, in all of three trials.
+    pub grasp_verified: usize,
+    /// Containers that are open at the top and deep enough.
+    pub containers: usize,
+    /// Those in which three balls of a third of the opening stayed.
+    pub container_ok: usize,
+    /// Named states of articulated objects.
+    pub states: usize,
+    /// Those that stayed for 2 s and are told apart from the others by their joint positions.
+    pub states_ok: usize,
+    /// Processor time of compiling a scene of twelve objects of different families with the robot, ms.
+    pub compile_ms: f64,
+    /// Its physics steps in a second of processor time, all awake.
+    pub awake_steps_per_s: f64,
+    /// The same with the engine's own step.
+    pub mujoco_steps_per_s: f64,
+    /// Wall time of the program from start to end, for searching the whole catalogue, best of five, ms.
+    pub start_ms: f64,
+    /// What was wrong.
+    pub problems: Vec<Problem>,
+}
+
+/// Something wrong with one object.
+#[derive(Clone, Debug, Serialize)]
+pub struct Problem {
+    /// Its uid, which names family and seed.
+    pub uid: String,
+    /// What is wrong.
+    pub what: String,
+}
+
+/// What one object came to.
+#[derive(Clone, Debug, Default)]
+struct Tried {
+    failed: bool,
+    drift_mm: f64,
+    penetration_mm: f64,
+    grasp: Option<bool>,
+    container: Option<bool>,
+    states: usize,
+    states_ok: usize,
+    problems: Vec<String>,
+}
+
+/// Makes `count` objects, the families (or the one that was chosen) in turn, and tries each.
+///
+/// # Errors
+/// When the chosen family is unknown or the robot cannot be had; what is wrong with an object is a result.
+pub fn measure(
+    families: &Families,
+    chosen: Option<&str>,
+    count: usize,
+    seed: Seed,
+    workers: usize,
+    progress: &dyn Progress,
+) -> Result<Measured, LabError> {
+    let wanted: Vec<&Family> =
+        families.all().filter(|family| chosen.is_none_or(|name| family.family == name)).collect();
+    if wanted.is_empty() {
+        return Err(LabError::input(format!("there is no family `{}`", chosen.unwrap_or_default())));
+    }
+    let mut problems = Vec::new();
+    let mut clock = cpu_clock();
+    let mut models = Vec::new();
+    progress.begin("making", count);
+    for index in 0..count {
+        let family = wanted[index % wanted.len()];
+        let seed = seed.fork("assets").fork_index(index as u64);
+        match families.instance(&family.family, &Default::default(), seed) {
+            Ok(model) => models.push(Arc::new(model)),
+            Err(error) => {
+                problems.push(Problem { uid: format!("{}-{}", family.family, seed.value()), what: error.to_string() });
+            }
+        }
+        progress.advance();
+    }
+    progress.end();
+    let build_cpu_s = clock();
+    let descriptions: BTreeSet<&str> = models.iter().map(|model| model.card.description.as_str()).collect();
+    let world = default_world();
+    let trials = GraspTrials {
+        catalogue: Catalogue::builtin(),
+        planner: inputs::planner(&world, &PlannerSettings::default())?,
+        robot: inputs::robot(&world)?,
+        world: Arc::clone(&world),
+        view: ViewSettings::default(),
+    };
+    progress.begin("trying", models.len());
+    let tried = in_parallel(&models, workers, &AtomicBool::new(false), &|model: &Arc<ObjectModel>| {
+        let tried = try_object(model, &trials, seed.fork(&model.card.uid));
+        progress.advance();
+        Ok::<_, LabError>(tried)
+    })?;
+    progress.end();
+    let unmade = problems.len();
+    for (model, one) in models.iter().zip(&tried) {
+        let named = |what: &String| Problem { uid: model.card.uid.clone(), what: what.clone() };
+        problems.extend(one.problems.iter().map(named));
+    }
+    let timing = time_scene(&models, &trials, &world)?;
+    let most = |of: &dyn Fn(&Tried) -> f64| tried.iter().map(of).fold(0.0, f64::max);
+    let with = |of: &dyn Fn(&Tried) -> bool| tried.iter().filter(|one| of(one)).count();
+    Ok(Measured {
+        objects: models.len(),
+        failed: unmade + with(&|one| one.failed),
+        build_cpu_s,
+        distinct_descriptions: descriptions.len(),
+        drift_mm_max: most(&|one| one.drift_mm),
+        penetration_mm_max: most(&|one| one.penetration_mm),
+        can_grasp: with(&|one| one.grasp.is_some()),
+        grasp_verified: with(&|one| one.grasp == Some(true)),
+        containers: with(&|one| one.container.is_some()),
+        container_ok: with(&|one| one.container == Some(true)),
+        states: tried.iter().map(|one| one.states).sum(),
+        states_ok: tried.iter().map(|one| one.states_ok).sum(),
+        compile_ms: timing.compile_ms,
+        awake_steps_per_s: timing.awake_steps_per_s,
+        mujoco_steps_per_s: timing.mujoco_steps_per_s,
+        start_ms: start_ms(),
+        problems,
+    })
+}
+
+fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tried {
+    let world = &*trials.world;
+    let mut tried = Tried::default();
+    for pose in stable_poses(model) {
+        let joints = model.joint_states.first().map_or_else(Vec::new, |state| state.nominal.clone());
+        match rest(model, &pose.world_from_object, &joints, world) {
+            Ok(at_rest) => {
+                tried.drift_mm = tried.drift_mm.max(at_rest.drift_mm);
+                tried.penetration_mm = tried.penetration_mm.max(at_rest.penetration_mm);
+                if !at_rest.settled {
+                    tried.problems.push(format!("does not come to rest {}", pose.name));
+                }
+                if at_rest.tilt_rad > 0.2 {
+                    tried.problems.push(format!("falls over {}: turned by {:.2} rad", pose.name, at_rest.tilt_rad));
+                }
+                if at_rest.drift_mm > MOST_DRIFT_MM {
+                    tried.problems.push(format!("drifts {:.3} mm {}", at_rest.drift_mm, pose.name));
+                }
+                if at_rest.penetration_mm > MOST_PENETRATION_MM {
+                    tried.problems.push(format!("sinks in by {:.2} mm {}", at_rest.penetration_mm, pose.name));
+                }
+                tried.failed |= !at_rest.settled || at_rest.tilt_rad > 0.2;
+            }
+            Err(error) => {
+                tried.failed = true;
+                tried.problems.push(format!("the simulator refuses it {}: {error}", pose.name));
+                return tried;
+            }
+        }
+    }
+    if model.card.can_grasp && !model.card.is_articulated {
+        let settings = TryingSettings {
+            trials: TRIALS,
+            most_lost: 1,
+            offset_m: 0.0,
+            turn_rad: 0.0,
+            least_friction: 0.8,
+            mass_spread: 0.2,
+            ..TryingSettings::default()
+        };
+        let found = sound_grasp(trials, model, &settings, GRASPS, seed.fork("grasp"));
+        tried.grasp = Some(matches!(found, Ok(Some(_))));
+        match found {
+            Ok(Some(_)) => {}
+            Ok(None) => tried.problems.push("no grasp held in every trial".into()),
+            Err(error) => tried.problems.push(format!("grasps cannot be tried: {error}")),
+        }
+    }
+    if let Some(opening) = opening(&model.card.annotations) {
+        let stayed = (0..BALLS).map(|ball| stays(model, opening, world, seed.fork("ball").fork_index(ball)));
+        let stayed: Result<Vec<bool>, SimError> = stayed.collect();
+        let all = stayed.is_ok_and(|stayed| stayed.iter().all(|stays| *stays));
+        tried.container = Some(all);
+        if !all {
+            tried.problems.push("a ball of a third of the opening does not stay in it".into());
+        }
+    }
+    for state in &model.joint_states {
+        tried.states += 1;
+        match state_holds(model, &state.name, &state.nominal, world) {
+            Ok(None) => tried.states_ok += 1,
+            Ok(Some(what)) => tried.problems.push(what),
+            Err(error) => tried.problems.push(format!("state {}: {error}", state.name)),
+        }
+    }
+    tried
+}
+
+/// An object that has come to rest.
+struct AtRest {
+    settled: bool,
+    drift_mm: f64,
+    penetration_mm: f64,
+    /// By which angle it turned against its pose.
+    tilt_rad: f64,
+}
+
+fn rest(model: &Arc<ObjectModel>, pose: &Pose, joints: &[f64], world: &World) -> Result<AtRest, SimError> {
+    let start = Pose { position: pose.position + PLACE + DVec3::Z * DROP_M, ..*pose };
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &[placed("0", model, start, joints)])?));
+    let settings = SettleSettings { max_seconds: SETTLE_S, ..SettleSettings::default() };
+    let report = sim.settle(&settings)?;
+    let before = sim.object_states()[0].pose;
+    let mut drift = 0.0_f64;
+    let steps = (WATCH_S * STEPS_HZ) as u32;
+    for _ in 0..8 {
+        sim.advance(steps / 8)?;
+        let now = sim.object_states()[0].pose;
+        // Of the bounds' middle, so that turning on the spot about a far origin does not count twice.
+        let middle = |pose: &Pose| pose.transform_point(DVec3::Z * model.card.size_m.z / 2.0);
+        drift = drift.max(middle(&now).distance(middle(&before)));
+    }
+    Ok(AtRest {
+        settled: report.settled,
+        drift_mm: drift * 1e3,
+        penetration_mm: sim.penetration() * 1e3,
+        tilt_rad: (sim.object_states()[0].pose.rotation * DVec3::Z).angle_between(start.rotation * DVec3::Z),
+    })
+}
+
+fn placed(name: &str, model: &Arc<ObjectModel>, pose: Pose, joints: &[f64]) -> SceneObject {
+    let joint_positions = if joints.is_empty() { vec![0.0; model.joint_count()] } else { joints.to_vec() };
+    SceneObject { name: name.to_owned(), model: Arc::clone(model), pose, joint_positions }
+}
+
+/// Least width of the opening of a container that is deep enough, m.
+fn opening(annotations: &Annotations) -> Option<f64> {
+    let room = annotations.room?;
+    let opening = room.inside_m[0].min(room.inside_m[1]);
+    (room.depth_m >= LEAST_DEPTH * opening).then_some(opening)
+}
+
+/// Whether a ball dropped near the middle of the opening is within the walls and below the rim 2 s later.
+fn stays(model: &Arc<ObjectModel>, opening: f64, world: &World, seed: Seed) -> Result<bool, SimError> {
+    use rand::RngExt;
+    let radius = opening * BALL_SHARE / 2.0;
+    let cavities = model.cavities(&[]);
+    let bounds = genmanip_core::Aabb::from_pieces(&Pose::IDENTITY, &cavities);
+    let mut rng = seed.rng();
+    let mut off = || (rng.random::<f64>() - 0.5) * opening / 3.0;
+    let above = bounds.center().with_z(bounds.max.z + radius + BALL_DROP_M) + DVec3::new(off(), off(), 0.0);
+    let ball = Arc::new(ball(radius));
+    let objects = [
+        placed("0", model, Pose::from_position(PLACE + DVec3::Z * DROP_M), &[]),
+        placed("1", &ball, Pose::from_position(PLACE + above), &[]),
+    ];
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &objects)?));
+    sim.advance((2.0 * STEPS_HZ) as u32)?;
+    let states = sim.object_states();
+    let inside = states[0].pose.inverse().transform_point(states[1].pose.position);
+    let (low, high) = (bounds.min, bounds.max);
+    Ok(inside.x > low.x && inside.x < high.x && inside.y > low.y && inside.y < high.y && inside.z - radius < high.z)
+}
+
+/// A wooden ball, centred on its origin.
+fn ball(radius: f64) -> ObjectModel {
+    let mass_kg = 700.0 * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+    let inertia = genmanip_core::glam::DMat3::from_diagonal(DVec3::splat(0.4 * mass_kg * radius * radius));
+    ObjectModel {
+        card: ObjectCard {
+            uid: "ball".into(),
+            asset: AssetRef::Imported { hash: "ball".into() },
+            name: "Ball".into(),
+            description: "A ball.".into(),
+            category: "ball".into(),
+            general_category: "toys".into(),
+            colors: Vec::new(),
+            materials: Vec::new(),
+            shape: "sphere".into(),
+            size_m: DVec3::splat(2.0 * radius),
+            mass_kg,
+            is_container: false,
+            is_articulated: false,
+            states: Vec::new(),
+            can_grasp: true,
+            annotations: Annotations::default(),
+        },
+        family: "ball".into(),
+        asset: AssetRef::Imported { hash: "ball".into() },
+        links: vec![ObjectLink {
+            name: "body".into(),
+            joint: None,
+            visual: Vec::new(),
+            pieces: vec![Piece::at(DVec3::ZERO, Shape::Sphere { radius })],
+            cavity: Vec::new(),
+            mass: MassProperties { mass_kg, center: DVec3::ZERO, inertia },
+        }],
+        friction: 0.5,
+        joint_states: Vec::new(),
+    }
+}
+
+/// What is wrong with a state, if anything: it must last, and no other state's intervals may hold what it is.
+fn state_holds(
+    model: &Arc<ObjectModel>,
+    name: &str,
+    nominal: &[f64],
+    world: &World,
+) -> Result<Option<String>, SimError> {
+    let start = Pose::from_position(PLACE + DVec3::Z * DROP_M);
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &[placed("0", model, start, nominal)])?));
+    sim.advance((WATCH_S * STEPS_HZ) as u32)?;
+    let joints = sim.object_states()[0].joint_positions.clone();
+    let names: Vec<&String> = model.links.iter().filter_map(|link| Some(&link.joint.as_ref()?.name)).collect();
+    let holding: Vec<&str> = model
+        .joint_states
+        .iter()
+        .filter(|state| {
+            state.intervals.iter().all(|(joint, [low, high])| {
+                let index = names.iter().position(|known| *known == joint);
+                index.is_some_and(|index| (*low..=*high).contains(&joints[index]))
+            })
+        })
+        .map(|state| state.name.as_str())
+        .collect();
+    let wrong =
+        || format!("put into state {name}, its joints are at {joints:.3?} 2 s later, which is state {holding:?}");
+    Ok((holding != [name]).then(wrong))
+}
+
+struct Timing {
+    compile_ms: f64,
+    awake_steps_per_s: f64,
+    mujoco_steps_per_s: f64,
+}
+
+/// The first object of each of twelve families in rows on the table, with the robot.
+fn time_scene(models: &[Arc<ObjectModel>], trials: &GraspTrials, world: &World) -> Result<Timing, LabError> {
+    let mut families = BTreeSet::new();
+    let small = |model: &&Arc<ObjectModel>| model.card.size_m.x.max(model.card.size_m.y) < 0.2;
+    let first = models.iter().filter(small).filter(|model| families.insert(model.family.clone()));
+    let objects: Vec<SceneObject> = first
+        .take(SCENE_OBJECTS)
+        .enumerate()
+        .map(|(index, model)| {
+            let place = DVec3::new(0.3 + 0.21 * (index % 3) as f64, -0.4 + 0.26 * (index / 3) as f64, DROP_M);
+            placed(&index.to_string(), model, Pose::from_position(place), &[])
+        })
+        .collect();
+    let broken = |error: SimError| LabError::broken("the scene that is timed broke", error);
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let mut clock = cpu_clock();
+    let mut timed = |work: &mut dyn FnMut() -> Result<(), SimError>| -> Result<f64, SimError> {
+        let start = clock();
+        work()?;
+        Ok(clock() - start)
+    };
+    let (mut compile, mut awake, mut bare) = (Vec::new(), Vec::new(), Vec::new());
+    for _ in 0..TIMINGS {
+        let mut scene = None;
+        compile.push(
+            timed(&mut || {
+                scene = Some(Arc::new(Scene::compile(world, &trials.robot, &objects)?));
+                Ok(())
+            })
+            .map_err(broken)?,
+        );
+        let Some(scene) = scene else { continue };
+        let mut sim = Sim::new(Arc::clone(&scene));
+        sim.advance(STEPS_HZ as u32).map_err(broken)?;
+        let state = sim.state();
+        awake.push(timed(&mut || sim.advance(SCENE_STEPS)).map_err(broken)?);
+        sim.set_state(&state).map_err(broken)?;
+        bare.push(
+            timed(&mut || {
+                sim.advance_bare(SCENE_STEPS);
+                Ok(())
+            })
+            .map_err(broken)?,
+        );
+    }
+    Ok(Timing {
+        compile_ms: median(compile) * 1e3,
+        awake_steps_per_s: f64::from(SCENE_STEPS) / median(awake),
+        mujoco_steps_per_s: f64::from(SCENE_STEPS) / median(bare),
+    })
+}
+
+/// Of this very program, searching the whole catalogue; 0 where it cannot start itself.
+fn start_ms() -> f64 {
+    let Ok(program) = std::env::current_exe() else { return 0.0 };
+    let runs = (0..5).filter_map(|_| {
+        let start = Instant::now();
+        let arguments = ["assets", "search", "mug", "--limit", "1", "--catalog", "full", "--quiet"];
+        let output = std::process::Command::new(&program).args(arguments).output().ok()?;
+        output.status.success().then(|| start.elapsed().as_secs_f64() * 1e3)
+    });
+    let best = runs.fold(f64::INFINITY, f64::min);
+    if best.is_finite() { best } else { 0.0 }
+}
+
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
+    let Measured { objects, failed, build_cpu_s, distinct_descriptions, drift_mm_max, penetration_mm_max, .. } =
+        measured;
+    let share = |part: usize, of: usize| format!("{part} of {of} ({:.1} %)", 100.0 * part as f64 / of.max(1) as f64);
+    let mut text = format!(
+        "objects       {objects}, {failed} failed, made in {build_cpu_s:.1} s of processor time\ndescriptions  {}\n\
+         at rest       drift at most {drift_mm_max:.3} mm in 2 s, penetration {penetration_mm_max:.3} mm\n\
+         grasps        {}\ncontainers    {}\nstates        {}\nscene of 12   compiled in {:.1} ms, {:.0} steps/s \
+         (the engine's own step: {:.0})\nstart         {:.0} ms wall\n",
+        share(*distinct_descriptions, *objects),
+        share(measured.grasp_verified, measured.can_grasp),
+        share(measured.container_ok, measured.containers),
+        share(measured.states_ok, measured.states),
+        measured.compile_ms,
+        measured.awake_steps_per_s,
+        measured.mujoco_steps_per_s,
+        measured.start_ms,
+    );
+    for Problem { uid, what } in &measured.problems {
+        text += &format!("  {uid}: {what}\n");
+    }
+    text
+}

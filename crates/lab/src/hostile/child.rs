@@ -1,0 +1,128 @@
+//! One call of the program under limits.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::Room;
+use crate::LabError;
+
+/// What a call may need.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// Address space, MiB: never less than the memory in use.
+    pub(super) memory_mib: u64,
+    /// Processor time, s.
+    pub(super) cpu_s: u64,
+    /// Wall time, s: for what waits without working.
+    pub(super) wall_s: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { memory_mib: 1024, cpu_s: 10, wall_s: 100 }
+    }
+}
+
+/// How a call ended.
+#[derive(Debug)]
+pub(super) struct Ended {
+    /// Exit code; none when a signal ended it.
+    pub(super) code: Option<i32>,
+    pub(super) stdout: String,
+    pub(super) stderr: String,
+    /// Processor time.
+    pub(super) cpu_s: f64,
+    signal: Option<i32>,
+    waited_too_long: bool,
+}
+
+/// Signals: a limit of processor time that was met, and the one sent after waiting too long.
+const SIGXCPU: i32 = 24;
+const SIGKILL: i32 = 9;
+
+impl Ended {
+    pub(super) fn is_over_memory(&self) -> bool {
+        self.stderr.contains("memory allocation of") || self.stderr.contains("capacity overflow")
+    }
+
+    pub(super) fn is_hanging(&self) -> bool {
+        self.waited_too_long || self.signal == Some(SIGXCPU) || self.signal == Some(SIGKILL)
+    }
+
+    pub(super) fn has_panicked(&self) -> bool {
+        self.code == Some(101) || self.code.is_none() || self.stderr.contains("panicked at")
+    }
+
+    /// What a verb prints although it ends with 1.
+    pub(super) fn stdout_if_refused(&self) -> String {
+        self.stdout.chars().take(2000).collect()
+    }
+}
+
+/// Calls the program in the room; `sh` sets the limits, since a library cannot do that safely between fork and exec.
+pub(super) fn run(program: &Path, call: &[String], room: &Room, limits: Limits) -> Result<Ended, LabError> {
+    let script = format!(
+        "ulimit -v {}; ulimit -t {}; ulimit -c 0; ulimit -f 2000000; exec \"$0\" \"$@\"",
+        limits.memory_mib << 10,
+        limits.cpu_s
+    );
+    let (out, err) = (room.outside().with_file_name("stdout"), room.outside().with_file_name("stderr"));
+    let create = |path: &Path| File::create(path).map_err(|error| LabError::file("write", path, error));
+    let before = children_cpu_s();
+    let mut child = Command::new("sh")
+        .args(["-c", &script])
+        .arg(program)
+        .args(call)
+        .current_dir(room.work())
+        .env("HOME", room.outside().join("home"))
+        .env("TMPDIR", room.outside().join("tmp"))
+        .env("RUST_BACKTRACE", "0")
+        .stdin(Stdio::null())
+        .stdout(create(&out)?)
+        .stderr(create(&err)?)
+        .spawn()
+        .map_err(|error| LabError::broken("cannot start the program", error))?;
+    let deadline = Instant::now() + Duration::from_secs(limits.wall_s);
+    let mut pause = Duration::from_millis(1);
+    let (status, waited_too_long) = loop {
+        match child.try_wait().map_err(|error| LabError::broken("cannot wait for the program", error))? {
+            Some(status) => break (status, false),
+            None if Instant::now() > deadline => {
+                let _ = child.kill();
+                let status = child.wait().map_err(|error| LabError::broken("cannot wait for the program", error))?;
+                break (status, true);
+            }
+            None => {
+                std::thread::sleep(pause);
+                pause = (pause * 2).min(Duration::from_millis(20));
+            }
+        }
+    };
+    let text = |path: &Path| -> Result<String, LabError> {
+        let mut bytes = Vec::new();
+        let file = File::open(path).map_err(|error| LabError::file("read", path, error))?;
+        file.take(1 << 20).read_to_end(&mut bytes).map_err(|error| LabError::file("read", path, error))?;
+        std::fs::remove_file(path).map_err(|error| LabError::file("write", path, error))?;
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    };
+    use std::os::unix::process::ExitStatusExt;
+    Ok(Ended {
+        code: status.code(),
+        signal: status.signal(),
+        stdout: text(&out)?,
+        stderr: text(&err)?,
+        cpu_s: children_cpu_s() - before,
+        waited_too_long,
+    })
+}
+
+/// Processor time of all children that have ended, s (Linux; clock ticks of 10 ms).
+fn children_cpu_s() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();
+    // Fields 16 and 17 of the line, counted behind the name of the program.
+    fields.skip(13).take(2).filter_map(|ticks| ticks.parse::<f64>().ok()).sum::<f64>() / 100.0
+}

@@ -1,0 +1,399 @@
+//! Sound inputs of every kind, and the calls that read them.
+
+use std::fs;
+use std::path::Path;
+
+use rand::{Rng, RngExt};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use super::child::{self, Limits};
+use super::full::Filling;
+use super::{HostileArguments, Room, listing, mutate};
+use crate::LabError;
+
+/// What is changed, in the names of `by_kind`.
+pub const KINDS: [&str; 13] = [
+    "tasks",
+    "answers",
+    "scenarios",
+    "worlds",
+    "episodes",
+    "evaluations",
+    "problems",
+    "robots",
+    "cassettes",
+    "settings",
+    "grasps",
+    "cameras",
+    FULL,
+];
+/// Files as large as is read; each costs seconds, so they are rare.
+pub(super) const FULL: &str = "full";
+
+/// What lies in a file's place.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Content {
+    Bytes(Vec<u8>),
+    /// A link to a file outside.
+    LinkOutside,
+    /// A link to a device that never ends.
+    LinkZero,
+    Pipe,
+    Folder,
+    Nothing,
+}
+
+/// One call and the files it meets.
+#[derive(Clone, Debug)]
+pub(super) struct Case {
+    pub(super) kind: String,
+    pub(super) files: Vec<(String, Content)>,
+    /// Files that may be changed.
+    targets: Vec<usize>,
+    pub(super) call: Vec<String>,
+    /// Whether a refusal must leave the folder as it was.
+    pub(super) only_reads: bool,
+}
+
+/// Sound inputs.
+pub(super) struct Corpus {
+    tasks: Vec<(String, Vec<u8>)>,
+    /// A run of two tasks with an evaluation.
+    run: Vec<(String, Vec<u8>)>,
+    scenario: Vec<u8>,
+    world: Vec<u8>,
+    problems: Vec<u8>,
+    cassettes: Vec<(String, Vec<u8>)>,
+    grasps: Vec<u8>,
+    kept: Vec<Case>,
+}
+
+/// A small arm with every kind of geometry.
+const ARM: &str = include_str!("../../testdata/arm.urdf");
+const RULES: &str = "<robot name=\"six\">\n  <disable_collisions link1=\"base\" link2=\"upper\" reason=\"Never\"/>\n  \
+                     <end_effector name=\"tool\" parent_link=\"flange\" group=\"hand\"/>\n</robot>\n";
+const BRICK: &str = "v -0.15 -0.03 -0.03\nv 0.15 -0.03 -0.03\nv -0.15 0.03 -0.03\nv 0.15 0.03 -0.03\n\
+                     v -0.15 -0.03 0.03\nv 0.15 -0.03 0.03\nv -0.15 0.03 0.03\nv 0.15 0.03 0.03\n";
+const SETTINGS: &str = "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmodel = \"none\"\nmax_retries = 0\n\
+                        [server.parameters]\ntemperature = 0.7\n[cassettes]\nmode = \"replay\"\nfolder = \"cassettes\"\n\
+                        [generation]\nmax_rounds = 2\nworkers = 1\nmin_objects = 3\n[prices.none]\ninput_per_million = 1.0\n\
+                        output_per_million = 2.0\n";
+const TRIES: Limits = Limits { memory_mib: 8192, cpu_s: 600, wall_s: 3600 };
+
+impl Corpus {
+    /// Makes the sound inputs with the program itself.
+    pub(super) fn make(arguments: &HostileArguments, room: &Room) -> Result<Self, LabError> {
+        let HostileArguments { program, project, .. } = arguments;
+        let examples = project.join("examples/tasks");
+        let run = |call: &[&str]| -> Result<(), LabError> {
+            let call: Vec<String> = call.iter().map(|word| (*word).to_owned()).collect();
+            let ended = child::run(program, &call, room, TRIES)?;
+            match ended.code {
+                Some(0) => Ok(()),
+                _ => Err(LabError::input(format!("a sound input cannot be made: {}", ended.stderr.trim()))
+                    .with_hint("run in the project's folder, or name it with --project")),
+            }
+        };
+        let example = |name: &str| examples.join(name).display().to_string();
+        let (first, second) = (example("021_spatial.json"), example("024_appearance.json"));
+        run(&["collect", &first, &second, "--episodes", "1", "--no-dataset", "--seed", "3", "--out", "run"])?;
+        run(&["evaluate", "run", "--policy", "do_nothing:seconds=0.1", "--keep-episodes"])?;
+        run(&["world", "init", "--out", "world.toml"])?;
+        run(&["lab", "motion", "--generate", "easy", "--count", "2", "--ik-poses", "1", "--out", "problems.json"])?;
+        run(&["grasps", "bake", "--out", "grasps.json", "--objects", "001", "--count", "1", "--trials", "1"])?;
+        let made = listing(&room.work());
+        let file = |name: &str| made.get(name).cloned().unwrap_or_default();
+        let below = |folder: &str| -> Vec<(String, Vec<u8>)> {
+            let inside = made.iter().filter(|(name, _)| name.starts_with(folder) && !name.ends_with('/'));
+            inside.map(|(name, bytes)| (name.clone(), bytes.clone())).collect()
+        };
+        let corpus = Self {
+            tasks: read_all(&examples)?,
+            scenario: file("run/scenarios/021_spatial-000.json"),
+            run: below("run/"),
+            world: file("world.toml"),
+            problems: file("problems.json"),
+            cassettes: read_all(&project.join("crates/llm/testdata/cassettes"))?,
+            grasps: file("grasps.json"),
+            kept: kept(&project.join("crates/lab/testdata/hostile"))?,
+        };
+        room.clear()?;
+        Ok(corpus)
+    }
+
+    /// Inputs that once broke something.
+    pub(super) fn kept(&self) -> Vec<Case> {
+        self.kept.clone()
+    }
+
+    /// A sound input of a kind with a call that reads it.
+    pub(super) fn case(&self, kind: &str, rng: &mut impl Rng) -> Result<Case, LabError> {
+        if kind == FULL {
+            return self.full(rng);
+        }
+        let one = |name: &str, bytes: &[u8]| vec![(name.to_owned(), Content::Bytes(bytes.to_vec()))];
+        let task = || self.tasks.first().map(|(_, bytes)| bytes.clone()).unwrap_or_default();
+        let answer = self.tasks.get(rng.random_range(0..self.tasks.len().max(1))).map(|(_, bytes)| bytes.clone());
+        let document = self.run_file("run/run.json").and_then(|run| task_of(&run)).unwrap_or_else(task);
+        let (files, calls): (Vec<(String, Content)>, &[&str]) = match kind {
+            "tasks" => (
+                one("task.json", &document),
+                &["task show task.json --svg out.svg", "task show task.json", "task show task.json --json"],
+            ),
+            "answers" => (
+                one("answer.json", &answer.unwrap_or_default()),
+                &[
+                    "task check answer.json",
+                    "task show answer.json",
+                    "task check answer.json --objects 001,002,019 --kind spatial",
+                ],
+            ),
+            "scenarios" => (
+                one("scenario.json", &self.scenario),
+                &[
+                    "export --mjcf scenario.json",
+                    "camera list scenario.json",
+                    "plan scenario.json --to 0.5,0.1,0.3",
+                    "camera preview scenario.json --size 48x32 --out views",
+                    "evaluate scenario.json --policy do_nothing:seconds=0.1",
+                ],
+            ),
+            "worlds" => (
+                one("world.toml", &self.world),
+                &[
+                    "world check world.toml",
+                    "world show world.toml --json",
+                    "camera list world.toml",
+                    "camera preview world.toml --size 48x32 --out views",
+                ],
+            ),
+            "cameras" => {
+                let scenario: Value = serde_json::from_slice(&self.scenario).unwrap_or_default();
+                let mut files = one("cameras.json", scenario["world"]["cameras"].to_string().as_bytes());
+                files.push(("scenario.json".into(), Content::Bytes(self.scenario.clone())));
+                (files, &["evaluate scenario.json --policy do_nothing:seconds=0.1 --cameras cameras.json"])
+            }
+            "episodes" | "evaluations" => (
+                self.run.iter().map(|(name, bytes)| (name.clone(), Content::Bytes(bytes.clone()))).collect(),
+                match kind {
+                    "episodes" => &[
+                        "replay --check run",
+                        "replay --check run/episodes/021_spatial-000",
+                        "evaluate run --policy do_nothing:seconds=0.1",
+                        "report run",
+                    ],
+                    _ => &["evaluate run --policy do_nothing:seconds=0.1 --keep-episodes", "report run"],
+                },
+            ),
+            "problems" => (one("problems.json", &self.problems), &["lab motion --problems problems.json --ik-poses 1"]),
+            "robots" => {
+                let file = |name: &str, bytes: &[u8]| (format!("six/{name}"), Content::Bytes(bytes.to_vec()));
+                let mut files =
+                    vec![file("six.urdf", ARM.as_bytes()), file("fore.obj", BRICK.as_bytes()), file("tip.stl", &stl())];
+                if rng.random_bool(0.5) {
+                    files.push(file("six.srdf", RULES.as_bytes()));
+                }
+                files.push(("none.json".into(), Content::Bytes(b"{\"problems\": []}".to_vec())));
+                (
+                    files,
+                    &[
+                        "lab motion --problems none.json --ik-poses 1 --robot six",
+                        "lab motion --problems none.json --ik-poses 1 --robot six",
+                        "lab motion --generate easy --count 1 --ik-poses 1 --robot six",
+                    ],
+                )
+            }
+            "cassettes" | "settings" => {
+                let cassette =
+                    |(name, bytes): &(String, Vec<u8>)| (format!("cassettes/{name}"), Content::Bytes(bytes.clone()));
+                let mut files: Vec<_> = self.cassettes.iter().map(cassette).collect();
+                files.push(("settings.toml".into(), Content::Bytes(SETTINGS.into())));
+                (
+                    files,
+                    &[
+                        "task new --designer llm --settings settings.toml --cassettes replay --kind spatial --count 1 --out out",
+                    ],
+                )
+            }
+            "grasps" => (one("grasps.json", &self.grasps), &["grasps show 001 --file grasps.json"]),
+            other => {
+                return Err(LabError::input(format!("there is no kind `{other}`"))
+                    .with_hint(format!("kinds are {}", KINDS.join(", "))));
+            }
+        };
+        let call: Vec<String> = calls[rng.random_range(0..calls.len())].split(' ').map(String::from).collect();
+        // What a refused call of these has finished is kept.
+        let writes = ["evaluate", "report", "new", "preview"];
+        let only_reads = !call.iter().take(2).any(|word| writes.contains(&word.as_str()));
+        let is_target = |name: &str| match kind {
+            "episodes" => name.starts_with("run/episodes/") || name == "run/run.json",
+            "evaluations" => {
+                name.starts_with("run/evaluation/") || name == "run/timings.json" || name == "run/run.json"
+            }
+            "cameras" => name == "cameras.json",
+            "cassettes" => name.starts_with("cassettes/"),
+            "settings" => name == "settings.toml",
+            "robots" => name.starts_with("six/"),
+            _ => true,
+        };
+        let targets = (0..files.len()).filter(|&index| is_target(&files[index].0)).collect();
+        Ok(Case { kind: kind.into(), files, targets, call, only_reads })
+    }
+
+    /// A file as large as its reader takes, in the place of a sound one.
+    fn full(&self, rng: &mut impl Rng) -> Result<Case, LabError> {
+        let filling = Filling::any(rng);
+        let kind = match filling.file.split_once('/') {
+            Some(("run", _)) => "episodes",
+            Some(_) => "robots",
+            None => "settings",
+        };
+        let mut case = self.case(kind, rng)?;
+        case.files.retain(|(name, _)| name != filling.file);
+        case.files.push((filling.file.into(), Content::Bytes(filling.bytes())));
+        case.targets = vec![case.files.len() - 1];
+        case.call = filling.call.split(' ').map(String::from).collect();
+        case.kind = FULL.into();
+        case.only_reads = false;
+        Ok(case)
+    }
+
+    fn run_file(&self, name: &str) -> Option<Vec<u8>> {
+        self.run.iter().find(|(known, _)| known == name).map(|(_, bytes)| bytes.clone())
+    }
+}
+
+impl Case {
+    /// Changes one file in one place.
+    pub(super) fn change(&mut self, rng: &mut impl Rng) {
+        if self.kind == FULL {
+            return;
+        }
+        let Some(&target) = self.targets.get(rng.random_range(0..self.targets.len().max(1))) else { return };
+        let name = self.files[target].0.clone();
+        let Content::Bytes(bytes) = &mut self.files[target].1 else { return };
+        if rng.random_bool(0.06) {
+            let others = [
+                Content::LinkOutside,
+                Content::LinkZero,
+                Content::Pipe,
+                Content::Folder,
+                Content::Nothing,
+                Content::Bytes(vec![]),
+            ];
+            self.files[target].1 = others[rng.random_range(0..others.len())].clone();
+            return;
+        }
+        let is_blind = rng.random_bool(0.25);
+        match Path::new(&name).extension().and_then(|ending| ending.to_str()) {
+            Some("json" | "jsonl") if !is_blind => mutate::json(bytes, rng),
+            Some("toml" | "urdf" | "srdf" | "obj") if !is_blind => mutate::tokens(bytes, rng),
+            _ => mutate::blind(bytes, rng),
+        }
+        // A liar also changes the hashes.
+        if self.kind == "episodes" && rng.random_bool(0.6) {
+            self.hash_again(&name);
+        }
+    }
+
+    /// Makes the record of an episode say what its file is now.
+    fn hash_again(&mut self, name: &str) {
+        let Some((folder, file)) = name.rsplit_once('/') else { return };
+        let changed = self.files.iter().find(|(known, _)| known == name);
+        let Some((_, Content::Bytes(bytes))) = changed.cloned() else { return };
+        let record = format!("{folder}/episode.json");
+        let Some((_, Content::Bytes(text))) = self.files.iter_mut().find(|(known, _)| *known == record) else { return };
+        let Ok(mut value) = serde_json::from_slice::<Value>(text) else { return };
+        let listed = value.get_mut("files").and_then(Value::as_array_mut).into_iter().flatten();
+        for entry in listed.filter(|entry| entry["name"] == file) {
+            entry["bytes"] = bytes.len().into();
+            let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+            entry["sha256"] = digest.into();
+        }
+        *text = value.to_string().into_bytes();
+    }
+
+    /// Names by one of which a message can say where something is wrong.
+    pub(super) fn places(&self) -> Vec<String> {
+        let names = self.targets.iter().map(|&index| self.files[index].0.as_str());
+        let mut places: Vec<String> = names.flat_map(|name| name.rsplit('/').next()).map(String::from).collect();
+        places.extend(["run/", "six", "cassettes", "021_spatial", "024_appearance", "'--"].map(String::from));
+        places
+    }
+
+    pub(super) fn in_words(&self) -> String {
+        format!("{}: genmanip {}", self.kind, self.call.join(" "))
+    }
+}
+
+impl Content {
+    /// Puts it into its place; `outside` is the folder that must stay as it is.
+    pub(super) fn write(&self, path: &Path, outside: &Path) -> std::io::Result<()> {
+        use std::os::unix::fs::symlink;
+        match self {
+            Self::Bytes(bytes) => fs::write(path, bytes),
+            Self::LinkOutside => symlink(outside.join("canary"), path),
+            Self::LinkZero => symlink("/dev/zero", path),
+            Self::Pipe => std::process::Command::new("mkfifo").arg(path).status().map(drop),
+            Self::Folder => fs::create_dir(path),
+            Self::Nothing => Ok(()),
+        }
+    }
+}
+
+/// The files of a folder, sorted by name.
+fn read_all(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, LabError> {
+    let files: Vec<_> = listing(folder).into_iter().filter(|(name, _)| !name.ends_with('/')).collect();
+    if files.is_empty() {
+        return Err(LabError::input(format!("there is nothing in {}", folder.display()))
+            .with_hint("run in the project's folder, or name it with --project"));
+    }
+    Ok(files)
+}
+
+/// One folder each: its files, and in `call.txt` its kind and the words of the call, a line each.
+fn kept(folder: &Path) -> Result<Vec<Case>, LabError> {
+    let mut cases = Vec::new();
+    let mut names: Vec<_> = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+    names.sort();
+    for path in names.into_iter().filter(|path| path.is_dir()) {
+        let mut files = listing(&path);
+        let call = files.remove("call.txt").unwrap_or_default();
+        let call = String::from_utf8_lossy(&call).into_owned();
+        let Some((kind, words)) = call.trim().split_once(": genmanip ") else {
+            return Err(LabError::input(format!("{} has no call.txt", path.display()))
+                .with_hint("expected `KIND: genmanip VERB ARGUMENTS`"));
+        };
+        let files: Vec<_> = files
+            .into_iter()
+            .filter(|(name, _)| !name.ends_with('/'))
+            .map(|(name, bytes)| (name, Content::Bytes(bytes)))
+            .collect();
+        let targets = (0..files.len()).collect();
+        let call = words.split(' ').map(String::from).collect();
+        cases.push(Case { kind: kind.into(), files, targets, call, only_reads: false });
+    }
+    Ok(cases)
+}
+
+/// A task document from the record of a run.
+fn task_of(run: &[u8]) -> Option<Vec<u8>> {
+    let run: Value = serde_json::from_slice(run).ok()?;
+    let mut task = run.get("tasks")?.get(0)?.clone();
+    task.as_object_mut()?.shift_insert(0, "schema".into(), "genmanip.task/2".into());
+    Some(task.to_string().into_bytes())
+}
+
+/// A tetrahedron as binary STL.
+fn stl() -> Vec<u8> {
+    let corners = [[0.0_f32; 3], [0.05, 0.0, 0.0], [0.0, 0.05, 0.0], [0.0, 0.0, 0.05]];
+    let mut bytes = vec![0; 80];
+    bytes.extend(4_u32.to_le_bytes());
+    for face in [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]] {
+        bytes.extend([0; 12]);
+        bytes.extend(face.iter().flat_map(|&corner: &usize| corners[corner]).flat_map(f32::to_le_bytes));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}

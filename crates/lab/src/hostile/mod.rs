@@ -1,0 +1,351 @@
+//! Hostile files: everything a person may hand to the program, changed at random, against the program itself.
+//!
+//! Each try is one call of the real program in a folder of its own, under limits of memory and processor time. It may
+//! accept what it gets or refuse it with one clear message; it may not panic, hang, exceed its memory or write anywhere
+//! else.
+
+mod child;
+mod corpus;
+mod full;
+mod mutate;
+mod starts;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use genmanip_core::Seed;
+use genmanip_run::{Progress, inputs};
+use rand::RngExt;
+use serde::Serialize;
+
+use crate::LabError;
+use child::{Ended, Limits};
+pub use corpus::KINDS;
+use corpus::{Case, Corpus};
+pub use starts::Starts;
+
+/// What is tried.
+#[derive(Clone, Debug)]
+pub struct HostileArguments {
+    /// The program, its own file.
+    pub program: PathBuf,
+    /// Folder with `examples/tasks`, cassettes and the kept corpus: the project's.
+    pub project: PathBuf,
+    /// Processor time of all calls together, minutes.
+    pub minutes: f64,
+    /// Only this kind.
+    pub kind: Option<String>,
+    /// File for all messages.
+    pub refusals: Option<PathBuf>,
+    /// Folder for inputs that broke something.
+    pub found: Option<PathBuf>,
+    /// Pairs of starts that race for one folder.
+    pub races: usize,
+    /// Moments at which a run is killed.
+    pub kills: usize,
+}
+
+/// What was measured.
+#[derive(Debug, Default, Serialize)]
+pub struct Measured {
+    /// Calls.
+    pub tried: u64,
+    /// Calls by what was changed.
+    pub by_kind: BTreeMap<String, ByKind>,
+    /// Calls that panicked or were ended by a signal.
+    pub panics: u64,
+    /// Calls that needed more than 10 s of processor time, or waited for a minute.
+    pub hangs: u64,
+    /// Calls that needed more than 1 GiB of memory.
+    pub over_memory: u64,
+    /// Calls that wrote, changed or removed something outside of their folder, or changed what they were only to read.
+    pub wrote_outside: u64,
+    /// Messages that lack place, expectation, what was found or a hint.
+    pub unclear: Vec<String>,
+    /// What broke: kind, what happened, the call, and the input's file under `--found`.
+    pub broken: Vec<String>,
+    /// Processor time of all calls, s.
+    pub cpu_s: f64,
+    /// The slowest call that ended well, s of processor time, and what it was.
+    pub slowest_s: f64,
+    /// Which call that was.
+    pub slowest: String,
+    /// Starts that raced, and runs that were killed.
+    pub starts: Option<Starts>,
+    /// Seed of the changes.
+    pub seed: u64,
+}
+
+/// Calls on one kind of input.
+#[derive(Debug, Default, Serialize)]
+pub struct ByKind {
+    /// Calls.
+    pub tried: u64,
+    /// Calls that took the input as it was.
+    pub accepted: u64,
+    /// Calls that refused it.
+    pub refused: u64,
+}
+
+/// Most unclear messages and broken calls that are listed.
+const SHOWN: usize = 200;
+/// How often an input is changed in one place; sometimes in several.
+const CHANGES: [usize; 6] = [1, 1, 1, 2, 3, 8];
+
+/// Tries changed inputs for some minutes of processor time.
+///
+/// # Errors
+/// When the program cannot be started, or the sound inputs cannot be made.
+pub fn measure(arguments: &HostileArguments, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
+    let room = Room::new()?;
+    let mut measured = Measured { seed: seed.value(), ..Measured::default() };
+    progress.note("making the sound inputs");
+    let corpus = Corpus::make(arguments, &room)?;
+    let mut refusals = String::new();
+    let budget_s = arguments.minutes * 60.0;
+    progress.begin("trying", (budget_s.max(1.0)) as usize);
+    let mut rng = seed.fork("hostile").rng();
+    let mut done = 0;
+    // First what once broke something.
+    let kept = corpus.kept().into_iter().filter(|case| arguments.kind.as_ref().is_none_or(|kind| *kind == case.kind));
+    for case in kept.collect::<Vec<_>>() {
+        attempt(arguments, &room, &case, &mut measured, &mut refusals)?;
+    }
+    while measured.cpu_s < budget_s {
+        // The last kind costs as much as a hundred others.
+        let is_full = rng.random_bool(0.01);
+        let any = || if is_full { corpus::FULL } else { KINDS[rng.random_range(0..KINDS.len() - 1)] }.to_owned();
+        let kind = arguments.kind.clone().unwrap_or_else(any);
+        let mut case = corpus.case(&kind, &mut rng)?;
+        for _ in 0..CHANGES[rng.random_range(0..CHANGES.len())] {
+            case.change(&mut rng);
+        }
+        attempt(arguments, &room, &case, &mut measured, &mut refusals)?;
+        while done < measured.cpu_s as usize {
+            progress.advance();
+            done += 1;
+        }
+    }
+    progress.end();
+    if arguments.races + arguments.kills > 0 {
+        measured.starts = Some(starts::measure(arguments, &room, seed, progress)?);
+    }
+    if let Some(path) = &arguments.refusals {
+        inputs::write_file(path, refusals.as_bytes())?;
+    }
+    Ok(measured)
+}
+
+/// One call on one input.
+fn attempt(
+    arguments: &HostileArguments,
+    room: &Room,
+    case: &Case,
+    measured: &mut Measured,
+    refusals: &mut String,
+) -> Result<(), LabError> {
+    room.fill(case)?;
+    let before = if case.only_reads { listing(&room.work()) } else { BTreeMap::new() };
+    let ended = child::run(&arguments.program, &case.call, room, Limits::default())?;
+    measured.tried += 1;
+    measured.cpu_s += ended.cpu_s;
+    let by_kind = measured.by_kind.entry(case.kind.clone()).or_default();
+    by_kind.tried += 1;
+    by_kind.accepted += u64::from(ended.code == Some(0));
+    by_kind.refused += u64::from(matches!(ended.code, Some(1 | 2)));
+    let what = case.in_words();
+    let mut broken = Vec::new();
+    if ended.is_over_memory() {
+        measured.over_memory += 1;
+        broken.push("too much memory");
+    } else if ended.is_hanging() {
+        measured.hangs += 1;
+        broken.push("too slow");
+    } else if ended.has_panicked() {
+        measured.panics += 1;
+        broken.push("panic or signal");
+    } else if ended.cpu_s > measured.slowest_s {
+        (measured.slowest_s, measured.slowest) = (ended.cpu_s, what.clone());
+    }
+    let changed = case.only_reads && ended.code != Some(0) && before != listing(&room.work());
+    if changed || !room.is_untouched() {
+        measured.wrote_outside += 1;
+        broken.push("wrote what it should not");
+    }
+    for how in broken {
+        if measured.broken.len() < SHOWN {
+            let at = keep(arguments, room, measured.broken.len(), case)?;
+            measured.broken.push(format!("{how}: {what}{at}: {}", last_lines(&ended.stderr)));
+        }
+    }
+    if matches!(ended.code, Some(1 | 2)) && !ended.is_hanging() {
+        *refusals += &format!("$ {what}\n{}{}\n", ended.stdout_if_refused(), ended.stderr);
+        if let Some(lack) = lacks(&ended, case)
+            && measured.unclear.len() < SHOWN
+        {
+            measured.unclear.push(format!("{what}: {lack}: {}", ended.stderr.trim_end()));
+        }
+    }
+    room.clear()
+}
+
+/// What a message lacks: place, expectation, what was found, or a hint.
+fn lacks(ended: &Ended, case: &Case) -> Option<&'static str> {
+    let said = &ended.stderr;
+    // Verdicts on answers, tasks, worlds and episodes are tables on stdout, with a line of talk at most.
+    if ended.code == Some(1) && !ended.stdout.trim().is_empty() {
+        return None;
+    }
+    if said.matches("error:").count() != 1 {
+        return Some("not one error");
+    }
+    if !case.places().iter().any(|place| said.contains(place.as_str())) {
+        return Some("no place");
+    }
+    let hint = said.split_once("hint:").or_else(|| said.split_once("For more information")).map(|(before, _)| before);
+    let Some(before) = hint else { return Some("no hint") };
+    let found =
+        ["got", "found", "cannot", "is no", "not", "unknown", "no ", "larger", "twice", "invalid", "missing", "holds"];
+    if !found.iter().any(|word| before.contains(word)) {
+        return Some("nothing that was found");
+    }
+    None
+}
+
+fn last_lines(text: &str) -> String {
+    let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+    lines[lines.len().saturating_sub(3)..].join(" / ")
+}
+
+/// Copies what broke something; says where it lies.
+fn keep(arguments: &HostileArguments, room: &Room, number: usize, case: &Case) -> Result<String, LabError> {
+    let Some(folder) = &arguments.found else { return Ok(String::new()) };
+    let folder = folder.join(format!("{}-{number}", case.kind));
+    room.fill(case)?;
+    for (name, _) in &case.files {
+        let from = room.work().join(name);
+        if from.is_file() {
+            let to = folder.join(name);
+            fs::create_dir_all(to.parent().unwrap_or(&folder)).map_err(|error| LabError::file("write", &to, error))?;
+            fs::copy(&from, &to).map_err(|error| LabError::file("write", &to, error))?;
+        }
+    }
+    inputs::write_file(&folder.join("call.txt"), case.in_words().as_bytes())?;
+    Ok(format!(" ({})", folder.display()))
+}
+
+/// A folder to work in, beside things that must stay as they are.
+pub(super) struct Room {
+    root: PathBuf,
+    outside: BTreeMap<String, Vec<u8>>,
+}
+
+impl Room {
+    fn new() -> Result<Self, LabError> {
+        let root = std::env::temp_dir().join(format!("genmanip-hostile-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&root);
+        let failed = |error| LabError::file("write", &root, error);
+        for folder in ["outside/home", "outside/tmp", "outside/victim", "work"] {
+            fs::create_dir_all(root.join(folder)).map_err(failed)?;
+        }
+        for file in ["outside/canary", "outside/victim/info.json"] {
+            fs::write(root.join(file), "this stays as it is\n").map_err(failed)?;
+        }
+        let outside = listing(&root.join("outside"));
+        Ok(Self { root, outside })
+    }
+
+    pub(super) fn work(&self) -> PathBuf {
+        self.root.join("work")
+    }
+
+    pub(super) fn outside(&self) -> PathBuf {
+        self.root.join("outside")
+    }
+
+    /// Lays the files of a case out.
+    fn fill(&self, case: &Case) -> Result<(), LabError> {
+        self.clear()?;
+        for (name, content) in &case.files {
+            let path = self.work().join(name);
+            let failed = |error| LabError::file("write", &path, error);
+            if let Some(parent) = path.parent() {
+                fs::create_dir_all(parent).map_err(failed)?;
+            }
+            content.write(&path, &self.outside()).map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    fn clear(&self) -> Result<(), LabError> {
+        let work = self.work();
+        let _ = fs::remove_dir_all(&work);
+        fs::create_dir_all(&work).map_err(|error| LabError::file("write", &work, error))
+    }
+
+    fn is_untouched(&self) -> bool {
+        let names: Vec<_> =
+            fs::read_dir(&self.root).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.file_name())).collect();
+        names.len() == 2 && listing(&self.outside()) == self.outside
+    }
+}
+
+impl Drop for Room {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.root);
+    }
+}
+
+/// All files under a folder with what they hold; links and pipes by their kind.
+pub(super) fn listing(root: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let (path, kind) = (entry.path(), entry.file_type());
+            let name = path.strip_prefix(root).unwrap_or(&path).to_string_lossy().into_owned();
+            match kind {
+                Ok(kind) if kind.is_dir() => {
+                    files.insert(format!("{name}/"), Vec::new());
+                    folders.push(path);
+                }
+                Ok(kind) if kind.is_file() => {
+                    files.insert(name, fs::read(&path).unwrap_or_default());
+                }
+                _ => {
+                    files.insert(name, b"no file".to_vec());
+                }
+            }
+        }
+    }
+    files
+}
+
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
+    let mut text = format!(
+        "tried          {} calls, {:.0} s of processor time, slowest {:.2} s ({})\n\
+         panics         {}\nhangs          {}\nover memory    {}\nwrote outside  {}\nunclear        {}\n",
+        measured.tried,
+        measured.cpu_s,
+        measured.slowest_s,
+        measured.slowest,
+        measured.panics,
+        measured.hangs,
+        measured.over_memory,
+        measured.wrote_outside,
+        measured.unclear.len(),
+    );
+    for (kind, by) in &measured.by_kind {
+        text +=
+            &format!("  {kind:<12} {:>6} tried, {:>6} accepted, {:>6} refused\n", by.tried, by.accepted, by.refused);
+    }
+    if let Some(starts) = &measured.starts {
+        text += &starts.in_words();
+    }
+    for line in measured.broken.iter().chain(&measured.unclear).take(20) {
+        text += &format!("  {line}\n");
+    }
+    text
+}

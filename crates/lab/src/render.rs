@@ -1,0 +1,282 @@
+//! What pictures cost: an episode over a crowded table, seen by the two data cameras.
+//!
+//! The arm moves as in an episode, pauses included, and carries one of the objects; no physics runs, and resting
+//! objects tremble by a nanometre as they do in a simulation.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use genmanip_assets::worlds::default_world;
+use genmanip_assets::{Catalogue, panda};
+use genmanip_core::glam::{DQuat, DVec3};
+use genmanip_core::{Camera, ObjectModel, Pose, RobotModel, Seed};
+use genmanip_motion::{Chain, IkSettings, InverseKinematics};
+use genmanip_render::{Channels, FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob};
+use rand::RngExt;
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::cpu_clock;
+use genmanip_bench::text_table;
+use genmanip_run::Progress;
+
+/// Objects on the table, four rows of four, each with a texture.
+const OBJECTS: usize = 16;
+/// Largest side of an object seen from above, metres: those on the grid do not touch.
+const LARGEST_M: f64 = 0.12;
+/// Frames between two way points, and of a pause while the fingers close or open: about 5 s at 15 Hz.
+const MOVE: usize = 12;
+const PAUSE: usize = 5;
+/// Image sizes, pixels.
+const SIZES: [[u32; 2]; 3] = [[512, 288], [1280, 720], [64, 64]];
+/// Colour, depth and ids.
+const CHANNELS: Channels = Channels { rgb: true, depth: true, instance: true, normal: false };
+
+/// The measurement; milliseconds of processor time of one thread, medians over the frames of the episode.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// Triangles of everything in full detail.
+    pub triangles: usize,
+    /// By size in pixels.
+    pub sizes: BTreeMap<String, Cost>,
+    /// Depth and ids without colour at the first size, static camera.
+    pub geometry_ms: f64,
+    /// Moments per second, each seen by both cameras at the first size.
+    pub episode_frames_per_s: f64,
+    /// Share of the static camera's pixels that were kept from the frame before, at the first size.
+    pub reuse_share: f64,
+    /// Whether every picture has the bytes of one that is drawn from nothing.
+    pub identical_with_reuse: bool,
+    /// Other renderers on the same scene.
+    pub vs: Option<()>,
+}
+
+/// What the pictures of one size cost.
+#[derive(Debug, Serialize)]
+pub struct Cost {
+    /// The static camera, whose picture continues the one of the frame before; it is drawn first and draws the shadows.
+    pub ms_static: f64,
+    /// The wrist camera, drawn second with the same shadows.
+    pub ms_wrist: f64,
+    /// The static camera's first picture, with nothing to continue.
+    pub ms_first_frame: f64,
+}
+
+/// Draws the episode at all sizes.
+///
+/// # Errors
+/// When the catalogue has too few textured objects, or something cannot be drawn.
+pub fn measure(seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> {
+    let robot = panda();
+    let objects = textured_objects(seed.fork("objects"))?;
+    let assets = RenderAssets::new(Arc::clone(&robot), &objects, Some(&default_world())).map_err(not_drawn)?;
+    let frames = episode(&robot, &assets, seed.fork("episode"))?;
+    let cameras = ["static", "wrist"].map(|name| default_world().camera(name).cloned());
+    let [Some(fixed), Some(wrist)] = cameras else {
+        return Err(LabError::input("the default world has no cameras `static` and `wrist`"));
+    };
+    let mut report = Report {
+        triangles: assets.triangle_count(),
+        sizes: BTreeMap::new(),
+        geometry_ms: 0.0,
+        episode_frames_per_s: 0.0,
+        reuse_share: 0.0,
+        identical_with_reuse: true,
+        vs: None,
+    };
+    progress.begin("drawing", SIZES.len());
+    for (index, size) in SIZES.into_iter().enumerate() {
+        let cameras = [&fixed, &wrist].map(|camera| sized(camera, size));
+        let drawn = draw(&assets, &frames, &cameras, index == 0)?;
+        if index == 0 {
+            report.geometry_ms = geometry_ms(&assets, &frames, &cameras[0])?;
+            report.episode_frames_per_s = frames.len() as f64 * 1e3 / drawn.total_ms;
+            report.reuse_share = drawn.reuse_share;
+            report.identical_with_reuse = drawn.is_identical;
+        }
+        report.sizes.insert(format!("{}x{}", size[0], size[1]), drawn.cost);
+        progress.advance();
+    }
+    progress.end();
+    Ok(report)
+}
+
+struct Drawn {
+    cost: Cost,
+    total_ms: f64,
+    reuse_share: f64,
+    is_identical: bool,
+}
+
+fn draw(
+    assets: &Arc<RenderAssets>,
+    frames: &[FrameState],
+    cameras: &[Camera; 2],
+    compare: bool,
+) -> Result<Drawn, LabError> {
+    let mut renderer = Renderer::new(Arc::clone(assets), RenderVariation::default());
+    let mut judge = Renderer::new(Arc::clone(assets), RenderVariation::default());
+    // Textures are prepared when they are first seen, once per process: not part of a picture's cost.
+    let mut out = [FrameBuffers::default()];
+    for camera in cameras {
+        judge.render(&[ViewJob::new(&frames[0], camera, CHANNELS)], &mut out).map_err(not_drawn)?;
+    }
+    let mut times_ms = [Vec::new(), Vec::new()];
+    let (mut shaded, mut is_identical) = (0, true);
+    for frame in frames {
+        for (index, camera) in cameras.iter().enumerate() {
+            let job = ViewJob::new(frame, camera, CHANNELS);
+            let mut clock = cpu_clock();
+            renderer.render(&[job], &mut out).map_err(not_drawn)?;
+            times_ms[index].push(clock() * 1e3);
+            if index == 0 && times_ms[0].len() > 1 {
+                shaded += renderer.shaded_pixels();
+            }
+            if compare {
+                let mut anew = [FrameBuffers::default()];
+                judge.forget();
+                judge.render(&[job], &mut anew).map_err(not_drawn)?;
+                is_identical &= anew[0] == out[0];
+            }
+        }
+    }
+    let total_ms = times_ms.iter().flatten().sum();
+    let first = times_ms[0].remove(0);
+    let k = cameras[0].intrinsics;
+    let pixels = (k.width * k.height) as usize * times_ms[0].len();
+    let [ms_static, ms_wrist] = times_ms.map(median);
+    Ok(Drawn {
+        cost: Cost { ms_static, ms_wrist, ms_first_frame: first },
+        total_ms,
+        reuse_share: 1.0 - shaded as f64 / pixels.max(1) as f64,
+        is_identical,
+    })
+}
+
+fn geometry_ms(assets: &Arc<RenderAssets>, frames: &[FrameState], camera: &Camera) -> Result<f64, LabError> {
+    let mut renderer = Renderer::new(Arc::clone(assets), RenderVariation::default());
+    let mut out = [FrameBuffers::default()];
+    let mut times_ms = Vec::new();
+    for frame in frames {
+        let mut clock = cpu_clock();
+        renderer.render(&[ViewJob::new(frame, camera, Channels::GEOMETRY)], &mut out).map_err(not_drawn)?;
+        times_ms.push(clock() * 1e3);
+    }
+    Ok(median(times_ms))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn sized(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
+    Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() }
+}
+
+fn not_drawn(error: genmanip_render::RenderError) -> LabError {
+    LabError::broken("the table cannot be drawn", error)
+}
+
+/// Objects with a texture, drawn from the catalogue.
+fn textured_objects(seed: Seed) -> Result<Vec<Arc<ObjectModel>>, LabError> {
+    let catalogue = Catalogue::builtin();
+    let mut rng = seed.rng();
+    let fits = |size: DVec3| size.x.max(size.y) <= LARGEST_M;
+    let mut uids: Vec<&str> = catalogue
+        .cards()
+        .iter()
+        .filter(|card| !card.is_articulated && fits(card.size_m))
+        .map(|card| card.uid.as_str())
+        .collect();
+    let mut objects = Vec::new();
+    while objects.len() < OBJECTS && !uids.is_empty() {
+        let uid = uids.swap_remove(rng.random_range(0..uids.len()));
+        let object =
+            catalogue.build(uid).map_err(|error| LabError::broken(format!("object {uid} cannot be made"), error))?;
+        let mut visuals = object.links.iter().flat_map(|link| &link.visual);
+        if visuals.any(|visual| visual.material.texture.is_some()) {
+            objects.push(object);
+        }
+    }
+    if objects.len() < OBJECTS {
+        return Err(LabError::input(format!("{} objects with a texture, expected {OBJECTS}", objects.len())));
+    }
+    Ok(objects)
+}
+
+/// A pick, a carry and a place over the grid of objects, frame by frame.
+fn episode(robot: &Arc<RobotModel>, assets: &RenderAssets, seed: Seed) -> Result<Vec<FrameState>, LabError> {
+    let mut rng = seed.rng();
+    let mut jitter = |size: f64| (rng.random_range(0..=1000_u32) as f64 / 500.0 - 1.0) * size;
+    let mut poses: Vec<Pose> = (0..OBJECTS)
+        .map(|index| {
+            let at = DVec3::new(0.32 + 0.14 * (index / 4) as f64, -0.3 + 0.2 * (index % 4) as f64, 0.0);
+            Pose::from_position_yaw(at + DVec3::new(jitter(0.01), jitter(0.02), 0.0), jitter(3.0))
+        })
+        .collect();
+    let carried = 5 + usize::from(jitter(1.0) > 0.0);
+    let (from, to) = (poses[carried].position, DVec3::new(0.45 + jitter(0.05), 0.4 * jitter(1.0).signum(), 0.0));
+    let tcp = |at: DVec3, z: f64| Pose::new(at.with_z(z), DQuat::from_rotation_x(std::f64::consts::PI));
+    // Way points, the opening width reached there, and whether the object is carried on the way there.
+    let (open, shut) = (robot.gripper.max_width, 0.03);
+    let way = [
+        (Some(tcp(from, 0.25)), open, false),
+        (Some(tcp(from, 0.06)), open, false),
+        (Some(tcp(from, 0.06)), shut, false),
+        (Some(tcp(from, 0.28)), shut, true),
+        (Some(tcp(to, 0.28)), shut, true),
+        (Some(tcp(to, 0.06)), shut, true),
+        (Some(tcp(to, 0.06)), open, false),
+        (None, open, false),
+    ];
+    let chain = Chain::new(robot).map_err(|error| LabError::broken("the robot has no arm", error))?;
+    let ik = InverseKinematics::new(chain.clone(), IkSettings::default());
+    let mut frames = Vec::new();
+    let (mut arm, mut width) = (robot.home.clone(), open);
+    for (goal, goal_width, is_carried) in way {
+        let solutions = goal.map_or_else(|| vec![robot.home.clone()], |goal| ik.solve(&goal, &arm));
+        let Some(next) = solutions.into_iter().next() else {
+            return Err(LabError::input("a way point of the episode is out of reach; try another seed"));
+        };
+        let rests = next.iter().zip(&arm).all(|(a, b)| (a - b).abs() < 1e-6);
+        let count = if rests { PAUSE } else { MOVE };
+        let (start, start_width) = (arm.clone(), width);
+        let start_tcp = chain.tcp_pose(&start);
+        let held = start_tcp.inverse() * poses[carried];
+        for step in 1..=count {
+            let t = step as f64 / count as f64;
+            let t = t * t * (3.0 - 2.0 * t);
+            arm = start.iter().zip(&next).map(|(a, b)| a + (b - a) * t).collect();
+            width = start_width + (goal_width - start_width) * t;
+            if is_carried {
+                poses[carried] = chain.tcp_pose(&arm) * held;
+            }
+            let tremble = 1e-9 * (frames.len() as f64).sin();
+            let placed = poses
+                .iter()
+                .map(|pose| (Pose { position: pose.position + DVec3::splat(tremble), ..*pose }, [].as_slice()));
+            frames.push(assets.frame_state(&arm, width, placed).map_err(not_drawn)?);
+        }
+    }
+    Ok(frames)
+}
+
+/// The same in words.
+pub fn in_words(report: &Report) -> String {
+    let mut rows = vec![["pixels", "static, ms", "wrist, ms", "first, ms"].map(String::from).to_vec()];
+    for (size, cost) in &report.sizes {
+        let numbers = [cost.ms_static, cost.ms_wrist, cost.ms_first_frame].map(|ms| format!("{ms:.2}"));
+        rows.push(std::iter::once(size.clone()).chain(numbers).collect());
+    }
+    format!(
+        "{}\n{} triangles; depth and ids alone {:.2} ms; {:.0} moments a second, both cameras\n\
+         {:.0} % of the static camera's pixels are kept from frame to frame, {}\n",
+        text_table(&rows).trim_end(),
+        report.triangles,
+        report.geometry_ms,
+        report.episode_frames_per_s,
+        100.0 * report.reuse_share,
+        if report.identical_with_reuse { "with the same bytes" } else { "but the bytes differ" },
+    )
+}

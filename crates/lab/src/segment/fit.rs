@@ -1,0 +1,143 @@
+//! The weights by which regions are joined, fitted to regions of rendered scenes.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use genmanip_agent::segmentation::rgbd::Cut;
+use genmanip_agent::segmentation::rgbd::merge::{FEATURES, Features};
+use genmanip_agent::segmentation::{RgbdSegmenter, SegmentQuestion};
+use genmanip_assets::Catalogue;
+use genmanip_core::{Seed, World};
+use genmanip_run::{Progress, inputs};
+use serde::Serialize;
+
+use super::scenes::{Scenes, SegmentView};
+use super::{SPARE, SegmentArguments};
+use crate::LabError;
+use crate::fit::{Sample, chance, fit};
+
+/// Rounds of joining with the weights of the round before and fitting to all pairs met so far.
+const ROUNDS: usize = 4;
+/// A region belongs to an object that has this share of its pixels; what belongs to none teaches nothing.
+const PURE: f64 = 0.8;
+
+/// What was fitted.
+#[derive(Debug, Serialize)]
+pub struct Fitted {
+    /// Pairs of regions.
+    pub pairs: usize,
+    /// Share of them that belong to one object.
+    pub same: f64,
+    /// Share of the pairs that are judged rightly at a chance of a half.
+    pub right: f64,
+    /// The weights by name.
+    pub weights: BTreeMap<&'static str, f64>,
+    /// The weights in order, for the source.
+    pub in_order: Vec<f64>,
+}
+
+/// Fits the weights to scenes, with exact or noisy depth as asked.
+///
+/// # Errors
+/// When a scene cannot be drawn.
+pub fn fit_weights(
+    arguments: &SegmentArguments,
+    segmenter: &RgbdSegmenter,
+    world: &Arc<World>,
+    seed: Seed,
+    progress: &dyn Progress,
+) -> Result<Fitted, LabError> {
+    let tasks = inputs::designed_tasks(arguments.count * SPARE, seed.value(), Catalogue::builtin())?;
+    let mut scenes = Scenes::new(world, seed)?;
+    let mut views: Vec<(Cut, Vec<Option<usize>>)> = Vec::new();
+    progress.begin("drawing", arguments.count);
+    for (index, task) in tasks.iter().enumerate() {
+        if views.len() >= 2 * arguments.count {
+            break;
+        }
+        for mut view in scenes.draw(index, task)?.unwrap_or_default() {
+            arguments.disturb(&mut view, seed, views.len());
+            let cut = segmenter.cut(&SegmentQuestion { image: &view.image, ignore: &view.ignore, within: None });
+            let owners = owners(&cut, &view);
+            views.push((cut, owners));
+        }
+        progress.advance();
+    }
+    progress.end();
+    let mut samples: Vec<Sample> = Vec::new();
+    let mut weights = vec![0.0; FEATURES.len()];
+    for _ in 0..ROUNDS {
+        for (cut, owners) in &views {
+            meet(cut, owners, &weights, &mut samples);
+        }
+        weights = fit(&samples);
+    }
+    let same = samples.iter().filter(|(_, same)| *same).count() as f64 / samples.len().max(1) as f64;
+    let right = samples.iter().filter(|(features, same)| (chance(&weights, features) >= 0.5) == *same).count() as f64;
+    let right = right / samples.len().max(1) as f64;
+    let in_order: Vec<f64> = weights.iter().map(|weight| (weight * 100.0).round() / 100.0).collect();
+    let weights = FEATURES.into_iter().zip(in_order.iter().copied()).collect();
+    Ok(Fitted { pairs: samples.len(), same, right, weights, in_order })
+}
+
+/// The object that each region belongs to; objects are numbered, 0 is everything else.
+fn owners(cut: &Cut, view: &SegmentView) -> Vec<Option<usize>> {
+    let mut counts = vec![BTreeMap::<usize, usize>::new(); cut.graph.count()];
+    for (index, label) in cut.labels.iter().enumerate() {
+        if let Some(counts) = counts.get_mut(*label as usize) {
+            let owner = view.objects.iter().position(|object| object.mask.pixels[index]).map_or(0, |index| index + 1);
+            *counts.entry(owner).or_default() += 1;
+        }
+    }
+    let of_region = |counts: BTreeMap<usize, usize>| {
+        let all: usize = counts.values().sum();
+        let (owner, most) = counts.into_iter().max_by_key(|(_, count)| *count)?;
+        (most as f64 >= PURE * all as f64).then_some(owner)
+    };
+    counts.into_iter().map(of_region).collect()
+}
+
+/// The pairs that are met when those of one object are joined, from the most certain on.
+fn meet(cut: &Cut, owners: &[Option<usize>], weights: &[f64], samples: &mut Vec<Sample>) {
+    let mut graph = cut.graph.clone();
+    let mut met: Vec<(u32, u32)> = graph.pairs();
+    loop {
+        for &(low, high) in &met {
+            if let (Some(one), Some(other)) = (owners[low as usize], owners[high as usize]) {
+                let features: Features = graph.features(low, high);
+                // The rank of a pair counts by what is lost with it.
+                let smaller = graph.pixels(low).min(graph.pixels(high));
+                let copies = if smaller >= 200.0 {
+                    4
+                } else if smaller >= 50.0 {
+                    2
+                } else {
+                    1
+                };
+                samples.extend((0..copies).map(|_| (features.to_vec(), one == other)));
+            }
+        }
+        let same = graph
+            .pairs()
+            .into_iter()
+            .filter(|(low, high)| owners[*low as usize].is_some() && owners[*low as usize] == owners[*high as usize]);
+        let rated = same.map(|(low, high)| (chance(weights, &graph.features(low, high)), low, high));
+        let Some((_, low, high)) = rated.max_by(|one, other| one.0.total_cmp(&other.0)) else { break };
+        graph.join(low, high);
+        met = graph.pairs_of(low);
+    }
+}
+
+/// The same in words.
+pub fn in_words(fitted: &Fitted) -> String {
+    let mut text = format!(
+        "{} pairs, {:.1} % of one object, {:.2} % judged rightly\n",
+        fitted.pairs,
+        100.0 * fitted.same,
+        100.0 * fitted.right
+    );
+    for (name, weight) in FEATURES.iter().zip(&fitted.in_order) {
+        text += &format!("  {name:<16} {weight:7.2}\n");
+    }
+    text
+}

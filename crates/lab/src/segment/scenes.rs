@@ -1,0 +1,183 @@
+//! Scenes to be segmented: laid out from designed tasks, drawn by the data cameras, with the truth.
+
+use std::sync::Arc;
+
+use genmanip_agent::segmentation::{Mask, RobotSilhouette};
+use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
+use genmanip_core::{Camera, Pose, RgbdImage, Scenario, Seed, Task, World};
+use genmanip_layout::{LayoutSettings, lay_out};
+use genmanip_motion::{Planner, PlannerSettings};
+use genmanip_render::{
+    Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
+};
+use genmanip_run::inputs;
+use genmanip_scene::relations::{Label, PosedObject, PosedScene, ShapeCache, label_pair};
+
+use super::Stratum;
+use crate::LabError;
+
+/// The fixed cameras that data is recorded and models are asked with.
+const CAMERAS: [&str; 2] = ["overview", "static"];
+/// Objects in a scene, at least and at most.
+const OBJECTS: [usize; 2] = [5, 12];
+/// Scenes in which so many layouts in turn fail are given up.
+const LAYOUTS: u64 = 4;
+/// A thing is thin when its second extent is at most so large, m, …
+const THIN_M: f64 = 0.045;
+/// … and its longest at least so many times that.
+const THIN_RATIO: f64 = 2.5;
+
+/// What one camera sees, and what there is to be found.
+pub struct SegmentView {
+    /// Where it comes from: number of the scene, task, camera.
+    pub name: String,
+    /// Colour, depth and ids.
+    pub image: RgbdImage,
+    /// The robot's pixels as its joint positions say.
+    pub ignore: Vec<bool>,
+    /// The objects.
+    pub objects: Vec<TrueObject>,
+}
+
+/// An object that the camera sees at least a pixel of.
+pub struct TrueObject {
+    /// What it is called.
+    pub name: String,
+    /// Its pixels.
+    pub mask: Mask,
+    /// Which kind of case it is.
+    pub stratum: Stratum,
+}
+
+/// Makes scenes one after the other.
+pub struct Scenes {
+    world: Arc<World>,
+    planner: Arc<Planner>,
+    silhouette: RobotSilhouette,
+    shapes: ShapeCache,
+    seed: Seed,
+}
+
+impl Scenes {
+    pub fn new(world: &Arc<World>, seed: Seed) -> Result<Self, LabError> {
+        let planner = inputs::planner(world, &PlannerSettings::default())?;
+        let silhouette = RobotSilhouette::new(planner.robot())
+            .map_err(|error| LabError::broken("the robot cannot be drawn", error))?;
+        Ok(Self { world: Arc::clone(world), planner, silhouette, shapes: ShapeCache::default(), seed })
+    }
+
+    /// The views of a task laid out with further objects; `None` when no layout was found.
+    pub fn draw(&mut self, index: usize, task: &Task) -> Result<Option<Vec<SegmentView>>, LabError> {
+        let seed = self.seed.fork("segment scenes").fork_index(index as u64);
+        let [least, most] = OBJECTS;
+        let wanted = least + (seed.fork("objects").value() % (most - least + 1) as u64) as usize;
+        let distractors = wanted.saturating_sub(task.scene_graph.nodes.len());
+        let settings = LayoutSettings { distractors, ..LayoutSettings::default() };
+        for attempt in 0..LAYOUTS {
+            let seed = seed.fork_index(attempt);
+            let (catalogue, grasps) = (Catalogue::builtin(), GraspLibrary::builtin());
+            match lay_out(task, catalogue, &self.world, &self.planner, grasps, seed, &settings) {
+                Ok(scenario) if scenario.objects.len() < least => {}
+                Ok(scenario) => return self.views(index, &scenario).map(Some),
+                Err(error) if error.is_defect() => {
+                    return Err(LabError::broken(format!("laying out {} stopped", task.id), error));
+                }
+                Err(_) => {}
+            }
+        }
+        Ok(None)
+    }
+
+    fn views(&mut self, index: usize, scenario: &Scenario) -> Result<Vec<SegmentView>, LabError> {
+        let objects = scenario.objects.iter().map(|placed| {
+            let model = Catalogue::builtin()
+                .instance(placed)
+                .map_err(|error| LabError::broken(format!("cannot build object {}", placed.id), error))?;
+            let joint_positions = placed.joint_positions.clone();
+            Ok(PosedObject { id: placed.id.clone(), model, pose: placed.pose, joint_positions })
+        });
+        let objects = objects.collect::<Result<Vec<_>, LabError>>()?;
+        let scene = PosedScene::new(objects, &self.world.surfaces, &mut self.shapes);
+        let images = self.images(&scene)?;
+        let names = images.iter().map(|(camera, _)| format!("{index} {} {camera}", scenario.task.id));
+        let names: Vec<String> = names.collect();
+        let view = |(name, (_, image)): (String, (&str, RgbdImage))| {
+            let robot = self.planner.robot();
+            let ignore = self.silhouette.pixels(&robot.home, robot.gripper.max_width, &image);
+            let objects = self.truth(&scene, &image);
+            SegmentView { name, image, ignore, objects }
+        };
+        Ok(names.into_iter().zip(images).map(view).collect())
+    }
+
+    fn images(&self, scene: &PosedScene) -> Result<Vec<(&'static str, RgbdImage)>, LabError> {
+        let drawn = |error| LabError::broken("cannot draw the scene", error);
+        let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
+        let robot = self.planner.robot();
+        let assets = RenderAssets::new(Arc::clone(robot), &models, Some(&self.world)).map_err(drawn)?;
+        let poses = scene.objects().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let state = assets.frame_state(&robot.home, robot.gripper.max_width, poses).map_err(drawn)?;
+        let cameras: Vec<(&str, &Camera)> =
+            CAMERAS.iter().filter_map(|name| Some((*name, self.world.camera(name)?))).collect();
+        let channels = Channels { normal: false, ..Channels::ALL };
+        let jobs: Vec<ViewJob> = cameras.iter().map(|(_, camera)| ViewJob::new(&state, camera, channels)).collect();
+        let mut pictures = vec![FrameBuffers::default(); jobs.len()];
+        Renderer::new(assets, RenderVariation::default()).render(&jobs, &mut pictures).map_err(drawn)?;
+        let image = |((name, camera), picture): ((&'static str, &Camera), FrameBuffers)| {
+            (name, picture.into_image(camera.intrinsics, camera.world_from_camera(&Pose::IDENTITY)))
+        };
+        Ok(cameras.into_iter().zip(pictures).map(image).collect())
+    }
+
+    fn truth(&self, scene: &PosedScene, image: &RgbdImage) -> Vec<TrueObject> {
+        let mut found = Vec::new();
+        for (index, object) in scene.objects().enumerate() {
+            let id = FIRST_OBJECT + index as u16;
+            let mask = Mask::of_label(image.width(), image.height(), &image.ids, &id);
+            if mask.area() > 0 {
+                let stratum = if is_thin(object) {
+                    Stratum::Thin
+                } else if self.is_in_or_on(scene, index) {
+                    Stratum::InOrOn
+                } else if borders_another(image, id) {
+                    Stratum::Touching
+                } else {
+                    Stratum::Free
+                };
+                found.push(TrueObject { name: object.model.card.name.clone(), mask, stratum });
+            }
+        }
+        found
+    }
+
+    /// Whether the object lies in or on another one, or another one in or on it.
+    fn is_in_or_on(&self, scene: &PosedScene, index: usize) -> bool {
+        let holds = |one: usize, other: usize| {
+            let verdict = label_pair(scene, one, other, &self.world.relations);
+            matches!(verdict.and_then(|pair| pair.a_to_b), Some(Label::In | Label::On))
+        };
+        (0..scene.objects().len()).any(|other| other != index && (holds(index, other) || holds(other, index)))
+    }
+}
+
+/// Whether it is long and nowhere thick.
+fn is_thin(object: &PosedObject) -> bool {
+    let mut extents = object.model.card.size_m.to_array();
+    extents.sort_by(f64::total_cmp);
+    extents[1] <= THIN_M && extents[2] >= THIN_RATIO * extents[1]
+}
+
+/// Whether it touches or hides another object in the image.
+fn borders_another(image: &RgbdImage, id: u16) -> bool {
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let differs = |one: u16, other: u16| {
+        one != other && (one == id || other == id) && [one, other].iter().all(|id| object_of_instance(*id).is_some())
+    };
+    (0..height).any(|y| {
+        (0..width).any(|x| {
+            let here = image.ids[y * width + x];
+            (x + 1 < width && differs(here, image.ids[y * width + x + 1]))
+                || (y + 1 < height && differs(here, image.ids[(y + 1) * width + x]))
+        })
+    })
+}

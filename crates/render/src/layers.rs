@@ -1,0 +1,160 @@
+//! Drawings that follow a scene from frame to frame: what rests is kept, what moves is drawn over it.
+//!
+//! Exact: the order of drawing does not matter to a [`Target`], so it holds the same bits as one that is drawn anew.
+
+use std::ops::Range;
+
+use crate::raster::Target;
+
+/// Pixels per side of the tiles whose changes are tracked.
+pub(crate) const TILE: usize = 8;
+
+/// Pixels, ends excluded.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Rectangle {
+    pub columns: Range<usize>,
+    pub rows: Range<usize>,
+}
+
+impl Rectangle {
+    /// The pixels whose samples bounds in pixel coordinates may touch, within an image.
+    pub fn around(low: [f32; 2], high: [f32; 2], width: usize, height: usize) -> Self {
+        let span = |low: f32, high: f32, limit: usize| {
+            let from = (low - 1.0).max(0.0) as usize;
+            let to = (high + 2.0).max(0.0) as usize;
+            from.min(limit)..to.min(limit)
+        };
+        Self { columns: span(low[0], high[0], width), rows: span(low[1], high[1], height) }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.columns.is_empty() || self.rows.is_empty()
+    }
+}
+
+/// What becomes of a part between two frames.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Motion {
+    pub moved: bool,
+    /// Where it was drawn, and where it is.
+    pub before: Rectangle,
+    pub now: Rectangle,
+}
+
+/// A target and its layer of parts at rest.
+#[derive(Debug, Default)]
+pub(crate) struct Layers {
+    pub target: Target,
+    layer: Target,
+    in_layer: Vec<bool>,
+    is_layered: bool,
+    pub tile_columns: usize,
+    pub tile_rows: usize,
+    /// Tiles that the last update may have changed.
+    pub changed: Vec<bool>,
+}
+
+impl Layers {
+    /// Draws everything anew, `width` × `height` pixels with `scale`² samples each.
+    pub fn redraw<const IDS: bool>(
+        &mut self,
+        [width, height]: [usize; 2],
+        scale: usize,
+        parts: usize,
+        mut draw: impl FnMut(usize, &mut Target),
+    ) {
+        self.target.reset::<IDS>(width, height, scale);
+        (self.tile_columns, self.tile_rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
+        self.changed.clear();
+        self.changed.resize(self.tile_columns * self.tile_rows, true);
+        self.is_layered = false;
+        for part in 0..parts {
+            draw(part, &mut self.target);
+        }
+    }
+
+    /// Draws what moved since the last drawing.
+    pub fn follow<const IDS: bool>(&mut self, motions: &[Motion], mut draw: impl FnMut(usize, &mut Target)) {
+        self.changed.fill(false);
+        if !motions.iter().any(|motion| motion.moved) {
+            return;
+        }
+        let scale = self.target.scale;
+        let (width, height) = (self.target.width / scale, self.target.height / scale);
+        let leaves = |(motion, in_layer): (&Motion, &bool)| motion.moved && *in_layer;
+        if !self.is_layered || motions.iter().zip(&self.in_layer).any(leaves) {
+            self.in_layer.clear();
+            self.in_layer.extend(motions.iter().map(|motion| !motion.moved));
+            self.layer.reset::<IDS>(width, height, scale);
+            self.is_layered = true;
+            for part in (0..motions.len()).filter(|&part| self.in_layer[part]) {
+                draw(part, &mut self.layer);
+            }
+        }
+        for motion in motions.iter().filter(|motion| motion.moved) {
+            self.mark(&motion.before);
+            self.mark(&motion.now);
+        }
+        for row in 0..self.tile_rows {
+            let rows = row * TILE * scale..((row + 1) * TILE).min(height) * scale;
+            let marks = &self.changed[row * self.tile_columns..][..self.tile_columns];
+            let mut column = 0;
+            while column < marks.len() {
+                let run = marks[column..].iter().take_while(|&&mark| mark).count();
+                if run > 0 {
+                    let columns = column * TILE * scale..((column + run) * TILE).min(width) * scale;
+                    self.target.copy_rectangle(&self.layer, columns, rows.clone());
+                }
+                column += run.max(1);
+            }
+        }
+        for part in (0..motions.len()).filter(|&part| !self.in_layer[part]) {
+            draw(part, &mut self.target);
+        }
+    }
+
+    /// Marks the tiles of a rectangle as changed.
+    pub fn mark(&mut self, rectangle: &Rectangle) {
+        if rectangle.is_empty() {
+            return;
+        }
+        for row in rectangle.rows.start / TILE..rectangle.rows.end.div_ceil(TILE) {
+            let columns = rectangle.columns.start / TILE..rectangle.columns.end.div_ceil(TILE);
+            self.changed[row * self.tile_columns..][columns].fill(true);
+        }
+    }
+}
+
+/// How many tiles of any rectangle are marked, in constant time (a summed-area table).
+#[derive(Debug, Default)]
+pub(crate) struct MarkCount {
+    columns: usize,
+    rows: usize,
+    sums: Vec<u32>,
+}
+
+impl MarkCount {
+    /// Counts the marks of a grid of tiles.
+    pub fn count(&mut self, marks: impl IntoIterator<Item = bool>, columns: usize, rows: usize) {
+        (self.columns, self.rows) = (columns, rows);
+        self.sums.clear();
+        self.sums.resize((columns + 1) * (rows + 1), 0);
+        let mut marks = marks.into_iter();
+        for row in 1..=rows {
+            let mut sum = 0;
+            for column in 1..=columns {
+                sum += u32::from(marks.next().unwrap_or(false));
+                self.sums[row * (columns + 1) + column] = self.sums[(row - 1) * (columns + 1) + column] + sum;
+            }
+        }
+    }
+
+    /// Whether any tile from column and row `from` to `to`, both included and cut at the grid's border, is marked.
+    pub fn any(&self, from: [isize; 2], to: [isize; 2]) -> bool {
+        let cut = |value: isize, limit: usize| value.clamp(0, limit as isize) as usize;
+        let (x0, x1) = (cut(from[0], self.columns), cut(to[0] + 1, self.columns));
+        let (y0, y1) = (cut(from[1], self.rows), cut(to[1] + 1, self.rows));
+        let at = |x: usize, y: usize| self.sums[y * (self.columns + 1) + x];
+        x0 < x1 && y0 < y1 && at(x1, y1) + at(x0, y0) > at(x0, y1) + at(x1, y0)
+    }
+}
