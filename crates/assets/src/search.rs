@@ -14,6 +14,17 @@ const STOP: &str = "a an the i me my we you it is are be am can could would some
                     as by very really good there where how much many do does";
 /// Words after which the next ones must not apply.
 const NOT: [&str; 6] = ["not", "no", "without", "isnt", "never", "non"];
+/// Phrases in which a small word decides, and the word that they stand for.
+const PHRASES: [(&str, &str); 8] = [
+    ("drink from", "drinkware"),
+    ("drink out of", "drinkware"),
+    ("drinking from", "drinkware"),
+    ("eat from", "dishes"),
+    ("eat with", "cutlery"),
+    ("write with", "writing"),
+    ("draw with", "writing"),
+    ("wash with", "washing"),
+];
 /// Words of a query and what they stand for besides.
 const ALIKE: [(&str, &str); 44] = [
     ("beverage", "drink"),
@@ -233,7 +244,9 @@ impl Query {
     fn read(text: &str, filter: &Filter) -> Self {
         let (mut words, mut without, mut filter) = (Vec::new(), Vec::new(), filter.clone());
         let mut negated = false;
-        for raw in text.to_lowercase().replace('\'', "").split_whitespace() {
+        let text = text.to_lowercase().replace('\'', "");
+        let text = PHRASES.iter().fold(text, |text, (phrase, word)| text.replace(phrase, word));
+        for raw in text.split_whitespace() {
             if let Some((key, value)) = raw.split_once(':').filter(|(key, value)| filter.set(key, value)) {
                 let _ = (key, value);
                 continue;

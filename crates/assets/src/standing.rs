@@ -25,6 +25,8 @@ pub struct StablePose {
 
 /// Which of the six turns that put an axis of the object upright leave it standing on a face, upright first.
 ///
+/// Upright is always there; with a negative margin it leans a little, as a spoon on its bowl and grip does.
+///
 /// The exact support of the pieces is used: what lies on a round mantle has none, so a ball or a can on its side is not
 /// listed. Articulated objects have the canonical pose alone.
 pub fn stable_poses(model: &ObjectModel) -> Vec<StablePose> {

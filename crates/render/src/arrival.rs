@@ -6,6 +6,8 @@
 //!
 //! A tile depends on tiles within a known reach only, so that a frame can be continued where nothing changed.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
 use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 

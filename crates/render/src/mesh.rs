@@ -44,7 +44,8 @@ impl Mesh {
     /// The mesh of a part, made once per process while its source lives; indices must be valid and places finite.
     pub fn shared(source: &Arc<TriMesh>, body_from_part: &Pose) -> Arc<Self> {
         type Key = (usize, [u64; 7]);
-        static KNOWN: Mutex<BTreeMap<Key, (Weak<TriMesh>, Arc<Mesh>)>> = Mutex::new(BTreeMap::new());
+        type Known = BTreeMap<Key, (Weak<TriMesh>, Arc<Mesh>)>;
+        static KNOWN: Mutex<Known> = Mutex::new(BTreeMap::new());
         let [x, y, z] = body_from_part.position.to_array();
         let [i, j, k, w] = body_from_part.rotation.to_array();
         let key = (Arc::as_ptr(source) as usize, [x, y, z, i, j, k, w].map(f64::to_bits));

@@ -1,6 +1,8 @@
 //! Pixels of one part as points of its surface, a chunk at a time, one component of all points beside each other:
 //! loops over them are compiled for the widest registers of the machine, and give the same bits on all.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
 use multiversion::multiversion;
 
 use crate::assets::{Part, TRIANGLE_BITS};

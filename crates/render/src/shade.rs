@@ -4,6 +4,8 @@
 //! the surroundings through Karis' analytic fit of the split sum ("Physically Based Shading on Mobile", 2014).
 //! A chunk of points of one part at a time.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
 use glam::{Vec2, Vec3A, Vec4};
 use multiversion::multiversion;
 

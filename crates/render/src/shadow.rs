@@ -1,6 +1,8 @@
 //! Shadows of the key light: a depth map seen from the light, read with contact-hardening soft edges
 //! (Fernando, "Percentage-Closer Soft Shadows", 2005).
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
 use genmanip_core::Pose;
 use glam::{Mat3A, Vec2, Vec3A};
 use multiversion::multiversion;

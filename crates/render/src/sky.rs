@@ -3,6 +3,8 @@
 //! Made of a gradient and spherical Gaussians, so that its blurred copies for rough surfaces have closed forms,
 //! which are evaluated where they are needed: arithmetic is cheaper than tables.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
 use glam::{Vec2, Vec3A};
 
 use crate::raster::within;
