@@ -46,7 +46,7 @@ pub const MOST_CASES: usize = 48;
 /// The rule of [`choose`] for larger runs, for people.
 pub const RULE: &str = "every cause of failure, then successes of every kind of task. Among the episodes of a cause \
                         those with a film come first, then those that came closest to their goal; causes, and kinds, \
-                        take turns";
+                        take turns, each time with another task";
 
 /// Chooses the cases of a run.
 ///
@@ -119,13 +119,13 @@ impl Group {
         matches!(self.shows, Shows::Success(_))
     }
 
-    /// Chooses its next member, one of a task not yet chosen where there is any.
+    /// Chooses its next member of a task not yet chosen; its first may be of any task.
     fn take(&mut self, rows: &[EpisodeRow], known: &mut BTreeSet<usize>) -> bool {
         let next = self.chosen.last().map_or(0, |place| place + 1);
-        let is_free = |place: &usize| !self.chosen.contains(place);
         let is_fresh = |place: &usize| !known.contains(&rows[self.members[*place]].task);
         let fresh = (next..self.members.len()).find(is_fresh);
-        let Some(place) = fresh.or_else(|| (0..self.members.len()).find(is_free)) else { return false };
+        let any = self.chosen.is_empty().then_some(0).filter(|place| *place < self.members.len());
+        let Some(place) = fresh.or(any) else { return false };
         known.insert(rows[self.members[place]].task);
         self.chosen.push(place);
         true
