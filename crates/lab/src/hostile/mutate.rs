@@ -262,7 +262,8 @@ mod tests {
     fn changes_are_the_same_for_a_seed_and_never_the_input_alone() {
         let samples =
             [&b"{\"a\": [1, {\"b\": \"x\"}], \"c\": null}"[..], b"a = 1.5\n[b]\nc = \"x\"\n", b"\xff\x00\x80", b""];
-        for name in ["json", "tokens", "blind"] {
+        // Two of the four samples have no tokens to change.
+        for (name, least) in [("json", 1500), ("tokens", 700), ("blind", 1500)] {
             let all = |seed: u64| -> Vec<Vec<u8>> {
                 let mut rng = Seed::new(seed).rng();
                 let changed = |index: usize| {
@@ -280,7 +281,8 @@ mod tests {
             assert_eq!(first, all(1), "{name}");
             let different =
                 first.iter().enumerate().filter(|(index, bytes)| ***bytes != *samples[index % samples.len()]);
-            assert!(different.count() > 1500, "{name} changes too little");
+            let different = different.count();
+            assert!(different > least, "{name} changes too little: {different} of 2000");
         }
     }
 }
