@@ -91,12 +91,12 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     }
 }
 
-/// Writes a file as [`write`] does, but only if there is none; `false` when there is one.
+/// Writes a file as [`write()`] does, but only if there is none; `false` when there is one.
 ///
 /// Of several programs that create one file at the same time, exactly one does, and all others find it whole.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn create(path: &Path, bytes: &[u8]) -> Result<bool, DataError> {
     let aside = written_aside(path, bytes)?;
     // Unlike a rename, a link never replaces.

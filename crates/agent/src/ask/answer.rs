@@ -267,7 +267,7 @@ fn path(question: &Question, path: &[PathItemWire]) -> Result<PathAnswer, Compla
             let (low, high) = (HEIGHTS_M.start(), HEIGHTS_M.end());
             return Err(Complaint::Format(format!("`height_m` is {}, expected {low} to {high}", item.height_m)));
         }
-        if !(item.claw_orientation.abs() <= 360.0) {
+        if !item.claw_orientation.is_finite() || item.claw_orientation.abs() > 360.0 {
             let angle = item.claw_orientation;
             return Err(Complaint::Format(format!("`claw_orientation` is {angle}, expected -360 to 360 degrees")));
         }

@@ -235,27 +235,6 @@ fn a_mesh_whose_hull_has_too_many_corners_is_refused_at_once() {
 }
 
 #[test]
-#[ignore = "measures"]
-fn time_of_hulls() {
-    let mut rng = Seed::new(3).rng();
-    for count in [300, 1000, 2000, 4000] {
-        let points: Vec<DVec3> = (0..count)
-            .map(|_| DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0))).normalize() * 0.1)
-            .collect();
-        let text: String = points.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect();
-        let t = std::time::Instant::now();
-        let corners = mesh::hull_corners("x.obj", text.as_bytes(), DVec3::ONE);
-        println!("{count}: hull {:?} {:?}", t.elapsed(), corners.as_ref().map(Vec::len));
-        if corners.is_err() {
-            continue;
-        }
-        let t = std::time::Instant::now();
-        let robot = read_robot(ARM, None, None, &mut |_| file(text.clone().into_bytes()));
-        println!("{count}: robot {:?} {:?}", t.elapsed(), robot.map(|_| ()).map_err(|e| e.to_string()));
-    }
-}
-
-#[test]
 fn meshes_are_read_in_every_spelling() {
     let tetrahedron = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let faces = [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]];

@@ -1,9 +1,9 @@
 //! Masks from colour and depth alone: no model, no network, no truth.
 //!
-//! 1. [`surface`]: points, normals and the noise of the depth, which is smoothed along surfaces where there is any.
-//! 2. [`support`]: large level planes; what rises above them is looked at.
-//! 3. [`regions`]: small regions of one surface and one colour.
-//! 4. [`merge`]: neighbouring regions become things, by what their border looks like.
+//! 1. `surface`: points, normals and the noise of the depth, which is smoothed along surfaces where there is any.
+//! 2. `support`: large level planes; what rises above them is looked at.
+//! 3. `regions`: small regions of one surface and one colour.
+//! 4. `merge`: neighbouring regions become things, by what their border looks like.
 
 pub mod merge;
 mod regions;
