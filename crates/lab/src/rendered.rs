@@ -3,15 +3,13 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Atom, AtomVerdict, Camera, Pose, Relation, RgbdImage, RobotModel, Scenario, Seed, Task, World};
-use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves};
+use genmanip_layout::{GoalPoseSettings, GoalSearch, LayoutSettings, lay_out, moves, posed};
 use genmanip_motion::PlannerSettings;
 use genmanip_render::{Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob};
 use genmanip_scene::observed::clouds_of_views;
-use genmanip_scene::relations::{
-    CloudScene, PosedObject, PosedScene, Rest, ShapeCache, is_clear, judge_atom, judge_goal,
-};
+use genmanip_scene::relations::{CloudScene, PosedScene, Rest, ShapeCache, is_clear, judge_atom, judge_goal};
 use serde::Serialize;
 
 use crate::LabError;
@@ -125,14 +123,8 @@ pub fn measure(
 
 impl Bench {
     fn posed(&mut self, scenario: &Scenario) -> Result<PosedScene, LabError> {
-        let objects = scenario.objects.iter().map(|placed| {
-            let model = Catalogue::builtin()
-                .instance(placed)
-                .map_err(|error| LabError::broken(format!("cannot build object {}", placed.id), error))?;
-            let joint_positions = placed.joint_positions.clone();
-            Ok(PosedObject { id: placed.id.clone(), model, pose: placed.pose, joint_positions })
-        });
-        Ok(PosedScene::new(objects.collect::<Result<_, LabError>>()?, &self.world.surfaces, &mut self.shapes))
+        posed(scenario, Catalogue::builtin(), &mut self.shapes)
+            .map_err(|error| LabError::broken(format!("cannot build the objects of {}", scenario.id), error))
     }
 
     /// Draws a scene with the robot at home and makes a cloud of each object.

@@ -100,19 +100,7 @@ impl Context<'_> {
     /// Where the bounds of what stands on a surface may be, without those that turn with it: of the table the `area`, of
     /// another one the bounds of its top within its margin.
     pub fn area(&self, ground: usize, area: Workspace) -> Workspace {
-        match self.world.surfaces.get(ground).filter(|_| ground > 0) {
-            Some(surface) => {
-                let (bounds, margin) = (surface.slab_bounds(), surface.edge_margin_m);
-                let within = |low: f64, high: f64| [low + margin, high - margin];
-                Workspace { x: within(bounds.min.x, bounds.max.x), y: within(bounds.min.y, bounds.max.y) }
-            }
-            None => area,
-        }
-    }
-
-    /// Index of a support surface other than the table.
-    pub fn surface(&self, id: &str) -> Option<usize> {
-        self.world.surfaces.iter().position(|surface| surface.id == id).filter(|&index| index > 0)
+        self.world.surfaces.get(ground).filter(|_| ground > 0).map_or(area, |surface| surface.area(0.0))
     }
 
     /// Height of a surface's top, metres.

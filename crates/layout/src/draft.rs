@@ -146,7 +146,7 @@ impl Draft {
             if relation.is_support() {
                 continue;
             }
-            if let (&[subject], Some(surface)) = (indices.as_slice(), context.surface(reference)) {
+            if let (&[subject], Some(surface)) = (indices.as_slice(), context.world.further_surface(reference)) {
                 let size = self.stances[subject].bounds.size();
                 if let Some(window) = context.surface_window(*relation, surface, size) {
                     both(ORIGIN, subject + 1, window.x, window.y, Some(edge));

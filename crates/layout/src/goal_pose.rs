@@ -155,11 +155,7 @@ impl GoalSearch<'_> {
             after.set_pose(step.object, at(center, outer.max.z + ABOVE_M), &object.joint_positions);
             return let_down(after, step.object, carrier, LEFT_M, self.relations);
         }
-        let area = surface.map_or(*self.workspace, |surface| {
-            let (bounds, margin) = (surface.slab_bounds(), surface.edge_margin_m + EDGE_M);
-            let within = |low: f64, high: f64| [low + margin, high - margin];
-            Workspace { x: within(bounds.min.x, bounds.max.x), y: within(bounds.min.y, bounds.max.y) }
-        });
+        let area = surface.map_or(*self.workspace, |surface| surface.area(EDGE_M));
         let mut low = DVec2::new(area.x[0], area.y[0]) + half;
         let mut high = DVec2::new(area.x[1], area.y[1]) - half;
         for atom in &step.atoms {

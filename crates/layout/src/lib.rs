@@ -238,9 +238,8 @@ fn reach_m(world: &World, robot: &RobotModel) -> [f64; 2] {
 
 /// Whether the world has every surface that the task names, and no object is called like one.
 fn check_surfaces(task: &Task, world: &World) -> Result<(), LayoutError> {
-    let further = || world.surfaces.iter().skip(1).map(|surface| surface.id.as_str());
-    if let Some(missing) = task.surfaces.iter().find(|named| !further().any(|id| id == named.id)) {
-        let known = further().map(str::to_owned).collect();
+    if let Some(missing) = task.surfaces.iter().find(|named| world.further_surface(&named.id).is_none()) {
+        let known = world.named_surfaces().into_iter().map(|surface| surface.id).collect();
         return Err(LayoutError::UnknownSurface { id: missing.id.clone(), known });
     }
     match task.scene_graph.nodes.iter().find(|node| world.surface(&node.id).is_some()) {
@@ -253,7 +252,7 @@ fn check_surfaces(task: &Task, world: &World) -> Result<(), LayoutError> {
 fn grounds(edges: &[(Atom, Vec<usize>)], count: usize, world: &World) -> Vec<usize> {
     let of_edge = |(atom, indices): &(Atom, Vec<usize>)| match atom {
         Atom::Relation { relation, reference, .. } if relation.is_support() => {
-            let surface = world.surfaces.iter().position(|surface| surface.id == *reference);
+            let surface = world.further_surface(reference);
             Some((*indices.first()?, surface, indices.get(1).copied()))
         }
         _ => None,
@@ -307,8 +306,7 @@ fn goal_rooms(task: &Task, goal: &Goal, world: &World) -> Vec<Vec<GoalRoom>> {
             let Atom::Relation { subject, relation, reference, .. } = atom else { continue };
             let moves =
                 |id: &str| atoms.iter().any(|atom| matches!(atom, Atom::Relation { .. }) && atom.subject() == id);
-            let surface = task.surface(reference);
-            let surface = surface.and_then(|named| world.surfaces.iter().position(|surface| surface.id == named.id));
+            let surface = world.further_surface(reference);
             let (Some(object), anchor) = (index_of(subject), index_of(reference)) else { continue };
             if moves(reference) || *relation == Relation::Between || (anchor.is_none() && surface.is_none()) {
                 continue;

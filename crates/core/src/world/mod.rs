@@ -84,6 +84,11 @@ impl World {
         self.surfaces.iter().find(|surface| surface.id == id)
     }
 
+    /// Index among the surfaces of one other than the table, by its id.
+    pub fn further_surface(&self, id: &str) -> Option<usize> {
+        self.surfaces.iter().position(|surface| surface.id == id).filter(|&index| index > 0)
+    }
+
     /// The support surfaces that tasks may name: all but the table.
     pub fn named_surfaces(&self) -> Vec<NamedSurface> {
         let named = |surface: &SupportSurface| NamedSurface { id: surface.id.clone(), name: surface.name.clone() };

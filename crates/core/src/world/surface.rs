@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Workspace;
 use crate::{Aabb, Piece, Pose, Shape};
 
 /// A fixed, level slab that things stand on: the table, a shelf, a side table.
@@ -66,6 +67,14 @@ impl SupportSurface {
     /// Bounds of the slab alone in the world.
     pub fn slab_bounds(&self) -> Aabb {
         Aabb::from_pieces(&self.world_from_surface(), self.pieces().iter().take(1))
+    }
+
+    /// Bounds of the top at least its margin, and `more_m`, inside its edges; a surface that is turned against the world's
+    /// axes fills them in part, see [`SupportSurface::is_over_top`].
+    pub fn area(&self, more_m: f64) -> Workspace {
+        let (bounds, margin) = (self.slab_bounds(), self.edge_margin_m + more_m);
+        let within = |low: f64, high: f64| [low + margin, high - margin];
+        Workspace { x: within(bounds.min.x, bounds.max.x), y: within(bounds.min.y, bounds.max.y) }
     }
 
     /// Whether points of the world's plane are over the top and at least its margin, and `more_m`, inside its edges.

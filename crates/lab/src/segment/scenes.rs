@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use genmanip_agent::segmentation::{Mask, RobotSilhouette};
-use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
+use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{Camera, Pose, RgbdImage, Scenario, Seed, Task, World};
-use genmanip_layout::{LayoutSettings, lay_out};
+use genmanip_layout::{LayoutSettings, lay_out, posed};
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_render::{
     Channels, FIRST_OBJECT, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, object_of_instance,
@@ -89,15 +89,8 @@ impl Scenes {
     }
 
     fn views(&mut self, index: usize, scenario: &Scenario) -> Result<Vec<SegmentView>, LabError> {
-        let objects = scenario.objects.iter().map(|placed| {
-            let model = Catalogue::builtin()
-                .instance(placed)
-                .map_err(|error| LabError::broken(format!("cannot build object {}", placed.id), error))?;
-            let joint_positions = placed.joint_positions.clone();
-            Ok(PosedObject { id: placed.id.clone(), model, pose: placed.pose, joint_positions })
-        });
-        let objects = objects.collect::<Result<Vec<_>, LabError>>()?;
-        let scene = PosedScene::new(objects, &self.world.surfaces, &mut self.shapes);
+        let scene = posed(scenario, Catalogue::builtin(), &mut self.shapes)
+            .map_err(|error| LabError::broken(format!("cannot build the objects of {}", scenario.id), error))?;
         let images = self.images(&scene)?;
         let names = images.iter().map(|(camera, _)| format!("{index} {} {camera}", scenario.task.id));
         let names: Vec<String> = names.collect();
