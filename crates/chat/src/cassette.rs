@@ -91,18 +91,32 @@ impl CassetteChat<HttpChat> {
     /// # Errors
     /// Names the setting that makes no sense, or the variable that holds no key.
     pub fn open(server: &ServerSettings, cassettes: &CassetteSettings, jitter: Seed) -> Result<Self, SettingsError> {
+        Self::open_around(server, cassettes, jitter, |server| server)
+    }
+}
+
+impl<M: ChatModel> CassetteChat<M> {
+    /// As [`CassetteChat::open`], with something between the cassettes and the server: only what is really asked passes
+    /// it.
+    ///
+    /// # Errors
+    /// As [`CassetteChat::open`].
+    pub fn open_around(
+        server: &ServerSettings,
+        cassettes: &CassetteSettings,
+        jitter: Seed,
+        around: impl FnOnce(HttpChat) -> M,
+    ) -> Result<Self, SettingsError> {
         server.check()?;
         let cassettes = cassettes.clone();
         if cassettes.mode == CassetteMode::Replay {
             return Ok(Self::replay(cassettes));
         }
         let key = server.api_key_env.as_deref().map(ApiKey::from_environment).transpose()?;
-        let server = HttpChat::new(server.clone(), key.clone(), jitter)?;
-        Ok(Self::new(server, cassettes, key))
+        let model = around(HttpChat::new(server.clone(), key.clone(), jitter)?);
+        Ok(Self::new(model, cassettes, key))
     }
-}
 
-impl<M: ChatModel> CassetteChat<M> {
     /// `model` is asked in the modes live and record. `key` is what must never get into a file.
     pub fn new(model: M, settings: CassetteSettings, key: Option<ApiKey>) -> Self {
         Self { model: Some(model), settings, key }

@@ -158,6 +158,22 @@ pub enum ChatError {
         /// The folder or file.
         path: String,
     },
+    /// The answers have cost what they may; nothing was sent.
+    #[error("the answers have cost {amount:.2} {currency}, and {limit:.2} is the limit")]
+    Spent {
+        /// Sum so far.
+        amount: f64,
+        /// Most that may be spent.
+        limit: f64,
+        /// Of both.
+        currency: String,
+    },
+    /// The answers may have cost more than they may, since the server does not count; nothing was sent.
+    #[error("the server counts no tokens, so nobody knows whether the limit of {limit:.2} is kept")]
+    Uncounted {
+        /// Most that may be spent.
+        limit: f64,
+    },
     /// The script of a fake has no more lines.
     #[error("the script ended after {answers} answers")]
     ScriptEnded {
@@ -228,6 +244,8 @@ impl ChatError {
             Self::Cassette { .. } => "mend or delete the file, then record again",
             Self::Unanswered { .. } => "write the answer and start again: what was asked is not asked again",
             Self::Folder { .. } => "check the folder's rights and the answer's size",
+            Self::Spent { .. } => "raise the limit and start again: what was answered is not asked again",
+            Self::Uncounted { .. } => "run without a limit, or ask a server that counts tokens",
             Self::ScriptEnded { .. } => "give the script more answers",
         }
     }

@@ -391,6 +391,13 @@ fn parse_count(text: &str) -> Result<usize, String> {
     }
 }
 
+fn parse_sum(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (0.0..=1e9).contains(&value) && !f64::is_sign_negative(value) => Ok(value),
+        _ => Err("expected a sum from 0 to 1e9".into()),
+    }
+}
+
 fn parse_edge(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
@@ -464,6 +471,13 @@ pub struct EvaluateArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
+    /// Episodes under way at once, of which those that wait for a model need no core [default: 16 where a model is
+    /// asked, else the workers]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
+    pub at_once: Option<usize>,
+    /// Ask no more once the model's answers have cost so much, in the currency of its settings
+    #[arg(long, value_name = "SUM", value_parser = parse_sum)]
+    pub max_cost: Option<f64>,
     /// Refuse scenarios that were laid out for another robot than this
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,

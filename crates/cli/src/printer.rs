@@ -86,7 +86,7 @@ impl Progress for Printer {
             ProgressDrawTarget::stderr_with_hz(8)
         };
         let bar = ProgressBar::with_draw_target(Some(total as u64), target);
-        if let Ok(style) = ProgressStyle::with_template("{msg:18} {bar:30} {pos:>4}/{len}  {per_sec}  ETA {eta}") {
+        if let Ok(style) = ProgressStyle::with_template("{msg:18} {bar:30} {pos:>4}/{len}  {per_sec}  ETA {eta}  {prefix}") {
             bar.set_style(style);
         }
         bar.set_message(what.to_owned());
@@ -97,6 +97,12 @@ impl Progress for Printer {
     fn advance(&self) {
         if let Some(bar) = &*self.bar() {
             bar.inc(1);
+        }
+    }
+
+    fn tell(&self, state: &str) {
+        if let Some(bar) = &*self.bar() {
+            bar.set_prefix(state.to_owned());
         }
     }
 

@@ -204,7 +204,7 @@ fn play(
         let stage = Scene::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
         let stage = stage.map_err(|error| broke("cannot be opened", error))?;
         let mut clock = cpu_clock();
-        let mut made = choice.make(&stage, resources.planner, resources.grasps)?;
+        let mut made = choice.make(&stage, resources.planner, resources.grasps, None)?;
         let episode = run_episode(&stage, made.policy.as_mut(), &attempt.id(), attempt.seed, &settings.rollout);
         let result = episode.map_err(|error| broke("broke", error))?.result;
         let cpu_s = clock();

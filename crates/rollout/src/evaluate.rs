@@ -1,13 +1,13 @@
 //! Evaluating a policy on scenarios: the same loop, the same judge.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_core::{EpisodeResult, NotRun, Policy, Scenario, Seed};
 use genmanip_data::EpisodeStore;
 
 use crate::collect::{CollectSettings, Resources, in_parallel};
-use crate::{RolloutError, Stage, run_episode};
+use crate::{Cores, RolloutError, Stage, run_episode};
 
 /// One episode to be run.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +39,8 @@ pub type Outcome = Result<EpisodeResult, NotRun>;
 
 /// Runs a policy on every case; with a store, episodes are kept in it.
 ///
-/// `finished` hears of each case as it ends, from the thread that ran it.
+/// `at_once` episodes are under way; each holds one of `cores` but while its policy lends it to others. Results do not
+/// depend on either. `finished` hears of each case as it ends, from the thread that ran it.
 ///
 /// # Errors
 /// The first defect of any episode, and what `finished` could not do.
@@ -48,17 +49,22 @@ pub fn evaluate<E: From<RolloutError> + Send>(
     make_policy: &MakePolicy,
     (resources, settings): (Resources, &CollectSettings),
     keep: Option<&EpisodeStore>,
-    workers: usize,
+    (at_once, cores): (usize, &Cores),
     stop: &AtomicBool,
     finished: &(dyn Fn(&Outcome) -> Result<(), E> + Sync),
 ) -> Result<Evaluated, E> {
-    let outcomes = in_parallel(cases, workers, stop, &|case| {
+    let outcomes = in_parallel(cases, at_once, stop, &|case| {
+        let _core = cores.hold();
+        // Stopped while it waited for a core.
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
         let outcome = run(case, make_policy, resources, settings, keep)?;
         finished(&outcome)?;
-        Ok::<_, E>(outcome)
+        Ok::<_, E>(Some(outcome))
     })?;
     let mut evaluated = Evaluated::default();
-    for outcome in outcomes {
+    for outcome in outcomes.into_iter().flatten() {
         match outcome {
             Ok(result) => evaluated.results.push(result),
             Err(not_run) => evaluated.not_run.push(not_run),

@@ -5,6 +5,7 @@
 
 pub mod adapter;
 pub mod collect;
+mod cores;
 pub mod environment;
 pub mod episode_loop;
 pub mod evaluate;
@@ -17,6 +18,7 @@ pub mod replay;
 mod settings;
 mod stage;
 
+pub use cores::{Cores, HeldCore};
 pub use environment::Environment;
 pub use episode_loop::run_episode;
 pub use settings::RolloutSettings;

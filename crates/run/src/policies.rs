@@ -11,12 +11,12 @@ use genmanip_agent::ask::Stage;
 use genmanip_assets::GraspLibrary;
 use genmanip_core::{Episode, Policy};
 use genmanip_motion::Planner;
-use genmanip_rollout::Stage as Scene;
+use genmanip_rollout::{Cores, Stage as Scene};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
 
-use crate::agents::{AgentChoice, Transcribing};
+use crate::agents::{Account, AgentChoice, ModelChoice, Transcribing};
 use crate::error::RunError;
 
 /// All policies there are, in the order in which they are listed.
@@ -73,15 +73,15 @@ const AGENT_ARGUMENTS: [PolicyArgument; 14] = [
     PolicyArgument { name: "err_check", default: "0", about: "the same" },
 ];
 
-fn expert(_given: &Given) -> Result<Make, RunError> {
-    Ok(Box::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+fn expert(_given: &Given) -> Result<Prepared, RunError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
         let expert = Expert::new(episode.stage, episode.planner, episode.grasps, episode.settings.expert.clone());
         Ok(Box::new(expert.map_err(|error| RunError::broken("the expert cannot be made", error))?))
     }))
 }
 
-fn replay(_given: &Given) -> Result<Make, RunError> {
-    Ok(Box::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+fn replay(_given: &Given) -> Result<Prepared, RunError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
         let recorded = episode.recorded.ok_or_else(|| {
             RunError::input(format!("nothing was recorded on scenario {}", episode.stage.scenario.id))
                 .with_hint("the policy replay needs stored episodes, as `genmanip collect` makes them")
@@ -90,14 +90,14 @@ fn replay(_given: &Given) -> Result<Make, RunError> {
     }))
 }
 
-fn do_nothing(given: &Given) -> Result<Make, RunError> {
+fn do_nothing(given: &Given) -> Result<Prepared, RunError> {
     let duration_s = given.number("seconds", 0.0..=600.0)?;
-    Ok(Box::new(move |_: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+    Ok(Prepared::new(move |_: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
         Ok(Box::new(DoNothing { duration_s }))
     }))
 }
 
-fn agent(given: &Given) -> Result<Make, RunError> {
+fn agent(given: &Given) -> Result<Prepared, RunError> {
     let mut choice =
         AgentChoice::named(given.text("vlm"), given.text("masks"), given.text("path"), given.text("preset"))?;
     (choice.settings.ctof, choice.settings.arrows) = (given.is_yes("ctof")?, given.is_yes("arrows")?);
@@ -116,13 +116,18 @@ fn agent(given: &Given) -> Result<Make, RunError> {
     for (name, stage) in rates {
         choice.errors.insert(stage, given.number(name, 0.0..=1.0)?);
     }
-    Ok(Box::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
-        let made = choice.make(episode.stage, episode.planner, episode.grasps)?;
+    let account = match &choice.model {
+        ModelChoice::Chat(shared) => Some(Arc::clone(shared.account())),
+        ModelChoice::Oracle => None,
+    };
+    let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        let made = choice.make(episode.stage, episode.planner, episode.grasps, episode.cores)?;
         Ok(match &transcripts {
             Some(folder) => Box::new(Transcribing::new(made, folder.join(&episode.stage.scenario.id))),
             None => made.policy,
         })
-    }))
+    });
+    Ok(Prepared { account, ..prepared })
 }
 
 /// One policy of the registry.
@@ -138,7 +143,7 @@ pub struct PolicyEntry {
     /// Whether it is run where nobody names a policy: those that ask services are not.
     pub is_usual: bool,
     /// Checks the arguments, once.
-    prepare: fn(&Given) -> Result<Make, RunError>,
+    prepare: fn(&Given) -> Result<Prepared, RunError>,
 }
 
 /// An argument of a policy.
@@ -165,16 +170,31 @@ pub struct PolicyContext<'a> {
     pub grasps: &'a GraspLibrary,
     /// Settings of the run.
     pub settings: &'a CollectSettings,
+    /// Cores that the episodes share; a policy that waits for a service lends its own meanwhile.
+    pub cores: Option<&'a Arc<Cores>>,
 }
 
 type Make = Box<dyn Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync>;
+
+/// A policy whose arguments were checked.
+struct Prepared {
+    make: Make,
+    /// Of the service that it asks and that may cost money.
+    account: Option<Arc<Account>>,
+}
+
+impl Prepared {
+    fn new(make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync + 'static) -> Self {
+        Self { make: Box::new(make), account: None }
+    }
+}
 
 /// Makes one policy per episode.
 pub struct PolicyFactory {
     name: &'static str,
     label: String,
     needs_record: bool,
-    make: Make,
+    prepared: Prepared,
 }
 
 impl PolicyFactory {
@@ -188,8 +208,8 @@ impl PolicyFactory {
         let entry = POLICIES.iter().find(|entry| entry.name == name);
         let entry = entry.ok_or_else(|| RunError::unknown("policy", "policies", name, &known))?;
         let given = Given::parse(entry, arguments)?;
-        let make = (entry.prepare)(&given)?;
-        Ok(Self { name: entry.name, label: given.label(), needs_record: entry.needs_record, make })
+        let prepared = (entry.prepare)(&given)?;
+        Ok(Self { name: entry.name, label: given.label(), needs_record: entry.needs_record, prepared })
     }
 
     /// The usual policies with their defaults, without those that need a record where there is none.
@@ -221,7 +241,12 @@ impl PolicyFactory {
     /// # Errors
     /// When it cannot work on this episode; [`RunError::Unreachable`] when it runs elsewhere and cannot be reached.
     pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, RunError> {
-        (self.make)(episode)
+        (self.prepared.make)(episode)
+    }
+
+    /// What its service was asked so far, where it asks one that waits and may cost money.
+    pub fn account(&self) -> Option<&Arc<Account>> {
+        self.prepared.account.as_ref()
     }
 }
 

@@ -8,6 +8,8 @@ pub trait Progress: Sync {
     fn advance(&self);
     /// The work that began last has ended.
     fn end(&self);
+    /// How things stand beside the number of parts, a few words that replace those before.
+    fn tell(&self, _state: &str) {}
     /// Something that a person who waits may want to know.
     fn note(&self, text: &str);
 }

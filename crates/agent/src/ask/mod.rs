@@ -26,38 +26,41 @@ pub use transcript::{Exchange, FailedStage, Moment, Transcribed, Transcript};
 /// An answer that fits the question, however often it takes to get one: `1 + reasks` times at most.
 ///
 /// # Errors
-/// What was wrong with the last answer, or why there was none.
+/// What was wrong with the last answer; under the cause [`FailedStage::SERVICE`], why there was none.
 pub fn ask(
     model: &dyn VisionModel,
     question: &mut Question,
     reasks: usize,
     transcribed: &Transcribed,
 ) -> Result<Answer, FailedStage> {
-    let mut last = String::new();
-    for _ in 0..=reasks {
+    let stage = question.stage.name();
+    let failed = |cause: &str, evidence: String| FailedStage::new(stage, cause, evidence);
+    let mut last = failed("format", String::new());
+    for asked in 1..=reasks + 1 {
         question.ask = transcribed.next_ask();
-        let answered = match model.answer(question) {
-            Ok(answered) => answered,
-            Err(error) => {
-                let failed = FailedStage::new(question.stage.name(), "service", error.to_string());
+        let (text, usage, complaint) = match model.answer(question) {
+            Ok(Answered { text, usage }) => match parse(question, &text) {
+                Ok(answer) => {
+                    transcribed.exchange(question, &text, None, usage);
+                    return Ok(answer);
+                }
+                Err(complaint) => (text, usage, complaint),
+            },
+            Err(ServiceError::Unreadable(what)) => (String::new(), None, Complaint::Format(what)),
+            Err(error @ (ServiceError::Garbled(_) | ServiceError::Unreachable(_))) => {
                 transcribed.exchange(question, "", Some(&error.to_string()), None);
-                return Err(failed);
+                last = failed(FailedStage::SERVICE, error.to_string());
+                if matches!(error, ServiceError::Unreachable(_)) {
+                    return Err(last);
+                }
+                continue;
             }
         };
-        match parse(question, &answered.text) {
-            Ok(answer) => {
-                transcribed.exchange(question, &answered.text, None, answered.usage);
-                return Ok(answer);
-            }
-            Err(complaint) => {
-                transcribed.exchange(question, &answered.text, Some(&complaint.to_string()), answered.usage);
-                last = complaint.to_string();
-                question.refused.push(Refused { answer: shortened(&answered.text), complaint });
-            }
-        }
+        transcribed.exchange(question, &text, Some(&complaint.to_string()), usage);
+        last = failed(complaint.cause(), format!("{complaint} (asked {asked} times)"));
+        question.refused.push(Refused { answer: shortened(&text), complaint });
     }
-    let cause = question.refused.last().map_or("format", |refused| refused.complaint.cause());
-    Err(FailedStage::new(question.stage.name(), cause, format!("{last} (asked {} times)", reasks + 1)))
+    Err(last)
 }
 
 /// Longest part of an answer that is kept and sent back, bytes.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_chat::{ChatModel, Usage};
+use genmanip_chat::{ChatError, ChatModel, Usage};
 use serde_json::{Map, Value};
 
 use super::question::Question;
@@ -29,8 +29,29 @@ pub struct Answered {
 
 /// Why there is no answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct ServiceError(pub String);
+pub enum ServiceError {
+    /// The service cannot be asked now, retries included. Asking again at once is of no use.
+    #[error("{0}")]
+    Unreachable(String),
+    /// Something came back that is no answer of a model, for example half a page: asking again may help.
+    #[error("{0}")]
+    Garbled(String),
+    /// The model answered with nothing that could be read: too much, nothing, or a refusal. It counts as an answer that
+    /// does not fit.
+    #[error("{0}")]
+    Unreadable(String),
+}
+
+impl From<ChatError> for ServiceError {
+    fn from(error: ChatError) -> Self {
+        let text = error.to_string();
+        match error {
+            ChatError::TooLarge { .. } | ChatError::NoText { .. } | ChatError::Declined { .. } => Self::Unreadable(text),
+            ChatError::NotJson { .. } | ChatError::NotACompletion { .. } => Self::Garbled(text),
+            _ => Self::Unreachable(text),
+        }
+    }
+}
 
 /// A chat model: live, recorded, or a person behind a folder.
 pub struct ChatService {
@@ -44,9 +65,9 @@ pub struct ChatService {
 
 impl VisionModel for ChatService {
     fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
-        let unsaid = |error: &dyn std::fmt::Display| ServiceError(error.to_string());
-        let request = question.request(&self.model, &self.parameters).map_err(|error| unsaid(&error))?;
-        let reply = self.chat.chat(&request).map_err(|error| unsaid(&error))?;
+        let request = question.request(&self.model, &self.parameters);
+        let request = request.map_err(|error| ServiceError::Unreachable(error.to_string()))?;
+        let reply = self.chat.chat(&request)?;
         Ok(Answered { text: reply.text, usage: reply.usage })
     }
 }

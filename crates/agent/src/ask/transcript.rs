@@ -81,6 +81,9 @@ pub struct FailedStage {
 }
 
 impl FailedStage {
+    /// The cause of a failure that is the service's: no answer came.
+    pub const SERVICE: &str = "service";
+
     /// A failure.
     pub fn new(stage: &str, cause: &str, evidence: String) -> Self {
         Self { stage: stage.into(), cause: cause.into(), evidence }

@@ -97,7 +97,7 @@ fn part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result<Mask, 
     let whole = &view.masks[mask];
     let question = SegmentQuestion { image: &view.image, ignore: &[], within: Some(whole) };
     let parts = agent.services.segmenter.segment(&question);
-    let parts = parts.map_err(|error| FailedStage::new("segmentation", "service", error.to_string()))?;
+    let parts = parts.map_err(|error| FailedStage::new("segmentation", FailedStage::SERVICE, error.to_string()))?;
     if parts.len() < 2 {
         return Ok(whole.clone());
     }

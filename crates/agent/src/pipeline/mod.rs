@@ -116,7 +116,7 @@ impl Agent {
         let robot = |(_, image): &(String, Arc<RgbdImage>)| self.silhouette.pixels(&hand.arm, hand.width_m, image);
         let ignore: Vec<Vec<bool>> = images.iter().map(robot).collect();
         let sight = Sight::new(images, &ignore, self.services.segmenter.as_ref());
-        Ok(sight.map_err(|error| FailedStage::new("segmentation", "service", error.to_string()))?)
+        Ok(sight.map_err(|error| FailedStage::new("segmentation", FailedStage::SERVICE, error.to_string()))?)
     }
 
     /// Asks a question about a view.
@@ -288,6 +288,10 @@ impl Policy for Agent {
         self.next(observation).map_err(|stop| match stop {
             Stop::Failed(failure) => {
                 self.transcribed.failed(&failure);
+                // Nobody has failed at the task when a service does not answer.
+                if failure.cause == FailedStage::SERVICE {
+                    return PolicyError::Unreachable(failure.to_string());
+                }
                 PolicyError::GaveUp(Failure { cause: failure.kind(), evidence: failure.to_string() })
             }
             Stop::Policy(error) => error,

@@ -42,6 +42,8 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         keep_episodes: arguments.keep_episodes || run.is_none() && out.is_some(),
         out: out.cloned(),
         workers: inputs::workers(arguments.workers),
+        at_once: arguments.at_once,
+        max_cost: arguments.max_cost,
     };
     let stop = crate::stop::on_interrupt();
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;

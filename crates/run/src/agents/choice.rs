@@ -4,16 +4,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use genmanip_agent::ask::{ChatService, PromptSet, Stage, Transcribed, VisionModel};
+use genmanip_agent::ask::{PromptSet, Stage, Transcribed, VisionModel};
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
-use genmanip_chat::{CassetteChat, CassetteSettings, ServerSettings};
-use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Seed, limits};
+use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
 use genmanip_motion::Planner;
-use genmanip_rollout::Stage as Scene;
-use serde::Deserialize;
+use genmanip_rollout::{Cores, Stage as Scene};
 
+use super::model::{ModelFile, SharedModel};
 use super::{ErrorRates, Heard, Oracle, OracleMasks, Truth, WithTruth, Witness};
 use crate::error::RunError;
 use crate::inputs;
@@ -43,8 +42,8 @@ pub struct AgentChoice {
 pub enum ModelChoice {
     /// The simulator's truth; results say oracle.
     Oracle,
-    /// A chat server, or its recorded answers, as a settings file says.
-    Chat(Arc<ModelFile>),
+    /// A chat server, a person or recorded answers, as a settings file says.
+    Chat(Arc<SharedModel>),
 }
 
 /// Where the agent's masks come from.
@@ -54,16 +53,6 @@ pub enum MaskChoice {
     Rgbd,
     /// The renderer's ids; results say oracle.
     Oracle,
-}
-
-/// The settings file of a model: the tables `server` and `cassettes`, as for task design.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ModelFile {
-    /// The server.
-    pub server: ServerSettings,
-    /// Recording and replaying.
-    pub cassettes: CassetteSettings,
 }
 
 /// An agent made for one episode.
@@ -110,7 +99,7 @@ impl AgentChoice {
         };
         let model = match model {
             "oracle" => ModelChoice::Oracle,
-            file => ModelChoice::Chat(Arc::new(ModelFile::read(Path::new(file))?)),
+            file => ModelChoice::Chat(Arc::new(SharedModel::open(&ModelFile::read(Path::new(file))?)?)),
         };
         let masks = match masks {
             "rgbd" => MaskChoice::Rgbd,
@@ -150,11 +139,17 @@ impl AgentChoice {
         name
     }
 
-    /// The agent for one episode.
+    /// The agent for one episode; while it waits for a model, its thread lends its core to the others of `cores`.
     ///
     /// # Errors
     /// A prompt file or a setting that cannot be used, and grasps that were tried with other physics.
-    pub fn make(&self, stage: &Scene, planner: &Arc<Planner>, grasps: &GraspLibrary) -> Result<MadeAgent, RunError> {
+    pub fn make(
+        &self,
+        stage: &Scene,
+        planner: &Arc<Planner>,
+        grasps: &GraspLibrary,
+        cores: Option<&Arc<Cores>>,
+    ) -> Result<MadeAgent, RunError> {
         let truth = Truth::new(stage);
         let knows = matches!(self.model, ModelChoice::Oracle) || self.masks == MaskChoice::Oracle;
         let model: Arc<dyn VisionModel> = match &self.model {
@@ -165,12 +160,7 @@ impl AgentChoice {
                 let oracle = Oracle::new(truth.clone(), planner, tried, self.errors.clone());
                 Arc::new(oracle.forgiving(self.forgiven))
             }
-            ModelChoice::Chat(file) => {
-                let chat = CassetteChat::open(&file.server, &file.cassettes, Seed::new(0).fork("retries"));
-                let chat = chat.map_err(|error| RunError::input("the model cannot be used").because(error))?;
-                let (model, parameters) = (file.server.model.clone(), file.server.parameters.clone());
-                Arc::new(ChatService { chat: Arc::new(chat), model, parameters })
-            }
+            ModelChoice::Chat(shared) => Arc::new(shared.service(cores)),
         };
         let segmenter: Arc<dyn Segmenter> = match self.masks {
             MaskChoice::Rgbd => Arc::new(RgbdSegmenter::default()),
@@ -215,21 +205,6 @@ impl MaskChoice {
             Self::Rgbd => "rgbd",
             Self::Oracle => "oracle",
         }
-    }
-}
-
-impl ModelFile {
-    /// Reads a settings file.
-    ///
-    /// # Errors
-    /// When it cannot be read or used; values are never shown, since someone may have written a key there.
-    pub fn read(path: &Path) -> Result<Self, RunError> {
-        let text = inputs::read_text(path, limits::SETTINGS)?;
-        let unusable =
-            |error| RunError::input(format!("{} holds no settings of a model", path.display())).because(error);
-        let file: Self = genmanip_chat::from_toml(&text).map_err(unusable)?;
-        file.server.check().map_err(unusable)?;
-        Ok(file)
     }
 }
 

@@ -6,12 +6,14 @@
 
 mod choice;
 mod masks;
+mod model;
 mod oracle;
 mod truth;
 mod witness;
 
-pub use choice::{AgentChoice, MadeAgent, MaskChoice, ModelChoice, ModelFile, Transcribing, keep};
+pub use choice::{AgentChoice, MadeAgent, MaskChoice, ModelChoice, Transcribing, keep};
 pub use masks::OracleMasks;
+pub use model::{Account, ModelFile, SharedModel};
 pub use oracle::{ErrorRates, Oracle};
 pub use truth::{Injection, Truth, WithTruth};
 pub use witness::{FailureClass, Heard, Testimony, Witness, classify};

@@ -10,6 +10,7 @@ mod stream;
 mod suite;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -17,7 +18,7 @@ use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::{EvaluationReport, StatisticsSettings, text_table};
 use genmanip_core::{Document, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
-use genmanip_rollout::RolloutError;
+use genmanip_rollout::{Cores, RolloutError};
 use genmanip_rollout::collect::Resources;
 use genmanip_rollout::evaluate::Case;
 
@@ -37,9 +38,18 @@ pub struct EvaluateOptions {
     pub out: Option<PathBuf>,
     /// Whether episodes are kept, to be watched.
     pub keep_episodes: bool,
-    /// Worker threads.
+    /// Cores that are used.
     pub workers: usize,
+    /// Episodes under way at once; `None` for as many as there are cores, or [`AT_ONCE`] of a policy that waits for a
+    /// service.
+    pub at_once: Option<usize>,
+    /// Most that the service of a policy may cost, in the currency of its settings.
+    pub max_cost: Option<f64>,
 }
+
+/// Episodes under way at once when they wait for a service: enough to keep two cores busy while a model takes seconds,
+/// at about 20 MB each (measured with `lab batch`).
+pub const AT_ONCE: usize = 16;
 
 /// Evaluates the policies, one after the other, on every case of a suite, and writes one file for each.
 ///
@@ -57,6 +67,9 @@ pub fn evaluate(
 ) -> Result<Vec<EvaluationReport>, RunError> {
     let folder = options.out.as_deref().map(|out| suite.folder(out)).transpose()?;
     suite.left_out.iter().for_each(|note| progress.note(note));
+    if let Some(limit) = options.max_cost {
+        policies.iter().filter_map(PolicyFactory::account).try_for_each(|account| account.set_limit(limit))?;
+    }
     let mut reports = Vec::new();
     for policy in policies {
         let started = Instant::now();
@@ -111,6 +124,9 @@ fn one(
     if let Some(store) = &keep {
         store.sweep_partial().map_err(|error| RunError::broken("cannot keep episodes", error))?;
     }
+    let cores = Arc::new(Cores::new(options.workers));
+    let usual = policy.account().map_or(options.workers, |_| options.workers.max(AT_ONCE));
+    let crew = (options.at_once.unwrap_or(usual), &*cores);
     progress.begin(&label, cases.len());
     let make = |stage: &_, case: &Case| {
         let refuse = |error: RunError| match error {
@@ -132,6 +148,7 @@ fn one(
             planner: &planner,
             grasps: resources.grasps,
             settings: &suite.settings,
+            cores: Some(&cores),
         };
         policy.make(&context).map_err(refuse)
     };
@@ -140,16 +157,20 @@ fn one(
             stream.add(result)?;
         }
         progress.advance();
+        policy.account().into_iter().for_each(|account| progress.tell(&account.in_words()));
         Ok(())
     };
     let shared = (resources, &suite.settings);
     let evaluated =
-        genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), options.workers, stop, &finished)
+        genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), crew, stop, &finished)
             .map_err(|error| match error {
                 Stopped::Run(error) => error,
                 Stopped::Episode(error) => RunError::broken(format!("evaluating {label} stopped"), error),
             })?;
     progress.end();
+    if let Some(asked) = policy.account().map(|account| account.in_words()).filter(|asked| !asked.is_empty()) {
+        progress.note(&format!("{label}: {asked}"));
+    }
     results.extend(evaluated.results);
     if results.is_empty() || stop.load(Ordering::Relaxed) {
         return Ok(None);
