@@ -10,7 +10,7 @@ use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_bench::text_table;
 use genmanip_core::{EpisodeResult, Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
-use genmanip_rollout::{Stage as Scene, run_episode};
+use genmanip_rollout::{RolloutError, Stage as Scene, run_episode};
 use genmanip_run::agents::{AgentChoice, FailureClass, Injection, classify, keep};
 use genmanip_run::{Progress, inputs};
 use genmanip_scene::designer::{DesignSettings, design_many};
@@ -47,6 +47,8 @@ pub struct Measured {
     pub total: Counted,
     /// Tasks that could not be laid out, which are no episodes.
     pub not_laid_out: usize,
+    /// Episodes in which the model could not be reached, which have no result.
+    pub not_run: usize,
     /// Failed episodes with an injected error, by its stage.
     pub injected: BTreeMap<&'static str, Injected>,
 }
@@ -151,13 +153,18 @@ pub fn measure(
         single_step: Counted::default(),
         total: Counted::default(),
         not_laid_out: 0,
+        not_run: 0,
         injected: BTreeMap::new(),
     };
     progress.begin("episodes", tasks.len());
     for task in &tasks {
         match play(arguments, &arguments.choice, task, resources, &settings, seed)? {
-            None => measured.not_laid_out += 1,
-            Some(played) => {
+            Err(Left::NotLaidOut) => measured.not_laid_out += 1,
+            Err(Left::NotRun(reason)) => {
+                measured.not_run += 1;
+                progress.note(&format!("{} was not run: {reason}", task.id));
+            }
+            Ok(played) => {
                 if task.kind != TaskKind::LongHorizon {
                     measured.single_step.add(&played);
                 }
@@ -172,7 +179,7 @@ pub fn measure(
                         counted.failed += 1;
                         counted.labelled += usize::from(is_label_of(*class, injection.stage));
                         *counted.labels.entry(class.name()).or_default() += 1;
-                        counted.flips += usize::from(again.is_some_and(|again| again.result.success));
+                        counted.flips += usize::from(again.is_ok_and(|again| again.result.success));
                     }
                 }
             }
@@ -183,7 +190,13 @@ pub fn measure(
     Ok(measured)
 }
 
-/// One episode; `None` when the task cannot be laid out.
+/// Why there is no episode.
+enum Left {
+    NotLaidOut,
+    NotRun(String),
+}
+
+/// One episode, or why there is none.
 fn play(
     arguments: &AgentArguments,
     choice: &AgentChoice,
@@ -191,7 +204,7 @@ fn play(
     resources: Resources,
     settings: &CollectSettings,
     seed: Seed,
-) -> Result<Option<Played>, LabError> {
+) -> Result<Result<Played, Left>, LabError> {
     let stream = seed.fork("agent").fork(&task.id);
     let broke = |what: &str, error| LabError::broken(format!("episode {} {what}", task.id), error);
     for number in 0..LAYOUTS {
@@ -206,7 +219,10 @@ fn play(
         let mut clock = cpu_clock();
         let mut made = choice.make(&stage, resources.planner, resources.grasps, None)?;
         let episode = run_episode(&stage, made.policy.as_mut(), &attempt.id(), attempt.seed, &settings.rollout);
-        let result = episode.map_err(|error| broke("broke", error))?.result;
+        let result = match episode {
+            Err(RolloutError::NotRun { reason, .. }) => return Ok(Err(Left::NotRun(reason))),
+            episode => episode.map_err(|error| broke("broke", error))?.result,
+        };
         let cpu_s = clock();
         let transcript = made.transcribed.transcript();
         if let Some(folder) = &arguments.transcripts {
@@ -221,9 +237,9 @@ fn play(
             let judged = result.failure().map(|failure| failure.to_string()).unwrap_or_default();
             Blame { class, evidence: format!("{blamed}; {}", said.unwrap_or(judged)) }
         });
-        return Ok(Some(Played { result, asks, cpu_s, blame, injected }));
+        return Ok(Ok(Played { result, asks, cpu_s, blame, injected }));
     }
-    Ok(None)
+    Ok(Err(Left::NotLaidOut))
 }
 
 /// Whether a label says what was injected in a stage.

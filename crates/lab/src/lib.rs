@@ -6,6 +6,7 @@
 pub mod agent;
 pub mod answers;
 pub mod assets;
+pub mod batch;
 pub mod calibration;
 mod clock;
 pub mod design;

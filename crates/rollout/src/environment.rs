@@ -204,6 +204,11 @@ impl Environment {
         })
     }
 
+    /// Lets go of what pictures keep for the next ones, some 30 MB per camera; the next ones are the same, and take longer.
+    pub fn forget_pictures(&mut self) {
+        self.painter = None;
+    }
+
     /// What is seen now: the robot's own state, and an image per request, drawn from the present state.
     ///
     /// It may be asked at any time, also before the first step and after settling; simulator truth is apart, see

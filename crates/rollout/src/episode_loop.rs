@@ -44,6 +44,9 @@ pub fn run_episode(
     environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
 }
 
+/// Looks farther apart than this have little in common, s: the arm crosses a tenth of the picture.
+const SELDOM_S: f64 = 0.25;
+
 /// Observes, asks and steps until the episode ends; how it ended, and the policy's word if it gave up.
 fn drive(
     environment: &mut Environment,
@@ -51,12 +54,18 @@ fn drive(
     spec: &PolicySpec,
     adapter: &Adapter,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
+    let mut looked_at = None;
     loop {
         let left = environment.steps_left();
         if left == 0 {
             return Ok((Ending::Horizon, None));
         }
         let mut observation = environment.observe(&spec.cameras)?;
+        // A policy that looks seldom often thinks long, beside many others.
+        let since = looked_at.replace(observation.time_s).map(|before| observation.time_s - before);
+        if since.is_none_or(|since_s| since_s > SELDOM_S) {
+            environment.forget_pictures();
+        }
         if spec.privileged {
             observation.privileged = Some(environment.truth()?);
         }

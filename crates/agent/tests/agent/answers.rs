@@ -1,6 +1,6 @@
 //! Hostile answers are asked again within the bound, then a stage fails; no mark is ever taken by default.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use genmanip_agent::ask::{
     Answer, ChatService, Marks, Moment, PromptStamp, Question, Stage, Transcribed, VisionModel, ask,
@@ -8,6 +8,7 @@ use genmanip_agent::ask::{
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_chat::fake::ScriptedChat;
+use genmanip_chat::{ChatError, ChatModel, ChatReply, ChatRequest};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Intrinsics, Pose, RgbdImage};
 use proptest::prelude::*;
@@ -135,11 +136,46 @@ fn a_good_answer_after_a_bad_one_is_taken() {
     }
 }
 
+/// Fails in these ways, one after the other, then answers.
+struct Troubled(Mutex<Vec<ChatError>>);
+
+impl ChatModel for Troubled {
+    fn chat(&self, _request: &ChatRequest) -> Result<ChatReply, ChatError> {
+        let mut left = self.0.lock().unwrap();
+        match left.is_empty() {
+            true => {
+                ScriptedChat::new([r#"{"scene_description": "done", "finished": true}"#])
+                    .chat(&ChatRequest::new("script", Vec::new()))
+            }
+            false => Err(left.remove(0)),
+        }
+    }
+}
+
+/// Trouble of the service is no failure of the model; what the model says without using words is.
 #[test]
-fn a_service_that_fails_is_no_answer() {
-    let (_, model) = service(&[]);
-    let failure = ask(&model, &mut question(Stage::Check), REASKS, &Transcribed::new(false)).unwrap_err();
-    assert_eq!(failure.cause, "service");
+fn trouble_of_the_service_and_of_the_model_are_told_apart() {
+    let url = || "http://127.0.0.1:1/v1".to_owned();
+    let down = || ChatError::Unreachable { url: url(), message: "refused".into() };
+    let busy = || ChatError::GaveUp { attempts: 5, last: Box::new(down()) };
+    let page = || ChatError::NotJson { url: url(), content_type: "text/html".into(), beginning: "<html>".into() };
+    let huge = || ChatError::TooLarge { url: url(), limit_bytes: 4 << 20 };
+    for (trouble, asked, cause) in [
+        (vec![down()], 1, Some("service")),
+        (vec![busy(), busy()], 1, Some("service")),
+        (vec![page()], 2, None),
+        (vec![page(), huge()], 3, None),
+        (vec![page(), page(), page()], 3, Some("service")),
+        (vec![huge(), huge(), huge()], 3, Some("format")),
+    ] {
+        let shown = format!("{trouble:?}");
+        let chat = Arc::new(Troubled(Mutex::new(trouble)));
+        let model = ChatService { chat, model: "script".into(), parameters: Default::default() };
+        let transcribed = Transcribed::new(false);
+        let answer = ask(&model, &mut question(Stage::Check), REASKS, &transcribed);
+        assert_eq!(answer.err().map(|failure| failure.cause).as_deref(), cause, "{shown}");
+        assert_eq!(transcribed.transcript().moments.len(), asked, "{shown}");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -69,6 +69,9 @@ pub struct FakeServer {
 struct Shared {
     behaviour: Box<dyn Fn(&SeenRequest) -> Behaviour + Send + Sync>,
     seen: Mutex<Vec<SeenRequest>>,
+    /// Requests so far, remembered or not.
+    count: AtomicUsize,
+    remembers: bool,
     bytes_sent: AtomicU64,
     stopped: AtomicBool,
 }
@@ -109,11 +112,28 @@ impl FakeServer {
     /// # Errors
     /// When no loopback port can be had.
     pub fn start(behaviour: impl Fn(&SeenRequest) -> Behaviour + Send + Sync + 'static) -> io::Result<Self> {
+        Self::listen(true, behaviour)
+    }
+
+    /// Decides by the request and forgets it: [`FakeServer::seen`] stays empty, however many large requests come.
+    ///
+    /// # Errors
+    /// When no loopback port can be had.
+    pub fn forgetful(behaviour: impl Fn(&SeenRequest) -> Behaviour + Send + Sync + 'static) -> io::Result<Self> {
+        Self::listen(false, behaviour)
+    }
+
+    fn listen(
+        remembers: bool,
+        behaviour: impl Fn(&SeenRequest) -> Behaviour + Send + Sync + 'static,
+    ) -> io::Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", 0))?;
         let address = listener.local_addr()?;
         let shared = Arc::new(Shared {
             behaviour: Box::new(behaviour),
             seen: Mutex::default(),
+            count: AtomicUsize::new(0),
+            remembers,
             bytes_sent: AtomicU64::new(0),
             stopped: AtomicBool::new(false),
         });
@@ -164,8 +184,10 @@ fn serve(stream: TcpStream, shared: &Shared) -> io::Result<()> {
     stream.set_write_timeout(Some(PATIENCE))?;
     let mut request = read_request(&mut BufReader::new(&stream))?;
     if let Ok(mut seen) = shared.seen.lock() {
-        request.index = seen.len();
-        seen.push(request.clone());
+        request.index = shared.count.fetch_add(1, Ordering::SeqCst);
+        if shared.remembers {
+            seen.push(request.clone());
+        }
     }
     behave((shared.behaviour)(&request), &request, stream, shared)
 }

@@ -28,6 +28,10 @@ pub enum LabCommand {
                       genmanip lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
                       One thread; processor time covers looking, asking, planning and physics, not the layout.")]
     Agent(AgentArguments),
+    /// Let many agents at once ask one slow model server on this machine, with faults, answered by the oracle
+    #[command(after_help = "Example:\n  genmanip lab batch --seed 7 --count 64 --at-once 64 --latency 2 --faults 0.05 --json\n\n\
+                      Faults are 429, cut connections, answers that are no JSON, and time-outs after 5 s.")]
+    Batch(BatchArguments),
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
     #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]
     Design(DesignArguments),
@@ -164,6 +168,46 @@ fn parse_few(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 0..=100_000) => Ok(count),
         _ => Err("expected a whole number from 0 to 100000".into()),
+    }
+}
+
+/// Arguments of `lab batch`.
+#[derive(Debug, Args)]
+pub struct BatchArguments {
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Seed of tasks, layouts, episodes and faults
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Episodes, the kinds in turn, without those that open and shut things
+    #[arg(long, default_value_t = 64, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Episodes under way at once
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = super::parse_count)]
+    pub at_once: usize,
+    /// Cores that they share [default: all]
+    #[arg(long, value_parser = super::parse_count)]
+    pub workers: Option<usize>,
+    /// How long the server takes to answer, s
+    #[arg(long, default_value_t = 2.0, value_name = "S", value_parser = parse_minute)]
+    pub latency: f64,
+    /// Share of the requests with which something goes wrong, 0 to 1
+    #[arg(long, default_value_t = 0.05, value_name = "SHARE", value_parser = parse_share)]
+    pub faults: f64,
+}
+
+fn parse_minute(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..=60.0).contains(&seconds) => Ok(seconds),
+        _ => Err("expected seconds from 0 to 60".into()),
+    }
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("expected a share from 0 to 1".into()),
     }
 }
 

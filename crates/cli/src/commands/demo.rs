@@ -35,7 +35,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
 
     printer.say("3/4  evaluation on the same scenarios: expert, replay, do nothing");
     let workers = inputs::workers(arguments.workers);
-    let options = EvaluateOptions { out: Some(out.clone()), keep_episodes: false, workers };
+    let options = EvaluateOptions { out: Some(out.clone()), workers, ..EvaluateOptions::default() };
     let reports = evaluate(&Suite::of_run(out)?, &PolicyFactory::all(true)?, &options, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(ExitStatus::NotMet);

@@ -8,11 +8,12 @@ use genmanip_assets::{Catalogue, Families, panda};
 use genmanip_core::{Seed, Task};
 use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
+use genmanip_lab::batch::BatchArguments;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
-    agent, answers, assets, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render,
+    agent, answers, assets, batch, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render,
     rendered, scale, segment,
 };
 use genmanip_run::agents::AgentChoice;
@@ -30,6 +31,14 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let world = inputs::read_world(arguments.world.as_deref())?;
             let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
             printer.data(&measured, &agent::in_words(&measured));
+        }
+        LabCommand::Batch(arguments) => {
+            let world = inputs::read_world(arguments.world.as_deref())?;
+            let args::BatchArguments { count, at_once, latency, faults, .. } = *arguments;
+            let workers = inputs::workers(arguments.workers);
+            let batch = BatchArguments { count, at_once, workers, latency_s: latency, faults };
+            let measured = batch::measure(&batch, &world, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &batch::in_words(&measured));
         }
         LabCommand::Answers(arguments) => {
             let amount = arguments.minutes.map_or(Amount::Texts(arguments.count), Amount::Minutes);

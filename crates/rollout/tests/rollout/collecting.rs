@@ -16,7 +16,7 @@ use genmanip_rollout::evaluate::{Case, evaluate};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
-use genmanip_rollout::{RolloutError, Stage};
+use genmanip_rollout::{Cores, RolloutError, Stage};
 
 use crate::{TASKS, planner, resources, task};
 

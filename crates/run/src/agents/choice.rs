@@ -151,17 +151,40 @@ impl AgentChoice {
         cores: Option<&Arc<Cores>>,
     ) -> Result<MadeAgent, RunError> {
         let truth = Truth::new(stage);
-        let knows = matches!(self.model, ModelChoice::Oracle) || self.masks == MaskChoice::Oracle;
         let model: Arc<dyn VisionModel> = match &self.model {
-            ModelChoice::Oracle => {
-                let tried = stage.models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
-                let tried: Result<Vec<_>, genmanip_assets::AssetError> = tried.collect();
-                let tried = tried.map_err(|error| RunError::broken("the oracle cannot be made", error))?;
-                let oracle = Oracle::new(truth.clone(), planner, tried, self.errors.clone());
-                Arc::new(oracle.forgiving(self.forgiven))
-            }
+            ModelChoice::Oracle => Arc::new(self.oracle_of(&truth, planner, grasps)?),
             ModelChoice::Chat(shared) => Arc::new(shared.service(cores)),
         };
+        self.make_asking(model, truth, planner)
+    }
+
+    /// The oracle of one episode.
+    ///
+    /// # Errors
+    /// Grasps that were tried with other physics.
+    pub fn oracle_of(
+        &self,
+        truth: &Truth,
+        planner: &Arc<Planner>,
+        grasps: &GraspLibrary,
+    ) -> Result<Oracle, RunError> {
+        let tried = truth.stage().models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
+        let tried: Result<Vec<_>, genmanip_assets::AssetError> = tried.collect();
+        let tried = tried.map_err(|error| RunError::broken("the oracle cannot be made", error))?;
+        Ok(Oracle::new(truth.clone(), planner, tried, self.errors.clone()).forgiving(self.forgiven))
+    }
+
+    /// The agent for one episode with any other model.
+    ///
+    /// # Errors
+    /// A prompt file or a setting that cannot be used.
+    pub fn make_asking(
+        &self,
+        model: Arc<dyn VisionModel>,
+        truth: Truth,
+        planner: &Arc<Planner>,
+    ) -> Result<MadeAgent, RunError> {
+        let knows = matches!(self.model, ModelChoice::Oracle) || self.masks == MaskChoice::Oracle;
         let segmenter: Arc<dyn Segmenter> = match self.masks {
             MaskChoice::Rgbd => Arc::new(RgbdSegmenter::default()),
             MaskChoice::Oracle => Arc::new(OracleMasks::new(truth.clone())),

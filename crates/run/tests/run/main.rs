@@ -99,7 +99,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     assert!(matches!(refused, RunError::AnotherRun { .. }), "{refused:?}");
 
     let still = [PolicyFactory::resolve("do_nothing:seconds=0.5").unwrap()];
-    let options = EvaluateOptions { out: Some(folder.clone()), keep_episodes: false, workers: 1 };
+    let options = EvaluateOptions { out: Some(folder.clone()), workers: 1, ..EvaluateOptions::default() };
     let suite = Suite::of_run(&folder).unwrap();
     let (stop, listener) = (AtomicBool::new(false), Listener::new(0, &never));
     assert!(evaluate(&suite, &still, &options, &Listener::new(1, &stop), &stop).unwrap().is_empty(), "stopped");
@@ -107,6 +107,16 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     assert_eq!((reports.len(), reports[0].results.len(), reports[0].summary.success.value), (1, 2, 0.0));
     assert!(folder.join("evaluation/do_nothing_seconds=0.5.json").is_file());
     assert_eq!(*listener.begun.lock().unwrap(), [("do_nothing_seconds=0.5".to_owned(), 1)], "the other was done");
+
+    // Nobody fails at a task because a model's server is down: nothing is counted.
+    let model = folder.with_file_name("model.toml");
+    std::fs::write(&model, "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmax_retries = 0\n").unwrap();
+    let agent = [PolicyFactory::resolve(&format!("agent:vlm={}", model.display())).unwrap()];
+    let down = evaluate(&suite, &agent, &options, &Silent, &never).unwrap_err();
+    assert!(down.to_string().contains("could not be reached for any episode"), "{down}");
+    let limited = EvaluateOptions { max_cost: Some(1.0), ..options.clone() };
+    let unpriced = evaluate(&suite, &agent, &limited, &Silent, &never).unwrap_err();
+    assert!(unpriced.to_string().contains("say no price"), "{unpriced}");
 
     let replayed = replay::check(&folder, true, None, &Silent).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");
