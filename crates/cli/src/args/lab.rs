@@ -66,8 +66,9 @@ pub enum LabCommand {
     #[command(
         after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
                       genmanip lab hostile --seed 1 --minutes 0 --races 200 --kills 50 --json\n\n\
-                      Run it in the project's folder. Minutes are processor time of all calls; each may use 1 GiB\n\
-                      and 10 s. What once broke something lies in crates/lab/testdata/hostile and is tried first."
+                      Run it in the project's folder; Ctrl-C ends it with what was measured until then.\n\
+                      Minutes are processor time of all calls; each may use 1 GiB and 10 s.\n\
+                      What once broke something lies in crates/lab/testdata/hostile and is tried first."
     )]
     Hostile(HostileArguments),
     /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact

@@ -65,7 +65,8 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &fit::in_words(&measured));
         }
         LabCommand::Hostile(arguments) => {
-            let measured = hostile::measure(&hostile_arguments(arguments)?, Seed::new(arguments.seed), printer)?;
+            let stop = crate::stop::on_interrupt();
+            let measured = hostile::measure(&hostile_arguments(arguments)?, Seed::new(arguments.seed), printer, &stop)?;
             printer.data(&measured, &hostile::in_words(&measured));
         }
         LabCommand::Grasp(arguments) => {

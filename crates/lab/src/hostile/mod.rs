@@ -14,6 +14,7 @@ mod starts;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_core::Seed;
 use genmanip_run::{Progress, inputs};
@@ -99,11 +100,16 @@ const SHOWN: usize = 200;
 /// How often an input is changed in one place; sometimes in several.
 const CHANGES: [usize; 6] = [1, 1, 1, 2, 3, 8];
 
-/// Tries changed inputs for some minutes of processor time.
+/// Tries changed inputs for some minutes of processor time; when `stop` becomes true, what was measured until then counts.
 ///
 /// # Errors
 /// When the program cannot be started, or the sound inputs cannot be made.
-pub fn measure(arguments: &HostileArguments, seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
+pub fn measure(
+    arguments: &HostileArguments,
+    seed: Seed,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Measured, LabError> {
     let room = Room::new()?;
     let mut measured = Measured { seed: seed.value(), ..Measured::default() };
     progress.note("making the sound inputs");
@@ -116,9 +122,9 @@ pub fn measure(arguments: &HostileArguments, seed: Seed, progress: &dyn Progress
     // First what once broke something.
     let kept = corpus.kept().into_iter().filter(|case| arguments.kind.as_ref().is_none_or(|kind| *kind == case.kind));
     for case in kept.collect::<Vec<_>>() {
-        attempt(arguments, &room, &case, &mut measured, &mut refusals)?;
+        attempt(arguments, &room, &case, (&mut measured, &mut refusals), stop)?;
     }
-    while measured.cpu_s < budget_s {
+    while measured.cpu_s < budget_s && !stop.load(Ordering::Relaxed) {
         // The last kind costs as much as a hundred others.
         let is_full = rng.random_bool(0.01);
         let any = || if is_full { corpus::FULL } else { KINDS[rng.random_range(0..KINDS.len() - 1)] }.to_owned();
@@ -127,7 +133,7 @@ pub fn measure(arguments: &HostileArguments, seed: Seed, progress: &dyn Progress
         for _ in 0..CHANGES[rng.random_range(0..CHANGES.len())] {
             case.change(&mut rng);
         }
-        attempt(arguments, &room, &case, &mut measured, &mut refusals)?;
+        attempt(arguments, &room, &case, (&mut measured, &mut refusals), stop)?;
         while done < measured.cpu_s as usize {
             progress.advance();
             done += 1;
@@ -138,7 +144,7 @@ pub fn measure(arguments: &HostileArguments, seed: Seed, progress: &dyn Progress
         measured.readers = readers::measure(arguments, &room, &corpus)?;
     }
     if arguments.races + arguments.kills > 0 {
-        measured.starts = Some(starts::measure(arguments, &room, seed, progress)?);
+        measured.starts = Some(starts::measure(arguments, &room, seed, progress, stop)?);
     }
     if let Some(path) = &arguments.refusals {
         inputs::write_file(path, refusals.as_bytes())?;
@@ -151,12 +157,16 @@ fn attempt(
     arguments: &HostileArguments,
     room: &Room,
     case: &Case,
-    measured: &mut Measured,
-    refusals: &mut String,
+    (measured, refusals): (&mut Measured, &mut String),
+    stop: &AtomicBool,
 ) -> Result<(), LabError> {
     room.fill(case)?;
     let before = if case.only_reads { listing(&room.work()) } else { BTreeMap::new() };
     let ended = child::run(&arguments.program, &case.call, room, Limits::default())?;
+    if stop.load(Ordering::Relaxed) {
+        // What stops this program may have ended the call, too.
+        return room.clear();
+    }
     measured.tried += 1;
     measured.cpu_s += ended.cpu_s;
     let by_kind = measured.by_kind.entry(case.kind.clone()).or_default();

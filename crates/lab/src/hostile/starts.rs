@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use genmanip_core::Seed;
@@ -16,7 +17,7 @@ use super::{HostileArguments, Room, listing};
 use crate::LabError;
 
 /// What came of starts and kills.
-#[derive(Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Starts {
     /// Pairs of starts with different seeds for one new folder, both begun before either had written.
     pub pairs: usize,
@@ -47,16 +48,22 @@ pub(super) fn measure(
     room: &Room,
     seed: Seed,
     progress: &dyn Progress,
+    stop: &AtomicBool,
 ) -> Result<Starts, LabError> {
     let mut starts = Starts::default();
     progress.begin("racing", arguments.races);
     for pair in 0..arguments.races {
+        let before = starts.clone();
         race(arguments, room, pair as u64, &mut starts)?;
+        if stop.load(Ordering::Relaxed) {
+            // What stops this program may have ended both, too.
+            return Ok(before);
+        }
         progress.advance();
     }
     progress.end();
     if arguments.kills > 0 {
-        kill(arguments, room, seed, &mut starts, progress)?;
+        kill(arguments, room, seed, &mut starts, (progress, stop))?;
     }
     room.clear()?;
     Ok(starts)
@@ -154,7 +161,7 @@ fn kill(
     room: &Room,
     seed: Seed,
     starts: &mut Starts,
-    progress: &dyn Progress,
+    (progress, stop): (&dyn Progress, &AtomicBool),
 ) -> Result<(), LabError> {
     let call = ["--fps", "10", "--seed", "3", "--workers", "1", "--out", "run"].map(String::from);
     let run = room.work().join("run");
@@ -187,6 +194,7 @@ fn kill(
     progress.begin("killing", arguments.kills);
     for number in 0..arguments.kills {
         room.clear()?;
+        let before = starts.clone();
         let mut child = collect(arguments, room, &call, "said")?;
         let index = number % Phase::KILLED.len();
         wait_for(Phase::KILLED[index], &mut child, &run).map_err(failed)?;
@@ -204,6 +212,10 @@ fn kill(
                 starts.wrong.push(format!("kill {number}: differs in {:?}", names.take(5).collect::<Vec<_>>()));
             }
             Err(error) => starts.wrong.push(format!("kill {number}: {error}")),
+        }
+        if stop.load(Ordering::Relaxed) {
+            *starts = before;
+            break;
         }
         progress.advance();
     }
