@@ -108,7 +108,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     assert!(folder.join("evaluation/do_nothing_seconds=0.5.json").is_file());
     assert_eq!(*listener.begun.lock().unwrap(), [("do_nothing_seconds=0.5".to_owned(), 1)], "the other was done");
 
-    let replayed = replay::check(&folder, true, None, &Silent).unwrap();
+    let replayed = replay::check(&folder, true, None, 2, &Silent).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");
 
     let input = gather(&folder, None, &Silent).unwrap();
