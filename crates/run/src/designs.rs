@@ -81,12 +81,14 @@ const WRITERS: usize = 16;
 fn keep(task: &Task, folder: &Path) -> Result<NewTask, RunError> {
     let path = folder.join(format!("{}.json", task.id));
     let text = task.to_json();
-    match files::read_own(&path, limits::TASK) {
-        Ok(known) if known == text.as_bytes() => Ok(NewTask::written(task, &path)),
-        Ok(_) => Err(RunError::input(format!("{} holds another task than this call composes", path.display()))
+    if !files::is_own_file(&path) {
+        return write(task, folder);
+    }
+    let known = files::read_own(&path, limits::TASK).map_err(|error| RunError::of_file("read", &path, error))?;
+    match known == text.as_bytes() {
+        true => Ok(NewTask::written(task, &path)),
+        false => Err(RunError::input(format!("{} holds another task than this call composes", path.display()))
             .with_hint("repeat the call that made it with a larger --count only, or choose an empty --out folder")),
-        Err(error) if error.is_missing() => write(task, folder),
-        Err(error) => Err(RunError::of_file("read", &path, error)),
     }
 }
 
