@@ -26,4 +26,4 @@ pub use rows::{EpisodeRow, TaskRow};
 pub use statistics::{
     PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,
 };
-pub use text_table::text_table;
+pub use text_table::{MOST_ROWS, attention, text_table};

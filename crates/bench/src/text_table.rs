@@ -1,5 +1,8 @@
 //! Tables of plain text.
 
+/// Rows that a person still reads on a terminal; longer tables are summed up, and show what needs attention.
+pub const MOST_ROWS: usize = 30;
+
 /// A table with aligned columns; the first row is the head.
 pub fn text_table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -19,13 +22,33 @@ pub fn text_table(rows: &[Vec<String>]) -> String {
     text
 }
 
+/// The first [`MOST_ROWS`] of rows that need attention under their head, and how many more there are; empty without any.
+pub fn attention(head: &[&str], rows: &[Vec<String>]) -> String {
+    if rows.is_empty() {
+        return String::new();
+    }
+    let head = head.iter().map(|&head| head.to_owned()).collect::<Vec<_>>();
+    let shown: Vec<Vec<String>> = [head].into_iter().chain(rows.iter().take(MOST_ROWS).cloned()).collect();
+    let more = rows.len().saturating_sub(MOST_ROWS);
+    let more = if more > 0 { format!("and {more} more: --each\n") } else { String::new() };
+    format!("{}{more}", text_table(&shown))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::text_table;
+    use super::*;
 
     #[test]
     fn columns_line_up() {
         let rows = [["task", "verified"], ["017", "2/2"]].map(|row| row.map(String::from).to_vec());
         assert_eq!(text_table(&rows), "task  verified\n────  ────────\n017   2/2\n");
+    }
+
+    #[test]
+    fn what_needs_attention_is_short() {
+        assert_eq!(attention(&["task"], &[]), "");
+        let rows = |count: usize| (0..count).map(|row| vec![row.to_string()]).collect::<Vec<_>>();
+        assert_eq!(attention(&["task"], &rows(30)).lines().count(), 32);
+        assert!(attention(&["task"], &rows(33)).ends_with("29\nand 3 more: --each\n"));
     }
 }

@@ -206,6 +206,12 @@ pub struct NewArguments {
     /// Share of scenes with a second copy of something, 0 to 1; only with --designer rules
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     pub copies: f64,
+    /// Take the place of tasks whose kind has run out with tasks of the other kinds; only with --designer rules
+    #[arg(long)]
+    pub fill: bool,
+    /// Print a row per task also where there are more than 30
+    #[arg(long)]
+    pub each: bool,
     /// Settings of the language model, TOML; only with --designer llm
     #[arg(long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
@@ -232,9 +238,12 @@ pub struct NewArguments {
 /// Arguments of `task check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
-    /// Recorded-answer files, or bare answers together with --objects
+    /// Task documents, recorded answers or folders of both; or bare answers together with --objects
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
+    /// Print valid files too where there are more than 30 files
+    #[arg(long)]
+    pub each: bool,
     /// Uids that were offered, for a bare answer
     #[arg(long, value_delimiter = ',')]
     pub objects: Vec<String>,
@@ -286,6 +295,9 @@ pub struct LayoutArguments {
     /// Also draw each scene graph beside its layout as SVG, or why there is none
     #[arg(long)]
     pub explain: bool,
+    /// Print a row per layout also where there are more than 30
+    #[arg(long)]
+    pub each: bool,
     /// Worker threads; results do not depend on it [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
@@ -373,6 +385,9 @@ pub struct CollectArguments {
     /// Set damaged episodes aside, in damaged/ of the run, and make them anew
     #[arg(long)]
     pub repair: bool,
+    /// Print a row per task also where there are more than 30
+    #[arg(long)]
+    pub each: bool,
 }
 
 /// The policies of the registry, and an example.
@@ -504,6 +519,12 @@ pub struct ReplayArguments {
     /// Write a film strip of the episode as JPEG
     #[arg(long, value_name = "FILE")]
     pub strip: Option<PathBuf>,
+    /// Worker threads; results do not depend on it [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
+    /// Print a row per episode also where there are more than 30
+    #[arg(long)]
+    pub each: bool,
 }
 
 /// Arguments of `report`.

@@ -28,13 +28,21 @@ impl Printer {
 
     /// Data: the JSON value or the text, to stdout.
     pub fn data(&self, value: &impl Serialize, text: &str) {
-        let output = if self.json {
-            serde_json::to_string_pretty(value).unwrap_or_default()
-        } else {
-            text.trim_end().to_owned()
-        };
+        match self.json {
+            true => self.print(&serde_json::to_string_pretty(value).unwrap_or_default()),
+            false => self.print(text.trim_end()),
+        }
+    }
+
+    /// A list that may be long: as JSON its entries are printed as they come, one per line.
+    pub fn list(&self) -> List<'_> {
+        List { printer: self, entries: 0 }
+    }
+
+    /// A line to stdout.
+    fn print(&self, line: &str) {
         let mut stdout = io::stdout().lock();
-        if let Err(error) = writeln!(stdout, "{output}").and_then(|()| stdout.flush()) {
+        if let Err(error) = writeln!(stdout, "{line}").and_then(|()| stdout.flush()) {
             self.lost.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
         }
     }
@@ -74,6 +82,32 @@ impl Printer {
 
     fn bar(&self) -> MutexGuard<'_, Option<ProgressBar>> {
         self.bar.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A list that is being printed.
+pub struct List<'a> {
+    printer: &'a Printer,
+    entries: usize,
+}
+
+impl List<'_> {
+    /// The next entry, printed at once as JSON.
+    pub fn add(&mut self, entry: &impl Serialize) {
+        if self.printer.json {
+            let before = if self.entries == 0 { "[" } else { "," };
+            self.printer.print(&format!("{before}{}", serde_json::to_string(entry).unwrap_or_default()));
+        }
+        self.entries += 1;
+    }
+
+    /// Closes the list, or prints the text in its place.
+    pub fn end(self, text: &str) {
+        match (self.printer.json, self.entries) {
+            (true, 0) => self.printer.print("[]"),
+            (true, _) => self.printer.print("]"),
+            (false, _) => self.printer.print(text.trim_end()),
+        }
     }
 }
 

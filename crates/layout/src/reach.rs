@@ -1,5 +1,7 @@
 //! Whether the arm can do what the goal asks: take each object as it lies, and let go of it where it belongs.
 
+use std::collections::BTreeMap;
+
 use genmanip_core::glam::DVec3;
 use genmanip_core::{Goal, Grasp, Pose, Seed, TriedGrasp, World};
 use genmanip_motion::{CollisionWorld, GeometryError, PickQuery, PickedObject, Planner};
@@ -11,6 +13,9 @@ use crate::moves::{Move, moves};
 use crate::obstacles;
 use crate::rejection::{NamedObject, Rejection};
 use crate::settings::LayoutSettings;
+
+/// Joint positions of objects in the states that were asked for, `None` where the arm cannot bring them there.
+type Turned = BTreeMap<(usize, String), Option<Vec<f64>>>;
 
 /// Everything that whether a layout can be served depends on.
 pub(crate) struct ReachCheck<'a> {
@@ -31,9 +36,9 @@ pub(crate) struct ReachCheck<'a> {
 impl ReachCheck<'_> {
     /// The reason when no alternative of the goal can be served.
     pub fn unreachable(&self, goal: &Goal) -> Option<Rejection> {
-        let mut reason = None;
+        let (mut reason, mut turned) = (None, Turned::new());
         for alternative in moves(goal, self.scene) {
-            match self.obstacle(&alternative) {
+            match self.obstacle(&alternative, &mut turned) {
                 None => return None,
                 Some(obstacle) => reason = Some(obstacle),
             }
@@ -41,28 +46,42 @@ impl ReachCheck<'_> {
         reason
     }
 
-    /// What stands in the way of moves that are made one after the other.
-    fn obstacle(&self, steps: &[Move]) -> Option<Rejection> {
+    /// What stands in the way of moves that are made one after the other; first what is quick to tell.
+    fn obstacle(&self, steps: &[Move], turned: &mut Turned) -> Option<Rejection> {
+        self.ungraspable(steps).or_else(|| self.no_way(steps, turned))
+    }
+
+    /// The first object that is to be carried and cannot be grasped.
+    fn ungraspable(&self, steps: &[Move]) -> Option<Rejection> {
+        let occupied = obstacles::around(self.scene, None);
+        steps.iter().filter(|step| step.state().is_none()).find_map(|step| {
+            let object = self.scene.objects().nth(step.object)?;
+            match self.is_graspable(step.object, object, &occupied) {
+                Ok(true) => None,
+                Ok(false) => Some(Rejection::NoGrasp(NamedObject::of(object))),
+                Err(error) => {
+                    let (object, reason) = (NamedObject::of(object), error.to_string());
+                    Some(Rejection::NoGraspGeometry { object, reason })
+                }
+            }
+        })
+    }
+
+    /// The first object that cannot be brought into its state, or finds no place.
+    fn no_way(&self, steps: &[Move], known: &mut Turned) -> Option<Rejection> {
         let Self { scene, world, planner, settings, seed, .. } = *self;
-        let occupied = obstacles::around(scene, None);
         let upright: Vec<_> = scene.objects().map(|object| object.pose.rotation).collect();
         let mut after = scene.clone();
         steps.iter().enumerate().find_map(|(index, step)| {
             let object = scene.objects().nth(step.object)?;
             let named = || NamedObject::of(object);
             if let Some(state) = step.state() {
-                let Some(joints) = turned(step.object, state, scene, planner, &settings.joint) else {
+                let ask = || turned(step.object, state, scene, planner, &settings.joint);
+                let Some(joints) = known.entry((step.object, state.to_owned())).or_insert_with(ask) else {
                     return Some(Rejection::NoWayToState { object: named(), state: state.into() });
                 };
-                after.set_pose(step.object, object.pose, &joints);
+                after.set_pose(step.object, object.pose, joints);
                 return None;
-            }
-            match self.is_graspable(step.object, object, &occupied) {
-                Ok(true) => {}
-                Ok(false) => return Some(Rejection::NoGrasp(named())),
-                Err(error) => {
-                    return Some(Rejection::NoGraspGeometry { object: named(), reason: error.to_string() });
-                }
             }
             let height = scene.bounds(step.object).map_or(0.0, |bounds| bounds.size().z);
             let usable = |goal: &Pose| planner.reaches_from_above(goal.position + DVec3::Z * height);

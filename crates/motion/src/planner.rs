@@ -119,6 +119,12 @@ impl Planner {
         self.ik.solutions(world_from_tcp, reference)
     }
 
+    /// As [`Planner::ik_each`], without those that only a fine search at the edge of reach would find: for many poses of
+    /// which any will do, most of them out of reach.
+    pub fn ik_coarse(&self, world_from_tcp: &Pose, reference: &[f64]) -> impl Iterator<Item = Vec<f64>> + use<'_> {
+        self.ik.coarse_solutions(world_from_tcp, reference)
+    }
+
     /// The configuration nearest to `previous` that brings the tcp to `world_from_tcp`, on the same branch;
     /// `None` when a joint would have to move by more than `max_step`.
     pub fn ik_near(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {

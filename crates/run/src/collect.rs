@@ -1,11 +1,12 @@
 //! Collecting demonstrations into a run folder: attempts, their pictures, scenario files and the dataset.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
-use genmanip_bench::text_table;
+use genmanip_bench::{MOST_ROWS, attention, text_table};
 use genmanip_core::{Document, EpisodeResult, Task, TaskKind};
 use genmanip_data::EpisodeStore;
 use genmanip_data::lerobot::{self, LerobotSettings, Selection};
@@ -76,6 +77,7 @@ pub fn collect(
     stop: &AtomicBool,
 ) -> Result<Collected, RunError> {
     let folder = RunFolder::begin(path, run)?;
+    let known_timings = folder.timings();
     if run.settings.images.is_some() {
         check_datasets(&folder, run)?;
     }
@@ -107,16 +109,23 @@ pub fn collect(
     })?;
     progress.end();
     // A call that only looks at what is finished says nothing about how long it took to make.
-    if has_made.into_inner() {
-        folder.time_phase("collect", started.elapsed().as_secs_f64());
+    let has_made = has_made.into_inner();
+    if has_made {
+        folder.lengthen_phase("collect", started.elapsed().as_secs_f64());
     }
     let interrupted = stop.load(Ordering::Relaxed);
     for id in results.iter().filter(|result| !result.scenario_id.is_empty()).map(|result| &result.id) {
         write_scenario(&folder, &store, id)?;
     }
     let is_wanted = !interrupted && results.iter().any(|result| result.success);
+    let dataset_since = Instant::now();
     let dataset = if is_wanted { export(run, &folder, &store, &mut damaged, progress)? } else { None };
-    folder.save_timings()?;
+    if dataset.is_some() && (has_made || !folder.timings().phases.contains_key("dataset")) {
+        folder.time_phase("dataset", dataset_since.elapsed().as_secs_f64());
+    }
+    if folder.timings() != known_timings {
+        folder.save_timings()?;
+    }
     let rows = rows(&run.tasks, &results, &folder.timings());
     // Also those that an interrupted call had no time to look at.
     let finished = attempts.iter().filter(|attempt| store.contains(&attempt.id())).count();
@@ -129,32 +138,62 @@ impl Collected {
         !self.interrupted && self.damaged.is_empty() && self.rows.iter().any(|row| row.verified > 0)
     }
 
-    /// The rows as a table with their sum.
-    pub fn table(&self) -> String {
-        let head = ["task", "kind", "attempts", "verified", "why others failed", "seconds"];
-        let mut lines = vec![head.map(String::from).to_vec()];
-        for row in &self.rows {
-            lines.push(vec![
-                row.task.clone(),
-                row.kind.name().into(),
-                row.attempts.to_string(),
-                row.verified.to_string(),
-                shortened(&row.failures.join("; "), 60),
-                format!("{:.1}", row.seconds),
-            ]);
+    /// The rows as a table with their sum; above [`MOST_ROWS`] tasks, unless `each` is asked for, a row per kind and the
+    /// tasks without a verified demonstration.
+    pub fn table(&self, each: bool) -> String {
+        const TASKS: [&str; 6] = ["task", "kind", "attempts", "verified", "why others failed", "seconds"];
+        let of_task = |row: &TaskRow| {
+            let [attempts, verified, seconds] = sums([row].into_iter());
+            let why = shortened(&row.failures.join("; "), 60);
+            vec![row.task.clone(), row.kind.name().into(), attempts, verified, why, seconds]
+        };
+        let [attempts, verified, seconds] = sums(self.rows.iter());
+        let count = |of: fn(&TaskRow) -> usize| self.rows.iter().map(of).sum::<usize>();
+        let share = 100.0 * count(|row| row.verified) as f64 / count(|row| row.attempts).max(1) as f64;
+        let share = format!("{share:.1} % verified");
+        if each || self.rows.len() <= MOST_ROWS {
+            let total = vec!["all".into(), String::new(), attempts, verified, share, seconds];
+            let head = TASKS.map(String::from).to_vec();
+            let lines = [head].into_iter().chain(self.rows.iter().map(of_task)).chain([total]);
+            return text_table(&lines.collect::<Vec<_>>());
         }
-        let (attempts, verified) = self.rows.iter().fold((0, 0), |(a, v), row| (a + row.attempts, v + row.verified));
-        let share = 100.0 * verified as f64 / attempts.max(1) as f64;
-        lines.push(vec![
-            "all".into(),
-            String::new(),
-            attempts.to_string(),
-            verified.to_string(),
-            format!("{share:.1} % verified"),
-            format!("{:.1}", self.rows.iter().map(|row| row.seconds).sum::<f64>() + 0.0),
-        ]);
-        text_table(&lines)
+        let mut kinds =
+            vec![["kind", "tasks", "attempts", "verified", "why others failed", "seconds"].map(String::from).to_vec()];
+        for kind in TaskKind::ALL {
+            let own: Vec<&TaskRow> = self.rows.iter().filter(|row| row.kind == kind).collect();
+            if !own.is_empty() {
+                let [attempts, verified, seconds] = sums(own.iter().copied());
+                kinds.push(vec![kind.name().into(), own.len().to_string(), attempts, verified, causes(&own), seconds]);
+            }
+        }
+        kinds.push(vec!["all".into(), self.rows.len().to_string(), attempts, verified, share, seconds]);
+        let unsolved: Vec<Vec<String>> = self.rows.iter().filter(|row| row.verified == 0).map(of_task).collect();
+        let attention = match unsolved.len() {
+            0 => "every task has a verified demonstration\n".into(),
+            count => format!("{count} tasks without a verified demonstration\n{}", attention(&TASKS, &unsolved)),
+        };
+        format!("{}\n{attention}each task: --each, or the report of the run\n", text_table(&kinds))
     }
+}
+
+/// Attempts, verified ones and seconds of tasks.
+fn sums<'a>(rows: impl Iterator<Item = &'a TaskRow>) -> [String; 3] {
+    // A sum of nothing is -0.0.
+    let (attempts, verified, seconds) = rows.fold((0, 0, 0.0), |(attempts, verified, seconds), row| {
+        (attempts + row.attempts, verified + row.verified, seconds + row.seconds)
+    });
+    [attempts.to_string(), verified.to_string(), format!("{seconds:.1}")]
+}
+
+/// How often each cause stands in the failures of tasks, most frequent first.
+fn causes(rows: &[&TaskRow]) -> String {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for failure in rows.iter().flat_map(|row| &row.failures) {
+        *counts.entry(failure.split(':').next().unwrap_or_default()).or_default() += 1;
+    }
+    let mut counts: Vec<(&str, usize)> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    shortened(&counts.iter().map(|(cause, count)| format!("{cause} {count}")).collect::<Vec<_>>().join(", "), 60)
 }
 
 /// Damaged attempts of the run; with `repair` there are none left afterwards.
@@ -219,7 +258,6 @@ fn export(
     progress: &dyn Progress,
 ) -> Result<Option<PathBuf>, RunError> {
     let Some(images) = &run.settings.images else { return Ok(None) };
-    let started = Instant::now();
     let settings = LerobotSettings { fps: images.fps, run: Some(run.hash()), ..LerobotSettings::default() };
     let selection = if run.settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");
@@ -233,15 +271,16 @@ fn export(
         progress.note(&format!("episode {id} is damaged and left out: {why}"));
         damaged.push((id, why));
     }
-    folder.time_phase("dataset", started.elapsed().as_secs_f64());
     Ok(Some(path))
 }
 
 fn rows(tasks: &[Task], results: &[EpisodeResult], timings: &Timings) -> Vec<TaskRow> {
+    let mut of_task: BTreeMap<&str, Vec<&EpisodeResult>> = BTreeMap::new();
+    results.iter().for_each(|result| of_task.entry(&result.task_id).or_default().push(result));
     tasks
         .iter()
         .map(|task| {
-            let mine = || results.iter().filter(|result| result.task_id == task.id);
+            let mine = || of_task.get(task.id.as_str()).into_iter().flatten();
             TaskRow {
                 task: task.id.clone(),
                 kind: task.kind,
@@ -260,4 +299,36 @@ fn shortened(text: &str, length: usize) -> String {
         return text.to_owned();
     }
     text.chars().take(length - 1).chain(['…']).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn collected(tasks: usize) -> Collected {
+        let row = |index: usize| TaskRow {
+            task: format!("t{index:03}"),
+            kind: TaskKind::ALL[index % 2],
+            attempts: 2,
+            verified: if index % 40 == 7 { 0 } else { 2 },
+            failures: if index % 40 == 7 { vec!["slipped: it fell".into(); 2] } else { vec![] },
+            seconds: 1.0,
+        };
+        let rows = (0..tasks).map(row).collect();
+        Collected { rows, dataset: None, attempts: 0, finished: 0, interrupted: false, damaged: vec![] }
+    }
+
+    #[test]
+    fn many_tasks_are_summed_up_by_kind_and_only_what_needs_attention_is_listed() {
+        let count = |text: &str| text.lines().filter(|line| line.starts_with("t0")).count();
+        assert_eq!(count(&collected(30).table(false)), 30);
+        assert_eq!(count(&collected(100).table(true)), 100);
+        let text = collected(100).table(false);
+        assert_eq!(count(&text), 3, "{text}");
+        let kinds = "pick_and_place  50     100       100                          50.0\n\
+                     spatial         50     100       94        slipped 6          50.0\n";
+        for part in [kinds, "97.0 % verified", "3 tasks without a verified demonstration", "--each"] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+    }
 }

@@ -214,6 +214,12 @@ impl RunFolder {
         self.timings.lock().unwrap_or_else(PoisonError::into_inner).phases.insert(phase.to_owned(), seconds);
     }
 
+    /// Adds to how long a phase took: a run that was interrupted took as long as all its parts.
+    pub fn lengthen_phase(&self, phase: &str, seconds: f64) {
+        let mut timings = self.timings.lock().unwrap_or_else(PoisonError::into_inner);
+        *timings.phases.entry(phase.to_owned()).or_default() += seconds;
+    }
+
     /// The figures so far.
     pub fn timings(&self) -> Timings {
         self.timings.lock().unwrap_or_else(PoisonError::into_inner).clone()

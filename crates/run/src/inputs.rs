@@ -1,31 +1,26 @@
 //! Reading what the user named: tasks, scenarios, folders of them; writing files whole or not at all.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_assets::{AssetSource, Catalogue, robots, worlds};
+use genmanip_assets::{Catalogue, robots, worlds};
 use genmanip_core::asset::uid_of;
 use genmanip_core::limits::{self, Limit};
-use genmanip_core::names::{fits_file_name, is_file_name};
+use genmanip_core::names::fits_file_name;
 use genmanip_core::{Document, DocumentError, ObjectCard, RobotModel, Scenario, Seed, Task, TaskKind, World, json};
 use genmanip_data::{DataError, files};
-use genmanip_layout::references;
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_rollout::Stage;
 use genmanip_scene::answer::{AnswerReport, MAX_ANSWER_BYTES, RecordedAnswer, TaskRequest, check_answer};
 use genmanip_scene::designer::{DesignSettings, design_many};
 
 use genmanip_sim::EngineSettings;
+use serde_json::Value;
 
+use crate::documents::{self, Fault, MAX_ID_LENGTH};
 use crate::error::{Cause, RunError};
-
-/// Longest task id, characters; the number of an attempt is added to it.
-const MAX_ID_LENGTH: usize = 120;
-
-/// Most nodes, edges and conditions of a task: several times what fits on a table, and drawn in a moment.
-const MOST_NODES: usize = 64;
-const MOST_CONDITIONS: usize = 256;
 
 /// Reads a text file, refusing what is too large, no file or not text.
 ///
@@ -128,12 +123,13 @@ pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunError> {
 /// As [`read_task`], and when two tasks have one id.
 pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     let mut tasks: Vec<Task> = Vec::new();
+    let mut known = BTreeSet::new();
     for path in expand(paths)? {
         let task = read_task(&path)?;
-        if let Some(twin) = tasks.iter().find(|other| other.id == task.id) {
+        if !known.insert(task.id.clone()) {
             return Err(RunError::input(format!(
                 "two tasks are called `{}` (the second: {})",
-                twin.id,
+                task.id,
                 path.display()
             ))
             .with_hint("task ids name folders and files, so they must differ"));
@@ -167,15 +163,14 @@ pub fn read_task(path: &Path) -> Result<Task, RunError> {
             .because(error)
     })?;
     if value.get("schema").is_some() {
-        let task = Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))?;
-        if !is_id(&task.id) {
-            return Err(RunError::input(format!("{}: at $.id: `{}` cannot name a folder", path.display(), task.id))
-                .with_hint(format!(
-                    "use 1 to {MAX_ID_LENGTH} ASCII letters, digits and any of -_.+=@, no dot in front"
-                )));
-        }
-        check_objects(path, &task)?;
-        return Ok(task);
+        let task = task_of_document(path, value)?;
+        let mut faults = documents::faults(&task).into_iter();
+        let Some(Fault { place, message, hint, .. }) = faults.next() else { return Ok(task) };
+        let more = match faults.count() {
+            0 => String::new(),
+            more => format!(" (and {more} more; `genmanip task check` lists all)"),
+        };
+        return Err(RunError::input(format!("{}: at {place}: {message}{more}", path.display())).with_hint(hint));
     }
     let report = check_recorded(path, &text)?;
     report.task.ok_or_else(|| {
@@ -186,56 +181,12 @@ pub fn read_task(path: &Path) -> Result<Task, RunError> {
     })
 }
 
-/// A task document may come from anywhere: every object that goal and scene name must be a node with its card.
-fn check_objects(path: &Path, task: &Task) -> Result<(), RunError> {
-    let graph = &task.scene_graph;
-    let conditions: usize = task.goal.alternatives.iter().map(Vec::len).sum();
-    let sizes = [
-        ("scene_graph.nodes", graph.nodes.len(), MOST_NODES),
-        ("scene_graph.edges", graph.edges.len(), MOST_CONDITIONS),
-        ("goal", conditions.max(task.goal.alternatives.len()), MOST_CONDITIONS),
-    ];
-    for (place, got, most) in sizes {
-        if got > most {
-            return Err(RunError::input(format!("{}: at $.{place}: {got} entries", path.display()))
-                .with_hint(format!("expected at most {most}")));
-        }
-    }
-    let refused = |place: &str, id: &str, reason: &str| {
-        Err(RunError::input(format!("{}: at $.{place}: object `{id}` {reason}", path.display()))
-            .with_hint("every object needs a node in scene_graph.nodes and, at the same place, its card in objects"))
-    };
-    for (index, node) in graph.nodes.iter().enumerate() {
-        if graph.nodes[..index].iter().any(|other| other.id == node.id) {
-            return refused("scene_graph.nodes", &node.id, "has two nodes");
-        }
-        if task.card(&node.id).is_none_or(|card| card.asset != node.asset) {
-            return refused("scene_graph.nodes", &node.id, "has no card");
-        }
-        if let Err(error) = Catalogue::builtin().model(&node.asset) {
-            return refused("scene_graph.nodes", &node.id, &format!("cannot be made: {error}"));
-        }
-    }
-    let atoms = || task.goal.alternatives.iter().flatten().cloned().map(|atom| ("goal", atom));
-    for (place, atom) in atoms().chain(graph.edges.iter().map(|edge| ("scene_graph.edges", edge.atom()))) {
-        if graph.index_of(atom.subject()).is_none() {
-            return refused(place, atom.subject(), "is no node of the scene");
-        }
-        for id in references(&atom) {
-            if graph.index_of(id).is_none() && task.surface(id).is_none() {
-                return refused(place, id, "is no node of the scene, and no support surface of the task");
-            }
-        }
-    }
-    if let Err(error) = task.check_interchangeable() {
-        return Err(RunError::input(format!("{}: at $.interchangeable: {error}", path.display()))
-            .with_hint("a group lists ids of nodes that are made from one asset"));
-    }
-    if task.goal.alternatives.iter().all(Vec::is_empty) {
-        return Err(RunError::input(format!("{}: at $.goal: no condition", path.display()))
-            .with_hint("a goal needs at least one alternative with one condition"));
-    }
-    Ok(())
+/// The task of a document, whatever else is wrong with it.
+///
+/// # Errors
+/// [`RunError::Document`].
+pub(crate) fn task_of_document(path: &Path, value: Value) -> Result<Task, RunError> {
+    Task::from_value(value).map_err(|error| not_a_document::<Task>(path, error))
 }
 
 /// Judges a recorded-answer file.
@@ -319,11 +270,6 @@ fn id_from(path: &Path) -> String {
     let fit = |c: char| if fits_file_name(c) { c } else { '_' };
     let id: String = stem(path).trim_start_matches('.').chars().map(fit).take(MAX_ID_LENGTH).collect();
     if id.is_empty() { "task".into() } else { id }
-}
-
-/// Ids name folders and files, so they must not lead anywhere else.
-fn is_id(id: &str) -> bool {
-    id.len() <= MAX_ID_LENGTH && is_file_name(id)
 }
 
 /// The name of a file without its extension.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
-use genmanip_bench::Svg;
+use genmanip_bench::{MOST_ROWS, Svg, attention, text_table};
 use genmanip_core::{Document, Seed, Task, World};
 use genmanip_layout::LayoutSettings;
 use genmanip_motion::PlannerSettings;
@@ -97,4 +97,19 @@ fn one(
             Ok(LaidOut { task: id, scenario: None, refused: Some(error.to_string()), picture })
         }
     }
+}
+
+/// The rows as a table; above [`MOST_ROWS`], unless `each` is asked for, how many there are and those refused.
+pub fn table(rows: &[LaidOut], each: bool) -> String {
+    let line = |row: &LaidOut| {
+        vec![row.task.clone(), row.scenario.clone().or_else(|| row.refused.clone()).unwrap_or_default()]
+    };
+    if each || rows.len() <= MOST_ROWS {
+        let head = ["task", "scenario"].map(String::from).to_vec();
+        return text_table(&[head].into_iter().chain(rows.iter().map(line)).collect::<Vec<_>>());
+    }
+    let refused: Vec<Vec<String>> = rows.iter().filter(|row| row.refused.is_some()).map(line).collect();
+    let laid_out = rows.len() - refused.len();
+    let listed = attention(&["task", "why not"], &refused);
+    format!("{laid_out} of {} laid out; each with --each\n{listed}", rows.len())
 }

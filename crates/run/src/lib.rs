@@ -2,6 +2,7 @@
 //!
 //! - [`folder`]: what a run folder holds; a folder never mixes two runs, and an interrupted run continues.
 //! - [`collect`]: demonstrations, their pictures and the dataset.
+//! - [`designs`]: tasks by rules into a folder; [`checks`]: what is wrong with task files.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
@@ -15,7 +16,10 @@
 pub mod agents;
 pub mod assets;
 pub mod audit;
+pub mod checks;
 pub mod collect;
+pub mod designs;
+mod documents;
 mod error;
 pub mod evaluate;
 pub mod folder;

@@ -2,10 +2,13 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use genmanip_assets::{AssetSource, Catalogue};
-use genmanip_core::Episode;
+use genmanip_bench::{MOST_ROWS, attention, text_table};
+use genmanip_core::{Episode, TaskKind};
 use genmanip_data::{DataError, EpisodeStore, Listing};
+use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::{Stage, replay};
 use serde::Serialize;
 
@@ -22,6 +25,9 @@ const STRIP_FRAMES: usize = 8;
 pub struct Replayed {
     /// Id of the episode.
     pub episode: String,
+    /// Kind of its task; `None` when it cannot be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<TaskKind>,
     /// Control steps.
     pub frames: usize,
     /// Whether the final state is the recorded one, bit for bit; `None` when that was not checked or cannot be.
@@ -54,7 +60,8 @@ impl Replayed {
     }
 }
 
-/// Replays the recorded episodes at a path: an episode's folder, a store, or a run.
+/// Replays the recorded episodes at a path: an episode's folder, a store, or a run; rows in the order of their ids, the
+/// same for any number of workers.
 ///
 /// With `strip`, also draws each as a film strip into that file (with the id in its name if there are several);
 /// without `check` that is all that is done. Of several episodes a damaged one is a row, and the others are replayed.
@@ -65,6 +72,7 @@ pub fn check(
     path: &Path,
     check: bool,
     strip: Option<&Path>,
+    workers: usize,
     progress: &dyn Progress,
 ) -> Result<Vec<Replayed>, RunError> {
     if let Some(strip) = strip {
@@ -78,28 +86,45 @@ pub fn check(
         return Err(RunError::input(format!("no recorded episode at {}", path.display()))
             .with_hint("collect episodes first; attempts without a layout are not recorded"));
     }
-    let mut rows = Vec::new();
+    let replaying = Replaying { store: &store, is_only: ids.len() == 1, check, strip, progress };
     progress.begin("replaying", ids.len());
-    for id in &ids {
+    let rows = in_parallel(&ids, workers, &AtomicBool::new(false), &|id| {
+        let row = replaying.one(id);
+        progress.advance();
+        row
+    })?;
+    progress.end();
+    Ok(rows)
+}
+
+/// What is done with each episode.
+struct Replaying<'a> {
+    store: &'a EpisodeStore,
+    is_only: bool,
+    check: bool,
+    strip: Option<&'a Path>,
+    progress: &'a dyn Progress,
+}
+
+impl Replaying<'_> {
+    fn one(&self, id: &str) -> Result<Replayed, RunError> {
+        let Self { store, is_only, check, strip, progress } = *self;
         let failed = |error: Cause| RunError::broken(format!("cannot replay {id}"), error);
-        let mut row = Replayed { episode: id.clone(), ..Replayed::default() };
+        let mut row = Replayed { episode: id.to_owned(), ..Replayed::default() };
         let episode = match store.read(id) {
-            Err(error) if error.is_damage() && ids.len() > 1 => {
-                row.damaged = Some(error.to_string());
-                rows.push(row);
-                progress.advance();
-                continue;
+            Err(error) if error.is_damage() && !is_only => {
+                return Ok(Replayed { damaged: Some(error.to_string()), ..row });
             }
             episode => episode.map_err(|error| unreadable(id, error))?,
         };
         let stage = stage(&episode)?;
-        row.frames = episode.frames.len();
+        (row.kind, row.frames) = (Some(episode.scenario.task.kind), episode.frames.len());
         let changed = Catalogue::builtin().changed_looks(&episode.scenario.objects).unwrap_or_default();
         if !changed.is_empty() {
             progress.note(&format!("{id}: {} looks otherwise than when it was recorded", changed.join(", ")));
         }
         if let Some(path) = strip {
-            let path = if ids.len() == 1 { path.to_owned() } else { numbered(path, id) };
+            let path = if is_only { path.to_owned() } else { numbered(path, id) };
             inputs::write_file(&path, &pictures::film_strip(&stage, &episode, STRIP_FRAMES)?)?;
             progress.note(&format!("wrote {}", path.display()));
             row.strip = Some(path.display().to_string());
@@ -111,11 +136,45 @@ pub fn check(
             })?;
             (row.identical, row.largest_difference) = (Some(check.identical), Some(check.largest_difference));
         }
-        rows.push(row);
-        progress.advance();
+        Ok(row)
     }
-    progress.end();
-    Ok(rows)
+}
+
+/// The rows as a table; above [`MOST_ROWS`], unless `each` is asked for, a row per kind and the episodes that need
+/// attention.
+pub fn table(rows: &[Replayed], each: bool) -> String {
+    const HEAD: [&str; 3] = ["episode", "frames", "final state"];
+    let line = |row: &Replayed| vec![row.episode.clone(), row.frames.to_string(), row.in_words()];
+    if each || rows.len() <= MOST_ROWS {
+        let head = HEAD.map(String::from).to_vec();
+        return text_table(&[head].into_iter().chain(rows.iter().map(line)).collect::<Vec<_>>());
+    }
+    let mut kinds =
+        vec![["kind", "episodes", "identical", "differ", "damaged", "not checked"].map(String::from).to_vec()];
+    let mut sum = |name: &str, is_meant: &dyn Fn(&&Replayed) -> bool| {
+        let count = |wanted: &dyn Fn(&Replayed) -> bool| {
+            rows.iter().filter(is_meant).filter(|row| wanted(row)).count().to_string()
+        };
+        let not_checked = |row: &Replayed| row.identical.is_none() && row.damaged.is_none();
+        let all = count(&|_| true);
+        if all != "0" {
+            kinds.push(vec![
+                name.to_owned(),
+                all,
+                count(&|row| row.identical == Some(true)),
+                count(&|row| row.identical == Some(false)),
+                count(&|row| row.damaged.is_some()),
+                count(&not_checked),
+            ]);
+        }
+    };
+    for kind in TaskKind::ALL {
+        sum(kind.name(), &|row| row.kind == Some(kind));
+    }
+    sum("unknown", &|row| row.kind.is_none());
+    sum("all", &|_| true);
+    let unsound: Vec<Vec<String>> = rows.iter().filter(|row| !row.is_sound()).map(line).collect();
+    format!("{}\n{}each with --each\n", text_table(&kinds), attention(&HEAD, &unsound))
 }
 
 /// The recorded episodes at a path, each with its stage: an episode's folder, a store, or a run.

@@ -22,7 +22,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     let stop = crate::stop::on_interrupt();
     let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: arguments.repair };
     let collected = collect_run(&arguments.out, &run, options, printer, &stop)?;
-    printer.data(&collected.rows, &collected.table());
+    printer.data(&collected.rows, &collected.table(arguments.each));
     Ok(status(&collected))
 }
 

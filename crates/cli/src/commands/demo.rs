@@ -46,7 +46,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
 
     let text = format!(
         "{}\n{}\nepisodes    {}\ndataset     {}\nevaluation  {}\nreport      {}\n\n{:.0} s in all\n",
-        collected.table(),
+        collected.table(false),
         evaluate::table(&reports),
         out.join("episodes").display(),
         out.join("dataset").display(),

@@ -2,11 +2,10 @@
 
 use std::sync::atomic::AtomicBool;
 
-use genmanip_bench::text_table;
 use genmanip_core::Seed;
 use genmanip_layout::LayoutSettings;
 use genmanip_run::inputs;
-use genmanip_run::layouts::{LayoutOutput, lay_out};
+use genmanip_run::layouts::{self, LayoutOutput, lay_out};
 
 use crate::args::LayoutArguments;
 use crate::error::{ExitStatus, Failed};
@@ -21,12 +20,7 @@ pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus,
     // A layout takes seconds and each file is written whole, so Ctrl-C may simply end the program.
     let never = AtomicBool::new(false);
     let rows = lay_out(&tasks, arguments.count, &world, &settings, seed, &output, workers, printer, &never)?;
-    let mut lines = vec![["task", "scenario"].map(String::from).to_vec()];
-    for row in &rows {
-        let outcome = row.scenario.clone().or_else(|| row.refused.clone()).unwrap_or_default();
-        lines.push(vec![row.task.clone(), outcome]);
-    }
-    printer.data(&rows, &text_table(&lines));
+    printer.data(&rows, &layouts::table(&rows, arguments.each));
     let is_met = rows.iter().all(|row| row.refused.is_none());
     Ok(if is_met { ExitStatus::Done } else { ExitStatus::NotMet })
 }

@@ -1,6 +1,6 @@
 //! `genmanip replay`.
 
-use genmanip_bench::text_table;
+use genmanip_run::inputs;
 use genmanip_run::replay::{self, Replayed};
 
 use crate::args::ReplayArguments;
@@ -8,11 +8,8 @@ use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &ReplayArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let rows = replay::check(&arguments.episodes, arguments.check, arguments.strip.as_deref(), printer)?;
-    let mut lines = vec![["episode", "frames", "final state"].map(String::from).to_vec()];
-    for row in &rows {
-        lines.push(vec![row.episode.clone(), row.frames.to_string(), row.in_words()]);
-    }
-    printer.data(&rows, &text_table(&lines));
+    let workers = inputs::workers(arguments.workers);
+    let rows = replay::check(&arguments.episodes, arguments.check, arguments.strip.as_deref(), workers, printer)?;
+    printer.data(&rows, &replay::table(&rows, arguments.each));
     Ok(if rows.iter().all(Replayed::is_sound) { ExitStatus::Done } else { ExitStatus::NotMet })
 }

@@ -1,93 +1,68 @@
 //! `genmanip task check|show`.
 
-use genmanip_core::{Document, Task, limits};
+use std::collections::{BTreeMap, BTreeSet};
+
+use genmanip_bench::MOST_ROWS;
+use genmanip_core::{Document, Task};
+use genmanip_run::checks::{self, BareAnswers, Checked};
 use genmanip_run::inputs;
-use genmanip_scene::answer::{AnswerReport, Verdict};
-use serde::Serialize;
-use serde_json::Value;
+use genmanip_scene::answer::Verdict;
 
 use crate::args::{CheckArguments, ShowArguments};
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
-#[derive(Serialize)]
-struct Checked {
-    file: String,
-    #[serde(flatten)]
-    report: CheckedReport,
-}
-
-/// The contract of `task check --json`: flaws by their names, details beside them.
-#[derive(Serialize)]
-struct CheckedReport {
-    verdict: &'static str,
-    flaws: Vec<String>,
-    repairs: Vec<String>,
-    details: Vec<Detail>,
-    /// A task document, as a file of its own would hold it.
-    task: Option<Value>,
-}
-
-#[derive(Serialize)]
-struct Detail {
-    flaw: String,
-    path: String,
-    message: String,
-    hint: String,
-}
-
 pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let mut checked = Vec::new();
-    for file in inputs::expand(&arguments.files)? {
-        let report = if arguments.objects.is_empty() {
-            inputs::check_recorded(&file, &inputs::read_text(&file, limits::TASK)?)?
-        } else {
-            let world = arguments.world.as_deref();
-            inputs::check_bare(&file, &arguments.objects, world, &arguments.kind, arguments.min_objects)?
+    let bare = BareAnswers {
+        objects: &arguments.objects,
+        world: arguments.world.as_deref(),
+        kind: &arguments.kind,
+        min_objects: arguments.min_objects,
+    };
+    let mut list = printer.list();
+    let (mut verdicts, mut flaws): (BTreeMap<&str, usize>, BTreeMap<String, usize>) = Default::default();
+    let mut lines = Vec::new();
+    checks::check_each(&arguments.files, (!bare.objects.is_empty()).then_some(bare), &mut |checked| {
+        *verdicts.entry(checked.verdict).or_default() += 1;
+        let own: BTreeSet<&String> = checked.flaws.iter().collect();
+        own.into_iter().for_each(|flaw| *flaws.entry(flaw.clone()).or_default() += 1);
+        lines.push((checked.verdict == Verdict::Valid.name(), describe(&checked)));
+        list.add(&checked);
+    })?;
+    let files = lines.len();
+    let is_long = files > MOST_ROWS && !arguments.each;
+    let mut text: String =
+        lines.iter().filter(|(is_valid, _)| !(is_long && *is_valid)).map(|(_, line)| &**line).collect();
+    if files > 1 {
+        let counts = |counts: &mut dyn Iterator<Item = (&str, usize)>| {
+            counts.map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
         };
-        checked.push(Checked { file: file.display().to_string(), report: CheckedReport::from(report) });
+        let hidden = if is_long { "; valid ones are left out here, --each prints all" } else { "" };
+        text +=
+            &format!("{files} files: {}{hidden}\n", counts(&mut verdicts.iter().map(|(&name, &count)| (name, count))));
+        if !flaws.is_empty() {
+            let named = counts(&mut flaws.iter().map(|(name, &count)| (name.as_str(), count)));
+            text += &format!("files with each flaw: {named}\n");
+        }
     }
-    let text: String = checked.iter().map(describe).collect();
-    printer.data(&checked, &text);
-    let rejected = checked.iter().filter(|checked| checked.report.verdict == Verdict::Rejected.name()).count();
+    list.end(&text);
+    let rejected = verdicts.get(Verdict::Rejected.name()).copied().unwrap_or_default();
     if rejected > 0 {
-        printer.say(format!("{rejected} of {} rejected", checked.len()));
+        printer.say(format!("{rejected} of {files} rejected"));
         return Ok(ExitStatus::NotMet);
     }
     Ok(ExitStatus::Done)
 }
 
-impl From<AnswerReport> for CheckedReport {
-    fn from(report: AnswerReport) -> Self {
-        Self {
-            verdict: report.verdict.name(),
-            flaws: report.flaws.iter().map(|flaw| flaw.kind.name()).collect(),
-            repairs: report.repairs.iter().map(|repair| repair.what.clone()).collect(),
-            details: report
-                .flaws
-                .iter()
-                .map(|flaw| Detail {
-                    flaw: flaw.kind.name(),
-                    path: flaw.path.clone(),
-                    message: flaw.message.clone(),
-                    hint: flaw.hint.clone(),
-                })
-                .collect(),
-            task: report.task.as_ref().map(Document::to_value),
-        }
-    }
-}
-
 fn describe(checked: &Checked) -> String {
-    let report = &checked.report;
-    let mut text = format!("{:8}  {}\n", report.verdict, checked.file);
-    for detail in &report.details {
+    let mut text = format!("{:8}  {}\n", checked.verdict, checked.file);
+    for detail in &checked.details {
         text += &format!("          {} at {}: {}\n", detail.flaw, detail.path, detail.message);
-        if report.verdict == Verdict::Rejected.name() && !detail.hint.is_empty() {
+        if checked.is_rejected() && !detail.hint.is_empty() {
             text += &format!("          hint: {}\n", detail.hint);
         }
     }
-    for repair in &report.repairs {
+    for repair in &checked.repairs {
         text += &format!("          repaired: {repair}\n");
     }
     text

@@ -1,16 +1,18 @@
 //! `genmanip task new`: by rules, or by a language model.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 use genmanip_assets::search::Filter;
-use genmanip_bench::text_table;
+use genmanip_bench::{MOST_ROWS, text_table};
 use genmanip_chat::CassetteMode;
 use genmanip_core::limits;
-use genmanip_core::{Document, ObjectCard, Seed, Task, TaskKind};
+use genmanip_core::{Document, ObjectCard, Seed, TaskKind};
 use genmanip_llm::{Designer, GenerationOutcome, LlmSettings};
+use genmanip_run::designs::{self, Design, NewTask, design_into};
 use genmanip_run::{Progress, inputs};
-use genmanip_scene::designer::{DesignSettings, design_each};
-use serde::Serialize;
+use genmanip_scene::designer::DesignSettings;
 
 use crate::args::NewArguments;
 use crate::commands::assets::catalogue;
@@ -19,16 +21,6 @@ use crate::printer::Printer;
 
 /// Folder beside the tasks with what the model answered and what was wrong with it.
 const ROUNDS: &str = "rounds";
-
-#[derive(Serialize)]
-struct Row {
-    task: String,
-    kind: &'static str,
-    instruction: Option<String>,
-    file: Option<String>,
-    /// Why there is no task.
-    refused: Option<String>,
-}
 
 pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let kinds = match arguments.kind.as_str() {
@@ -44,6 +36,10 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
         return Err(Failed::new("--world is for language models: the rules name no surface but the table")
             .hint("leave it out; `layout` and `collect` lay tasks out in a world with --world"));
     }
+    if !is_rules && arguments.fill {
+        return Err(Failed::misused("--fill is for rules: a language model does not run out of tasks")
+            .hint("leave it out, or add --designer rules"));
+    }
     if !(0.0..=1.0).contains(&arguments.copies) || (!is_rules && arguments.copies > 0.0) {
         return Err(Failed::misused(format!("--copies {} is not possible", arguments.copies))
             .hint("expected a share of scenes, 0 to 1, with --designer rules"));
@@ -55,10 +51,14 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
             return Err(Failed::misused(format!("unknown designer `{other}`")).hint("expected rules or llm"));
         }
     };
-    printer.data(&rows, &in_words(&rows));
-    let refused = rows.iter().filter(|row| row.refused.is_some()).count();
+    printer.data(&rows, &in_words(&rows, arguments.each));
+    let missing = shortfall(&rows);
+    let refused: usize = missing.values().map(|(count, _)| count).sum();
+    for (kind, (count, why)) in &missing {
+        printer.say(format!("{count} {kind} tasks are missing: {why}"));
+    }
     if refused > 0 {
-        printer.say(format!("{refused} of {} refused", rows.len()));
+        printer.say(format!("{refused} of {} refused; the others are written", rows.len()));
         return Ok(ExitStatus::NotMet);
     }
     Ok(ExitStatus::Done)
@@ -76,19 +76,20 @@ fn cards(arguments: &NewArguments) -> Result<Vec<ObjectCard>, Failed> {
     Ok(found.iter().map(|one| one.card.clone()).collect())
 }
 
-fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
-    let cards = &*cards(arguments)?;
-    printer.begin("designing", arguments.count);
-    let settings = DesignSettings { copies: arguments.copies, ..DesignSettings::default() };
-    let seed = Seed::new(arguments.seed);
-    let batch = design_each(kinds, arguments.count, cards, seed, &settings, &mut |_| printer.advance());
-    printer.end();
-    let batch = batch.map_err(|error| Failed::because("the designer gave up", &error))?;
-    batch.tasks.iter().map(|task| write_task(task, &arguments.out)).collect()
+fn by_rules(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<NewTask>, Failed> {
+    let design = Design {
+        kinds,
+        count: arguments.count,
+        cards: &cards(arguments)?,
+        seed: Seed::new(arguments.seed),
+        settings: DesignSettings { copies: arguments.copies, ..DesignSettings::default() },
+        fill: arguments.fill,
+    };
+    Ok(design_into(&arguments.out, &design, printer)?)
 }
 
 /// The kinds in turn, as with rules; task `k` of a kind has its own stream, so more kinds change nothing.
-fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<Row>, Failed> {
+fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Printer) -> Result<Vec<NewTask>, Failed> {
     let settings = settings(arguments)?;
     let seed = Seed::new(arguments.seed);
     let designer = Designer::open(&settings, seed)
@@ -98,14 +99,25 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
         })?
         .with_surfaces(inputs::read_world(arguments.world.as_deref())?.named_surfaces());
     printer.begin("asking", arguments.count);
-    let mut outcomes: Vec<GenerationOutcome> = Vec::new();
     let cards = cards(arguments)?;
+    let mut rows = Vec::new();
     for (index, &kind) in kinds.iter().enumerate() {
         let count = (arguments.count + kinds.len() - 1 - index) / kinds.len();
-        outcomes.extend(designer.generate(kind, count, seed, &cards, &|_| printer.advance()));
+        // What was paid for is kept as it comes.
+        let written = Mutex::new(BTreeMap::new());
+        let keep = |outcome: &GenerationOutcome| {
+            let row = write_outcome(outcome, &arguments.out);
+            written.lock().unwrap_or_else(PoisonError::into_inner).insert(outcome.id.clone(), row);
+            printer.advance();
+        };
+        let outcomes = designer.generate(kind, count, seed, &cards, &keep);
+        let mut written = written.into_inner().unwrap_or_else(PoisonError::into_inner);
+        for row in outcomes.iter().filter_map(|outcome| written.remove(&outcome.id)) {
+            rows.push(row?);
+        }
     }
     printer.end();
-    outcomes.iter().map(|outcome| write_outcome(outcome, &arguments.out)).collect()
+    Ok(rows)
 }
 
 fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
@@ -140,24 +152,12 @@ fn settings(arguments: &NewArguments) -> Result<LlmSettings, Failed> {
     Ok(settings)
 }
 
-fn write_task(task: &Task, folder: &Path) -> Result<Row, Failed> {
-    let path = folder.join(format!("{}.json", task.id));
-    inputs::write_file(&path, task.to_json().as_bytes())?;
-    Ok(Row {
-        task: task.id.clone(),
-        kind: task.kind.name(),
-        instruction: Some(task.instruction.clone()),
-        file: Some(path.display().to_string()),
-        refused: None,
-    })
-}
-
-fn write_outcome(outcome: &GenerationOutcome, folder: &Path) -> Result<Row, Failed> {
+fn write_outcome(outcome: &GenerationOutcome, folder: &Path) -> Result<NewTask, Failed> {
     let rounds = folder.join(ROUNDS).join(format!("{}.json", outcome.id));
     inputs::write_file(&rounds, outcome.to_json().as_bytes())?;
     match outcome.task() {
-        Some(task) => write_task(task, folder),
-        None => Ok(Row {
+        Some(task) => Ok(designs::write(task, folder)?),
+        None => Ok(NewTask {
             task: outcome.id.clone(),
             kind: outcome.kind.name(),
             instruction: None,
@@ -167,11 +167,41 @@ fn write_outcome(outcome: &GenerationOutcome, folder: &Path) -> Result<Row, Fail
     }
 }
 
-fn in_words(rows: &[Row]) -> String {
+/// How many tasks of each kind are missing, and why the last of them is.
+fn shortfall(rows: &[NewTask]) -> BTreeMap<&'static str, (usize, &str)> {
+    let mut missing = BTreeMap::new();
+    for (kind, why) in rows.iter().filter_map(|row| Some((row.kind, row.refused.as_deref()?))) {
+        let (count, last) = missing.entry(kind).or_insert((0, why));
+        (*count, *last) = (*count + 1, why);
+    }
+    missing
+}
+
+/// Every task with its sentence; above [`MOST_ROWS`] a row per kind, unless `each` is asked for.
+fn in_words(rows: &[NewTask], each: bool) -> String {
+    if rows.len() > MOST_ROWS && !each {
+        return by_kind(rows);
+    }
     let mut lines = vec![["task", "instruction"].map(String::from).to_vec()];
     for row in rows {
         let said = row.instruction.clone().or_else(|| row.refused.as_ref().map(|why| format!("refused: {why}")));
         lines.push(vec![row.task.clone(), said.unwrap_or_default()]);
     }
     text_table(&lines)
+}
+
+fn by_kind(rows: &[NewTask]) -> String {
+    let mut lines = vec![["kind", "tasks", "missing"].map(String::from).to_vec()];
+    let mut line = |name: &str, is_meant: &dyn Fn(&&NewTask) -> bool| {
+        let own: Vec<&NewTask> = rows.iter().filter(is_meant).collect();
+        let missing = own.iter().filter(|row| row.refused.is_some()).count();
+        if !own.is_empty() {
+            lines.push(vec![name.to_owned(), (own.len() - missing).to_string(), missing.to_string()]);
+        }
+    };
+    for kind in TaskKind::ALL {
+        line(kind.name(), &|row| row.kind == kind.name());
+    }
+    line("all", &|_| true);
+    format!("{}each with --each\n", text_table(&lines))
 }

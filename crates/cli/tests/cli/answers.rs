@@ -43,6 +43,47 @@ fn check_prints_file_verdict_flaws_repairs_and_task() {
     }
 }
 
+/// Documents, answers and what is neither, in one folder: every fault of every file, and a summary.
+#[test]
+fn a_folder_of_documents_and_answers_is_checked_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    genmanip(path, &["task", "new", "--count", "6", "--seed", "4", "--copies", "1", "--out", "tasks", "--json"])
+        .json(0);
+    let sound = genmanip(path, &["task", "check", "tasks", "--json"]).json(0);
+    assert!(sound.as_array().unwrap().iter().all(|entry| entry["verdict"] == "valid"), "{sound}");
+
+    let file = path.join("tasks/spatial-4-00001.json");
+    let document: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    let mut broken = document.clone();
+    broken["id"] = "../elsewhere".into();
+    broken["goal"][0][0]["subject"] = "999".into();
+    let first = broken["scene_graph"]["nodes"][0].clone();
+    broken["scene_graph"]["nodes"].as_array_mut().unwrap().push(first);
+    fs::write(&file, broken.to_string()).unwrap();
+    let mut wordy = document;
+    wordy["instruction"] = ["word"; 31].join(" ").into();
+    fs::write(path.join("tasks/wordy.json"), wordy.to_string()).unwrap();
+    fs::write(path.join("tasks/half.json"), "{\"schema\": ").unwrap();
+    fs::copy(recorded("017_pick_and_place"), path.join("tasks/017_pick_and_place.json")).unwrap();
+
+    let checked = genmanip(path, &["task", "check", "tasks", "--json"]).json(1);
+    let flaws = |name: &str| {
+        let entry = checked.as_array().unwrap().iter().find(|entry| entry["file"].as_str().unwrap().contains(name));
+        entry.unwrap()["flaws"].clone()
+    };
+    assert_eq!(flaws("spatial-4-00001"), json!(["unfit_id", "duplicate_node", "missing_node"]));
+    assert_eq!(flaws("wordy"), json!(["instruction_too_long"]));
+    assert_eq!(flaws("half"), json!(["no_task"]));
+    assert_eq!((flaws("017"), flaws("articulated")), (json!([]), json!([])));
+    let words = genmanip(path, &["task", "check", "tasks"]);
+    assert!(words.stdout.contains("9 files: 3 rejected, 6 valid\n"), "{words:?}");
+    assert!(words.stderr.contains("3 of 9 rejected"), "{words:?}");
+    // Every other verb names the first fault, and says that there are more.
+    genmanip(path, &["task", "show", file.to_str().unwrap()])
+        .assert_refused(&["at $.id: `../elsewhere` cannot name a folder (and 2 more"]);
+}
+
 #[test]
 fn exit_code_is_0_when_nothing_is_rejected_and_1_otherwise() {
     let folder = tempfile::tempdir().unwrap();

@@ -7,7 +7,7 @@ use genmanip_assets::Catalogue;
 use genmanip_chat::fake::{Behaviour, FakeServer};
 use serde_json::{Value, json};
 
-use crate::{Outcome, genmanip, tree};
+use crate::{Outcome, genmanip, times, tree};
 
 #[test]
 fn rules_write_tasks_that_other_verbs_read() {
@@ -27,6 +27,55 @@ fn rules_write_tasks_that_other_verbs_read() {
     let only = ["task", "new", "--kind", "articulated", "--count", "2", "--out", "three"];
     assert_eq!(genmanip(folder.path(), &only).code, Some(0));
     assert_eq!(tree(&folder.path().join("three")).len(), 2);
+}
+
+/// Of four cubes there are not two dozen tasks of all kinds: what there is stays, the rest is told kind by kind.
+#[test]
+fn a_kind_that_runs_out_costs_nothing_that_is_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let new = |count: &str, out: &str, more: &[&str]| {
+        let arguments = ["task", "new", "--count", count, "--seed", "3", "--objects", "cube", "--out", out, "--json"];
+        genmanip(path, &[&arguments[..], more].concat())
+    };
+    let written = |rows: &Value| rows.as_array().unwrap().iter().filter(|row| row["refused"].is_null()).count();
+    let whole = new("24", "whole", &[]);
+    let rows = whole.json(1);
+    let made = written(&rows);
+    assert!(rows.as_array().unwrap().len() == 24 && (5..24).contains(&made), "{made}");
+    assert_eq!(tree(&path.join("whole")).len(), made);
+    for part in ["4 spatial tasks are missing: no spatial task in 400 designs", &format!("{} of 24 refused", 24 - made)]
+    {
+        assert!(whole.stderr.contains(part), "{part}: {whole:?}");
+    }
+    // In two calls as in one; what is there is not written again.
+    new("12", "parts", &[]);
+    let before = times(&path.join("parts"));
+    new("24", "parts", &[]);
+    assert_eq!(tree(&path.join("parts")), tree(&path.join("whole")));
+    let after = times(&path.join("parts"));
+    assert!(before.iter().all(|(name, time)| after[name] == *time));
+    // Other kinds take the place.
+    let filled = new("24", "filled", &["--fill"]).json(1);
+    assert!(written(&filled) > made, "{} instead of {made}", written(&filled));
+
+    let changed = path.join("parts").join(before.keys().next().unwrap());
+    fs::write(&changed, "{}").unwrap();
+    new("24", "parts", &[]).assert_refused(&["holds another task than this call composes", "larger --count"]);
+    assert_eq!(fs::read_to_string(&changed).unwrap(), "{}");
+}
+
+#[test]
+fn many_tasks_are_counted_by_kind_unless_each_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let new = |more: &[&str]| {
+        let arguments = ["task", "new", "--count", "36", "--seed", "8", "--out", "out"];
+        genmanip(folder.path(), &[&arguments[..], more].concat())
+    };
+    let short = new(&[]);
+    assert_eq!((short.code, short.stdout.lines().count()), (Some(0), 10), "{short:?}");
+    assert!(short.stdout.contains("articulated     6      0"), "{short:?}");
+    assert_eq!(new(&["--each"]).stdout.lines().count(), 38);
 }
 
 #[test]

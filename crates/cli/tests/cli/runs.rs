@@ -35,6 +35,18 @@ fn recorded_commands_lead_to_the_identical_final_state() {
         assert_eq!(rows.len(), count);
         assert!(rows.iter().all(|row| row["identical"] == true && row["frames"].as_u64() > Some(60)), "{rows:?}");
     }
+    let with = |workers: &str| genmanip(run, &["replay", "--check", "--json", "--workers", workers, "episodes"]).stdout;
+    assert_eq!(with("1"), with("2"));
+}
+
+/// Looking at a finished run once more says nothing about how long it took to make.
+#[test]
+fn resuming_a_finished_run_leaves_its_timings_alone() {
+    let folder = copy_of_finished_run();
+    let before = times(&folder.path().join("run"));
+    let outcome = genmanip(folder.path(), &collect_quick(&quick_examples(), &[]));
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    assert_eq!(times(&folder.path().join("run"))["timings.json"], before["timings.json"]);
 }
 
 /// A damaged recording is refused where it alone is meant.

@@ -7,6 +7,7 @@
 
 mod contacts;
 mod sweep;
+mod ways;
 
 pub use contacts::JointContact;
 pub use sweep::{JointSweep, Sweeper};

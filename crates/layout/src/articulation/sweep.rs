@@ -6,12 +6,9 @@ use genmanip_scene::relations::{PosedObject, PosedScene};
 use glam::{DQuat, DVec3};
 
 use super::contacts::of_link;
+use super::ways::{Checkers, Way};
 use super::{JointChange, JointContact, JointSettings, Motion};
 use crate::obstacles;
-
-/// Distance between robot and object while it is moved, but for the gap at the contact itself, metres; chosen, since the
-/// hand is meant to be this near.
-const CONTACT_M: f64 = 0.0005;
 
 /// Fewest and most states tested along a joint; chosen: short ways need a middle, long ones must end.
 const STEPS: [usize; 2] = [3, 60];
@@ -64,46 +61,50 @@ impl<'a> Sweeper<'a> {
     pub fn search<T>(&self, reference: &[f64], accept: &mut dyn FnMut(&JointSweep) -> Option<T>) -> Result<T, Failure> {
         let name = &self.object.model.card.name;
         let mut tally = Tally::default();
-        let motions: Vec<_> = self
-            .change
-            .targets
-            .iter()
-            .filter_map(|&target| {
-                let motion = Motion::of(self.object, self.change, target)?;
-                Some((target, motion, self.worlds(&motion, target)))
-            })
-            .collect();
+        let ways: Vec<Way> = self.change.targets.iter().filter_map(|&target| self.way(target)).collect();
         let link = self.object.model.links.get(self.change.link);
-        let contacts = motions
-            .first()
-            .zip(link)
-            .map(|((_, motion, _), link)| of_link(link, motion, self.planner.robot(), self.settings));
+        let contacts =
+            ways.first().zip(link).map(|(way, link)| of_link(link, &way.motion, self.planner.robot(), self.settings));
+        let nothing = Allowed::none();
+        let mut known: Vec<Checkers> = Vec::new();
         for start in contacts.into_iter().flatten() {
-            let mut configs = self.planner.ik_each(&start.world_from_tcp, reference).peekable();
+            let mut configs = self.planner.ik_coarse(&start.world_from_tcp, reference).peekable();
             if configs.peek().is_none() {
                 tally.out_of_reach += 1;
                 continue;
             }
-            let world = &motions[0].2[0].1;
-            let nothing = Allowed::none();
-            let checker = self.planner.checker(&around(world, &nothing, &start), CONTACT_M);
+            let at = known.iter().position(|checkers| checkers.width == start.open_width).unwrap_or_else(|| {
+                // Pushes share one width; every hold has its own.
+                known.retain(|checkers| checkers.width == 0.0);
+                let others = (&self.others, self.settings.room_m);
+                known.push(Checkers::new(self.planner, &nothing, &ways, others, start.open_width));
+                known.len() - 1
+            });
+            let checkers = &known[at];
             let starts: Vec<_> =
-                configs.filter(|config| checker.is_free(config)).take(self.settings.configurations).collect();
+                configs.filter(|config| checkers.is_free(0, 0, config)).take(self.settings.configurations).collect();
             if starts.is_empty() {
                 tally.blocked += 1;
                 continue;
             }
             let follows = if start.turns_freely { self.settings.follow.as_slice() } else { &[1.0] };
-            for (&follow, (target, motion, worlds)) in follows.iter().flat_map(|f| motions.iter().map(move |m| (f, m)))
-            {
+            for (&follow, (index, way)) in follows.iter().flat_map(|f| ways.iter().enumerate().map(move |w| (f, w))) {
                 let contact = JointContact { follow, ..start.clone() };
+                let mut is_possible = |config: &&Vec<f64>| {
+                    if !checkers.has_room(config) {
+                        return false;
+                    }
+                    let followed = self.can_follow(way, &contact, config, checkers, index);
+                    tally.unfollowed += usize::from(followed.is_none());
+                    followed == Some(true)
+                };
                 let found = starts
                     .iter()
-                    .filter(|config| self.is_possible(motion, &contact, config, worlds, &mut tally))
-                    .find_map(|config| Some((config.clone(), self.approach(&contact, config, world)?)));
+                    .filter(|config| is_possible(config))
+                    .find_map(|config| Some((config.clone(), self.approach(&contact, config, &way.worlds[0].1)?)));
                 let Some((config, approach)) = found else { continue };
                 tally.possible += 1;
-                let sweep = JointSweep { change: self.change.clone(), target: *target, contact, config, approach };
+                let sweep = JointSweep { change: self.change.clone(), target: way.target, contact, config, approach };
                 if let Some(result) = accept(&sweep) {
                     return Ok(result);
                 }
@@ -153,8 +154,9 @@ impl<'a> Sweeper<'a> {
         velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(LEAST_LEVER_M)))
     }
 
-    /// Positions on the way with the world at each, the present one first.
-    fn worlds(&self, motion: &Motion, target: f64) -> Vec<(f64, CollisionWorld)> {
+    /// The way to a position, with the world at every step.
+    fn way(&self, target: f64) -> Option<Way> {
+        let motion = Motion::of(self.object, self.change, target)?;
         let size = self.object.model.world_bounds(&Pose::IDENTITY, &self.object.joint_positions).size().max_element();
         let total = (target - self.change.from).abs();
         let steps = match motion.kind {
@@ -162,12 +164,11 @@ impl<'a> Sweeper<'a> {
             JointKind::Revolute => (total / self.settings.step_rad).max(total * size / self.settings.step_m / 2.0),
         };
         let steps = (steps.ceil() as usize).clamp(STEPS[0], STEPS[1]);
-        (0..=steps)
-            .map(|step| {
-                let by = (target - self.change.from) * step as f64 / steps as f64;
-                (by, self.world_at(self.change.from + by))
-            })
-            .collect()
+        let at = |step: usize| {
+            let by = (target - self.change.from) * step as f64 / steps as f64;
+            (by, self.world_at(self.change.from + by))
+        };
+        Some(Way { target, motion, worlds: (0..=steps).map(at).collect() })
     }
 
     /// Straight to the contact along the fingers.
@@ -178,30 +179,28 @@ impl<'a> Sweeper<'a> {
         self.planner.straight(&around(world, &nothing, contact), config, &before).ok().map(Path::reversed)
     }
 
-    fn is_possible(
+    /// Whether the arm can follow the contact along a way, and beyond its end by what a push needs, free at every step.
+    ///
+    /// The first step that is not possible ends it: following is costly, and most ways are blocked early.
+    fn can_follow(
         &self,
-        motion: &Motion,
+        way: &Way,
         contact: &JointContact,
         config: &[f64],
-        worlds: &[(f64, CollisionWorld)],
-        tally: &mut Tally,
-    ) -> bool {
-        let end = worlds.last().map_or(0.0, |(by, _)| *by) + beyond(motion, contact);
-        let mut way = vec![config.to_vec()];
-        for by in worlds.iter().skip(1).map(|(by, _)| *by).chain([end]) {
-            let pose = tcp_at(motion, contact, by);
-            let Some(next) = self.planner.ik_near(&pose, &way[way.len() - 1], self.settings.max_arm_step_rad) else {
-                tally.unfollowed += 1;
-                return false;
-            };
-            way.push(next);
+        checkers: &Checkers,
+        at: usize,
+    ) -> Option<bool> {
+        let last = way.worlds.len() - 1;
+        let end = way.worlds[last].0 + beyond(&way.motion, contact);
+        let mut arm = config.to_vec();
+        for (step, by) in way.worlds.iter().map(|(by, _)| *by).chain([end]).enumerate().skip(1) {
+            let pose = tcp_at(&way.motion, contact, by);
+            arm = self.planner.ik_near(&pose, &arm, self.settings.max_arm_step_rad)?;
+            if !checkers.has_room(&arm) || (step <= last && !checkers.is_free(at, step, &arm)) {
+                return Some(false);
+            }
         }
-        let nothing = Allowed::none();
-        let roomy = self.planner.checker(&around(&self.others, &nothing, contact), self.settings.room_m);
-        let is_free = |(config, (_, world)): (&Vec<f64>, &(f64, CollisionWorld))| {
-            self.planner.checker(&around(world, &nothing, contact), CONTACT_M).is_free(config)
-        };
-        way.iter().all(|config| roomy.is_free(config)) && way.iter().zip(worlds).skip(1).all(is_free)
+        Some(true)
     }
 }
 

@@ -9,6 +9,7 @@
 mod stream;
 mod suite;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -109,7 +110,8 @@ fn one(
     let identity = Identity::of(suite, policy, options.keep_episodes);
     let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity)).transpose()?;
     let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());
-    let is_left = |case: &&Case| results.iter().all(|result| result.id != case.id);
+    let known: BTreeSet<&str> = results.iter().map(|result| result.id.as_str()).collect();
+    let is_left = |case: &&Case| !known.contains(case.id.as_str());
     let cases: Vec<Case> = suite.cases.iter().filter(is_left).cloned().collect();
     let keep = match &stream {
         Some(stream) if options.keep_episodes => {

@@ -122,7 +122,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let unpriced = evaluate(&suite, &agent, &limited, &Silent, &never).unwrap_err();
     assert!(unpriced.to_string().contains("say no price"), "{unpriced}");
 
-    let replayed = replay::check(&folder, true, None, &Silent).unwrap();
+    let replayed = replay::check(&folder, true, None, 2, &Silent).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");
 
     let input = gather(&folder, None, &Silent).unwrap();

@@ -21,13 +21,14 @@ mod knowledge;
 mod naming;
 mod phrasing;
 mod report;
+mod series;
 mod settings;
 mod sketch;
 #[cfg(test)]
 mod tests;
 mod things;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, HashSet};
 
 use genmanip_core::{ObjectCard, Seed, Task, TaskKind};
 
@@ -37,6 +38,7 @@ use sketch::Sketch;
 
 pub use gate::as_answer;
 pub use report::{DesignReport, Occurrence, measure};
+pub use series::{Missing, Series};
 pub use settings::{DesignSettings, RelationQuotas};
 
 /// Why there is no task.
@@ -79,13 +81,10 @@ pub fn design(
 ) -> Result<Task, DesignError> {
     let mut rejections = BTreeMap::new();
     let id = format!("{}-{seed}", kind.name());
-    draw(kind, cards, seed, settings, &Balance::default(), &id, &BTreeSet::new(), &mut rejections)
+    draw(kind, cards, seed, settings, &Balance::default(), &id, &HashSet::new(), &mut rejections)
 }
 
-/// Composes many tasks whose instructions all differ; the kinds take turns, and task `k` has the stream
-/// `seed.fork_index(k)`.
-///
-/// Relations follow the quotas of the settings, so a task depends on those before it.
+/// Composes many tasks whose instructions all differ: the first of a [`Series`].
 ///
 /// # Errors
 /// [`DesignError`] of the first task that could not be made.
@@ -96,35 +95,9 @@ pub fn design_many(
     seed: Seed,
     settings: &DesignSettings,
 ) -> Result<Batch, DesignError> {
-    design_each(kinds, count, cards, seed, settings, &mut |_| {})
-}
-
-/// [`design_many`], telling of each task as it is made.
-///
-/// # Errors
-/// [`DesignError`] of the first task that could not be made.
-pub fn design_each(
-    kinds: &[TaskKind],
-    count: usize,
-    cards: &[ObjectCard],
-    seed: Seed,
-    settings: &DesignSettings,
-    made: &mut dyn FnMut(&Task),
-) -> Result<Batch, DesignError> {
-    let mut batch = Batch { tasks: Vec::with_capacity(count), rejections: BTreeMap::new() };
-    let mut balance = Balance::default();
-    let mut said = BTreeSet::new();
-    for index in 0..count {
-        let kind = *kinds.get(index % kinds.len().max(1)).ok_or(DesignError::NoKinds)?;
-        let id = format!("{}-{seed}-{index:05}", kind.name());
-        let stream = seed.fork_index(index as u64);
-        let task = draw(kind, cards, stream, settings, &balance, &id, &said, &mut batch.rejections)?;
-        balance.count(&task);
-        said.insert(task.instruction.clone());
-        made(&task);
-        batch.tasks.push(task);
-    }
-    Ok(batch)
+    let mut series = Series::new(kinds, cards, seed, settings, false)?;
+    let tasks = (0..count).map(|_| series.compose().map_err(|missing| missing.why)).collect::<Result<_, _>>()?;
+    Ok(Batch { tasks, rejections: series.rejections().clone() })
 }
 
 /// Draws designs until one passes the gate and says something new.
@@ -136,7 +109,7 @@ fn draw(
     settings: &DesignSettings,
     balance: &Balance,
     id: &str,
-    said: &BTreeSet<String>,
+    said: &HashSet<String>,
     rejections: &mut BTreeMap<String, usize>,
 ) -> Result<Task, DesignError> {
     let mut here: BTreeMap<String, usize> = BTreeMap::new();

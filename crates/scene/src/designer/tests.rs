@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::knowledge::{handling, needs};
 use super::naming::has_looks;
 use super::things::{is_movable, things};
-use super::{DesignError, DesignReport, DesignSettings, design, design_many, measure};
+use super::{DesignError, DesignReport, DesignSettings, Missing, Series, design, design_many, measure};
 
 fn cards() -> &'static [ObjectCard] {
     Catalogue::builtin().cards()
@@ -143,6 +143,35 @@ fn too_few_objects_are_an_error_with_its_reasons() {
     let text = "no common_sense task in 20 designs: the composition does not work out (20×)";
     assert_eq!(error.to_string(), text);
     assert_eq!(design_many(&[], 3, &few, Seed::new(1), &settings), Err(DesignError::NoKinds));
+}
+
+/// A kind that runs out leaves gaps and does not end the others; a longer series begins like a shorter one.
+#[test]
+fn a_series_goes_on_without_a_kind_that_ran_out() {
+    let cubes =
+        |card: &&ObjectCard| ["Red Cube", "Blue Cube", "Puzzle Cube", "Salad Bowl"].contains(&card.name.as_str());
+    let few: Vec<ObjectCard> = cards().iter().filter(cubes).cloned().collect();
+    let settings = DesignSettings { max_draws: 40, ..DesignSettings::default() };
+    let kinds = [TaskKind::PickAndPlace, TaskKind::Articulated];
+    let series = |fill: bool, count: usize| {
+        let mut series = Series::new(&kinds, &few, Seed::new(3), &settings, fill).unwrap();
+        (0..count).map(|_| series.compose()).collect::<Vec<_>>()
+    };
+    let twelve = series(false, 12);
+    assert_eq!(twelve[..8], series(false, 8));
+    for (index, made) in twelve.iter().enumerate() {
+        match made {
+            Ok(task) => assert_eq!((task.kind, index % 2), (TaskKind::PickAndPlace, 0), "{}", task.id),
+            Err(Missing { id, kind, why: DesignError::Exhausted { draws: 40, .. } }) => {
+                assert_eq!((*kind, id), (TaskKind::Articulated, &format!("articulated-3-{index:05}")));
+            }
+            Err(missing) => panic!("{missing:?}"),
+        }
+    }
+    let filled: Vec<_> = series(true, 12).into_iter().map(Result::unwrap).collect();
+    assert!(filled.iter().all(|task| task.kind == TaskKind::PickAndPlace));
+    let said: std::collections::BTreeSet<_> = filled.iter().map(|task| &task.instruction).collect();
+    assert_eq!(said.len(), 12, "no two say the same");
 }
 
 /// With copies in every scene, sentences leave some of them open and single others out, and all of it passes the gate.
