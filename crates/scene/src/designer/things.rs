@@ -92,8 +92,11 @@ impl Things {
 
     /// Whether the noun of a thing could mean another one as well.
     pub fn is_alike(&self, card: &ObjectCard, other: &ObjectCard) -> bool {
-        let of_kind = card.category == other.category && self.words(card) == self.words(other);
-        of_kind || self.kind(card).is_some_and(|kind| kind.alike.contains(&other.category))
+        let words = self.words(card);
+        let of_kind = card.category == other.category && words == self.words(other);
+        // A noun of its own, `cardboard box`, says more than that of the kind.
+        let could_mean = |kind: &Kind| words == Some(&kind.words) && kind.alike.contains(&other.category);
+        of_kind || self.kind(card).is_some_and(could_mean)
     }
 
     /// Words for more than one kind that certainly mean this one.
