@@ -137,9 +137,17 @@ impl Catalogue {
     }
 
     /// An object of a family, or with the one parameter `of` a [`variant`] of a built-in one.
-    fn generate(&self, family: &str, params: &BTreeMap<String, Value>, seed: Seed) -> Result<ObjectModel, AssetError> {
+    fn generate(
+        &self,
+        family: &str,
+        version: u32,
+        params: &BTreeMap<String, Value>,
+        seed: Seed,
+    ) -> Result<ObjectModel, AssetError> {
         let refused = |reason: String| AssetError::NotGenerated { family: family.to_owned(), reason };
-        let Some(of) = params.get(VARIED) else { return Families::builtin().instance(family, params, seed) };
+        let Some(of) = params.get(VARIED) else {
+            return Families::builtin().instance_of(family, version, params, seed);
+        };
         let Some(of) = of.as_str().filter(|_| params.len() == 1) else {
             return Err(refused(format!("expected the one parameter `{VARIED}`, the uid of a built-in object")));
         };
@@ -191,12 +199,12 @@ impl AssetSource for Catalogue {
     fn model(&self, asset: &AssetRef) -> Result<Arc<ObjectModel>, AssetError> {
         match asset {
             AssetRef::Builtin { uid, .. } => self.build(uid),
-            AssetRef::Generated { family, params, seed, .. } => {
+            AssetRef::Generated { family, params, seed, version } => {
                 let mut generated = self.generated.lock().unwrap_or_else(PoisonError::into_inner);
                 if let Some(model) = generated.get(asset) {
                     return Ok(Arc::clone(model));
                 }
-                let model = Arc::new(self.generate(family, params, *seed)?);
+                let model = Arc::new(self.generate(family, *version, params, *seed)?);
                 generated.insert(asset.clone(), Arc::clone(&model));
                 Ok(model)
             }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use genmanip_assets::search::{Filter, Index};
 use genmanip_assets::standing::stable_poses;
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, Families, Family};
@@ -45,6 +46,9 @@ const BALL_SHARE: f64 = 1.0 / 3.0;
 const BALL_DROP_M: f64 = 0.01;
 /// A container is as deep as half such a ball at least; plates and trays hold no balls.
 const LEAST_DEPTH: f64 = BALL_SHARE / 2.0;
+/// Objects among which searches are timed, and answers asked for.
+const SEARCHED: usize = 10_000;
+const SHOWN: usize = 20;
 /// Objects of the scene that is timed, and physics steps per timing; the median of so many timings counts.
 const SCENE_OBJECTS: usize = 12;
 const SCENE_STEPS: u32 = 2000;
@@ -83,6 +87,8 @@ pub struct Measured {
     pub awake_steps_per_s: f64,
     /// The same with the engine's own step.
     pub mujoco_steps_per_s: f64,
+    /// Processor time of the slowest of the searches among 10,000 objects, median of five each, ms.
+    pub search_ms: f64,
     /// Wall time of the program from start to end, for searching the whole catalogue, best of five, ms.
     pub start_ms: f64,
     /// What was wrong.
@@ -185,6 +191,7 @@ pub fn measure(
         compile_ms: timing.compile_ms,
         awake_steps_per_s: timing.awake_steps_per_s,
         mujoco_steps_per_s: timing.mujoco_steps_per_s,
+        search_ms: search_ms(),
         start_ms: start_ms(),
         problems,
     })
@@ -451,6 +458,35 @@ fn time_scene(models: &[Arc<ObjectModel>], trials: &GraspTrials, world: &World) 
     })
 }
 
+/// Each family of the catalogue is asked for by its name, by its colour and by what it is not.
+fn search_ms() -> f64 {
+    let cards = Catalogue::full().cards();
+    let copies = (0..SEARCHED).map(|copy| {
+        let card = &cards[copy % cards.len()];
+        (ObjectCard { uid: format!("{}-{copy}", card.uid), ..card.clone() }, Default::default())
+    });
+    let index = Index::new(copies);
+    let mut asked = BTreeSet::new();
+    let mut clock = cpu_clock();
+    let mut slowest = 0.0_f64;
+    for card in cards.iter().filter(|card| asked.insert(&card.category)) {
+        let color = card.colors.first().map_or("red", String::as_str);
+        for query in
+            [card.category.clone(), format!("{color} {}", card.category), format!("{} not {color}", card.category)]
+        {
+            let mut times = [0.0; TIMINGS];
+            for time in &mut times {
+                let start = clock();
+                std::hint::black_box(index.search(&query, &Filter::default(), SHOWN));
+                *time = clock() - start;
+            }
+            times.sort_by(f64::total_cmp);
+            slowest = slowest.max(times[TIMINGS / 2] * 1e3);
+        }
+    }
+    slowest
+}
+
 /// Of this very program, searching the whole catalogue; 0 where it cannot start itself.
 fn start_ms() -> f64 {
     let Ok(program) = std::env::current_exe() else { return 0.0 };
@@ -473,7 +509,8 @@ pub fn in_words(measured: &Measured) -> String {
         "objects       {objects}, {failed} failed, made in {build_cpu_s:.1} s of processor time\ndescriptions  {}\n\
          at rest       drift at most {drift_mm_max:.3} mm in 2 s, penetration {penetration_mm_max:.3} mm\n\
          grasps        {}\ncontainers    {}\nstates        {}\nscene of 12   compiled in {:.1} ms, {:.0} steps/s \
-         (the engine's own step: {:.0})\nstart         {:.0} ms wall\n",
+         (the engine's own step: {:.0})\nstart         {:.0} ms wall\n\
+         search        {:.2} ms among 10,000\n",
         share(*distinct_descriptions, *objects),
         share(measured.grasp_verified, measured.can_grasp),
         share(measured.container_ok, measured.containers),
@@ -482,6 +519,7 @@ pub fn in_words(measured: &Measured) -> String {
         measured.awake_steps_per_s,
         measured.mujoco_steps_per_s,
         measured.start_ms,
+        measured.search_ms,
     );
     for Problem { uid, what } in &measured.problems {
         text += &format!("  {uid}: {what}\n");

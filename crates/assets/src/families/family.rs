@@ -1,5 +1,6 @@
 //! One family: from a seed and what its parameters are set to, to an object with its annotations.
 
+use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -25,6 +26,9 @@ pub struct Family {
     pub family: String,
     /// Grows when the physics of its objects change.
     pub version: u32,
+    /// What was different before, so that old scenarios still open.
+    #[serde(default)]
+    earlier: Vec<Earlier>,
     /// Path of its category, general first.
     pub path: Vec<String>,
     /// Whether it is kept for testing: no task of the training split has an object of it.
@@ -55,6 +59,15 @@ pub struct Family {
     /// Template of what its states mean.
     #[serde(default)]
     states: Vec<Value>,
+}
+
+/// An earlier version of a family.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Earlier {
+    version: u32,
+    /// Parameters that were defined otherwise.
+    vars: BTreeMap<String, Value>,
 }
 
 /// What is said of an object of a family, each a template.
@@ -104,6 +117,16 @@ impl Family {
     /// Its category, the last of its path.
     pub fn category(&self) -> &str {
         self.path.last().map_or("", String::as_str)
+    }
+
+    /// The family as it was in a version; as it is now where there was none.
+    pub fn in_version(&self, version: u32) -> Cow<'_, Self> {
+        let Some(earlier) = self.earlier.iter().find(|earlier| earlier.version == version) else {
+            return Cow::Borrowed(self);
+        };
+        let mut family = Self { version, ..self.clone() };
+        family.vars.extend(earlier.vars.clone());
+        Cow::Owned(family)
     }
 
     /// Names of its parameters.

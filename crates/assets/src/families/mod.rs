@@ -104,6 +104,20 @@ impl Families {
         params: &BTreeMap<String, Value>,
         seed: Seed,
     ) -> Result<ObjectModel, AssetError> {
+        self.instance_of(family, u32::MAX, params, seed)
+    }
+
+    /// [`Families::instance`] as an earlier version of the family made it; the present one where there was none.
+    ///
+    /// # Errors
+    /// As [`Families::instance`].
+    pub fn instance_of(
+        &self,
+        family: &str,
+        version: u32,
+        params: &BTreeMap<String, Value>,
+        seed: Seed,
+    ) -> Result<ObjectModel, AssetError> {
         let refused = |reason: String| AssetError::NotGenerated { family: family.to_owned(), reason };
         let known = self.families.get(family).ok_or_else(|| {
             let near: Vec<&str> =
@@ -113,7 +127,7 @@ impl Families {
                 if near.is_empty() { "none".into() } else { near.join(", ") }
             ))
         })?;
-        known.instance(params, seed, &self.palettes, &self.library).map_err(refused)
+        known.in_version(version).instance(params, seed, &self.palettes, &self.library).map_err(refused)
     }
 
     /// The card of the object of a family for a seed.

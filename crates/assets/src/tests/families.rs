@@ -127,6 +127,22 @@ fn wrong_data_says_where() {
     check(loops, "follows from itself");
 }
 
+/// A family whose physics changed still makes its earlier objects.
+#[test]
+fn earlier_versions_are_still_made() {
+    let catalogue = Catalogue::builtin();
+    let pan = |version| {
+        let asset = AssetRef::Generated { family: "pan".into(), params: BTreeMap::new(), seed: Seed::new(8), version };
+        let model = catalogue.model(&asset).unwrap();
+        let AssetRef::Generated { version, .. } = model.asset else { panic!("not generated") };
+        (version, model.links[0].pieces.len(), catalogue.hashes(&asset).unwrap().physics)
+    };
+    let (before, now) = (pan(1), pan(2));
+    assert_eq!((before.0, now.0, pan(7).0), (1, 2, 2));
+    assert_eq!(now.1 - before.1, 4, "24 wedges instead of 20");
+    assert_ne!(before.2, now.2);
+}
+
 #[test]
 fn the_list_is_whole_and_as_the_families_make_it() {
     let full = Catalogue::full();

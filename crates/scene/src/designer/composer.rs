@@ -49,7 +49,7 @@ pub(super) struct Composer<'a> {
 }
 
 const KITCHEN: &[&str] = &["tableware", "kitchen", "packaged goods", "food"];
-const DESK: &[&str] = &["office and toys", "tools", "containers"];
+const DESK: &[&str] = &["office and toys", "office", "toys", "tools", "containers", "household", "bathroom"];
 
 impl<'a> Composer<'a> {
     /// A random card that is not in the scene yet and that the designer has words for.

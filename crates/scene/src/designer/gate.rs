@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::kinds::Draft;
 use super::sketch::Sketch;
 use crate::answer::{TaskRequest, Verdict, check_answer};
-use crate::references;
+use crate::references::{self, Mismatch};
 
 /// The task, or why it was rejected.
 pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> Result<Task, String> {
@@ -43,10 +43,20 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> R
         return Err(format!("refused by the rules for tasks: {flaw}"));
     }
     let task = report.task.ok_or("refused by the rules for tasks")?;
-    match references::check(&task) {
-        Ok(()) => Ok(task),
-        Err(mismatch) => Err(format!("the sentence reads differently: {}", mismatch.reason())),
+    if let Err(mismatch) = references::check(&task) {
+        return Err(format!("the sentence reads differently: {}", mismatch.reason()));
     }
+    if let Some([bare, other]) = &draft.without_need {
+        let heard =
+            |instruction: &String| references::check(&Task { instruction: instruction.clone(), ..task.clone() });
+        if !matches!(heard(bare), Err(Mismatch::Ambiguous { .. })) {
+            return Err("the request alone says what is meant".into());
+        }
+        if !matches!(heard(other), Err(Mismatch::OtherGoal { .. })) {
+            return Err("another need does not ask for something else".into());
+        }
+    }
+    Ok(task)
 }
 
 /// A task in the exchange format, as a language model would answer.

@@ -2,7 +2,7 @@
 //!
 //! What is proposed here is checked afterwards by [`crate::references`], which shares no words with it.
 
-use genmanip_core::{ObjectCard, Relation};
+use genmanip_core::{AssetRef, ObjectCard, Relation};
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 
@@ -61,6 +61,7 @@ impl<'s, 'a> Namer<'s, 'a> {
     fn plain(&self, object: usize) -> Vec<String> {
         let card = self.scene.cards[object];
         let name = card.name.to_lowercase();
+        let is_sayable = name.chars().all(|c| c.is_alphabetic() || c == ' ' || c == '-');
         let adjectives: Vec<&str> = name.split(' ').collect();
         let adjectives = &adjectives[..adjectives.len().saturating_sub(1)];
         let fits = |other: &ObjectCard| {
@@ -68,11 +69,19 @@ impl<'s, 'a> Namer<'s, 'a> {
             adjectives.iter().all(|adjective| text.contains(adjective))
         };
         let mut options = Vec::new();
-        if !self.alike(object).into_iter().any(|other| fits(self.scene.cards[other])) {
+        let alike = self.alike(object);
+        if is_sayable && !alike.iter().any(|&other| fits(self.scene.cards[other])) {
             options.push(name);
         }
-        if self.alike(object).is_empty() {
-            options.push(things().noun(card).to_owned());
+        let words = things().words(card);
+        if alike.is_empty() {
+            options.extend(words.map(|words| words.noun.clone()));
+        }
+        // Names of generated things are long, or hold what nobody says.
+        if let (AssetRef::Generated { .. }, Some(words), Some(color)) = (&card.asset, words, card.colors.first())
+            && !alike.iter().any(|&other| self.scene.cards[other].colors.contains(color))
+        {
+            options.push(format!("{color} {}", words.noun));
         }
         options
     }
@@ -85,11 +94,7 @@ impl<'s, 'a> Namer<'s, 'a> {
 
     fn meant_by_noun(&self, object: usize) -> Vec<usize> {
         let card = self.scene.cards[object];
-        let kind = things().kind(card);
-        let is_alike = |other: &ObjectCard| {
-            other.category == card.category || kind.is_some_and(|kind| kind.alike.contains(&other.category))
-        };
-        (0..self.scene.len()).filter(|&other| is_alike(self.scene.cards[other])).collect()
+        (0..self.scene.len()).filter(|&other| things().is_alike(card, self.scene.cards[other])).collect()
     }
 
     fn meant_by_group(&self, group: &Group) -> Option<Vec<usize>> {
@@ -102,34 +107,29 @@ impl<'s, 'a> Namer<'s, 'a> {
     fn looks(&self, object: usize) -> Vec<String> {
         let card = self.scene.cards[object];
         let mut options = card.annotations.looks.clone();
-        let kin = self.same_kind(object);
+        let kin = self.meant_by_noun(object);
         let volume = |object: usize| self.scene.cards[object].size_m.element_product();
-        if let Some(kind) = things().kind(card)
+        if let Some(words) = things().words(card)
             && kin.len() == 2
-            && self.meant_by_noun(object).len() == 2
+            && kin.iter().all(|&one| things().words(self.scene.cards[one]) == Some(words))
         {
             let other = if kin[0] == object { kin[1] } else { kin[0] };
             if volume(object) > LARGER * volume(other) {
-                options.extend([format!("larger of the two {}", kind.plural), format!("bigger {}", kind.noun)]);
+                options.extend([format!("larger of the two {}", words.plural), format!("bigger {}", words.noun)]);
             }
             if LARGER * volume(object) < volume(other) {
-                options.extend([format!("smaller of the two {}", kind.plural), format!("smaller {}", kind.noun)]);
+                options.extend([format!("smaller of the two {}", words.plural), format!("smaller {}", words.noun)]);
             }
         }
         options
-    }
-
-    fn same_kind(&self, object: usize) -> Vec<usize> {
-        let category = |object: usize| &self.scene.cards[object].category;
-        (0..self.scene.len()).filter(|&other| category(other) == category(object)).collect()
     }
 
     /// Words for the object that mean others as well, so that its place is what singles it out.
     fn words(&self, object: usize) -> Vec<Word<'a>> {
         let card = self.scene.cards[object];
         let mut words = Vec::new();
-        if let Some(kind) = things().kind(card) {
-            words.push(Word { one: &kind.noun, several: Some(&kind.plural), meant: self.meant_by_noun(object) });
+        if let Some(said) = things().words(card) {
+            words.push(Word { one: &said.noun, several: Some(&said.plural), meant: self.meant_by_noun(object) });
         }
         for (word, group) in things().groups_of(card) {
             if let Some(meant) = self.meant_by_group(group) {
@@ -194,10 +194,14 @@ impl<'s, 'a> Namer<'s, 'a> {
             let names = ends.map(|end| self.name(end, Style::Plain, rng));
             let [Some(first), Some(last)] = names else { continue };
             let mut places = vec![format!("between {first} and {last}")];
-            let kin = self.same_kind(ends[0]);
-            if kin.len() == 2 && kin.contains(&ends[1]) && self.meant_by_noun(ends[0]).len() == 2 {
-                let plural = things().kind(self.scene.cards[ends[0]]).map(|kind| kind.plural.as_str());
-                places = plural.map(|plural| vec![format!("between the two {plural}")]).unwrap_or(places);
+            let kin = self.meant_by_noun(ends[0]);
+            let said = ends.map(|end| things().words(self.scene.cards[end]));
+            if let [Some(first), Some(last)] = said
+                && kin.len() == 2
+                && kin.contains(&ends[1])
+                && first == last
+            {
+                places = vec![format!("between the two {}", first.plural)];
             }
             let is = phrases().which(self.scene.cards[object], rng);
             options.extend(places.into_iter().map(|place| match word.one {

@@ -24,6 +24,12 @@ pub(super) struct Phrases {
     pub alternatives: Vec<String>,
     /// The same when the object takes a whole clause to describe.
     pub alternatives_described: Vec<String>,
+    /// What is moved where a need decides it.
+    pub needed: Vec<String>,
+    /// Where it goes where a need decides that: into something, and anywhere else.
+    pub needed_hollow: Vec<String>,
+    /// As above.
+    pub needed_place: Vec<String>,
     /// Several steps.
     pub steps: Steps,
     to: BTreeMap<String, Vec<String>>,

@@ -6,10 +6,11 @@ use genmanip_assets::Catalogue;
 use genmanip_core::{ObjectCard, Relation, Seed, Task, TaskKind};
 use proptest::prelude::*;
 
-use super::knowledge::{handling, needs};
+use super::knowledge::{Decides, handling, is_of, needs};
 use super::naming::has_looks;
 use super::things::{is_movable, things};
 use super::{DesignError, DesignReport, DesignSettings, Missing, Series, design, design_many, measure};
+use crate::references::{self, Mismatch};
 
 fn cards() -> &'static [ObjectCard] {
     Catalogue::builtin().cards()
@@ -73,7 +74,7 @@ fn kinds_are_what_they_are_called() {
                 assert!(marks.iter().any(|mark| text.contains(mark)), "{text}");
             }
             TaskKind::Appearance => {
-                for object in super::super::references::intended(task) {
+                for object in references::intended(task) {
                     let name = task.card(&object).unwrap().name.to_lowercase();
                     assert!(!text.contains(&format!("the {name} ")), "{text} names the {name}");
                 }
@@ -92,24 +93,119 @@ fn kinds_are_what_they_are_called() {
 /// The tables name what exists: a wrong word would silently never be used.
 #[test]
 fn tables_and_catalogue_agree() {
-    let categories: BTreeSet<&str> = cards().iter().map(|card| card.category.as_str()).collect();
-    for card in cards() {
+    let all = Catalogue::full().cards();
+    let classes: BTreeSet<&String> = all.iter().filter_map(|card| Some(&things().kind(card)?.class)).collect();
+    for card in all {
         assert!(things().kind(card).is_some(), "{} has no kind", card.category);
         assert!(has_looks(card), "{} has no looks", card.name);
     }
     for need in needs() {
-        let named = need.serves.iter().chain(&need.rivals).chain(&need.places);
-        for category in named {
-            assert!(categories.contains(category.as_str()), "unknown category {category}");
-        }
-        assert!(cards().iter().any(|card| need.is_met_by(card)), "{:?} cannot be met", need.needs);
+        let known = |sort: &&String| all.iter().any(|card| is_of(sort, card));
+        let unknown: Vec<&String> = need.serves.iter().chain(&need.rivals).filter(|sort| !known(sort)).collect();
+        assert!(unknown.is_empty(), "nothing is {unknown:?} of {:?}", need.says);
+        let unmoved: Vec<&String> =
+            need.movers.iter().filter(|mover| !known(mover) && !classes.contains(mover)).collect();
+        assert!(unmoved.is_empty(), "nothing is {unmoved:?} of {:?}", need.says);
     }
     for handling in handling() {
-        let card = cards().iter().find(|card| card.category == handling.category).unwrap();
+        let card = all.iter().find(|card| card.category == handling.category).unwrap();
         for state in handling.from.iter().chain([&handling.to]) {
             assert!(card.states.contains(state), "{} has no state {state}", card.name);
         }
     }
+}
+
+/// No command says by itself what is meant: the need before it does, and another need says something else.
+#[test]
+fn needs_decide() {
+    assert!(needs().len() >= 100, "{} needs", needs().len());
+    let mut used = BTreeSet::new();
+    for (cards, count) in [(cards(), 60), (Catalogue::full().cards(), 240)] {
+        let kinds = [TaskKind::CommonSense];
+        let batch = design_many(&kinds, count, cards, Seed::new(11), &DesignSettings::default()).unwrap();
+        for task in &batch.tasks {
+            let text = &task.instruction;
+            let (index, said) = needs()
+                .iter()
+                .enumerate()
+                .find_map(|(index, need)| Some((index, need.says.iter().find(|said| text.starts_with(*said))?)))
+                .unwrap_or_else(|| panic!("{text} has no need"));
+            used.insert(index);
+            let request = text[said.len()..].trim();
+            let heard = |instruction: String| references::check(&Task { instruction, ..task.clone() });
+            let alone = heard(request.to_owned());
+            assert!(matches!(alone, Err(Mismatch::Ambiguous { .. })), "{request}: {alone:?}");
+            let others =
+                needs().iter().flat_map(|need| &need.says).filter(|other| !needs()[index].says.contains(other));
+            let turned =
+                others.filter(|other| matches!(heard(format!("{other} {request}")), Err(Mismatch::OtherGoal { .. })));
+            assert!(turned.count() > 0, "no other need changes what `{request}` asks for");
+        }
+    }
+    assert!(used.len() > 100, "only {} needs are used", used.len());
+}
+
+/// The listener knows for every sentence of every need what meets it, among things that do not.
+#[test]
+fn every_need_is_understood() {
+    let all = Catalogue::full().cards();
+    for need in needs() {
+        let met = all.iter().find(|card| need.is_met_by(card) && (need.decides == Decides::Place || is_movable(card)));
+        let met = met.unwrap_or_else(|| panic!("{:?} cannot be met", need.says));
+        let strangers = all.iter().filter(|card| !need.is_doubtful(card)).step_by(97).take(8);
+        let cards: Vec<ObjectCard> = std::iter::once(met).chain(strangers).cloned().collect();
+        let nodes = cards.iter().map(genmanip_core::GraphNode::of).collect();
+        let graph = genmanip_core::SceneGraph { nodes, ..Default::default() };
+        for said in &need.says {
+            let heard = references::read(&format!("{said} Put what I need near the right thing."), &cards, &graph);
+            let phrases = heard.map(|reading| reading.phrases);
+            let expected = ["what i need", "right thing"].map(|words| (words.to_owned(), vec![met.uid.clone()]));
+            assert_eq!(phrases, Ok(expected.to_vec()), "{said}");
+        }
+    }
+}
+
+/// What the designer says of things is what the listener takes it for, for nearly all that the catalogue holds; the
+/// rest is drawn again.
+#[test]
+fn everything_has_words() {
+    let all = Catalogue::full().cards();
+    let stapler = all.iter().find(|card| card.name == "Stapler").unwrap();
+    let (mut said, mut misheard) = (0, Vec::new());
+    let mut understood = BTreeSet::new();
+    for card in all.iter().filter(|card| card.category != stapler.category) {
+        let cards = [card.clone(), stapler.clone()];
+        let nodes = cards.iter().map(genmanip_core::GraphNode::of).collect();
+        let graph = genmanip_core::SceneGraph { nodes, ..Default::default() };
+        for words in card.annotations.looks.iter().chain([&things().words(card).unwrap().noun]) {
+            let heard = references::read(&format!("Put the {words} near the stapler."), &cards, &graph);
+            let means = heard.as_ref().ok().and_then(|reading| reading.phrases.first()).map(|(_, ids)| ids.clone());
+            said += 1;
+            if means == Some(vec![card.uid.clone()]) {
+                understood.insert((card.category.as_str(), card.annotations.looks.contains(words)));
+            } else {
+                misheard.push(format!("{}: {words}: {:?}", card.uid, heard.err()));
+            }
+        }
+    }
+    let share = misheard.len() as f64 / f64::from(said);
+    assert!(share < 0.03, "{:.1} %: {}", 100.0 * share, misheard.join("\n"));
+    for card in all.iter().filter(|card| card.category != stapler.category) {
+        let by = |looks: bool| understood.contains(&(card.category.as_str(), looks));
+        assert!(by(false) && by(true), "{}: by noun {}, by looks {}", card.category, by(false), by(true));
+    }
+}
+
+/// Every family of the catalogue occurs in designed tasks.
+#[test]
+fn all_of_the_catalogue_is_used() {
+    let all = Catalogue::full().cards();
+    let batch = design_many(&TaskKind::ALL, 480, all, Seed::new(12), &DesignSettings::default()).unwrap();
+    let used: BTreeSet<&str> =
+        batch.tasks.iter().flat_map(|task| &task.objects).map(|card| card.category.as_str()).collect();
+    let families = genmanip_assets::listed::listed().iter().map(|one| one.card.category.as_str());
+    let unused: BTreeSet<&str> = families.filter(|one| !used.contains(one)).collect();
+    assert!(unused.is_empty(), "{unused:?}");
 }
 
 /// What goes where: by use, by size and by height.

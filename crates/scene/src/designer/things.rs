@@ -30,16 +30,26 @@ pub(super) struct Things {
 
 /// A kind of thing, named after the category of its cards.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct Kind {
-    /// What people call one.
-    pub noun: String,
-    /// What people call several.
-    pub plural: String,
+    /// What people call it.
+    #[serde(flatten)]
+    pub words: Words,
     /// What it is good for, for the choice of places.
     pub class: String,
     /// Other categories that the noun could mean as well.
     pub alike: Vec<String>,
+    /// Sorts with a noun of their own, by a word of their names: a lime among the lemons.
+    #[serde(default)]
+    pub sorts: BTreeMap<String, Words>,
+}
+
+/// A noun.
+#[derive(Debug, Deserialize, PartialEq, Eq)]
+pub(super) struct Words {
+    /// What people call one.
+    pub noun: String,
+    /// What people call several.
+    pub plural: String,
 }
 
 /// A word for several kinds.
@@ -74,9 +84,19 @@ impl Things {
         self.kinds.get(&card.category)
     }
 
-    /// The kind of a card that is known to have one.
-    pub fn noun<'a>(&'a self, card: &'a ObjectCard) -> &'a str {
-        self.kind(card).map_or(card.category.as_str(), |kind| &kind.noun)
+    /// What people call a thing like this.
+    pub fn words(&self, card: &ObjectCard) -> Option<&Words> {
+        let kind = self.kind(card)?;
+        Some(kind.sorts.iter().find(|(word, _)| is_named(card, word)).map_or(&kind.words, |(_, words)| words))
+    }
+
+    /// Whether the noun of a thing could mean another one as well.
+    pub fn is_alike(&self, card: &ObjectCard, other: &ObjectCard) -> bool {
+        let words = self.words(card);
+        let of_kind = card.category == other.category && words == self.words(other);
+        // A noun of its own, `cardboard box`, says more than that of the kind.
+        let could_mean = |kind: &Kind| words == Some(&kind.words) && kind.alike.contains(&other.category);
+        of_kind || self.kind(card).is_some_and(could_mean)
     }
 
     /// Words for more than one kind that certainly mean this one.
@@ -139,6 +159,11 @@ impl Things {
         };
         there.is_empty() || there.iter().map(|card| area(card)).sum::<f64>() + area(item) < 0.6 * free
     }
+}
+
+/// Whether a word is part of the name of a thing.
+pub(super) fn is_named(card: &ObjectCard, wanted: &str) -> bool {
+    card.name.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| word == wanted)
 }
 
 /// Whether the hand can carry it.

@@ -5,6 +5,8 @@
 
 use genmanip_core::Relation;
 
+use super::lexicon::is_color;
+
 /// One request.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Command {
@@ -75,6 +77,9 @@ const PLACES: [(&str, &[Relation]); 15] = [
     ("on", &[On, Top]),
 ];
 
+/// Words that a noun group begins with.
+const DETERMINERS: [&str; 11] =
+    ["the", "a", "an", "some", "my", "what", "whatever", "something", "both", "another", "one"];
 const TAKE: [&str; 5] = ["pick up", "take", "grab", "find", "fetch"];
 const PUT: [&str; 6] = ["put", "place", "set", "move", "stack", "bring"];
 const STATE: [&str; 15] = [
@@ -117,36 +122,48 @@ const JOINERS: [&str; 18] = [
     "help me",
 ];
 
+/// What was heard.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Heard {
+    /// What is to be done.
+    pub commands: Vec<Command>,
+    /// Everything that commands nothing, in small letters.
+    pub context: String,
+}
+
 /// Reads an instruction; `None` when some command in it is not understood, or there is none.
-pub(super) fn read(instruction: &str) -> Option<Vec<Command>> {
+pub(super) fn read(instruction: &str) -> Option<Heard> {
     let text = instruction.to_lowercase();
-    let mut commands = Vec::new();
+    let mut heard = Heard::default();
     for sentence in text.split(['.', '?', '!']) {
-        let sentence = sentence.split(", because ").next().unwrap_or_default();
+        let (sentence, reason) = sentence.split_once(", because ").unwrap_or((sentence, ""));
         let (before, after) = sentence.split_once(':').unwrap_or(("", sentence));
+        heard.context += &format!(" {before} {reason}");
         let mut reader = Reader::new(after);
         reader.skip_joiners();
         let tower = before.trim().ends_with("tower");
         if reader.is_done() || !(reader.begins_command() || tower) {
+            heard.context += &format!(" {after}");
             continue;
         }
         if let Some(command) = reader.desire() {
             reader.skip_joiners();
             if reader.is_done() {
-                commands.push(command);
+                heard.commands.push(command);
                 continue;
             }
             return None;
         }
         if reader.at("i want").is_some() {
+            heard.context += &format!(" {after}");
             continue;
         }
         while !reader.is_done() {
-            commands.push(reader.command()?);
+            heard.commands.push(reader.command()?);
             reader.skip_joiners();
         }
     }
-    (!commands.is_empty()).then_some(commands)
+    (!heard.commands.is_empty()).then_some(heard)
 }
 
 struct Reader {
@@ -293,7 +310,9 @@ impl Reader {
             .find_map(|(phrase, relations)| self.at_index(index, phrase).map(|length| (*relations, length)))?;
         let follows = self.word(index + length);
         let ends = follows.is_empty() || [",", ";", "and", "or", "its"].contains(&follows);
-        (!ends).then_some((relations, length))
+        // `lettered in red`, `with a cross on top`: what stands somewhere does so in or on the, a or my thing.
+        let bare = ["in", "on"].contains(&self.word(index)) && length == 1 && !DETERMINERS.contains(&follows);
+        (!ends && !bare).then_some((relations, length))
     }
 
     fn group(&mut self) -> Option<Group> {
@@ -313,7 +332,9 @@ impl Reader {
                 break;
             }
             let stops = [",", ";", "and", "or", "so", "together", "both", "either", "down"];
-            let ends = stops.contains(&self.word(self.next)) || self.at("to be").is_some() || self.at_particle();
+            let goes_on = self.word(self.next) == "and" && self.continues(&words);
+            let stops = stops.contains(&self.word(self.next)) && !goes_on;
+            let ends = stops || self.at("to be").is_some() || self.at_particle();
             if ends || self.preposition(self.next).is_some() {
                 break;
             }
@@ -321,6 +342,14 @@ impl Reader {
             self.next += 1;
         }
         (!words.is_empty()).then_some(Group { words, at })
+    }
+
+    /// Whether `and` goes on with what things look like, `with black wheels and red roof`, not with another thing.
+    fn continues(&self, words: &[String]) -> bool {
+        let follows = self.word(self.next + 1);
+        let is_command = [&TAKE[..], &PUT, &STATE, &JOINERS].iter().any(|list| list.contains(&follows));
+        let looks = is_color(follows) || words.iter().any(|word| word == "with");
+        looks && !is_command && !DETERMINERS.contains(&follows) && !["it", "both"].contains(&follows)
     }
 
     /// A particle at the end of a clause, as in `turn the faucet on`.
@@ -354,6 +383,7 @@ impl Reader {
             ("both drawers of", Part::Both),
             ("the door of", Part::Other),
             ("the lid of", Part::Other),
+            ("the flap of", Part::Other),
             ("the screen of", Part::Other),
         ];
         parts.into_iter().find_map(|(phrase, part)| self.take(phrase).then_some(part))

@@ -15,12 +15,16 @@ static LEXICON: LazyLock<Lexicon> = LazyLock::new(|| {
 const SMALL: f64 = 0.6;
 
 /// Words without a meaning of their own inside a description.
-const EMPTY: [&str; 13] = ["the", "a", "an", "of", "its", "and", "with", "my", "some", "at", "each", "both", "one"];
+const EMPTY: [&str; 15] =
+    ["the", "a", "an", "of", "its", "and", "with", "my", "some", "at", "each", "both", "one", "in", "on"];
+
+/// Words after the noun that begin what is said of its looks.
+const TRAITS: [&str; 7] = ["with", "without", "lettered", "marked", "full", "in", "on"];
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Lexicon {
-    /// Nouns and the categories they may mean.
+    /// Nouns and the sorts that they may mean, as [`is_of`] reads them.
     heads: BTreeMap<String, Vec<String>>,
     /// Nouns that may mean anything.
     everything: Vec<String>,
@@ -31,22 +35,10 @@ pub(super) struct Lexicon {
     large: Vec<String>,
     /// Adjectives and the words of a card's text that bear them out; `*` is always borne out.
     synonyms: BTreeMap<String, Vec<String>>,
-    /// What things are for.
-    purposes: Vec<Purpose>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Purpose {
-    any: Vec<String>,
-    #[serde(default)]
-    all: Vec<String>,
-    #[serde(default)]
-    not: Vec<String>,
-    #[serde(default)]
-    means: Vec<String>,
-    #[serde(default)]
-    names: Vec<String>,
+    /// Phrases that leave it to what was said before which thing is meant.
+    vague: Vec<String>,
+    /// What things help with: beginnings of phrases by which a listener knows.
+    helps: BTreeMap<String, Vec<String>>,
 }
 
 /// An instance as a listener knows it.
@@ -58,17 +50,22 @@ pub(super) struct Thing<'c> {
     pub card: &'c ObjectCard,
 }
 
+/// Whether a word is a colour.
+pub(super) fn is_color(word: &str) -> bool {
+    LEXICON.colors.contains(word)
+}
+
 pub(super) fn lexicon() -> &'static Lexicon {
     &LEXICON
 }
 
 impl Lexicon {
     /// Objects that a noun group without relative clause may mean; `None` when its words are not understood.
-    pub fn denote<'c>(&self, words: &[&str], things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
-        if let Some(meant) = self.by_purpose(words, things) {
-            return Some(meant);
+    pub fn denote<'c>(&self, words: &[&str], context: &str, things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
+        if self.vague.contains(&words.join(" ")) {
+            return Some(self.by_need(context, things));
         }
-        let with = words.iter().position(|word| ["with", "without"].contains(word)).unwrap_or(words.len());
+        let with = words.iter().position(|word| TRAITS.contains(word)).unwrap_or(words.len());
         let (core, trait_words) = words.split_at(with);
         let of = core.iter().position(|word| *word == "of").unwrap_or(core.len());
         let (front, tail) = core.split_at(of);
@@ -78,7 +75,7 @@ impl Lexicon {
         let extra = tail.iter().chain(trait_words).filter(|word| !EMPTY.contains(word) && **word != "without");
         // Colours of parts are told in the description, colours of things in the card.
         meant.retain(|thing| extra.clone().all(|word| self.is_borne_out(word, thing.card)));
-        let split: Vec<&str> = adjectives.iter().flat_map(|word| self.parts(word)).collect();
+        let split: Vec<&str> = adjectives.iter().flat_map(|word| self.parts(word, things)).collect();
         let (colors, others): (Vec<&str>, Vec<&str>) = split.into_iter().partition(|word| self.colors.contains(*word));
         for word in others.iter().filter(|word| !EMPTY.contains(word)) {
             meant = self.restrict(word, meant);
@@ -95,9 +92,9 @@ impl Lexicon {
         }
         let named = |thing: &&Thing| thing.card.name.to_lowercase().split(' ').next_back() == Some(head);
         match self.heads.get(head) {
-            Some(categories) => {
+            Some(sorts) => {
                 let meant: Vec<Thing> =
-                    things.iter().copied().filter(|thing| categories.contains(&thing.card.category)).collect();
+                    things.iter().copied().filter(|thing| sorts.iter().any(|sort| is_of(sort, thing.card))).collect();
                 let exact: Vec<Thing> = meant.iter().filter(named).copied().collect();
                 // A word that is the last word of somebody's name and names a book by its sort means that one.
                 let is_sort = ["novel", "cookbook", "dictionary", "paperback"].contains(&head);
@@ -116,34 +113,16 @@ impl Lexicon {
         }
     }
 
-    fn by_purpose<'c>(&self, words: &[&str], things: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
-        let first = *words.first()?;
-        let marks = ["to", "that", "for", "i", "where", "people", "meant", "what"];
-        let is_purpose = first == "something"
-            || first == "what"
-            || words.iter().any(|word| marks.contains(word))
-            || ["teaser", "treat", "meal", "root", "water"].contains(words.last()?)
-            || words.contains(&"treat")
-            || (words.contains(&"sour") || words.contains(&"citrus"));
-        if !is_purpose {
-            return None;
-        }
-        let has = |list: &[String]| list.iter().any(|word| words.contains(&word.as_str()));
-        let mut meant: Option<Vec<Thing>> = None;
-        for purpose in &self.purposes {
-            let all = purpose.all.iter().all(|word| words.contains(&word.as_str()));
-            if has(&purpose.any) && all && !has(&purpose.not) {
-                let fits = |thing: &&Thing| {
-                    purpose.means.contains(&thing.card.category) || purpose.names.contains(&thing.card.name)
-                };
-                let found: Vec<Thing> = things.iter().filter(fits).copied().collect();
-                meant = Some(match meant {
-                    Some(known) => known.into_iter().filter(|thing| found.iter().any(|f| f.id == thing.id)).collect(),
-                    None => found,
-                });
-            }
-        }
-        meant
+    /// The things that help with what was said; any of them when nothing was said that one knows a remedy for.
+    fn by_need<'c>(&self, context: &str, things: &[Thing<'c>]) -> Vec<Thing<'c>> {
+        let is_word = |c: char| c.is_alphanumeric() || c == '\'' || c == '-';
+        let words: Vec<&str> = context.split(|c| !is_word(c)).filter(|word| !word.is_empty()).collect();
+        let said = format!(" {} ", words.join(" "));
+        let known = |phrase: &String| said.contains(&format!(" {phrase}"));
+        let remedies: Vec<&String> =
+            self.helps.iter().filter(|(_, phrases)| phrases.iter().any(known)).map(|(sort, _)| sort).collect();
+        let fits = |thing: &&Thing| remedies.is_empty() || remedies.iter().any(|sort| is_of(sort, thing.card));
+        things.iter().filter(fits).copied().collect()
     }
 
     fn restrict<'c>(&self, word: &str, meant: Vec<Thing<'c>>) -> Vec<Thing<'c>> {
@@ -184,8 +163,11 @@ impl Lexicon {
         stated(word) || known.iter().any(|word| stated(word))
     }
 
-    fn parts<'w>(&self, word: &'w str) -> Vec<&'w str> {
-        match self.synonyms.contains_key(word) {
+    /// `dark-red` is one colour to those who have things of that colour, and otherwise two words.
+    fn parts<'w>(&self, word: &'w str, things: &[Thing]) -> Vec<&'w str> {
+        let is_color =
+            self.colors.contains(word) && things.iter().any(|thing| thing.card.colors.iter().any(|c| c == word));
+        match is_color || self.synonyms.contains_key(word) {
             true => vec![word],
             false => word.split('-').collect(),
         }
@@ -199,6 +181,14 @@ impl Lexicon {
         let one = word.strip_suffix('s').unwrap_or(word);
         if self.heads.contains_key(word) || !self.heads.contains_key(one) { word.to_owned() } else { one.to_owned() }
     }
+}
+
+/// Whether a thing is of a sort: a category, `category:word` with a word of its name, or `category:!word` without it.
+fn is_of(sort: &str, card: &ObjectCard) -> bool {
+    let Some((category, word)) = sort.split_once(':') else { return sort == card.category };
+    let name = card.name.to_lowercase();
+    let named = |wanted: &str| name.split(|c: char| !c.is_alphanumeric()).any(|word| word == wanted);
+    category == card.category && word.strip_prefix('!').map_or_else(|| named(word), |other| !named(other))
 }
 
 /// The things whose main colour it is; where there are none, those that have some of it.

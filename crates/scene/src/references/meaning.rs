@@ -12,6 +12,8 @@ pub(super) struct Listener<'c> {
     things: Vec<Thing<'c>>,
     graph: &'c SceneGraph,
     space: Space<'c>,
+    /// What was said beside the commands.
+    context: &'c str,
     phrases: Vec<(String, Vec<String>)>,
     /// Copies of which a phrase means any.
     choices: Vec<Vec<String>>,
@@ -27,9 +29,9 @@ struct Candidates<'c> {
 }
 
 impl<'c> Listener<'c> {
-    pub fn new(cards: &'c [ObjectCard], graph: &'c SceneGraph) -> Self {
+    pub fn new(cards: &'c [ObjectCard], graph: &'c SceneGraph, context: &'c str) -> Self {
         let things = graph.nodes.iter().zip(cards).map(|(node, card)| Thing { id: &node.id, card }).collect();
-        Self { things, graph, space: Space::new(graph), phrases: Vec::new(), choices: Vec::new() }
+        Self { things, graph, space: Space::new(graph), context, phrases: Vec::new(), choices: Vec::new() }
     }
 
     /// Noun phrases heard so far with what they mean, and the copies of which they mean any.
@@ -143,7 +145,7 @@ impl<'c> Listener<'c> {
         let words: Vec<&str> = group.words.iter().map(String::as_str).collect();
         let of_several = |key: &str| words.iter().position(|word| *word == key);
         if let Some(index) = of_several("two").or_else(|| of_several("three"))
-            && index >= 3
+            && words[..index].ends_with(&["of", "the"])
         {
             let rest = self.denote(&words[index + 1..], group)?;
             let expected = if words[index] == "two" { 2 } else { 3 };
@@ -188,7 +190,7 @@ impl<'c> Listener<'c> {
     }
 
     fn denote(&self, words: &[&str], group: &Group) -> Result<Vec<Thing<'c>>, Mismatch> {
-        lexicon().denote(words, &self.things).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) })
+        lexicon().denote(words, self.context, &self.things).ok_or_else(|| Mismatch::Unreadable { phrase: text(group) })
     }
 
     /// `larger of the two`, `middle one of the three`.

@@ -111,9 +111,9 @@ impl Mismatch {
 /// [`Mismatch`] when it is not understood, or a phrase has no referent or several.
 pub fn read(instruction: &str, cards: &[ObjectCard], graph: &SceneGraph) -> Result<Reading, Mismatch> {
     let unreadable = || Mismatch::Unreadable { phrase: instruction.to_owned() };
-    let commands = grammar::read(instruction).ok_or_else(unreadable)?;
-    let mut listener = Listener::new(cards, graph);
-    let goal = listener.goal(&commands)?;
+    let heard = grammar::read(instruction).ok_or_else(unreadable)?;
+    let mut listener = Listener::new(cards, graph, &heard.context);
+    let goal = listener.goal(&heard.commands)?;
     let (phrases, choices) = listener.into_phrases();
     Ok(Reading { phrases, choices, goal })
 }

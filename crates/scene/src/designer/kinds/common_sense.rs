@@ -1,29 +1,93 @@
-//! A need from everyday life, and the one thing on the table that meets it.
+//! A need from everyday life that decides what is moved or where it goes; the request alone leaves it open.
+//!
+//! Something for another need is on the table as well, so that the same request with that need asks for something else.
 
-use genmanip_core::Relation;
+use genmanip_core::{ObjectCard, Relation};
 use rand::seq::IndexedRandom;
 
-use super::{Draft, draft, toss, wanted_relation};
+use super::{Draft, draft, say_place, toss, wanted_relation};
 use crate::designer::composer::{Composer, Place};
-use crate::designer::knowledge::needs;
-use crate::designer::naming::Style;
+use crate::designer::knowledge::{Decides, Need, needs};
+use crate::designer::naming::{Namer, Style};
 use crate::designer::phrasing::{choose, fill, phrases};
-use crate::designer::things::things;
+use crate::designer::things::{is_movable, things};
 
-/// Share of things that are only wanted near by.
+/// Share of things that are only wanted near by: people mostly do not care on which side.
 const AT_HAND: f64 = 0.8;
 
-/// A scene with exactly one thing that meets the need.
+/// Other needs tried before the scene is given up.
+const OTHER_NEEDS: usize = 60;
+
+/// A scene with exactly one thing that meets the need, and exactly one that meets another.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     let need = needs().choose(&mut composer.rng)?;
-    let item = composer.pick_mover(|card| need.is_met_by(card))?;
-    // People mostly want a thing at hand and do not care on which side.
     let is_near = need.relations.contains(&Relation::Near) && toss(composer, AT_HAND);
     let relation = if is_near { Relation::Near } else { wanted_relation(composer, &need.relations)? };
-    let is_place = |category: &String| need.places.contains(category);
-    let target = composer.pick(|card| {
-        let suits = is_place(&card.category) && !need.is_doubtful(card);
-        suits && (!relation.is_support() || things().may_carry(card, item, relation))
+    let (subject, place, meets, other) = match need.decides {
+        Decides::Object => what(composer, need, relation)?,
+        Decides::Place => whereto(composer, need, relation)?,
+    };
+    composer.balance.add(relation);
+    let count = composer.object_count();
+    composer.fill(count);
+    let cards = &composer.sketch.cards;
+    let doubtful =
+        |need: &Need, met: usize| (0..cards.len()).any(|object| object != met && need.is_doubtful(cards[object]));
+    if doubtful(need, meets[0]) || doubtful(other, meets[1]) {
+        return None;
+    }
+
+    let (named, to, at) = match need.decides {
+        Decides::Object => {
+            let (to, at) = say_place(composer, place, Style::Plain)?;
+            (choose(&phrases().needed, &mut composer.rng).to_owned(), to, at)
+        }
+        Decides::Place => {
+            let named = Namer::new(&composer.sketch).name(subject, Style::Plain, &mut composer.rng)?;
+            let words = if relation == Relation::In { &phrases().needed_hollow } else { &phrases().needed_place };
+            let word = choose(words, &mut composer.rng);
+            let card = composer.sketch.cards[place.reference];
+            let to = phrases().direction(relation, card, word, "", &mut composer.rng);
+            (named, to, phrases().place(relation, card, word, "", &mut composer.rng))
+        }
+    };
+    let request = fill(choose(&phrases().r#move, &mut composer.rng), &[("x", &named), ("to", &to), ("at", &at)]);
+    let said = choose(&need.says, &mut composer.rng);
+    let instead = format!("{} {request}", choose(&other.says, &mut composer.rng));
+    let draft = draft(composer, format!("{said} {request}"), vec![vec![place.of(subject)]])?;
+    Some(Draft { without_need: Some([request, instead]), ..draft })
+}
+
+/// What is moved, where to, what meets the two needs, and the other need.
+type Scene = (usize, Place, [usize; 2], &'static Need);
+
+/// The need decides what is moved; any other thing on the table says where to.
+fn what(composer: &mut Composer, need: &'static Need, relation: Relation) -> Option<Scene> {
+    let item = composer.pick_mover(|card| need.is_met_by(card))?;
+    let (other, instead) = other_need(composer, need, |composer, other| {
+        let suits = |card: &ObjectCard| is_movable(card) && other.is_met_by(card) && !need.is_doubtful(card);
+        if other.is_doubtful(item) { None } else { composer.pick(suits) }
+    })?;
+    let anchor = composer.pick_filler().filter(|card| !need.is_doubtful(card) && !other.is_doubtful(card))?;
+    let reference = composer.add(anchor)?;
+    composer.keep_free(item, relation, reference)?;
+    let place = Place { relation, reference, second: None };
+    let subject = composer.add_to_move(item, place, Style::Plain)?;
+    let instead = composer.add(instead)?;
+    Some((subject, place, [subject, instead], other))
+}
+
+/// The need decides where something goes.
+fn whereto(composer: &mut Composer, need: &'static Need, relation: Relation) -> Option<Scene> {
+    let item = composer.pick_mover(|card| need.may_move(card) && !need.is_doubtful(card))?;
+    let fits = |need: &Need, card: &ObjectCard| {
+        need.is_met_by(card) && (!relation.is_support() || things().may_carry(card, item, relation))
+    };
+    let target = composer.pick(|card| fits(need, card))?;
+    let (other, instead) = other_need(composer, need, |composer, other| {
+        let suits = |card: &ObjectCard| fits(other, card) && !need.is_doubtful(card);
+        let asks = other.relations.contains(&relation) && other.may_move(item) && !other.is_doubtful(item);
+        if asks && !other.is_doubtful(target) { composer.pick(suits) } else { None }
     })?;
     let reference = composer.add(target)?;
     if relation.is_support() {
@@ -31,27 +95,27 @@ pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
     } else {
         composer.keep_free(item, relation, reference)?;
     }
-    composer.balance.add(relation);
     let place = Place { relation, reference, second: None };
     let subject = composer.add_to_move(item, place, Style::Plain)?;
-    let count = composer.object_count();
-    composer.fill(count);
-    let scene = &composer.sketch;
-    let others = (0..scene.len()).filter(|&object| object != subject);
-    if others.into_iter().any(|object| need.is_doubtful(scene.cards[object])) {
-        return None;
-    }
+    let instead = composer.add(instead)?;
+    composer.sketch.closed.push(instead);
+    Some((subject, place, [reference, instead], other))
+}
 
-    let named = choose(&need.item, &mut composer.rng).to_owned();
-    let (to, at) = if need.place_words.is_empty() {
-        super::say_place(composer, place, Style::Plain)?
-    } else {
-        let word = choose(&need.place_words, &mut composer.rng);
-        let card = composer.sketch.cards[reference];
-        let to = phrases().direction(relation, card, word, "", &mut composer.rng);
-        (to, phrases().place(relation, card, word, "", &mut composer.rng))
-    };
-    let said = choose(&need.needs, &mut composer.rng);
-    let request = fill(choose(&phrases().r#move, &mut composer.rng), &[("x", &named), ("to", &to), ("at", &at)]);
-    draft(composer, format!("{said} {request}"), vec![vec![place.of(subject)]])
+/// Another need that decides the same, and a thing for it.
+fn other_need<'a>(
+    composer: &mut Composer<'a>,
+    need: &'static Need,
+    mut find: impl FnMut(&mut Composer<'a>, &'static Need) -> Option<&'a ObjectCard>,
+) -> Option<(&'static Need, &'a ObjectCard)> {
+    for _ in 0..OTHER_NEEDS {
+        let other = needs().choose(&mut composer.rng)?;
+        if std::ptr::eq(other, need) || other.decides != need.decides {
+            continue;
+        }
+        if let Some(card) = find(composer, other) {
+            return Some((other, card));
+        }
+    }
+    None
 }

@@ -19,6 +19,8 @@ pub(super) struct Draft {
     pub description: String,
     /// Alternatives of the goal.
     pub goal: Vec<Vec<Condition>>,
+    /// Sentences that must not ask for the goal: the request without its need, and with another need.
+    pub without_need: Option<[String; 2]>,
 }
 
 /// Composes a task in an empty composer; `None` when the draws do not work out.
@@ -43,7 +45,7 @@ fn draft(composer: &mut Composer, instruction: String, goal: Vec<Vec<Condition>>
     }
     initial_states(composer);
     let description = describe(&composer.sketch);
-    Some(Draft { instruction: capitalised(&instruction), description, goal })
+    Some(Draft { instruction: capitalised(&instruction), description, goal, without_need: None })
 }
 
 /// Articulated objects that the task says nothing about are in any of their states.
@@ -92,9 +94,11 @@ fn mover_for<'a>(
     relation: Relation,
     suits: impl Fn(&ObjectCard) -> bool,
 ) -> Option<&'a ObjectCard> {
-    let cards = composer.cards;
+    let may_host =
+        |host: &&ObjectCard| things().host(host).is_some_and(|manners| manners.relations.contains(&relation));
+    let hosts: Vec<&ObjectCard> = composer.cards.iter().filter(may_host).collect();
     let has_place =
-        |card: &ObjectCard| !relation.is_support() || cards.iter().any(|host| things().may_carry(host, card, relation));
+        |card: &ObjectCard| !relation.is_support() || hosts.iter().any(|host| things().may_carry(host, card, relation));
     composer.pick_mover(|card| has_place(card) && suits(card))
 }
 
