@@ -25,6 +25,7 @@ pub mod variation;
 mod arrival;
 mod canvas;
 mod edges;
+mod lanes;
 mod layers;
 mod mesh;
 mod normals;
