@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{Document, EpisodeResult, NotRun, Scenario, TaskKind, Upgrade, upgrade};
+use genmanip_core::{
+    Document, DocumentError, EpisodeResult, LongDocument, NotRun, Scenario, TaskKind, Upgrade, long_from_json,
+    long_to_json, upgrade,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -45,6 +48,23 @@ impl Document for EvaluationReport {
     const SCHEMA: &'static str = "genmanip.evaluation/2";
     const PREVIOUS: Option<Upgrade> =
         Some(Upgrade { schema: "genmanip.evaluation/1", upgrade: upgrade::result::evaluation_from_1 });
+
+    fn from_json(text: &str) -> Result<Self, DocumentError> {
+        long_from_json(text)
+    }
+
+    fn to_json(&self) -> String {
+        long_to_json(self)
+    }
+}
+
+impl LongDocument for EvaluationReport {
+    const LIST: &'static str = "results";
+    type Entry = EpisodeResult;
+
+    fn entries(&mut self) -> &mut Vec<EpisodeResult> {
+        &mut self.results
+    }
 }
 
 /// Why results make no report.

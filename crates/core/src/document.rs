@@ -5,6 +5,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use crate::document_error::DocumentError;
+use crate::limits::ENTRIES;
 
 /// A type that is exchanged as a versioned JSON file.
 ///
@@ -66,14 +67,7 @@ pub trait Document: Serialize + DeserializeOwned {
                 });
             }
         }
-        let document: Self =
-            serde_path_to_error::deserialize(Value::Object(map)).map_err(|error| DocumentError::Invalid {
-                path: match error.path().to_string() {
-                    root if root == "." => "$".into(),
-                    path => format!("$.{path}"),
-                },
-                message: error.inner().to_string(),
-            })?;
+        let document: Self = typed(Value::Object(map), "$")?;
         document.check()?;
         Ok(document)
     }
@@ -105,4 +99,150 @@ pub struct Upgrade {
     pub schema: &'static str,
     /// Changes the body, without its schema, into a body of the present version.
     pub upgrade: fn(&mut Map<String, Value>) -> Result<(), DocumentError>,
+}
+
+/// A document with one list that may be so long that it is read entry by entry.
+///
+/// Its [`Document::from_json`] is [`long_from_json`], and its [`Document::to_json`] is [`long_to_json`].
+pub trait LongDocument: Document {
+    /// Key of the list, which stands behind the schema.
+    const LIST: &'static str;
+    /// What the list holds.
+    type Entry: DeserializeOwned;
+
+    /// The list.
+    fn entries(&mut self) -> &mut Vec<Self::Entry>;
+}
+
+/// Reads a document without holding all of it twice.
+///
+/// # Errors
+/// As [`Document::from_json`].
+pub fn long_from_json<T: LongDocument>(text: &str) -> Result<T, DocumentError> {
+    let mut entries: Vec<T::Entry> = Vec::new();
+    let rest = crate::json::parse_listing(text, T::SCHEMA, T::LIST, &mut |index, value| {
+        if index == ENTRIES {
+            let (path, message) = (format!("$.{}", T::LIST), format!("expected at most {ENTRIES} entries, got more"));
+            return Err(DocumentError::Invalid { path, message });
+        }
+        entries.push(typed(value, &format!("$.{}[{index}]", T::LIST))?);
+        Ok(())
+    })?;
+    let mut document = T::from_value(rest)?;
+    if !entries.is_empty() {
+        *document.entries() = entries;
+        document.check()?;
+    }
+    Ok(document)
+}
+
+/// The text of [`Document::to_json`], made without a copy of the document.
+pub fn long_to_json<T: LongDocument>(document: &T) -> String {
+    #[derive(Serialize)]
+    struct Tagged<'a, T> {
+        schema: &'static str,
+        #[serde(flatten)]
+        body: &'a T,
+    }
+    let mut text = serde_json::to_string_pretty(&Tagged { schema: T::SCHEMA, body: document }).unwrap_or_default();
+    text.push('\n');
+    text
+}
+
+/// A value of a type, or where in the document it is something else.
+fn typed<T: DeserializeOwned>(value: Value, place: &str) -> Result<T, DocumentError> {
+    serde_path_to_error::deserialize(value).map_err(|error| DocumentError::Invalid {
+        path: match error.path().to_string() {
+            root if root == "." => place.into(),
+            path if path.starts_with('[') => format!("{place}{path}"),
+            path => format!("{place}.{path}"),
+        },
+        message: error.inner().to_string(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, PartialEq, Serialize, serde::Deserialize)]
+    struct Diary {
+        title: String,
+        days: Vec<(u32, String)>,
+        pages: Option<u32>,
+    }
+
+    impl Document for Diary {
+        const SCHEMA: &'static str = "diary/2";
+        const PREVIOUS: Option<Upgrade> = Some(Upgrade {
+            schema: "diary/1",
+            upgrade: |map| {
+                map.insert("pages".into(), Value::Null);
+                Ok(())
+            },
+        });
+
+        fn from_json(text: &str) -> Result<Self, DocumentError> {
+            long_from_json(text)
+        }
+
+        fn to_json(&self) -> String {
+            long_to_json(self)
+        }
+    }
+
+    impl LongDocument for Diary {
+        const LIST: &'static str = "days";
+        type Entry = (u32, String);
+
+        fn entries(&mut self) -> &mut Vec<(u32, String)> {
+            &mut self.days
+        }
+    }
+
+    #[test]
+    fn a_long_document_is_read_and_written_as_any_other() {
+        let diary = Diary { title: "a".into(), days: vec![(1, "b".into()), (2, "c\"".into())], pages: Some(3) };
+        let whole = serde_json::to_string_pretty(&diary.to_value()).unwrap() + "\n";
+        assert_eq!(diary.to_json(), whole);
+        assert_eq!(Diary::from_json(&whole).unwrap(), diary);
+        for (text, days, pages) in [
+            // The list before the schema, an older version, no entry.
+            (r#"{"days": [[1, "b"]], "schema": "diary/2", "title": "a", "pages": 1}"#, 1, Some(1)),
+            (r#"{"schema": "diary/1", "title": "a", "days": [[1, "b"], [2, "c"]]}"#, 2, None),
+            (r#"{"schema": "diary/2", "title": "a", "days": [], "pages": null}"#, 0, None),
+        ] {
+            let diary = Diary::from_json(text).unwrap();
+            assert_eq!((diary.days.len(), diary.pages), (days, pages), "{text}");
+        }
+    }
+
+    #[test]
+    fn lists_are_bounded() {
+        let text = |count| {
+            format!(r#"{{"schema": "diary/2", "title": "", "days": [{}[1, ""]]}}"#, "[1, \"\"],".repeat(count - 1))
+        };
+        assert_eq!(Diary::from_json(&text(ENTRIES)).unwrap().days.len(), ENTRIES);
+        let error = Diary::from_json(&text(ENTRIES + 1)).unwrap_err().to_string();
+        assert_eq!(error, "at $.days: expected at most 100000 entries, got more");
+    }
+
+    #[test]
+    fn what_is_wrong_in_a_long_document_has_its_place() {
+        for (text, expected) in [
+            (r#"{"schema": "diary/2", "title": "a", "days": [[1, "b"], [2, 3]]}"#, "at $.days[1][1]: invalid type"),
+            (r#"{"schema": "diary/2", "title": "a", "days": [[1, "b"], 7]}"#, "at $.days[1]: invalid type"),
+            (r#"{"schema": "diary/2", "title": "a", "days": {"b": 1}}"#, "at $.days: invalid type: map"),
+            (r#"{"schema": "diary/2", "title": 1, "days": [[1, "b"]]}"#, "at $.title: invalid type"),
+            (r#"{"schema": "diary/2", "days": [[1, "b"]]}"#, "at $: missing field `title`"),
+            (r#"{"schema": "diary/3", "title": "a", "days": [7]}"#, "expected schema \"diary/2\", got \"diary/3\""),
+            (r#"{"schema": "diary/2", "days": [[1, "b"]], "days": []}"#, "key `days` stands twice"),
+            (r#"{"schema": "diary/2", "days": [{"a": 1, "a": 2}]}"#, "key `a` stands twice"),
+            (r#"{"schema": "diary/2", "days": [[1, "b"]"#, "EOF"),
+            ("[1]", "at $: expected an object"),
+        ] {
+            let error = Diary::from_json(text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
 }

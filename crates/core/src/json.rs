@@ -1,5 +1,6 @@
 //! Strict JSON: as the standard has it, and every key of an object once.
 
+use std::cell::Cell;
 use std::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
@@ -11,7 +12,8 @@ use crate::DocumentError;
 ///
 /// # Errors
 /// [`DocumentError::NotJson`] with line, column and what to do, also for a key that stands twice in one object: which of
-/// the two counts is left open by the standard, so programs would read different documents.
+/// the two counts is left open by the standard, so programs would read different documents; and for a text of so many
+/// small values that they would take more memory than any document needs.
 ///
 /// ```
 /// assert!(genmanip_core::json::parse(r#"{"seed": 1}"#).is_ok());
@@ -19,8 +21,42 @@ use crate::DocumentError;
 /// assert!(error.to_string().contains("key `seed` stands twice"));
 /// ```
 pub fn parse(text: &str) -> Result<Value, DocumentError> {
+    let room = Room::new();
+    read(text, Unique { room: &room })
+}
+
+/// The value that the text of a document of `schema` stands for, without the list that it has at `key`: each of its
+/// entries is handed over as soon as it is read.
+///
+/// A document whose schema is another, or does not come before the list, keeps the list; nothing is handed over then.
+///
+/// # Errors
+/// As [`parse`], where every entry may take as much memory as a whole text may there; and those of `take`, which gets the
+/// index of the entry and the entry.
+pub(crate) fn parse_listing(
+    text: &str,
+    schema: &str,
+    key: &str,
+    take: &mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
+) -> Result<Value, DocumentError> {
+    if !text.trim_start().starts_with('{') {
+        return parse(text);
+    }
+    let mut refused = None;
+    let value = read(text, Listing { schema, key, take, refused: &mut refused });
+    match (refused, value) {
+        (Some(error), _) => Err(error),
+        // Within an object, only the list must be of one type.
+        (None, Err(DocumentError::NotJson { message, .. })) if message.starts_with("invalid type") => {
+            Err(DocumentError::Invalid { path: format!("$.{key}"), message })
+        }
+        (None, value) => value,
+    }
+}
+
+fn read<'de, S: DeserializeSeed<'de, Value = Value>>(text: &'de str, seed: S) -> Result<Value, DocumentError> {
     let mut reader = serde_json::Deserializer::from_str(text);
-    let value = Unique.deserialize(&mut reader).and_then(|value| reader.end().map(|()| value));
+    let value = seed.deserialize(&mut reader).and_then(|value| reader.end().map(|()| value));
     value.map_err(|error| DocumentError::NotJson {
         line: error.line(),
         column: error.column(),
@@ -60,15 +96,44 @@ fn hint(text: &str, error: &serde_json::Error) -> &'static str {
         "the file ends too early; was it cut off while it was copied or written?"
     } else if error.to_string().contains("stands twice") {
         "keep one of the two"
+    } else if error.to_string().contains(TOO_MANY) {
+        "expected a document with fewer values; is it what it should be?"
     } else {
         "JSON has no NaN, no infinity, no comments and no trailing commas"
     }
 }
 
-/// Reads any value and refuses a key that stands twice.
-struct Unique;
+/// Memory that the values of one text may take, bytes: with what a growing list needs besides and the text itself, it
+/// stays below the 1 GB that any reader may need.
+const MOST_BYTES: usize = 256 << 20;
+const TOO_MANY: &str = "so many values that they need more than 256 MiB of memory";
+/// What a value takes in a list, and in an object beside the bytes of its key (its hash, its key and itself).
+const ITEM: usize = size_of::<Value>();
+const ENTRY: usize = size_of::<(usize, String, Value)>() + size_of::<usize>();
+/// Entries for which the first one makes room.
+const FIRST: usize = 4;
 
-impl<'de> DeserializeSeed<'de> for Unique {
+/// Counts the memory that is left for values.
+struct Room(Cell<usize>);
+
+impl Room {
+    fn new() -> Self {
+        Self(Cell::new(MOST_BYTES))
+    }
+
+    fn take<E: Error>(&self, bytes: usize) -> Result<(), E> {
+        self.0.set(self.0.get().checked_sub(bytes).ok_or_else(|| E::custom(TOO_MANY))?);
+        Ok(())
+    }
+}
+
+/// Reads any value and refuses a key that stands twice.
+#[derive(Clone, Copy)]
+struct Unique<'a> {
+    room: &'a Room,
+}
+
+impl<'de> DeserializeSeed<'de> for Unique<'_> {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
@@ -76,7 +141,7 @@ impl<'de> DeserializeSeed<'de> for Unique {
     }
 }
 
-impl<'de> Visitor<'de> for Unique {
+impl<'de> Visitor<'de> for Unique<'_> {
     type Value = Value;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -113,7 +178,8 @@ impl<'de> Visitor<'de> for Unique {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
         let mut array = Vec::new();
-        while let Some(item) = items.next_element_seed(Unique)? {
+        while let Some(item) = items.next_element_seed(self)? {
+            self.room.take(if array.is_empty() { FIRST * ITEM } else { ITEM })?;
             array.push(item);
         }
         Ok(Value::Array(array))
@@ -121,13 +187,91 @@ impl<'de> Visitor<'de> for Unique {
 
     fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
         let mut map = Map::new();
-        while let Some(key) = entries.next_key::<String>()? {
-            if map.contains_key(&key) {
-                return Err(A::Error::custom(format_args!("key `{key}` stands twice")));
-            }
-            map.insert(key, entries.next_value_seed(Unique)?);
+        while let Some(key) = next_key(&map, &mut entries)? {
+            self.room.take(key.len() + if map.is_empty() { FIRST * ENTRY } else { ENTRY })?;
+            map.insert(key, entries.next_value_seed(self)?);
         }
         Ok(Value::Object(map))
+    }
+}
+
+/// The next key, which must be a new one.
+fn next_key<'de, A: MapAccess<'de>>(map: &Map<String, Value>, entries: &mut A) -> Result<Option<String>, A::Error> {
+    match entries.next_key::<String>()? {
+        Some(key) if map.contains_key(&key) => Err(A::Error::custom(format_args!("key `{key}` stands twice"))),
+        key => Ok(key),
+    }
+}
+
+/// Reads an object of a schema whose list is handed over entry by entry.
+struct Listing<'a> {
+    schema: &'a str,
+    key: &'a str,
+    take: &'a mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
+    /// Why an entry was not taken.
+    refused: &'a mut Option<DocumentError>,
+}
+
+impl<'de> DeserializeSeed<'de> for Listing<'_> {
+    type Value = Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Listing<'_> {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(mut self, mut entries: A) -> Result<Value, A::Error> {
+        let room = Room::new();
+        let mut map = Map::new();
+        while let Some(key) = next_key(&map, &mut entries)? {
+            let is_listed = key == self.key && map.get("schema").is_some_and(|schema| schema == self.schema);
+            room.take(key.len() + ENTRY)?;
+            let value = if is_listed {
+                entries.next_value_seed(Entries(&mut self))?
+            } else {
+                entries.next_value_seed(Unique { room: &room })?
+            };
+            map.insert(key, value);
+        }
+        Ok(Value::Object(map))
+    }
+}
+
+/// The entries of that list; the value is an empty one.
+struct Entries<'a, 'b>(&'a mut Listing<'b>);
+
+impl<'de> DeserializeSeed<'de> for Entries<'_, '_> {
+    type Value = Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Entries<'_, '_> {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Value, A::Error> {
+        for index in 0.. {
+            let room = Room::new();
+            let Some(entry) = items.next_element_seed(Unique { room: &room })? else { break };
+            if let Err(error) = (self.0.take)(index, entry) {
+                *self.0.refused = Some(error);
+                return Err(A::Error::custom("an entry is not as expected"));
+            }
+        }
+        Ok(Value::Array(Vec::new()))
     }
 }
 
@@ -141,6 +285,18 @@ mod tests {
         for text in ["null", "[1, -2, 2.5, 1e300, true, \"ä\\n\", {}]", r#"{"a": {"a": [18446744073709551615]}}"#] {
             assert_eq!(parse(text).unwrap(), serde_json::from_str::<serde_json::Value>(text).unwrap());
         }
+    }
+
+    #[test]
+    fn many_small_values_are_refused_before_they_fill_the_memory() {
+        // What costs most per byte of text: values that each take some hundred bytes.
+        for unit in ["[0],", "{\"a\":0},", "0,"] {
+            let text = format!("[{}0]", unit.repeat((16 << 20) / unit.len()));
+            let Err(DocumentError::NotJson { message, hint, .. }) = parse(&text) else { panic!("{unit} was read") };
+            assert!(message.contains("256 MiB") && hint.contains("fewer values"), "{unit}: {message}");
+        }
+        assert!(parse(&format!("[{}0]", "0,".repeat(1 << 20))).is_ok());
+        assert!(parse(&format!("[\"{}\"]", "x".repeat(16 << 20))).is_ok());
     }
 
     #[test]

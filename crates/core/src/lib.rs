@@ -51,7 +51,7 @@ pub use action::{
 };
 pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount, Intrinsics};
-pub use document::{Document, Upgrade};
+pub use document::{Document, LongDocument, Upgrade, long_from_json, long_to_json};
 pub use document_error::DocumentError;
 pub use episode::{
     AttemptOutcome, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun, ObjectState,

@@ -39,16 +39,18 @@ pub const WORLD_OR_SCENARIO: Limit = Limit::mib("a world or scenario", 8);
 pub const CAMERAS: Limit = Limit::mib("a list of cameras", 1);
 /// Settings of a language model, TOML.
 pub const SETTINGS: Limit = Limit::mib("a settings file", 1);
-/// `run.json`: all tasks of a run.
-pub const RUN: Limit = Limit::mib("the record of a run", 16);
+/// `run.json`: all tasks of a run, 9 KiB each, so some 20,000 of them.
+pub const RUN: Limit = Limit::mib("the record of a run", 192);
+/// Most tasks of a run and results of an evaluation, however small they are.
+pub const ENTRIES: usize = 100_000;
 /// `timings.json`: two numbers per attempt.
 pub const TIMINGS: Limit = Limit::mib("the timings of a run", 16);
-/// A results file of an evaluation, 3 KiB per episode.
-pub const EVALUATION: Limit = Limit::mib("an evaluation", 16);
+/// A results file of an evaluation, 3 to 5 KiB per episode.
+pub const EVALUATION: Limit = Limit::mib("an evaluation", 192);
 /// The identity of an evaluation that is under way.
 pub const IDENTITY: Limit = Limit::mib("the identity of an evaluation", 4);
 /// Results of an evaluation that is under way, one per line.
-pub const RESULTS: Limit = Limit::mib("the results of an unfinished evaluation", 64);
+pub const RESULTS: Limit = Limit::mib("the results of an unfinished evaluation", 192);
 /// Longest line of those results: a result names every condition of its goal.
 pub const RESULT_LINE: Limit = Limit::mib("a result", 1);
 /// Tried grasps; those of the catalogue take 1 MiB.

@@ -15,7 +15,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use genmanip_core::{Document, Seed, Task, Upgrade, limits, upgrade};
+use genmanip_core::{
+    Document, DocumentError, LongDocument, Seed, Task, Upgrade, limits, long_from_json, long_to_json, upgrade,
+};
 use genmanip_data::{DataError, EpisodeStore, files};
 use genmanip_rollout::collect::CollectSettings;
 use serde::{Deserialize, Serialize};
@@ -45,6 +47,23 @@ pub struct Run {
 impl Document for Run {
     const SCHEMA: &'static str = "genmanip.run/2";
     const PREVIOUS: Option<Upgrade> = Some(upgrade::run::FROM_1);
+
+    fn from_json(text: &str) -> Result<Self, DocumentError> {
+        long_from_json(text)
+    }
+
+    fn to_json(&self) -> String {
+        long_to_json(self)
+    }
+}
+
+impl LongDocument for Run {
+    const LIST: &'static str = "tasks";
+    type Entry = Task;
+
+    fn entries(&mut self) -> &mut Vec<Task> {
+        &mut self.tasks
+    }
 }
 
 impl Run {
@@ -257,20 +276,23 @@ fn difference(known: &Run, asked: &Run) -> String {
     if known.genmanip_version != asked.genmanip_version || known.engine != asked.engine {
         return format!("made by version {} with {}", known.genmanip_version, known.engine);
     }
-    let value = |run: &Run| serde_json::to_value(run).unwrap_or_default();
-    let (known_value, asked_value) = (value(known), value(asked));
-    if known.tasks != asked.tasks {
-        let ids = |run: &Run| run.tasks.iter().map(|task| task.id.clone()).collect::<Vec<_>>();
-        if ids(known) != ids(asked) {
-            return format!("its tasks are {}, not {}", listed(&ids(known)), listed(&ids(asked)));
-        }
+    let ids = |run: &Run| run.tasks.iter().map(|task| task.id.clone()).collect::<Vec<_>>();
+    if ids(known) != ids(asked) {
+        return format!("its tasks are {}, not {}", listed(&ids(known)), listed(&ids(asked)));
     }
-    for part in ["tasks", "settings"] {
-        if let Some(found) = first_difference(part, &known_value[part], &asked_value[part]) {
-            return found;
-        }
+    let tasks = known.tasks.iter().zip(&asked.tasks).enumerate();
+    let task = tasks.filter_map(|(index, (known, asked))| differs(&format!("tasks[{index}]"), known, asked)).next();
+    task.or_else(|| differs("settings", &known.settings, &asked.settings))
+        .unwrap_or_else(|| "with other settings".into())
+}
+
+/// Where two values first differ, see [`first_difference`].
+fn differs<T: PartialEq + Serialize>(place: &str, known: &T, asked: &T) -> Option<String> {
+    if known == asked {
+        return None;
     }
-    "with other settings".into()
+    let [known, asked] = [known, asked].map(|value| serde_json::to_value(value).unwrap_or_default());
+    first_difference(place, &known, &asked)
 }
 
 /// Names, the first few of many.
@@ -309,6 +331,30 @@ pub(crate) fn first_difference(place: &str, known: &Value, asked: &Value) -> Opt
 mod tests {
     use super::*;
     use serde_json::json;
+
+    /// Runs of thousands of tasks open: their record is read task by task.
+    #[test]
+    fn a_long_record_is_the_same_document() {
+        let tasks = inputs::designed_tasks(2, 1, genmanip_assets::Catalogue::builtin()).unwrap();
+        let many = tasks.iter().cycle().take(1000).enumerate();
+        let tasks = many.map(|(index, task)| Task { id: format!("{}-{index}", task.id), ..task.clone() }).collect();
+        let run = Run::new(
+            tasks,
+            1,
+            CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone()),
+            Seed::new(7),
+        );
+        let text = run.to_json();
+        assert_eq!(text, serde_json::to_string_pretty(&run.to_value()).unwrap() + "\n", "streamed or not");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run");
+        RunFolder::begin(&path, &run).unwrap();
+        assert_eq!(RunFolder::open(&path).unwrap().1, run);
+        std::fs::write(path.join(RECORD), text.replacen("\"subject\"", "\"subjects\"", 1)).unwrap();
+        let error = RunFolder::open(&path).err().unwrap();
+        let source = std::error::Error::source(&error).unwrap().to_string();
+        assert!(source.starts_with("at $.tasks[0].goal"), "{source}");
+    }
 
     #[test]
     fn the_first_difference_is_named_with_its_place() {
