@@ -185,9 +185,9 @@ impl Arrival {
             } else if differ == 0
                 && let Some(normal) = view.normal_of(assets, first)
             {
-                let corners = [columns.start, columns.end - 1].into_iter().flat_map(|x| {
-                    [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x]))
-                });
+                let corners = [columns.start, columns.end - 1]
+                    .into_iter()
+                    .flat_map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
                 shadow.span_of_plane(corners, normal)
             } else {
                 let depths = [1.0 / low, 1.0 / high];
@@ -248,8 +248,7 @@ impl Arrival {
             let part = assets.parts.get((self.tiles[tile].surface as usize).wrapping_sub(1));
             let [from, to] = self.around(tile, self.tiles[tile].reach);
             // Only one convex part is seen all around.
-            variation.occlusion_radius_m <= 0.0
-                || part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
+            variation.occlusion_radius_m <= 0.0 || part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
         }));
         self.is_plain = is_plain;
     }
@@ -448,13 +447,7 @@ impl Bins {
     }
 
     /// Calls with each part that is seen and some of its pixels, until all had their turn.
-    pub fn for_each(
-        &self,
-        pixels: &mut Pixels,
-        opaque: &Target,
-        depth: &[f32],
-        mut call: impl FnMut(usize, &Pixels),
-    ) {
+    pub fn for_each(&self, pixels: &mut Pixels, opaque: &Target, depth: &[f32], mut call: impl FnMut(usize, &Pixels)) {
         for (part, bin) in self.parts.iter().enumerate() {
             for &place in &bin.tiles {
                 pixels.tile(place, opaque, depth);
@@ -641,14 +634,7 @@ fn blur_half_tile(window: &Window<HALF_WINDOW>) -> [[f32; HALF]; HALF] {
 }
 
 /// Share of the ambient light that reaches points.
-fn occlude(
-    points: &Points,
-    depth: &[f32],
-    size: [usize; 2],
-    focal: f32,
-    variation: &RenderVariation,
-    taps: &mut Taps,
-) {
+fn occlude(points: &Points, depth: &[f32], size: [usize; 2], focal: f32, variation: &RenderVariation, taps: &mut Taps) {
     let radius = variation.occlusion_radius_m;
     taps.begin(points, focal, radius);
     for &offset in spiral() {

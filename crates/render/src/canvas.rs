@@ -104,7 +104,8 @@ impl Canvas {
     /// Goes through the image strip by strip, so that what one stage writes is near when the next one reads it; each
     /// stage is so far behind the one before that the strips beside its own are ready.
     fn draw_strips(&mut self, scene: &Scene<'_>) {
-        let tiles_in_strip = self.opaque.tile_columns * (STRIP_PIXELS / (TILE * TILE) / self.opaque.tile_columns).max(1);
+        let tiles_in_strip =
+            self.opaque.tile_columns * (STRIP_PIXELS / (TILE * TILE) / self.opaque.tile_columns).max(1);
         let strips = self.stale.len().div_ceil(tiles_in_strip);
         let background = linear_from_srgb8(scene.variation.background);
         self.shaded_pixels = 0;

@@ -336,9 +336,7 @@ impl TileKeys {
         let (first_column, first_row) = ((column as isize - 1) * n, (row as isize - 1) * n);
         let (from, top) = around.cut(first_column, first_row);
         let (to, bottom) = around.cut(first_column + self.side as isize - 1, first_row + self.side as isize - 1);
-        let line = |row: isize| {
-            &around.opaque.ids[row as usize * around.opaque.width..][from as usize..=to as usize]
-        };
+        let line = |row: isize| &around.opaque.ids[row as usize * around.opaque.width..][from as usize..=to as usize];
         let first = around.id_at(from, top);
         if (top..=bottom).all(|row| line(row).iter().fold(0, |differ, &id| differ | (id ^ first)) == 0) {
             return false;

@@ -7,6 +7,8 @@
 //! With a power of two of samples per pixel, the samples at pixel centres get the same bits as with one:
 //! doubling is exact in floating point, and every step here is either scaled by it or not changed at all.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
 use crate::lanes::within;
 
 /// A corner on the image plane.
@@ -20,6 +22,8 @@ pub(crate) struct Corner {
     pub nearness: f32,
 }
 
+/// Rows of a triangle whose ends are found at once.
+const ROWS: usize = 8;
 /// Samples of a row that are drawn one by one.
 const SHORT: usize = 4;
 
@@ -33,11 +37,7 @@ impl Corner {
     /// Component by component.
     #[inline(always)]
     pub fn joined(&self, other: &Self, join: impl Fn(f32, f32) -> f32) -> Self {
-        Self {
-            x: join(self.x, other.x),
-            y: join(self.y, other.y),
-            nearness: join(self.nearness, other.nearness),
-        }
+        Self { x: join(self.x, other.x), y: join(self.y, other.y), nearness: join(self.nearness, other.nearness) }
     }
 }
 
@@ -270,28 +270,33 @@ impl Target {
             return;
         }
         let middle_row = first_sample(b.y, self.height);
-        let mut gradient = None;
-        let long_slope = (c.x - a.x) / (c.y - a.y);
-        for (upper, lower, rows) in [(a, b, first_row..middle_row), (b, c, middle_row..end_row)] {
-            if rows.is_empty() {
-                continue;
-            }
-            let short_slope = (lower.x - upper.x) / (lower.y - upper.y);
-            for row in rows {
+        let slope = |from: Corner, to: Corner| (to.x - from.x) / (to.y - from.y);
+        let (long_slope, upper_slope, lower_slope) = (slope(a, c), slope(a, b), slope(b, c));
+        let gradient = Gradient::new(a, b, c, area);
+        let scale = self.scale as u32;
+        // Eight rows at a time: few triangles have more.
+        for first in (first_row..end_row).step_by(ROWS) {
+            let (mut starts, mut ends, mut nearness) = ([0; ROWS], [0; ROWS], [0.0; ROWS]);
+            for i in 0..ROWS {
+                let row = first + i as u32;
                 let y = row as i32 as f32;
                 let long_x = a.x + (y - a.y) * long_slope;
-                let short_x = upper.x + (y - upper.y) * short_slope;
+                let upper_x = a.x + (y - a.y) * upper_slope;
+                let lower_x = b.x + (y - b.y) * lower_slope;
+                let short_x = if row < middle_row { upper_x } else { lower_x };
                 let (left, right) = if area > 0.0 { (long_x, short_x) } else { (short_x, long_x) };
-                let (start, end) = (first_sample(left, self.width), first_sample(right, self.width));
+                starts[i] = first_sample(left, self.width);
+                ends[i] = first_sample(right, self.width);
+                // Counted from the same pixel whatever the number of samples.
+                let pixel = (starts[i] + scale - 1) & !(scale - 1);
+                nearness[i] = gradient.at(f64::from(pixel as i32), f64::from(row as i32));
+            }
+            for i in 0..ROWS.min((end_row - first) as usize) {
+                let (start, end) = (starts[i], ends[i]);
                 if start < end {
-                    let gradient = gradient.get_or_insert_with(|| Gradient::new(a, b, c, area));
-                    // Counted from the same pixel whatever the number of samples.
-                    let scale = self.scale as u32;
-                    let pixel = (start + scale - 1) & !(scale - 1);
-                    let nearness = gradient.at(f64::from(pixel), f64::from(row));
-                    let offset = start as i32 - pixel as i32;
-                    let first = row as usize * self.width + start as usize;
-                    self.fill::<IDS>(first, (end - start) as usize, offset, nearness, gradient, id);
+                    let offset = start as i32 - ((start + scale - 1) & !(scale - 1)) as i32;
+                    let at = (first as usize + i) * self.width + start as usize;
+                    self.fill::<IDS>(at, (end - start) as usize, offset, nearness[i], &gradient, id);
                 }
             }
         }

@@ -439,7 +439,10 @@ impl Caster {
         let first = Corner { x: f32::MAX, y: f32::MAX, nearness: f32::MAX };
         let last = Corner { x: f32::MIN, y: f32::MIN, nearness: f32::MIN };
         let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
-            (low.joined(corner, |a, b| if a < b { a } else { b }), high.joined(corner, |a, b| if a > b { a } else { b }))
+            (
+                low.joined(corner, |a, b| if a < b { a } else { b }),
+                high.joined(corner, |a, b| if a > b { a } else { b }),
+            )
         });
         Rectangle::around([low.x, low.y], [high.x, high.y], light.size, light.size)
     }

@@ -148,7 +148,8 @@ fn mix_texels(samples: &mut Samples) {
             let code = |corner: usize| (samples.texels[corner][i] >> (8 * channel) & 0xff) as i32 as f32;
             let upper = code(0) + (code(1) - code(0)) * samples.x[i];
             let lower = code(2) + (code(3) - code(2)) * samples.x[i];
-            samples.codes[channel][i] = nearest_integer(within((upper + (lower - upper) * samples.y[i]) * 4.0, 0.0, 1020.0));
+            samples.codes[channel][i] =
+                nearest_integer(within((upper + (lower - upper) * samples.y[i]) * 4.0, 0.0, 1020.0));
         }
     }
 }

@@ -235,7 +235,10 @@ impl PartView {
         let first = Corner { x: f32::MAX, y: f32::MAX, nearness: f32::MAX };
         let last = Corner { x: f32::MIN, y: f32::MIN, nearness: f32::MIN };
         let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
-            (low.joined(corner, |a, b| if a < b { a } else { b }), high.joined(corner, |a, b| if a > b { a } else { b }))
+            (
+                low.joined(corner, |a, b| if a < b { a } else { b }),
+                high.joined(corner, |a, b| if a > b { a } else { b }),
+            )
         });
         // Behind the eye it is negative.
         self.is_cut = low.nearness < 0.0 || high.nearness > 1.0 / NEAR_M;
@@ -275,14 +278,7 @@ fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, t
 }
 
 /// Draws the triangles of a mesh that lie beyond the near plane; lists those that cross it.
-fn draw_beyond(
-    mesh: &Mesh,
-    corners: &[Corner],
-    sides: Sides,
-    first_id: u32,
-    target: &mut Target,
-    cut: &mut Vec<u32>,
-) {
+fn draw_beyond(mesh: &Mesh, corners: &[Corner], sides: Sides, first_id: u32, target: &mut Target, cut: &mut Vec<u32>) {
     let scale = target.scale as f32;
     let is_beyond = |corner: &Corner| corner.nearness > 0.0 && corner.nearness <= 1.0 / NEAR_M;
     for (triangle, id) in mesh.triangles.iter().zip(first_id..) {
