@@ -8,10 +8,11 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use genmanip_core::{Document, Seed};
+use genmanip_core::{Document, Seed, limits};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{ChatError, SettingsError};
+use crate::files;
 use crate::http::HttpChat;
 use crate::model::ChatModel;
 use crate::nearest::nearest;
@@ -20,8 +21,6 @@ use crate::request::{ChatRequest, RecordedRequest};
 use crate::secret::ApiKey;
 use crate::settings::ServerSettings;
 
-/// Largest file that is read as a cassette, bytes.
-const MAX_CASSETTE_BYTES: u64 = 32 << 20;
 /// Most cassettes that are compared with a request that has none.
 const MAX_COMPARED: usize = 2_000;
 
@@ -171,17 +170,9 @@ pub fn read(path: &Path) -> Result<Cassette, ChatError> {
     Ok(cassette)
 }
 
-/// The text of a cassette that is not too large.
+/// The text of a cassette.
 pub(crate) fn read_text(path: &Path) -> Result<String, ChatError> {
-    let about = fs::metadata(path).map_err(|error| failed(&error.to_string(), path))?;
-    if !about.is_file() {
-        return Err(failed("expected a file, found a pipe, device or folder", path));
-    }
-    let length = about.len();
-    if length > MAX_CASSETTE_BYTES {
-        return Err(failed(&format!("{length} bytes, more than a cassette of at most {MAX_CASSETTE_BYTES}"), path));
-    }
-    fs::read_to_string(path).map_err(|error| failed(&error.to_string(), path))
+    files::read_text(path, limits::CASSETTE).map_err(|message| failed(&message, path))
 }
 
 /// The requests of all readable cassettes of a folder by file name, a bounded number.

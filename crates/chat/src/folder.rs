@@ -11,10 +11,12 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use genmanip_core::Document;
+use genmanip_core::limits::{self, Limit};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::{ChatError, SettingsError};
+use crate::files;
 use crate::message::{MediaType, Part, Role};
 use crate::model::ChatModel;
 use crate::recorded::RecordedText;
@@ -203,19 +205,12 @@ impl FolderChat {
 
     /// The answer as far as it is written; `None` while there is none.
     fn read(&self, path: &Path) -> Result<Option<Vec<u8>>, ChatError> {
-        use std::io::Read;
-        let file = match fs::File::open(path) {
-            Ok(file) => file,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(failed(&format!("cannot read the answer: {error}"), path)),
-        };
-        let (mut bytes, limit) = (Vec::new(), self.settings.max_answer_bytes);
-        file.take(limit + 1)
-            .read_to_end(&mut bytes)
-            .map_err(|error| failed(&format!("cannot read the answer: {error}"), path))?;
-        if bytes.len() as u64 > limit {
-            return Err(failed(&format!("the answer has more than {limit} bytes"), path));
+        if matches!(fs::metadata(path), Err(error) if error.kind() == std::io::ErrorKind::NotFound) {
+            return Ok(None);
         }
+        let limit = Limit { what: "an answer", bytes: self.settings.max_answer_bytes };
+        let bytes = files::read(path, limit);
+        let bytes = bytes.map_err(|message| failed(&format!("cannot read the answer: {message}"), path))?;
         Ok(Some(bytes))
     }
 }
@@ -296,7 +291,7 @@ fn id_of(place: &Path) -> Option<String> {
     struct Id {
         id: String,
     }
-    let text = fs::read_to_string(place.join(QUESTION)).ok()?;
+    let text = files::read_text(&place.join(QUESTION), limits::CASSETTE).ok()?;
     serde_json::from_str(&text).ok().map(|question: Id| question.id)
 }
 

@@ -22,6 +22,7 @@ mod cassette;
 mod dialect;
 mod error;
 pub mod fake;
+pub mod files;
 mod folder;
 mod http;
 mod ledger;

@@ -301,19 +301,21 @@ pub struct PlanArguments {
     #[arg(long, value_name = "OBJECT", group = "goal")]
     pub pick: Option<String>,
     /// To a point between the fingertips, hand pointing down, metres
-    #[arg(long, value_name = "X,Y,Z", group = "goal", value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
+          value_parser = parse_number)]
     pub to: Option<Vec<f64>>,
     /// To joint positions, rad
-    #[arg(long, value_name = "Q1,…", group = "goal", value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(long, value_name = "Q1,…", group = "goal", value_delimiter = ',', allow_hyphen_values = true,
+          value_parser = parse_number)]
     pub joints: Option<Vec<f64>>,
     /// Turn of the hand about the vertical for --to, degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true, value_parser = parse_number)]
     pub yaw: f64,
     /// Joint positions to start from, rad [default: the robot's home]
-    #[arg(long, value_name = "Q1,…", value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(long, value_name = "Q1,…", value_delimiter = ',', allow_hyphen_values = true, value_parser = parse_number)]
     pub from: Option<Vec<f64>>,
     /// Opening of the gripper, metres; a grasp brings its own
-    #[arg(long, value_name = "WIDTH", default_value_t = 0.08)]
+    #[arg(long, value_name = "WIDTH", default_value_t = 0.08, value_parser = parse_number)]
     pub gripper: f64,
     /// Seed of the search
     #[arg(long, default_value_t = 0, value_parser = parse_seed)]
@@ -395,6 +397,14 @@ fn parse_edge(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
         _ => Err("expected a number from 1e-6 to 1e6".into()),
+    }
+}
+
+/// Positions, angles and widths; what a robot has is a part of that.
+fn parse_number(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(value) if (-1e3..=1e3).contains(&value) => Ok(value),
+        _ => Err("expected a number from -1000 to 1000".into()),
     }
 }
 

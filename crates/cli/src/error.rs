@@ -93,13 +93,47 @@ fn chain(error: &dyn Error) -> Vec<String> {
 
 impl fmt::Display for Failed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "error: {}", self.what)?;
+        write!(f, "error: {}", readable(&self.what))?;
         for cause in &self.causes {
-            write!(f, "\n  {cause}")?;
+            write!(f, "\n  {}", readable(cause))?;
         }
         if let Some(hint) = &self.hint {
-            write!(f, "\nhint: {hint}")?;
+            write!(f, "\nhint: {}", readable(hint))?;
         }
         Ok(())
+    }
+}
+
+/// Longest word of a message, characters: longer than paths are, shorter than what a file may hold for a name.
+const LONGEST_WORD: usize = 400;
+
+/// A message that may repeat what a file says: its words cut, and what would steer the terminal or turn the direction of
+/// writing spelled out.
+fn readable(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len().min(4096));
+    let mut length = 0;
+    for c in text.chars() {
+        length = if c.is_whitespace() { 0 } else { length + 1 };
+        let is_hidden = c.is_control() && c != '\n' || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        match length {
+            _ if length > LONGEST_WORD + 1 => {}
+            _ if length == LONGEST_WORD + 1 => plain.push('…'),
+            _ if is_hidden => plain.extend(c.escape_unicode()),
+            _ => plain.push(c),
+        }
+    }
+    plain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_file_says_cannot_flood_or_steer_the_terminal() {
+        let name = format!("got `{}` and more", "x".repeat(20_000));
+        let said = Failed::new(name).hint("a\u{1b}[2Jb \u{202e}c\nd").to_string();
+        let expected = format!("error: got `{}… and more\nhint: a\\u{{1b}}[2Jb \\u{{202e}}c\nd", "x".repeat(399));
+        assert_eq!(said, expected);
     }
 }

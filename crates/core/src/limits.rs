@@ -23,7 +23,11 @@ impl Limit {
 
     /// The bound as people write it, e.g. `16 MiB`.
     pub fn in_words(self) -> String {
-        if self.bytes < 1 << 20 { format!("{} KiB", self.bytes >> 10) } else { format!("{} MiB", self.bytes >> 20) }
+        match self.bytes {
+            0..=1023 => format!("{} bytes", self.bytes),
+            1024..=0xf_ffff => format!("{} KiB", self.bytes >> 10),
+            _ => format!("{} MiB", self.bytes >> 20),
+        }
     }
 }
 
@@ -31,14 +35,18 @@ impl Limit {
 pub const TASK: Limit = Limit::mib("a task or recorded answer", 4);
 /// A scenario, with its world; usual ones are below 100 KiB.
 pub const SCENARIO: Limit = Limit::mib("a scenario", 8);
-/// A world, TOML or JSON.
-pub const WORLD: Limit = Limit::mib("a world", 4);
+/// A world, TOML or JSON, below 20 KiB; tables in TOML take some 400 times their size in memory.
+pub const WORLD: Limit = Limit::mib("a world", 2);
 /// A file with cameras: a world or a scenario.
 pub const WORLD_OR_SCENARIO: Limit = Limit::mib("a world or scenario", 8);
 /// A list of cameras.
 pub const CAMERAS: Limit = Limit::mib("a list of cameras", 1);
 /// Settings of a language model, TOML.
 pub const SETTINGS: Limit = Limit::mib("a settings file", 1);
+/// A prompt of a language model, or a schema of its answers; those of the program are below 20 KiB.
+pub const PROMPT: Limit = Limit::mib("a prompt", 1);
+/// A recorded exchange with a model or service; of an image it holds a hash only.
+pub const CASSETTE: Limit = Limit::mib("a cassette", 32);
 /// `run.json`: all tasks of a run, 9 KiB each, so some 20,000 of them.
 pub const RUN: Limit = Limit::mib("the record of a run", 192);
 /// Most tasks of a run and results of an evaluation, however small they are.
@@ -77,8 +85,9 @@ pub const EPISODE_RECORD: Limit = Limit::mib("the record of an episode", 4);
 pub const FRAMES: Limit = Limit::mib("the frames of an episode", 128);
 /// A physics state of an episode.
 pub const STATE: Limit = Limit::mib("a physics state", 16);
-/// A file kept beside an episode, such as one camera's depth images.
-pub const ATTACHMENT: Limit = Limit::mib("a file kept beside an episode", 512);
+/// A file kept beside an episode, such as one camera's depth images: half an hour at 10 images of 512×288 per second;
+/// they are cut into images while the file is still held.
+pub const ATTACHMENT: Limit = Limit::mib("a file kept beside an episode", 256);
 
 #[cfg(test)]
 mod tests {
@@ -87,5 +96,6 @@ mod tests {
     #[test]
     fn bounds_are_written_as_people_do() {
         assert_eq!((TASK.in_words().as_str(), STORE_MARK.in_words().as_str()), ("4 MiB", "64 KiB"));
+        assert_eq!(Limit { what: "a note", bytes: 7 }.in_words(), "7 bytes");
     }
 }

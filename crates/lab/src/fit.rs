@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use crate::LabError;
 use crate::calibration::Calibration;
 use genmanip_bench::text_table;
-use genmanip_core::limits;
+use genmanip_core::{json, limits};
 use genmanip_run::inputs;
 
 /// Pull of every weight to 0, as if one trial more had been seen for it.
@@ -98,7 +98,7 @@ fn read(paths: &[PathBuf], names: &[String]) -> Result<Vec<Sample>, LabError> {
     let mut samples = Vec::new();
     for path in paths {
         for (index, line) in inputs::read_text(path, limits::TRIALS)?.lines().enumerate() {
-            let trial: Value = serde_json::from_str(line).map_err(|error| broken(path, index, &error.to_string()))?;
+            let trial = json::parse(line).map_err(|error| broken(path, index, &error.to_string()))?;
             if trial["grasp"].is_null() && !trial["ending"].is_null() {
                 continue;
             }

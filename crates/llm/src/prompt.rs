@@ -6,7 +6,8 @@
 use std::path::Path;
 
 use genmanip_chat::ReplySchema;
-use genmanip_core::{NamedSurface, ObjectCard, TaskKind};
+use genmanip_chat::files::read_text;
+use genmanip_core::{NamedSurface, ObjectCard, TaskKind, limits};
 use genmanip_scene::answer::TaskRequest;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -123,10 +124,7 @@ impl PromptSet {
         }
         let text = |(file, builtin): (&str, Option<&str>)| {
             match folder.map(|folder| folder.join(file)).filter(|path| path.exists()) {
-                Some(path) if !path.is_file() => Err(("expected a file".into(), path.display().to_string())),
-                Some(path) => {
-                    std::fs::read_to_string(&path).map_err(|error| (error.to_string(), path.display().to_string()))
-                }
+                Some(path) => read_text(&path, limits::PROMPT).map_err(|message| (message, path.display().to_string())),
                 None => builtin.map(str::to_owned).ok_or_else(|| ("there is no such file".into(), file.to_owned())),
             }
             .map_err(|(message, file)| PromptError::File { message, file })

@@ -251,7 +251,7 @@ pub fn check_recorded(path: &Path, text: &str) -> Result<AnswerReport, RunError>
     let request = TaskRequest {
         id: id_from(path),
         kind: recorded.task_type,
-        offered: offered(&recorded.objects)?,
+        offered: offered(&recorded.objects, &format!("{}: at $.objects", path.display()))?,
         surfaces: recorded.surfaces,
         min_objects: recorded.num_objects,
         between: false,
@@ -275,7 +275,7 @@ pub fn check_bare(
     let request = TaskRequest {
         id: id_from(path),
         kind,
-        offered: offered(objects)?,
+        offered: offered(objects, "--objects")?,
         surfaces: read_world(world)?.named_surfaces(),
         min_objects,
         between: false,
@@ -299,14 +299,15 @@ pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
     found.ok_or_else(|| RunError::unknown("kind", "kinds", name, &known))
 }
 
-fn offered(uids: &[String]) -> Result<Vec<ObjectCard>, RunError> {
+fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, RunError> {
     let catalogue = Catalogue::builtin();
     uids.iter()
         .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::full().card(uid_of(uid))) {
             Some(card) => Ok(card.clone()),
             // Asking for the model of an object without a card says which ones look alike.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {
-                RunError::broken("an offered object is not in the catalogue", error)
+                RunError::input(format!("{place}: an offered object is not in the catalogue"))
+                    .because(error)
                     .with_hint("uids are 001 to 064, or as `genmanip assets list` says")
             }),
         })

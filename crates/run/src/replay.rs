@@ -105,7 +105,10 @@ pub fn check(
             row.strip = Some(path.display().to_string());
         }
         if check || strip.is_none() {
-            let check = replay::check(&stage, &episode).map_err(|error| failed(error.into()))?;
+            let check = replay::check(&stage, &episode).map_err(|error| {
+                failed(error.into())
+                    .with_hint("a scenario and what was recorded on it belong together; collect it again")
+            })?;
             (row.identical, row.largest_difference) = (Some(check.identical), Some(check.largest_difference));
         }
         rows.push(row);
@@ -183,4 +186,27 @@ fn check_ending(strip: &Path) -> Result<(), RunError> {
 fn numbered(path: &Path, id: &str) -> PathBuf {
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{}-{id}.{extension}", inputs::stem(path)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn how_a_replay_ended_is_said_so_that_it_makes_sense() {
+        let of = |identical, largest_difference, damaged: Option<&str>| {
+            let damaged = damaged.map(String::from);
+            Replayed { identical, largest_difference, damaged, ..Replayed::default() }
+        };
+        for (row, expected, is_sound) in [
+            (of(Some(true), Some(0.0), None), "identical", true),
+            (of(Some(false), Some(2e-3), None), "differs by 2e-3", false),
+            // Not the same bits, though no number differs.
+            (of(Some(false), Some(0.0), None), "differs, but in no value: by the sign of a zero, or by a NaN", false),
+            (of(None, None, Some("cut short")), "damaged: cut short", false),
+            (of(None, None, None), "not checked", true),
+        ] {
+            assert_eq!((row.in_words().as_str(), row.is_sound()), (expected, is_sound));
+        }
+    }
 }

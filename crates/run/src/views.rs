@@ -32,20 +32,17 @@ pub struct Preview {
 /// it is a folder that gets NAME.png of each. Without names all cameras are drawn, without a size each at its own.
 ///
 /// # Errors
-/// When there is no such camera, an object or the robot is not that of this program, or a picture cannot be drawn or
+/// When the file is no world and no scenario, there is no such camera, an object or the robot is not that of this program, or a picture cannot be drawn or
 /// written.
-pub fn preview(
-    setting: &Setting,
-    names: &[String],
-    size_px: Option<[u32; 2]>,
-    out: &Path,
-) -> Result<Vec<Preview>, RunError> {
+pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &Path) -> Result<Vec<Preview>, RunError> {
+    let setting = &Setting::read(file)?;
     let chosen: Vec<&Camera> = match names {
         [] => setting.world().cameras.iter().collect(),
         names => names.iter().map(|name| setting.camera(name)).collect::<Result<_, _>>()?,
     };
     if chosen.is_empty() {
-        return Err(RunError::input("there is no camera to look through").with_hint("see `genmanip camera add --help`"));
+        let what = format!("{} has no camera to look through", file.display());
+        return Err(RunError::input(what).with_hint("expected one or more; see `genmanip camera add --help`"));
     }
     let sized = |camera: &Camera| {
         let [width, height] = size_px.unwrap_or([camera.intrinsics.width, camera.intrinsics.height]);

@@ -5,8 +5,7 @@ use std::path::Path;
 use genmanip_assets::worlds;
 use genmanip_core::camera::CameraPreset;
 use genmanip_core::glam::DVec3;
-use genmanip_core::limits;
-use genmanip_core::{Camera, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault};
+use genmanip_core::{Camera, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault, json, limits};
 use genmanip_sim::EngineSettings;
 
 use crate::error::RunError;
@@ -21,7 +20,7 @@ const AROUND: f64 = 1.15;
 /// # Errors
 /// When the file cannot be read.
 pub fn check(path: &Path) -> Result<Vec<WorldFault>, RunError> {
-    let (world, robot) = match worlds::read(&inputs::read_text(path, limits::WORLD_OR_SCENARIO)?) {
+    let (world, robot) = match worlds::read(&inputs::read_text(path, limits::WORLD)?) {
         Ok(read) => read,
         Err(faults) => return Ok(faults),
     };
@@ -50,7 +49,7 @@ impl Setting {
     /// When the file cannot be read or is neither.
     pub fn read(path: &Path) -> Result<Self, RunError> {
         let text = inputs::read_text(path, limits::WORLD_OR_SCENARIO)?;
-        let is_scenario = serde_json::from_str::<serde_json::Value>(&text)
+        let is_scenario = json::parse(&text)
             .is_ok_and(|value| value["schema"].as_str().is_some_and(|schema| schema.starts_with("genmanip.scenario/")));
         Ok(if is_scenario {
             Self::Scenario(Box::new(inputs::read_document(path, limits::WORLD_OR_SCENARIO)?))

@@ -31,6 +31,9 @@ pub struct EngineSettings {
     pub joint_friction_solimp: [f64; 3],
 }
 
+/// Longest part of a value that is told, characters.
+const MAX_TOLD: usize = 60;
+
 /// Names of all knobs.
 const KNOBS: [&str; 8] = [
     "solver_iterations",
@@ -59,15 +62,23 @@ impl EngineSettings {
             return Err(SimError::Settings(format!("`physics.engine.{missing}` is missing; every knob must be set")));
         }
         for (knob, value) in table {
-            let alone: BTreeMap<&str, &Value> = [(knob.as_str(), value)].into();
-            let fits = match knob.as_str() {
-                "solver_iterations" | "arena_mib" => value.as_u64().is_some_and(|count| count > 0 && count < 1 << 20),
-                "impedance_ratio" => value.as_f64().is_some_and(|ratio| ratio.is_finite() && ratio > 0.0),
-                _ => value.as_array().is_some_and(|list| list.iter().all(|entry| entry.as_f64().is_some())),
+            let numbers = |count| {
+                value.as_array().is_some_and(|list| {
+                    list.len() == count && list.iter().all(|entry| entry.as_f64().is_some_and(f64::is_finite))
+                })
+            };
+            let (fits, expected) = match knob.as_str() {
+                "solver_iterations" | "arena_mib" => {
+                    let is_count = value.as_u64().is_some_and(|count| count > 0 && count < 1 << 20);
+                    (is_count, "a whole number from 1 to 1048575")
+                }
+                "impedance_ratio" => (value.as_f64().is_some_and(|r| r.is_finite() && r > 0.0), "a positive number"),
+                "contact_solref" | "pad_solref" => (numbers(2), "two numbers"),
+                _ => (numbers(3), "three numbers"),
             };
             if !fits {
-                let alone = serde_json::to_string(&alone).unwrap_or_default();
-                return Err(SimError::Settings(format!("`physics.engine.{knob}` does not fit: {alone}")));
+                let got: String = value.to_string().chars().take(MAX_TOLD).collect();
+                return Err(SimError::Settings(format!("`physics.engine.{knob}`: expected {expected}, got {got}")));
             }
         }
         let table: serde_json::Map<String, Value> = table.clone().into_iter().collect();

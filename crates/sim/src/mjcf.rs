@@ -95,7 +95,12 @@ pub(crate) fn assemble(
 }
 
 fn compiler() -> Element {
-    Element::new("compiler").text("angle", "radian").text("autolimits", "true").text("inertiafromgeom", "false")
+    Element::new("compiler")
+        .text("angle", "radian")
+        .text("autolimits", "true")
+        .text("inertiafromgeom", "false")
+        // Where the system gives no thread, the engine's compiler throws, which ends the program by a signal.
+        .text("usethread", "false")
 }
 
 fn options(Numbers { physics, engine, .. }: &Numbers) -> Element {

@@ -6,6 +6,8 @@
 
 use std::path::Path;
 
+use genmanip_chat::files::read_text;
+use genmanip_core::limits;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
@@ -73,7 +75,7 @@ impl PromptSet {
             match &path {
                 None => Prompt::parse(built_in).map_err(wrong),
                 Some(path) => {
-                    let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+                    let text = read_text(path, limits::PROMPT).map_err(wrong)?;
                     Prompt::parse(&text).map_err(wrong)
                 }
             }

@@ -83,7 +83,7 @@ fn an_answer_that_is_too_large_is_refused() {
     assert!(model.chat(&question("?")).is_err());
     fs::write(folder.path().join("001/answer.json"), "9".repeat(2000)).unwrap();
     let error = model.chat(&question("?")).unwrap_err();
-    assert!(error.to_string().starts_with("the answer has more than 1000 bytes: "), "{error}");
+    assert!(error.to_string().starts_with("cannot read the answer: expected at most 1000 bytes"), "{error}");
 }
 
 #[test]

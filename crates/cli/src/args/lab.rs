@@ -142,6 +142,9 @@ pub struct HostileArguments {
     /// Copy what broke something into this folder
     #[arg(long, value_name = "DIR")]
     pub found: Option<PathBuf>,
+    /// Also measure every reader on files of its largest size
+    #[arg(long)]
+    pub readers: bool,
     /// Also race so many pairs of starts with different seeds for one folder
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_few)]
     pub races: usize,

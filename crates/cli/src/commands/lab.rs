@@ -156,6 +156,7 @@ fn hostile_arguments(arguments: &args::HostileArguments) -> Result<HostileArgume
         kind: arguments.kind.clone(),
         refusals: arguments.refusals.clone(),
         found: arguments.found.clone(),
+        readers: arguments.readers,
         races: arguments.races,
         kills: arguments.kills,
     })

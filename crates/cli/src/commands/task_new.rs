@@ -92,7 +92,10 @@ fn by_language_model(arguments: &NewArguments, kinds: &[TaskKind], printer: &Pri
     let settings = settings(arguments)?;
     let seed = Seed::new(arguments.seed);
     let designer = Designer::open(&settings, seed)
-        .map_err(|error| Failed::because("the language model cannot be asked", &error))?
+        .map_err(|error| {
+            Failed::because("the language model cannot be asked", &error)
+                .hint("docs/guides/language-models.md says what settings, prompts and cassettes hold")
+        })?
         .with_surfaces(inputs::read_world(arguments.world.as_deref())?.named_surfaces());
     printer.begin("asking", arguments.count);
     let mut outcomes: Vec<GenerationOutcome> = Vec::new();

@@ -43,8 +43,7 @@ pub fn run_camera(command: &CameraCommand, printer: &Printer) -> Result<ExitStat
             edit(&arguments.file, &CameraEdit::Remove(arguments.name.clone()), printer)?;
         }
         CameraCommand::Preview(arguments) => {
-            let setting = Setting::read(&arguments.file)?;
-            let written = views::preview(&setting, &arguments.names, arguments.size, &arguments.out)?;
+            let written = views::preview(&arguments.file, &arguments.names, arguments.size, &arguments.out)?;
             let lines = written.iter().map(|one| format!("{}: {}\n", one.file.display(), one.cameras.join(", ")));
             printer.data(&written, &lines.collect::<String>());
         }

@@ -8,8 +8,8 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 
 use crate::{
-    Outcome, PROGRAM, QUICK, assert_same_tree, collect_quick, copy_of_finished_run, example, finished_run, genmanip,
-    program, quick_examples, tree, without_timings,
+    Outcome, PROGRAM, QUICK, QUICK_TASKS, assert_same_tree, collect_quick, copy_of_finished_run, example, finished_run,
+    genmanip, program, quick_examples, tree, without_timings,
 };
 
 /// A shell command in a folder, `$G` being the program.
@@ -222,16 +222,75 @@ fn a_damaged_record_spoils_no_verb() {
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
 }
 
+/// A run of whose episodes none can be used still has its scenarios, and one evaluation does not spoil the report.
+#[test]
+fn damaged_episodes_leave_the_rest_of_a_run_usable() {
+    let folder = copy_of_finished_run();
+    let run = folder.path().join("run");
+    let keep = ["evaluate", "run", "--policy", "do_nothing:seconds=0.1", "--keep-episodes"];
+    assert_eq!(genmanip(folder.path(), &keep).code, Some(0));
+    // Nothing tells that the second start has nothing to do.
+    let kept = run.join("evaluation/do_nothing_seconds=0.1/episodes");
+    fs::write(kept.join("021_spatial-000/episode.json"), "{").unwrap();
+    let outcome = genmanip(folder.path(), &keep);
+    outcome.assert_refused(&["021_spatial-000/episode.json", "not JSON", "hint: move a kept episode"]);
+    fs::remove_dir_all(kept.join("021_spatial-000")).unwrap();
+    assert_eq!(genmanip(folder.path(), &keep).code, Some(0));
+    fs::write(kept.join("store.json"), "{").unwrap();
+    let outcome = genmanip(folder.path(), &["report", "run"]);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    assert!(outcome.stderr.contains("episodes kept by do_nothing_seconds=0.1 are left out"), "{outcome:?}");
+
+    for task in QUICK_TASKS {
+        fs::write(run.join(format!("episodes/{task}-000/episode.json")), "{").unwrap();
+    }
+    let reports = genmanip(folder.path(), &["evaluate", "run", "--policy", "do_nothing:seconds=0.2", "--json"]);
+    let reports = reports.json(0);
+    assert_eq!(reports[0]["results"].as_array().unwrap().len(), QUICK_TASKS.len(), "on the scenarios");
+    assert!(run.join("evaluation/do_nothing_seconds=0.2.json").is_file());
+}
+
 /// What would wait for ever, or for a long time.
 #[test]
 fn nothing_waits_without_a_word() {
     let folder = tempfile::tempdir().unwrap();
     assert!(Command::new("mkfifo").arg(folder.path().join("fifo.json")).status().unwrap().success());
-    for verb in ["task show fifo.json", "task check fifo.json", "layout fifo.json --out out", "export --mjcf fifo.json"]
-    {
+    let (scenario, task) = (finished_run().join("scenarios/021_spatial-000.json"), example("024_appearance"));
+    fs::copy(scenario, folder.path().join("scenario.json")).unwrap();
+    fs::copy(task, folder.path().join("task.json")).unwrap();
+    fs::create_dir(folder.path().join("prompts")).unwrap();
+    fs::rename(folder.path().join("fifo.json"), folder.path().join("prompts/request.md")).unwrap();
+    symlink("prompts/request.md", folder.path().join("fifo.json")).unwrap();
+    symlink("prompts/request.md", folder.path().join("fifo.urdf")).unwrap();
+    for verb in [
+        "task show fifo.json",
+        "task check fifo.json",
+        "layout fifo.json --out out",
+        "layout task.json --out out --world fifo.json",
+        "collect fifo.json --out out",
+        "export --mjcf fifo.json",
+        "plan fifo.json --to 0.5,0,0.3",
+        "evaluate fifo.json --policy do_nothing",
+        "evaluate scenario.json --policy do_nothing --cameras fifo.json",
+        "world check fifo.json",
+        "world show fifo.json",
+        "camera list fifo.json",
+        "camera preview fifo.json --out x.png",
+        "lab motion --problems fifo.json",
+        "lab motion --generate easy --robot fifo.urdf",
+        "lab relations --cases fifo.json --profile seed",
+        "lab fit fifo.json",
+        "grasps show 001 --file fifo.json",
+        "task new --designer llm --settings fifo.json --out out",
+    ] {
         let arguments: Vec<&str> = verb.split(' ').collect();
-        genmanip(folder.path(), &arguments).assert_refused(&["fifo.json", "found a pipe or device"]);
+        genmanip(folder.path(), &arguments).assert_refused(&["fifo.", "found a pipe or device", "hint:"]);
     }
+    let prompts =
+        "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmodel = \"m\"\n[generation]\nprompts = \"prompts\"\n";
+    fs::write(folder.path().join("settings.toml"), prompts).unwrap();
+    let asked = ["task", "new", "--designer", "llm", "--settings", "settings.toml", "--out", "out"];
+    genmanip(folder.path(), &asked).assert_refused(&["prompts/request.md", "found a pipe"]);
     // A thousand conditions.
     let mut task = genmanip(folder.path(), &["task", "show", &example("021_spatial"), "--json"]).json(0);
     let atom = task["goal"][0][0].clone();
@@ -261,6 +320,17 @@ fn a_shortage_of_threads_is_survived() {
     };
     let outcome = shell(folder.path(), &collect("short"));
     assert!(outcome.code == Some(0) && !outcome.stderr.contains("panicked"), "{outcome:?}");
+    // Not even the engine's own; limits hold for others than root only.
+    let is_root = shell(folder.path(), "id -u").stdout.trim() == "0";
+    let other = if is_root { "setpriv --reuid 65534 --regid 65534 --clear-groups" } else { "" };
+    let task = fs::copy(&task, folder.path().join("task.json")).map(|_| "task.json").unwrap();
+    let command = format!(
+        "chmod 777 .; {other} $G --version || exit 77; {other} sh -c 'ulimit -u 1; exec $G collect {task} --episodes 1 \
+         --no-dataset --seed 3 --workers 2 --out none'"
+    );
+    let outcome = shell(folder.path(), &command);
+    // 77: another user cannot start the program from here.
+    assert!(matches!(outcome.code, Some(0 | 77)), "{outcome:?}");
 }
 
 /// A memory limit stops an attempt; nothing of it is kept as a verdict.
@@ -295,6 +365,8 @@ fn odd_surroundings_are_no_trouble() {
         format!("ulimit -n 32; {collect} few"),
         format!("HOME=/proc TMPDIR=/proc {collect} nohome"),
         format!("mkdir \"$(printf 'r\\303')\"; {collect} \"$(printf 'r\\303')\"/run"),
+        format!("cp {task} \"$(printf 't\\303.json')\"; $G task show \"$(printf 't\\303.json')\""),
+        "$G layout \"$(printf 't\\303.json')\" --out \"$(printf 'l\\303')\"".into(),
     ] {
         let outcome = shell(folder.path(), &command);
         assert_eq!(outcome.code, Some(0), "{command}: {outcome:?}");

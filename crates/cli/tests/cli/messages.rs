@@ -9,7 +9,7 @@ use crate::{copy_of_finished_run, example, genmanip, quick_examples};
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
 
-const CASES: [Case; 43] = [
+const CASES: [Case; 52] = [
     // Seeds are kept in JSON, exact to 53 bits.
     ("layout task.json --out out --seed 9007199254740992", 2, &["from 0 to 9007199254740991"]),
     ("lab design --seed 18446744073709551615", 2, &["from 0 to 9007199254740991"]),
@@ -21,6 +21,9 @@ const CASES: [Case; 43] = [
     // Bounds that are meant are said.
     ("plan scenario.json --pick orange --rrt-range 1e-9", 2, &["from 1e-6 to 1e6"]),
     ("lab motion --problems problems.json --rrt-range -2", 2, &["from 1e-6 to 1e6"]),
+    ("plan scenario.json --to 0.5,nan,0.3", 2, &["'nan' for '--to", "from -1000 to 1000"]),
+    ("plan scenario.json --joints 1e300", 2, &["'1e300' for '--joints", "from -1000 to 1000"]),
+    ("plan scenario.json --to 0.5,0,0.3 --gripper inf", 2, &["'inf' for '--gripper", "from -1000 to 1000"]),
     // What is typed and cannot be is exit 2, whoever notices it.
     ("evaluate run --policy expret", 2, &["unknown policy `expret`", "did you mean `expert`?"]),
     ("task new --kind cooking --out out", 2, &["unknown kind `cooking`", "kinds are"]),
@@ -38,6 +41,7 @@ const CASES: [Case; 43] = [
     ("task check bom.json", 1, &["bom.json", "byte order mark"]),
     ("task check cut.json", 1, &["cut.json", "ends too early"]),
     ("task check twice_answer.json", 1, &["twice_answer.json", "key `objects` stands twice"]),
+    ("camera list twice_world.json", 1, &["twice_world.json", "key `light` stands twice"]),
     ("export --mjcf utf16.json", 1, &["utf16.json", "UTF-16"]),
     ("export --mjcf empty.json", 1, &["empty.json", "the file is empty"]),
     ("lab motion --problems cut.json", 1, &["cut.json", "ends too early"]),
@@ -48,9 +52,24 @@ const CASES: [Case; 43] = [
         1,
         &["flat.json", "cameras[0].intrinsics", "0x"],
     ),
+    // More small values than fit into the memory that a reader may need.
+    ("lab motion --problems many.json", 1, &["many.json", "256 MiB of memory", "fewer values"]),
+    // Each message says where, what was expected, what was found and what helps.
+    (
+        "task check unknown_object.json",
+        1,
+        &["unknown_object.json: at $.objects", "no object has uid \"099\"", "001 to 064"],
+    ),
+    ("camera preview no_camera.toml --out x.png", 1, &["no_camera.toml has no camera", "camera add"]),
+    ("camera list odd_engine.toml", 1, &["physics.engine.solver_iterations", "a whole number from 1", "got 0.5"]),
+    (
+        "lab motion --generate easy --count 2 --robot short.urdf",
+        1,
+        &["got only 0 of 2 problems", "robot short", "reaches a table 0.3-0.75 m"],
+    ),
     // A file that is too large is named as what it should be.
     ("task show large.json", 1, &["large.json is larger than a task or recorded answer may be: 4 MiB"]),
-    ("world check large.toml", 1, &["large.toml is larger than", "a world"]),
+    ("world check large.toml", 1, &["large.toml is larger than a world may be: 2 MiB"]),
     ("task new --designer llm --settings large.toml --out out", 1, &["large.toml", "a settings file", "1 MiB"]),
     ("lab motion --generate easy --robot large.urdf", 1, &["large.urdf", "a robot description", "8 MiB"]),
     // A robot in millimetres.
@@ -90,7 +109,17 @@ fn workplace() -> tempfile::TempDir {
     write("nan.json", b"{\"a\": NaN}");
     write("twice.json", b"{\"schema\": \"genmanip.task/2\", \"id\": \"a\", \"id\": \"b\"}");
     write("twice_answer.json", b"{\"objects\": [], \"objects\": []}");
+    write("twice_world.json", b"{\"schema\": \"genmanip.world/1\", \"light\": 1, \"light\": 2}");
     write("bare.txt", b"{}");
+    write("many.json", format!("[{}0]", "[0],".repeat(1 << 20)).as_bytes());
+    let answer = json!({"task_type": "spatial", "objects": ["099"], "num_objects": 1, "response": "{}"});
+    write("unknown_object.json", answer.to_string().as_bytes());
+    let world = genmanip(folder.path(), &["world", "init"]).stdout;
+    write("odd_engine.toml", world.replace("solver_iterations = ", "solver_iterations = 0.5 # ").as_bytes());
+    write("no_camera.toml", world.split("[[cameras]]").next().unwrap().as_bytes());
+    let link = "<link name=\"a\"/><link name=\"b\"/><joint name=\"j\" type=\"revolute\"><parent link=\"a\"/>\
+                <child link=\"b\"/><axis xyz=\"0 0 1\"/><limit lower=\"-1\" upper=\"1\" velocity=\"1\"/></joint>";
+    write("short.urdf", format!("<robot name=\"short\">{link}</robot>").as_bytes());
     write("large.json", &vec![b' '; (4 << 20) + 1]);
     write("large.toml", &vec![b' '; (8 << 20) + 1]);
     write("large.urdf", &vec![b' '; (8 << 20) + 1]);

@@ -6,8 +6,9 @@ use serde_json::{Map, Value, json};
 use super::check::check_parts;
 use super::{PhysicsSettings, RelationSettings, Workspace, World, WorldFault, WorldRobot};
 use crate::camera::CameraPreset;
+use crate::json as strict;
 use crate::names::near_misses;
-use crate::{Camera, Document, Intrinsics, RobotModel};
+use crate::{Camera, Document, DocumentError, Intrinsics, RobotModel};
 
 /// A world file before its shorthands are resolved.
 ///
@@ -29,8 +30,11 @@ impl WorldFile {
     /// The place of a syntax error, or the schema that was found.
     pub fn from_text(text: &str) -> Result<Self, WorldFault> {
         let value: Value = if text.trim_start().starts_with('{') {
-            serde_json::from_str(text).map_err(|error| {
-                WorldFault::new(format!("line {}, column {}", error.line(), error.column()), "JSON", error)
+            strict::parse(text).map_err(|error| match error {
+                DocumentError::NotJson { line, column, message, hint } => {
+                    WorldFault::new(format!("line {line}, column {column}"), "JSON", message).hint(hint)
+                }
+                error => WorldFault::new("the file", "JSON", error),
             })?
         } else {
             toml::from_str(text).map_err(|error| {

@@ -16,13 +16,13 @@ pub(super) struct Limits {
     pub(super) memory_mib: u64,
     /// Processor time, s.
     pub(super) cpu_s: u64,
-    /// Wall time, s: for what waits without working.
-    pub(super) wall_s: u64,
+    /// Longest time without any use of the processor, s: for what waits without working.
+    pub(super) idle_s: u64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { memory_mib: 1024, cpu_s: 10, wall_s: 100 }
+        Self { memory_mib: 1024, cpu_s: 10, idle_s: 60 }
     }
 }
 
@@ -35,6 +35,8 @@ pub(super) struct Ended {
     pub(super) stderr: String,
     /// Processor time.
     pub(super) cpu_s: f64,
+    /// Most memory in use, MiB, as last seen while it ran.
+    pub(super) peak_mib: u64,
     signal: Option<i32>,
     waited_too_long: bool,
 }
@@ -85,17 +87,22 @@ pub(super) fn run(program: &Path, call: &[String], room: &Room, limits: Limits) 
         .stderr(create(&err)?)
         .spawn()
         .map_err(|error| LabError::broken("cannot start the program", error))?;
-    let deadline = Instant::now() + Duration::from_secs(limits.wall_s);
-    let mut pause = Duration::from_millis(1);
+    let (mut pause, mut peak_mib) = (Duration::from_millis(1), 0);
+    let (mut used, mut used_at) = (0.0, Instant::now());
     let (status, waited_too_long) = loop {
         match child.try_wait().map_err(|error| LabError::broken("cannot wait for the program", error))? {
             Some(status) => break (status, false),
-            None if Instant::now() > deadline => {
+            None if used_at.elapsed() > Duration::from_secs(limits.idle_s) => {
                 let _ = child.kill();
                 let status = child.wait().map_err(|error| LabError::broken("cannot wait for the program", error))?;
                 break (status, true);
             }
             None => {
+                peak_mib = peak_mib.max(peak_mib_of(child.id()));
+                let now_used = cpu_s(&child.id().to_string(), OWN);
+                if now_used > used {
+                    (used, used_at) = (now_used, Instant::now());
+                }
                 std::thread::sleep(pause);
                 pause = (pause * 2).min(Duration::from_millis(20));
             }
@@ -115,14 +122,31 @@ pub(super) fn run(program: &Path, call: &[String], room: &Room, limits: Limits) 
         stdout: text(&out)?,
         stderr: text(&err)?,
         cpu_s: children_cpu_s() - before,
+        peak_mib,
         waited_too_long,
     })
 }
 
-/// Processor time of all children that have ended, s (Linux; clock ticks of 10 ms).
+/// Most memory that a process has had in use, MiB (Linux); 0 where that is not known.
+fn peak_mib_of(process: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse().ok());
+    peak.unwrap_or(0_u64) >> 10
+}
+
+/// Where a process's own processor time stands among the fields of its `stat`, and that of its children that have ended
+/// (counted behind the name of the program).
+const OWN: usize = 11;
+const OF_CHILDREN: usize = 13;
+
+/// Processor time of all children that have ended, s.
 fn children_cpu_s() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    cpu_s("self", OF_CHILDREN)
+}
+
+/// Processor time of a process, s (Linux; clock ticks of 10 ms).
+fn cpu_s(process: &str, first_field: usize) -> f64 {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();
-    // Fields 16 and 17 of the line, counted behind the name of the program.
-    fields.skip(13).take(2).filter_map(|ticks| ticks.parse::<f64>().ok()).sum::<f64>() / 100.0
+    fields.skip(first_field).take(2).filter_map(|ticks| ticks.parse::<f64>().ok()).sum::<f64>() / 100.0
 }

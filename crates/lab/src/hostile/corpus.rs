@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use genmanip_core::Seed;
 use rand::{Rng, RngExt};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -67,6 +68,7 @@ pub(super) struct Corpus {
     cassettes: Vec<(String, Vec<u8>)>,
     grasps: Vec<u8>,
     kept: Vec<Case>,
+    fillings: Vec<Filling>,
 }
 
 /// A small arm with every kind of geometry.
@@ -79,7 +81,7 @@ const SETTINGS: &str = "[server]\nbase_url = \"http://127.0.0.1:9/v1\"\nmodel = 
                         [server.parameters]\ntemperature = 0.7\n[cassettes]\nmode = \"replay\"\nfolder = \"cassettes\"\n\
                         [generation]\nmax_rounds = 2\nworkers = 1\nmin_objects = 3\n[prices.none]\ninput_per_million = 1.0\n\
                         output_per_million = 2.0\n";
-const TRIES: Limits = Limits { memory_mib: 8192, cpu_s: 600, wall_s: 3600 };
+const TRIES: Limits = Limits { memory_mib: 8192, cpu_s: 600, idle_s: 600 };
 
 impl Corpus {
     /// Makes the sound inputs with the program itself.
@@ -108,7 +110,7 @@ impl Corpus {
             let inside = made.iter().filter(|(name, _)| name.starts_with(folder) && !name.ends_with('/'));
             inside.map(|(name, bytes)| (name.clone(), bytes.clone())).collect()
         };
-        let corpus = Self {
+        let mut corpus = Self {
             tasks: read_all(&examples)?,
             scenario: file("run/scenarios/021_spatial-000.json"),
             run: below("run/"),
@@ -117,7 +119,11 @@ impl Corpus {
             cassettes: read_all(&project.join("crates/llm/testdata/cassettes"))?,
             grasps: file("grasps.json"),
             kept: kept(&project.join("crates/lab/testdata/hostile"))?,
+            fillings: Filling::fixed(),
         };
+        let value = |name: &str| serde_json::from_slice(&corpus.run_file(name)?).ok();
+        let sound = Filling::sound(value);
+        corpus.fillings.extend(sound);
         room.clear()?;
         Ok(corpus)
     }
@@ -241,17 +247,35 @@ impl Corpus {
         Ok(Case { kind: kind.into(), files, targets, call, only_reads })
     }
 
+    /// What files are filled with that are as large as is read.
+    pub(super) fn fillings(&self) -> &[Filling] {
+        &self.fillings
+    }
+
+    /// The run of two tasks, as it is.
+    pub(super) fn run_of_two(&self) -> Result<Case, LabError> {
+        self.case("episodes", &mut Seed::new(0).rng())
+    }
+
     /// A file as large as its reader takes, in the place of a sound one.
     fn full(&self, rng: &mut impl Rng) -> Result<Case, LabError> {
-        let filling = Filling::any(rng);
+        self.filled(&self.fillings[rng.random_range(0..self.fillings.len())])
+    }
+
+    /// The same for one filling.
+    pub(super) fn filled(&self, filling: &Filling) -> Result<Case, LabError> {
         let kind = match filling.file.split_once('/') {
             Some(("run", _)) => "episodes",
             Some(_) => "robots",
+            None if filling.file == "cameras.json" => "cameras",
             None => "settings",
         };
-        let mut case = self.case(kind, rng)?;
-        case.files.retain(|(name, _)| name != filling.file);
-        case.files.push((filling.file.into(), Content::Bytes(filling.bytes())));
+        let mut case = self.case(kind, &mut Seed::new(0).rng())?;
+        case.files.retain(|(name, _)| *name != filling.file);
+        case.files.push((filling.file.clone().into_owned(), Content::Bytes(filling.bytes())));
+        if filling.file == "cases.npz" {
+            case.files.push(("cases.json".into(), Content::Bytes(b"{}".to_vec())));
+        }
         case.targets = vec![case.files.len() - 1];
         case.call = filling.call.split(' ').map(String::from).collect();
         case.kind = FULL.into();
@@ -318,7 +342,9 @@ impl Case {
     pub(super) fn places(&self) -> Vec<String> {
         let names = self.targets.iter().map(|&index| self.files[index].0.as_str());
         let mut places: Vec<String> = names.flat_map(|name| name.rsplit('/').next()).map(String::from).collect();
-        places.extend(["run/", "six", "cassettes", "021_spatial", "024_appearance", "'--"].map(String::from));
+        places.extend(
+            ["run/", "run holds", "six", "cassettes", "021_spatial", "024_appearance", "'--"].map(String::from),
+        );
         places
     }
 

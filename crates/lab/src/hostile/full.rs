@@ -1,16 +1,19 @@
-//! Files that are as large as their readers take, filled with what costs most.
+//! Files that are as large as their readers take, filled with what costs most and with sound entries.
+
+use std::borrow::Cow;
 
 use genmanip_core::limits::{self, Limit};
-use rand::{Rng, RngExt};
+use serde_json::Value;
 
-/// A reader, its bound, and what its file is filled with.
+/// A reader's file, its bound, and what it is filled with.
+#[derive(Clone, Debug)]
 pub(super) struct Filling {
     /// The file that is filled.
-    pub(super) file: &'static str,
-    limit: Limit,
-    before: &'static str,
-    unit: &'static str,
-    after: &'static str,
+    pub(super) file: Cow<'static, str>,
+    pub(super) limit: Limit,
+    before: Cow<'static, str>,
+    pub(super) unit: Cow<'static, str>,
+    after: Cow<'static, str>,
     /// The call that reads it.
     pub(super) call: &'static str,
 }
@@ -21,7 +24,8 @@ const fn filling(
     [before, unit, after]: [&'static str; 3],
     call: &'static str,
 ) -> Filling {
-    Filling { file, limit, before, unit, after, call }
+    let [before, unit, after] = [Cow::Borrowed(before), Cow::Borrowed(unit), Cow::Borrowed(after)];
+    Filling { file: Cow::Borrowed(file), limit, before, unit, after, call }
 }
 
 const TASK: &str = "task show task.json";
@@ -33,10 +37,14 @@ const GRASPS: &str = "grasps show 001 --file grasps.json";
 const SETTINGS: &str =
     "task new --designer llm --settings settings.toml --cassettes replay --kind spatial --count 1 --out out";
 const EVALUATION: &str = "report run";
+const KEPT: &str = "evaluate run --policy do_nothing:seconds=0.1 --keep-episodes";
+const RELATIONS: &str = "lab relations --cases cases.json --profile seed";
+const FIT: &str = "lab fit trials.jsonl";
+const CAMERAS: &str = "evaluate scenario.json --policy do_nothing:seconds=0.1 --cameras cameras.json";
 const PROBLEM: &str = "{\"start\":[0,0,0,0,0,0,0],\"goal\":[0,0,0,0,0,0,0],\"obstacles\":[]},";
 const NODE: &str = "{\"id\":\"001\",\"asset\":{\"source\":\"builtin\",\"uid\":\"001\",\"version\":2}},";
 
-const FILLINGS: [Filling; 33] = [
+const FILLINGS: [Filling; 45] = [
     filling("task.json", limits::TASK, ["", " ", ""], TASK),
     filling("task.json", limits::TASK, ["", "[", ""], TASK),
     filling("task.json", limits::TASK, ["{\"schema\":\"genmanip.task/2\",\"id\":[", "0,", "0]}"], TASK),
@@ -114,6 +122,18 @@ const FILLINGS: [Filling; 33] = [
         ["{\"schema\":\"genmanip.timings/1\",\"attempts\":[", "0,", "0]}"],
         EVALUATION,
     ),
+    filling("scenario.json", limits::SCENARIO, ["", "{\"a\":0},", ""], "camera list scenario.json"),
+    filling("scenario.json", limits::SCENARIO, ["[", "{\"a\":0},", "0]"], "camera list scenario.json"),
+    filling("world.toml", limits::WORLD, ["a = [", "{b=0},", "0]"], WORLD),
+    filling("problems.json", limits::PROBLEMS, ["{\"problems\":[", "{\"a\":[0]},", "0]}"], PROBLEMS),
+    filling("cameras.json", limits::CAMERAS, ["[", "{\"name\":\"a\"},", "0]"], CAMERAS),
+    filling("cases.json", limits::CASES, ["{\"cases\":[", "{\"a\":0},", "0]}"], RELATIONS),
+    filling("cases.json", limits::CASES, ["{\"positions\":[\"", "a\",\"", "\"]}"], RELATIONS),
+    filling("cases.npz", limits::CLOUDS, ["PK\u{5}\u{6}", "PK\u{1}\u{2}", ""], RELATIONS),
+    filling("trials.jsonl", limits::TRIALS, ["[", "0,", "0]"], FIT),
+    filling("trials.jsonl", limits::TRIALS, ["", "{\"grasp\":null,\"ending\":\"x\"}\n", ""], FIT),
+    filling("six/six.urdf", limits::ROBOT, ["<robot>", "<link name=\"a\"><collision/></link>", "</robot>"], ROBOT),
+    filling("run/evaluation/do_nothing_seconds=0.1/identity.json", limits::IDENTITY, ["[", "{\"a\":0},", "0]"], KEPT),
     filling(
         "run/episodes/021_spatial-000/episode.json",
         limits::EPISODE_RECORD,
@@ -123,9 +143,49 @@ const FILLINGS: [Filling; 33] = [
 ];
 
 impl Filling {
-    /// Any of them.
-    pub(super) fn any(rng: &mut impl Rng) -> &'static Self {
-        &FILLINGS[rng.random_range(0..FILLINGS.len())]
+    /// Those that are the same for every corpus.
+    pub(super) fn fixed() -> Vec<Self> {
+        FILLINGS.to_vec()
+    }
+
+    /// Sound documents of a run that are as long as they may be; `value` gives the JSON of one of its files.
+    pub(super) fn sound(value: impl Fn(&str) -> Option<Value>) -> Vec<Self> {
+        const REPORT: &str = "run/evaluation/do_nothing_seconds=0.1.json";
+        let run = value("run/run.json")
+            .and_then(|run| Self::repeating(("run/run.json", limits::RUN), run, "tasks", EVALUATION));
+        let report = value(REPORT)
+            .and_then(|report| Self::repeating((REPORT, limits::EVALUATION), report, "results", EVALUATION));
+        [run, report, value(REPORT).and_then(|report| Self::results(&report))].into_iter().flatten().collect()
+    }
+
+    /// Unfinished results: the first of an evaluation, line by line.
+    fn results(report: &Value) -> Option<Self> {
+        let mut line = serde_json::json!({"schema": "genmanip.result/2"});
+        line.as_object_mut()?.extend(report.get("results")?.get(0)?.as_object()?.clone());
+        Some(Self {
+            file: "run/evaluation/do_nothing_seconds=0.1/results.jsonl".into(),
+            limit: limits::RESULTS,
+            before: "".into(),
+            unit: format!("{line}\n").into(),
+            after: "".into(),
+            call: KEPT,
+        })
+    }
+
+    /// A sound document whose list is its first entry over and over.
+    fn repeating(
+        (file, limit): (&'static str, Limit),
+        mut document: Value,
+        list: &str,
+        call: &'static str,
+    ) -> Option<Self> {
+        const HERE: &str = "here it goes on";
+        let entry = document.get(list)?.get(0)?.to_string();
+        document[list] = Value::from(vec![HERE]);
+        let text = document.to_string();
+        let (before, after) = text.split_once(&format!("\"{HERE}\""))?;
+        let (before, unit, after) = (before.to_owned(), format!("{entry},"), format!("{entry}{after}"));
+        Some(Self { file: file.into(), limit, before: before.into(), unit: unit.into(), after: after.into(), call })
     }
 
     /// A file that is just as large as is read.

@@ -8,6 +8,7 @@ mod child;
 mod corpus;
 mod full;
 mod mutate;
+mod readers;
 mod starts;
 
 use std::collections::BTreeMap;
@@ -23,6 +24,7 @@ use crate::LabError;
 use child::{Ended, Limits};
 pub use corpus::KINDS;
 use corpus::{Case, Corpus};
+pub use readers::Reader;
 pub use starts::Starts;
 
 /// What is tried.
@@ -40,6 +42,8 @@ pub struct HostileArguments {
     pub refusals: Option<PathBuf>,
     /// Folder for inputs that broke something.
     pub found: Option<PathBuf>,
+    /// Whether every reader is measured on files of its largest size.
+    pub readers: bool,
     /// Pairs of starts that race for one folder.
     pub races: usize,
     /// Moments at which a run is killed.
@@ -55,7 +59,7 @@ pub struct Measured {
     pub by_kind: BTreeMap<String, ByKind>,
     /// Calls that panicked or were ended by a signal.
     pub panics: u64,
-    /// Calls that needed more than 10 s of processor time, or waited for a minute.
+    /// Calls that needed more than 10 s of processor time, or waited for a minute without working.
     pub hangs: u64,
     /// Calls that needed more than 1 GiB of memory.
     pub over_memory: u64,
@@ -71,6 +75,8 @@ pub struct Measured {
     pub slowest_s: f64,
     /// Which call that was.
     pub slowest: String,
+    /// What every reader needs for files of its largest size, if that was asked for.
+    pub readers: Vec<Reader>,
     /// Starts that raced, and runs that were killed.
     pub starts: Option<Starts>,
     /// Seed of the changes.
@@ -128,6 +134,9 @@ pub fn measure(arguments: &HostileArguments, seed: Seed, progress: &dyn Progress
         }
     }
     progress.end();
+    if arguments.readers {
+        measured.readers = readers::measure(arguments, &room, &corpus)?;
+    }
     if arguments.races + arguments.kills > 0 {
         measured.starts = Some(starts::measure(arguments, &room, seed, progress)?);
     }
@@ -197,7 +206,7 @@ fn lacks(ended: &Ended, case: &Case) -> Option<&'static str> {
     if ended.code == Some(1) && !ended.stdout.trim().is_empty() {
         return None;
     }
-    if said.matches("error:").count() != 1 {
+    if said.lines().filter(|line| line.starts_with("error:")).count() != 1 {
         return Some("not one error");
     }
     if !case.places().iter().any(|place| said.contains(place.as_str())) {
@@ -205,8 +214,21 @@ fn lacks(ended: &Ended, case: &Case) -> Option<&'static str> {
     }
     let hint = said.split_once("hint:").or_else(|| said.split_once("For more information")).map(|(before, _)| before);
     let Some(before) = hint else { return Some("no hint") };
-    let found =
-        ["got", "found", "cannot", "is no", "not", "unknown", "no ", "larger", "twice", "invalid", "missing", "holds"];
+    let found = [
+        "got",
+        "found",
+        "cannot",
+        "is no",
+        "is a symbolic link",
+        "not",
+        "unknown",
+        "no ",
+        "larger",
+        "twice",
+        "invalid",
+        "missing",
+        "holds",
+    ];
     if !found.iter().any(|word| before.contains(word)) {
         return Some("nothing that was found");
     }
@@ -340,6 +362,10 @@ pub fn in_words(measured: &Measured) -> String {
     for (kind, by) in &measured.by_kind {
         text +=
             &format!("  {kind:<12} {:>6} tried, {:>6} accepted, {:>6} refused\n", by.tried, by.accepted, by.refused);
+    }
+    for reader in &measured.readers {
+        let Reader { file, limit, filled_with, outcome, cpu_s, peak_mib } = reader;
+        text += &format!("  {cpu_s:>6.2} s {peak_mib:>5} MiB  {outcome:<8} {limit:>8}  {file} of {filled_with}\n");
     }
     if let Some(starts) = &measured.starts {
         text += &starts.in_words();

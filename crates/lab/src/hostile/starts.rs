@@ -1,5 +1,6 @@
 //! Starts that race for one folder, and runs that are killed and continued.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -23,8 +24,10 @@ pub struct Starts {
     pub one_won: usize,
     /// Folders with the record of one run and episodes of the other.
     pub mixed: usize,
-    /// Runs that were killed at a random moment and then continued.
+    /// Runs that were killed at a random moment of one of their phases, in turn, and then continued.
     pub kills: usize,
+    /// What the killed ones were doing.
+    pub killed_while: BTreeMap<&'static str, usize>,
     /// Those of them that were killed before they had ended by themselves.
     pub killed_in_time: usize,
     /// Those that ended with the same bytes as a run that was not killed.
@@ -101,6 +104,51 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
     Ok(())
 }
 
+/// What a run does, one after the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Phase {
+    Recording,
+    Drawing,
+    Exporting,
+    Ended,
+}
+
+impl Phase {
+    const KILLED: [Self; 3] = [Self::Recording, Self::Drawing, Self::Exporting];
+
+    /// What a run is doing, by what lies in its folder.
+    fn of(run: &Path) -> Self {
+        let episode = run.join("episodes").join(format!("{TASK}-000"));
+        let is_exported = |name: &str| run.join(name).join("meta/info.json").exists();
+        if !episode.join("episode.json").exists() {
+            Self::Recording
+        } else if !episode.join("images_10hz/files.json").exists() {
+            Self::Drawing
+        } else if !(is_exported("dataset") && is_exported("dataset-depth")) {
+            Self::Exporting
+        } else {
+            Self::Ended
+        }
+    }
+
+    fn in_words(self) -> &'static str {
+        match self {
+            Self::Recording => "recording",
+            Self::Drawing => "drawing",
+            Self::Exporting => "exporting",
+            Self::Ended => "ending",
+        }
+    }
+}
+
+/// Waits until a run has come as far as a phase, or has ended.
+fn wait_for(phase: Phase, child: &mut Child, run: &Path) -> std::io::Result<()> {
+    while Phase::of(run) < phase && child.try_wait()?.is_none() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    Ok(())
+}
+
 fn kill(
     arguments: &HostileArguments,
     room: &Room,
@@ -111,14 +159,21 @@ fn kill(
     let call = ["--fps", "10", "--seed", "3", "--workers", "1", "--out", "run"].map(String::from);
     let run = room.work().join("run");
     let failed = |error| LabError::broken("cannot run the program", error);
-    let whole = |said: &str| -> Result<Duration, LabError> {
-        let started = Instant::now();
-        let status = collect(arguments, room, &call, said)?.wait().map_err(failed)?;
+    // How long each phase took.
+    let whole = |said: &str| -> Result<[Duration; 3], LabError> {
+        let mut child = collect(arguments, room, &call, said)?;
+        let mut durations = [Duration::ZERO; 3];
+        for (duration, next) in durations.iter_mut().zip([Phase::Drawing, Phase::Exporting, Phase::Ended]) {
+            let started = Instant::now();
+            wait_for(next, &mut child, &run).map_err(failed)?;
+            *duration = started.elapsed();
+        }
+        let status = child.wait().map_err(failed)?;
         if !status.success() {
             let text = fs::read_to_string(room.work().join(said)).unwrap_or_default();
             return Err(LabError::input(format!("a run does not end well: {}", text.trim())));
         }
-        Ok(started.elapsed())
+        Ok(durations)
     };
     let bytes = || {
         let mut files = listing(&run);
@@ -126,18 +181,21 @@ fn kill(
         files
     };
     room.clear()?;
-    let duration = whole("said")?;
+    let durations = whole("said")?;
     let expected = bytes();
     let mut rng = seed.fork("kills").rng();
     progress.begin("killing", arguments.kills);
     for number in 0..arguments.kills {
         room.clear()?;
         let mut child = collect(arguments, room, &call, "said")?;
-        std::thread::sleep(duration.mul_f64(rng.random_range(0.0..1.0)));
+        let index = number % Phase::KILLED.len();
+        wait_for(Phase::KILLED[index], &mut child, &run).map_err(failed)?;
+        std::thread::sleep(durations[index].mul_f64(rng.random_range(0.0..1.0)));
         starts.kills += 1;
         starts.killed_in_time += usize::from(child.try_wait().map_err(failed)?.is_none());
         let _ = child.kill();
         child.wait().map_err(failed)?;
+        *starts.killed_while.entry(Phase::of(&run).in_words()).or_default() += 1;
         match whole("again") {
             Ok(_) if bytes() == expected => starts.identical += 1,
             Ok(_) => {
@@ -176,6 +234,9 @@ impl Starts {
             "starts         {} pairs, one won in {}, {} mixed\nkills          {} ({} in time), {} identical afterwards\n",
             self.pairs, self.one_won, self.mixed, self.kills, self.killed_in_time, self.identical
         );
+        for (what, count) in &self.killed_while {
+            text += &format!("  {count} while {what}\n");
+        }
         for wrong in &self.wrong {
             text += &format!("  {wrong}\n");
         }

@@ -45,7 +45,8 @@ pub fn generate(planner: &Planner, hard: bool, count: usize, seed: Seed) -> Resu
         }
     }
     let (made, robot) = (problems.len(), &planner.robot().name);
-    Err(LabError::input(format!("only {made} of {count} problems could be made for {robot}"))
+    let tried = count * PATIENCE;
+    Err(LabError::input(format!("got only {made} of {count} problems from {tried} drawn scenes: robot {robot} reaches too few places over the table"))
         .with_hint("expected an arm that reaches a table 0.3-0.75 m in front of its base; --tip names its tool frame"))
 }
 

@@ -109,7 +109,11 @@ fn one(
         _ => None,
     };
     if let Some(store) = &keep {
-        store.sweep_partial().map_err(|error| RunError::broken("cannot keep episodes", error))?;
+        let kept = store.root().display();
+        store.sweep_partial().map_err(|error| {
+            let help = format!("check that {kept} is writable and the disk is not full");
+            RunError::broken("cannot keep episodes", error).with_hint(help)
+        })?;
     }
     progress.begin(&label, cases.len());
     let make = |stage: &_, case: &Case| {
@@ -147,7 +151,16 @@ fn one(
         genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), options.workers, stop, &finished)
             .map_err(|error| match error {
                 Stopped::Run(error) => error,
-                Stopped::Episode(error) => RunError::broken(format!("evaluating {label} stopped"), error),
+                Stopped::Episode(error) => {
+                    let help = keep.as_ref().map_or_else(
+                        || "what was finished is kept; start again to continue".into(),
+                        |store| {
+                            let kept = store.root().display();
+                            format!("move a kept episode that cannot be read out of {kept}; it is then run again")
+                        },
+                    );
+                    RunError::broken(format!("evaluating {label} stopped"), error).with_hint(help)
+                }
             })?;
     progress.end();
     results.extend(evaluated.results);

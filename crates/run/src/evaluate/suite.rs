@@ -33,6 +33,8 @@ pub struct Suite {
     pub left_out: Vec<String>,
     /// Recorded episodes on the same scenarios.
     store: Option<EpisodeStore>,
+    /// Whether the scenarios are those of a run, whose folder then takes the evaluations.
+    is_of_run: bool,
 }
 
 impl Suite {
@@ -65,7 +67,8 @@ impl Suite {
         }
         let given = folder.join("scenarios");
         if cases.is_empty() && given.is_dir() {
-            return Ok(Self { settings: run.settings, name, left_out, ..Self::of_scenarios(&[given])? });
+            let is_of_run = true;
+            return Ok(Self { settings: run.settings, name, left_out, is_of_run, ..Self::of_scenarios(&[given])? });
         }
         if cases.is_empty() {
             return Err(RunError::input(format!("{} has no scenario to evaluate on", path.display()))
@@ -81,6 +84,7 @@ impl Suite {
             cameras: None,
             left_out,
             store: Some(store),
+            is_of_run: true,
         })
     }
 
@@ -126,6 +130,7 @@ impl Suite {
             cameras: None,
             left_out: Vec::new(),
             store: None,
+            is_of_run: false,
         })
     }
 
@@ -182,7 +187,7 @@ impl Suite {
 
     /// The folder that evaluations are written into: the run of the suite, or one that is made of its scenarios.
     pub(super) fn folder(&self, out: &Path) -> Result<RunFolder, RunError> {
-        if self.store.is_some() {
+        if self.is_of_run {
             return Ok(RunFolder::open(out)?.0);
         }
         let mut tasks: Vec<Task> = Vec::new();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use genmanip_bench::{EpisodeRow, EvaluationReport, TaskRow};
 use genmanip_core::limits;
-use genmanip_data::EpisodeStore;
+use genmanip_data::{DataError, EpisodeStore};
 
 use crate::error::RunError;
 use crate::evaluate::kept_episodes;
@@ -60,7 +60,10 @@ pub(super) fn read(
         left_out.push(format!("{foreign} episodes are of tasks that are not in the run; they are left out"));
     }
     for report in evaluations {
-        let kept = kept_store(folder, &report.label)?;
+        let kept = kept_store(folder, &report.label).unwrap_or_else(|why| {
+            left_out.push(format!("episodes kept by {} are left out: {why}", report.label));
+            None
+        });
         for result in &report.results {
             let Some(&task) = index.get(result.task_id.as_str()) else { continue };
             let is_kept = kept.as_ref().is_some_and(|store| store.contains(&result.id));
@@ -74,10 +77,9 @@ pub(super) fn read(
 ///
 /// # Errors
 /// When what is there is no store.
-pub(super) fn kept_store(folder: &RunFolder, label: &str) -> Result<Option<EpisodeStore>, RunError> {
+pub(super) fn kept_store(folder: &RunFolder, label: &str) -> Result<Option<EpisodeStore>, DataError> {
     let path = kept_episodes(folder, label);
-    let opened = path.join("store.json").is_file().then(|| EpisodeStore::open(path));
-    opened.transpose().map_err(|error| RunError::broken("cannot read kept episodes", error))
+    path.join("store.json").is_file().then(|| EpisodeStore::open(path)).transpose()
 }
 
 /// Finished evaluations; what is none is named and left out.

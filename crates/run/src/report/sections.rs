@@ -73,7 +73,11 @@ impl Drawing<'_> {
     fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, RunError> {
         match &row.evaluation {
             None => Ok(Some(self.store.clone())),
-            Some(label) => Ok(kept_store(self.folder, label)?.filter(|store| store.contains(&row.id))),
+            // A store that cannot be read was named when the rows were made.
+            Some(label) => {
+                let kept = kept_store(self.folder, label).ok().flatten();
+                Ok(kept.filter(|store| store.contains(&row.id)))
+            }
         }
     }
 }

@@ -138,8 +138,8 @@ fn nonsense_is_refused_and_changes_nothing() {
     assert!(matches!(refused(&default_world(), &strong, &[]), SimError::Settings(_)));
     let knobs = [
         ("solver_iteration", 30.into(), "`solver_iterations`?"),
-        ("contact_solref", "stiff".into(), "`physics.engine.contact_solref` does not fit"),
-        ("impedance_ratio", 0.into(), "`physics.engine.impedance_ratio` does not fit"),
+        ("contact_solref", "stiff".into(), "`physics.engine.contact_solref`: expected two numbers, got \"stiff\""),
+        ("impedance_ratio", 0.into(), "`physics.engine.impedance_ratio`: expected a positive number, got 0"),
     ];
     for (knob, value, expected) in knobs {
         let mut world = (*default_world()).clone();

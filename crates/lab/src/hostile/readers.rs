@@ -1,0 +1,86 @@
+//! What every reader needs for files of its largest size.
+
+use std::fs;
+
+use genmanip_core::limits::{self, Limit};
+use genmanip_data::EpisodeStore;
+use serde::Serialize;
+
+use super::child::{self, Limits};
+use super::corpus::Corpus;
+use super::{HostileArguments, Room};
+use crate::LabError;
+
+/// What a reader needs for a file of its largest size.
+#[derive(Clone, Debug, Serialize)]
+pub struct Reader {
+    /// The file.
+    pub file: String,
+    /// Its largest size.
+    pub limit: String,
+    /// What the file is filled with.
+    pub filled_with: String,
+    /// Whether it was taken, refused, or why neither.
+    pub outcome: &'static str,
+    /// Processor time of the call, s.
+    pub cpu_s: f64,
+    /// Most memory in use, MiB.
+    pub peak_mib: u64,
+}
+
+/// Room for readers that need more than they may, so that it shows how much.
+const WIDE: Limits = Limits { memory_mib: 6144, cpu_s: 60, idle_s: 60 };
+/// The call that reads the frames of an episode.
+const FRAMES: &str = "replay long --strip film.jpg";
+/// Longest part of a filling that is told, characters.
+const TOLD: usize = 40;
+
+/// Measures every reader on each of its fillings.
+pub(super) fn measure(arguments: &HostileArguments, room: &Room, corpus: &Corpus) -> Result<Vec<Reader>, LabError> {
+    let mut readers = Vec::new();
+    for filling in corpus.fillings() {
+        room.fill(&corpus.filled(filling)?)?;
+        let told: String = filling.unit.trim().chars().take(TOLD).collect();
+        readers.push(call(arguments, room, (&filling.file, filling.limit, told), filling.call)?);
+    }
+    let told = long_episode(room, corpus)?;
+    readers.push(call(arguments, room, ("long/021_spatial-000/frames.parquet", limits::FRAMES, told), FRAMES)?);
+    room.clear()?;
+    Ok(readers)
+}
+
+fn call(
+    arguments: &HostileArguments,
+    room: &Room,
+    (file, limit, filled_with): (&str, Limit, String),
+    words: &str,
+) -> Result<Reader, LabError> {
+    let words: Vec<String> = words.split(' ').map(String::from).collect();
+    let ended = child::run(&arguments.program, &words, room, WIDE)?;
+    let outcome = match ended.code {
+        _ if ended.is_over_memory() => "needs more than 6 GiB",
+        _ if ended.is_hanging() => "needs more than 60 s",
+        _ if ended.has_panicked() => "panics",
+        Some(0) => "taken",
+        _ => "refused",
+    };
+    let (file, limit) = (file.to_owned(), limit.in_words());
+    Ok(Reader { file, limit, filled_with, outcome, cpu_s: ended.cpu_s, peak_mib: ended.peak_mib })
+}
+
+/// Writes an episode that moves until its frames take all the room they may; says how long that is.
+fn long_episode(room: &Room, corpus: &Corpus) -> Result<String, LabError> {
+    room.fill(&corpus.run_of_two()?)?;
+    let broken = |error| LabError::broken("a long episode cannot be made", error);
+    let id = "021_spatial-000";
+    let mut episode = EpisodeStore::open(room.work().join("run/episodes")).and_then(|s| s.read(id)).map_err(broken)?;
+    let path = room.work().join("run/episodes").join(id).join("frames.parquet");
+    let bytes = fs::metadata(&path).map_err(|error| LabError::file("read", &path, error))?.len();
+    // Compressed blocks differ in size; a little less than the whole room is safe.
+    let count = (limits::FRAMES.bytes as f64 * 0.98 / bytes as f64 * episode.frames.len() as f64) as usize;
+    episode.frames = episode.frames.iter().cycle().take(count).cloned().collect();
+    episode.result.frames = count;
+    let long = EpisodeStore::create(room.work().join("long")).map_err(broken)?;
+    long.write(&episode, &[]).map_err(broken)?;
+    Ok(format!("{count} frames"))
+}
