@@ -2,7 +2,6 @@
 //!
 //! Few taps whose pattern repeats every 4×4 pixels, then a mean over such a block without crossing from one surface
 //! to another. Ambient light varies slowly: it is estimated at every other row and column.
-//! Ambient occlusion after McGuire et al., "Scalable Ambient Obscurance", 2012.
 //!
 //! A tile depends on tiles within a known reach only, so that a frame can be continued where nothing changed.
 
@@ -12,29 +11,24 @@ use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
 use crate::assets::{RenderAssets, TRIANGLE_BITS};
-use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, within};
+use crate::lanes::{CHUNK, nearest_integer};
 use crate::layers::{MarkCount, TILE};
+use crate::occlusion::{MAX_REACH, Taps, occlude};
 use crate::points::{Pixels, Points, packed};
 use crate::raster::Target;
+use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
 use crate::scene::Scene;
-use crate::shadow::{Doubts, ShadowMap, Span, turn_of};
+use crate::shadow::{Doubts, ShadowMap, Span};
 use crate::variation::RenderVariation;
 use crate::view::View;
 
-/// Taps of the ambient occlusion.
-const TAPS: usize = 8;
-/// Largest radius of the ambient occlusion on the image, pixels.
-const MAX_REACH: f32 = 64.0;
 /// Tiles beyond the reach of the taps on which a blurred pixel depends.
 const BLUR_TILES: isize = 1;
-/// Share of a pixel that shows nothing.
-const UNKNOWN: f32 = -1.0;
 /// Pixels around a tile that its blur reads.
 const MARGIN: usize = 2;
 /// Rows and columns of a tile with its surroundings.
 const WINDOW: usize = TILE + 2 * MARGIN;
 /// The same of the coarse grid of the ambient light.
-const HALF: usize = TILE / 2;
 const HALF_WINDOW: usize = HALF + 2 * MARGIN;
 
 /// Arriving light per pixel, kept from frame to frame.
@@ -398,9 +392,7 @@ impl Arrival {
             rows.for_each(|row| self.ambient[row * self.width..][columns.clone()].fill(value));
             return;
         }
-        let mut window = RefineWindow::default();
-        window.load(self, columns.start, rows.start);
-        let refined = refine_tile(&window);
+        let refined = refine_tile(&self.refine_window(columns.start, rows.start));
         for (row, line) in rows.zip(&refined) {
             let out = &mut self.ambient[row * self.width..][columns.clone()];
             out.copy_from_slice(&line[..out.len()]);
@@ -469,83 +461,37 @@ fn widen_range([low, high]: &mut [f32; 2], values: &[f32]) {
     }
 }
 
-/// A tile and the coarse estimates around it, each of them beside the pixels that it is to the left or the right of.
-struct RefineWindow {
-    surface: [[u32; TILE]; TILE],
-    depth: [[f32; TILE]; TILE],
-    /// By coarse row: to the left and to the right of each column.
-    coarse_surface: [[[u32; TILE]; 2]; HALF + 1],
-    coarse_depth: [[[f32; TILE]; 2]; HALF + 1],
-    value: [[[f32; TILE]; 2]; HALF + 1],
-}
-
-impl Default for RefineWindow {
-    fn default() -> Self {
-        Self {
-            surface: [[0; TILE]; TILE],
-            depth: [[0.0; TILE]; TILE],
-            coarse_surface: [[[0; TILE]; 2]; HALF + 1],
-            coarse_depth: [[[0.0; TILE]; 2]; HALF + 1],
-            value: [[[UNKNOWN; TILE]; 2]; HALF + 1],
-        }
-    }
-}
-
-impl RefineWindow {
-    fn load(&mut self, arrival: &Arrival, first_column: usize, first_row: usize) {
-        for row in 0..TILE.min(arrival.height - first_row) {
-            let fine = (first_row + row) * arrival.width + first_column;
-            for column in 0..TILE.min(arrival.width - first_column) {
-                self.surface[row][column] = u32::from(arrival.surface[fine + column]);
-                self.depth[row][column] = arrival.depth[fine + column];
+impl Arrival {
+    /// What the ambient light of a tile follows from.
+    fn refine_window(&self, first_column: usize, first_row: usize) -> RefineWindow {
+        let mut window = RefineWindow::default();
+        for row in 0..TILE.min(self.height - first_row) {
+            let fine = (first_row + row) * self.width + first_column;
+            for column in 0..TILE.min(self.width - first_column) {
+                window.surface[row][column] = u32::from(self.surface[fine + column]);
+                window.depth[row][column] = self.depth[fine + column];
             }
         }
         for row in 0..=HALF {
-            let y = (first_row / 2 + row).min(arrival.half_height - 1);
+            let y = (first_row / 2 + row).min(self.half_height - 1);
             let (mut surface, mut depth, mut value) = ([0; HALF + 1], [0.0; HALF + 1], [UNKNOWN; HALF + 1]);
             for column in 0..=HALF {
-                let x = (first_column / 2 + column).min(arrival.half_width - 1);
-                let fine = 2 * y * arrival.width + 2 * x;
-                surface[column] = u32::from(arrival.surface[fine]);
-                depth[column] = arrival.depth[fine];
-                value[column] = arrival.half[y * arrival.half_width + x];
+                let x = (first_column / 2 + column).min(self.half_width - 1);
+                let fine = 2 * y * self.width + 2 * x;
+                surface[column] = u32::from(self.surface[fine]);
+                depth[column] = self.depth[fine];
+                value[column] = self.half[y * self.half_width + x];
             }
             for column in 0..TILE {
                 for (side, x) in [column / 2, column / 2 + column % 2].into_iter().enumerate() {
-                    self.coarse_surface[row][side][column] = surface[x];
-                    self.coarse_depth[row][side][column] = depth[x];
-                    self.value[row][side][column] = value[x];
+                    window.coarse_surface[row][side][column] = surface[x];
+                    window.coarse_depth[row][side][column] = depth[x];
+                    window.value[row][side][column] = value[x];
                 }
             }
         }
+        window
     }
-}
-
-/// At every pixel the mean of the coarse estimates around it that belong to the same surface.
-#[multiversion(targets("x86_64+avx2"))]
-fn refine_tile(window: &RefineWindow) -> [[f32; TILE]; TILE] {
-    let mut out = [[1.0; TILE]; TILE];
-    for row in 0..TILE {
-        let taps = [(row / 2, 0), (row / 2, 1), (row / 2 + row % 2, 0), (row / 2 + row % 2, 1)];
-        let (mut sums, mut totals) = ([0.0; TILE], [0.0; TILE]);
-        for (coarse, side) in taps {
-            for column in 0..TILE {
-                let (surface, depth) = (window.surface[row][column], window.depth[row][column]);
-                let value = window.value[coarse][side][column];
-                let is_same = (window.coarse_surface[coarse][side][column] == surface)
-                    & ((window.coarse_depth[coarse][side][column] - depth).abs() < 0.02 * depth);
-                // A thin thing between the coarse pixels takes what is known around it.
-                let weight = if is_same { 1.0 } else { 1e-4 };
-                let weight = if value < 0.0 { 0.0 } else { weight };
-                sums[column] += weight * value;
-                totals[column] += weight;
-            }
-        }
-        for column in 0..TILE {
-            out[row][column] = if totals[column] > 0.0 { sums[column] / totals[column] } else { 1.0 };
-        }
-    }
-    out
 }
 
 /// A tile and its surroundings.
@@ -631,115 +577,4 @@ fn blur_tile(window: &Window<WINDOW>) -> [[f32; TILE]; TILE] {
 #[multiversion(targets("x86_64+avx2"))]
 fn blur_half_tile(window: &Window<HALF_WINDOW>) -> [[f32; HALF]; HALF] {
     window.blurred()
-}
-
-/// Share of the ambient light that reaches points.
-fn occlude(points: &Points, depth: &[f32], size: [usize; 2], focal: f32, variation: &RenderVariation, taps: &mut Taps) {
-    let radius = variation.occlusion_radius_m;
-    taps.begin(points, focal, radius);
-    for &offset in spiral() {
-        place_taps(taps, points, offset, size);
-        for i in 0..points.count {
-            taps.depth[i] = depth[taps.index[i] as usize];
-        }
-        add_taps(taps, points, focal, radius);
-    }
-    let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
-    for i in 0..CHUNK {
-        let share = 1.0 - taps.darkening[i] * scale;
-        taps.share[i] = if share > 0.15 { share } else { 0.15 };
-    }
-}
-
-/// Taps around a chunk of points.
-#[derive(Debug)]
-struct Taps {
-    cosine: Lane,
-    sine: Lane,
-    /// Whole pixels from the point to the tap.
-    dx: Lane,
-    dy: Lane,
-    index: [u32; CHUNK],
-    depth: Lane,
-    darkening: Lane,
-    share: Lane,
-}
-
-impl Default for Taps {
-    fn default() -> Self {
-        Self {
-            cosine: ZERO,
-            sine: ZERO,
-            dx: ZERO,
-            dy: ZERO,
-            index: [0; CHUNK],
-            depth: ZERO,
-            darkening: ZERO,
-            share: ZERO,
-        }
-    }
-}
-
-impl Taps {
-    /// The turn and the length of the taps of each point go together.
-    fn begin(&mut self, points: &Points, focal: f32, radius: f32) {
-        self.darkening = ZERO;
-        for i in 0..points.count {
-            let reach = within(radius * focal / points.place_in_camera[2][i], 3.0, MAX_REACH);
-            // Of every other pixel, so that the pattern of turns repeats every 4×4 estimates.
-            let turn = |lane: &Lane| nearest_integer(lane[i]) as usize / 2 % 4;
-            let (sine, cosine) = turn_of(TURN[turn(&points.row)][turn(&points.column)]);
-            (self.cosine[i], self.sine[i]) = (cosine * reach, sine * reach);
-        }
-    }
-}
-
-/// Order of the turns within a block of estimates.
-const TURN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_taps(taps: &mut Taps, points: &Points, offset: [f32; 2], [width, height]: [usize; 2]) {
-    let (last_column, last_row, width) = ((width - 1) as i32 as f32, (height - 1) as i32 as f32, width as u32);
-    for i in 0..CHUNK {
-        let column = within(points.column[i] + offset[0] * taps.cosine[i] - offset[1] * taps.sine[i], 0.0, last_column);
-        let row = within(points.row[i] + offset[0] * taps.sine[i] + offset[1] * taps.cosine[i], 0.0, last_row);
-        let (column, row) = (nearest_integer(column), nearest_integer(row));
-        taps.dx[i] = column as i32 as f32 - points.column[i];
-        taps.dy[i] = row as i32 as f32 - points.row[i];
-        taps.index[i] = row * width + column;
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
-    let inverse_focal = 1.0 / focal;
-    let square_radius = radius * radius;
-    for i in 0..CHUNK {
-        let (x, y, z) = (points.place_in_camera[0][i], points.place_in_camera[1][i], points.place_in_camera[2][i]);
-        let depth = taps.depth[i];
-        let bias = 0.001 + 0.002 * z;
-        // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
-        let stretch = depth / z - 1.0;
-        let step = depth * inverse_focal;
-        let toward = [stretch * x + taps.dx[i] * step, stretch * y + taps.dy[i] * step, depth - z];
-        let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2];
-        let near = if square_radius > square { square_radius - square } else { 0.0 };
-        let above = toward[0] * points.normal_in_camera[0][i]
-            + toward[1] * points.normal_in_camera[1][i]
-            + toward[2] * points.normal_in_camera[2][i]
-            - bias;
-        let above = if above > 0.0 { above } else { 0.0 };
-        taps.darkening[i] += near * near * near * above / (square + 1e-5);
-    }
-}
-
-/// A spiral on the unit disc.
-fn spiral() -> &'static [[f32; 2]; TAPS] {
-    static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
-    TABLE.get_or_init(|| {
-        std::array::from_fn(|tap| {
-            let share = (tap as f32 + 0.5) / TAPS as f32;
-            (Vec2::from_angle(std::f32::consts::TAU * share * 3.0) * share).to_array()
-        })
-    })
 }

@@ -29,13 +29,16 @@ mod lanes;
 mod layers;
 mod mesh;
 mod normals;
+mod occlusion;
 mod points;
 mod raster;
+mod refine;
 mod scene;
 mod shade;
 mod shadow;
 mod sky;
 mod surroundings;
+mod taps;
 mod texture;
 mod view;
 

@@ -4,7 +4,7 @@
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
 use genmanip_core::Pose;
-use glam::{Mat3A, Vec2, Vec3A};
+use glam::{Mat3A, Vec3A};
 use multiversion::multiversion;
 
 use crate::assets::RenderAssets;
@@ -14,16 +14,12 @@ use crate::layers::{Layers, Motion, Rectangle, TILE};
 use crate::mesh::{CELLS_M, Mesh};
 use crate::points::Points;
 use crate::raster::{Corner, Eye, Target, draw_mesh};
+use crate::taps::{Queue, TAPS, Taps, tap, turn_of};
 use crate::variation::RenderVariation;
 use crate::view::rotation;
 
 /// Largest radius of a soft edge, texels.
 const MAX_RADIUS: f32 = 30.0;
-/// Taps of the search for blockers and of the filter.
-const TAPS: usize = 8;
-/// Turns of the taps.
-pub(crate) const TURNS: usize = 16;
-
 /// What the key light sees.
 #[derive(Debug, Default)]
 pub(crate) struct ShadowMap {
@@ -101,53 +97,6 @@ pub(crate) struct Doubts {
     search: Queue,
     filter: Queue,
     taps: Taps,
-}
-
-/// A chunk of doubts.
-#[derive(Debug)]
-struct Queue {
-    count: usize,
-    pixel: [u32; CHUNK],
-    /// Place on the map, tilt of the plane, cosine and sine of the taps' turn, and radius of the taps.
-    x: Lane,
-    y: Lane,
-    nearness: Lane,
-    tilt_x: Lane,
-    tilt_y: Lane,
-    cosine: Lane,
-    sine: Lane,
-    radius: Lane,
-}
-
-impl Default for Queue {
-    fn default() -> Self {
-        Self {
-            count: 0,
-            pixel: [0; CHUNK],
-            x: ZERO,
-            y: ZERO,
-            nearness: ZERO,
-            tilt_x: ZERO,
-            tilt_y: ZERO,
-            cosine: ZERO,
-            sine: ZERO,
-            radius: ZERO,
-        }
-    }
-}
-
-impl Queue {
-    /// Adds a doubt of another queue with a radius; says whether the queue is full.
-    #[inline(always)]
-    fn push(&mut self, other: &Self, from: usize, radius: f32) -> bool {
-        let to = self.count;
-        self.pixel[to] = other.pixel[from];
-        (self.x[to], self.y[to], self.nearness[to]) = (other.x[from], other.y[from], other.nearness[from]);
-        (self.tilt_x[to], self.tilt_y[to]) = (other.tilt_x[from], other.tilt_y[from]);
-        (self.cosine[to], self.sine[to], self.radius[to]) = (other.cosine[from], other.sine[from], radius);
-        self.count += 1;
-        self.count == CHUNK
-    }
 }
 
 impl ShadowMap {
@@ -325,7 +274,7 @@ impl ShadowMap {
     fn search(&self, search: &mut Queue, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
         let widest = self.search_radius();
         search.radius = [widest; CHUNK];
-        self.tap(search, taps);
+        tap(search, &self.layers.target.nearness, self.light.size, taps);
         let (blockers, distance) = (taps.blockers, taps.distance);
         for i in 0..search.count {
             let found = blockers[i];
@@ -346,24 +295,11 @@ impl ShadowMap {
 
     /// The share of a disc around points, as wide as their distance to the blockers asks for, that is not covered.
     fn filter(&self, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
-        self.tap(filter, taps);
+        tap(filter, &self.layers.target.nearness, self.light.size, taps);
         for i in 0..filter.count {
             share[filter.pixel[i] as usize] = 1.0 - taps.blockers[i] / TAPS as f32;
         }
         filter.count = 0;
-    }
-
-    /// How many taps are nearer to the light than the receiving plane, and by how much together.
-    fn tap(&self, queue: &Queue, taps: &mut Taps) {
-        (taps.blockers, taps.distance) = (ZERO, ZERO);
-        let map = &self.layers.target.nearness;
-        for &offset in spiral() {
-            place_taps(queue, offset, self.light.size, taps);
-            for i in 0..queue.count {
-                taps.stored[i] = map[taps.index[i] as usize];
-            }
-            add_taps(taps);
-        }
     }
 
     /// Extremes per tile, then over the surroundings of each tile.
@@ -532,48 +468,6 @@ fn place_points(light: &Light, points: &Points, places: &mut Places) {
     }
 }
 
-/// Taps of a chunk of doubts.
-#[derive(Debug)]
-struct Taps {
-    index: [u32; CHUNK],
-    /// Nearness of the receiving plane under the tap.
-    plane: [f32; CHUNK],
-    stored: [f32; CHUNK],
-    blockers: [f32; CHUNK],
-    distance: [f32; CHUNK],
-}
-
-impl Default for Taps {
-    fn default() -> Self {
-        let zero = [0.0; CHUNK];
-        Self { index: [0; CHUNK], plane: zero, stored: zero, blockers: zero, distance: zero }
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_taps(queue: &Queue, offset: [f32; 2], size: usize, taps: &mut Taps) {
-    let limit = (size - 1) as i32 as f32;
-    let width = size as u32;
-    for i in 0..CHUNK {
-        let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
-        let dx = (offset[0] * cosine - offset[1] * sine) * radius;
-        let dy = (offset[0] * sine + offset[1] * cosine) * radius;
-        let column = nearest_integer(within(queue.x[i] + dx, 0.0, limit));
-        let row = nearest_integer(within(queue.y[i] + dy, 0.0, limit));
-        taps.index[i] = row * width + column;
-        taps.plane[i] = dx * queue.tilt_x[i] + dy * queue.tilt_y[i] + queue.nearness[i];
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn add_taps(taps: &mut Taps) {
-    for i in 0..CHUNK {
-        let ahead = taps.stored[i] - taps.plane[i];
-        taps.blockers[i] += if ahead > 0.0 { 1.0 } else { 0.0 };
-        taps.distance[i] += if ahead > 0.0 { ahead } else { 0.0 };
-    }
-}
-
 /// Extremes of the tiles that changed.
 #[multiversion(targets("x86_64+avx2"))]
 fn summarise_tiles(target: &Target, changed: &[bool], low: &mut [f32], high: &mut [f32]) {
@@ -616,22 +510,4 @@ fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>, join: imp
             }
         }
     }
-}
-
-/// A sunflower pattern on the unit disc.
-fn spiral() -> &'static [[f32; 2]; TAPS] {
-    static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
-    TABLE.get_or_init(|| {
-        std::array::from_fn(|tap| {
-            (Vec2::from_angle(tap as f32 * 2.399_963) * ((tap as f32 + 0.5) / TAPS as f32).sqrt()).to_array()
-        })
-    })
-}
-
-/// Sine and cosine of one of the turns.
-pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
-    static TABLE: std::sync::OnceLock<[(f32, f32); TURNS]> = std::sync::OnceLock::new();
-    let turns = TABLE
-        .get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
-    turns[turn as usize % TURNS]
 }
