@@ -2,7 +2,6 @@
 //!
 //! Few taps whose pattern repeats every 4×4 pixels, then a mean over such a block without crossing from one surface
 //! to another. Ambient light varies slowly: it is estimated at every other row and column.
-//! Ambient occlusion after McGuire et al., "Scalable Ambient Obscurance", 2012.
 //!
 //! A tile depends on tiles within a known reach only, so that a frame can be continued where nothing changed.
 
@@ -11,28 +10,25 @@
 use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
-use crate::assets::RenderAssets;
+use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::lanes::{CHUNK, nearest_integer};
 use crate::layers::{MarkCount, TILE};
-use crate::points::{CHUNK, Points};
-use crate::raster::{Target, nearest_integer, within};
-use crate::shadow::{Doubts, ShadowMap, turn_of};
+use crate::occlusion::{MAX_REACH, Taps, occlude};
+use crate::points::{Pixels, Points, packed};
+use crate::raster::Target;
+use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
+use crate::scene::Scene;
+use crate::shadow::{Doubts, ShadowMap, Span};
 use crate::variation::RenderVariation;
 use crate::view::View;
 
-/// Taps of the ambient occlusion.
-const TAPS: usize = 8;
-/// Largest radius of the ambient occlusion on the image, pixels.
-const MAX_REACH: f32 = 64.0;
 /// Tiles beyond the reach of the taps on which a blurred pixel depends.
 const BLUR_TILES: isize = 1;
-/// Share of a pixel that shows nothing.
-const UNKNOWN: f32 = -1.0;
 /// Pixels around a tile that its blur reads.
 const MARGIN: usize = 2;
 /// Rows and columns of a tile with its surroundings.
 const WINDOW: usize = TILE + 2 * MARGIN;
 /// The same of the coarse grid of the ambient light.
-const HALF: usize = TILE / 2;
 const HALF_WINDOW: usize = HALF + 2 * MARGIN;
 
 /// Arriving light per pixel, kept from frame to frame.
@@ -56,10 +52,36 @@ pub(crate) struct Arrival {
     half: Vec<f32>,
     pub ambient: Vec<f32>,
     tiles: Vec<TileSummary>,
+    /// Where nothing can be darkened.
+    is_plain: Vec<bool>,
     seams: MarkCount,
     changes: MarkCount,
     shadow_changes: MarkCount,
+    work: Box<Work>,
+}
+
+/// Memory of the estimates.
+#[derive(Debug, Default)]
+struct Work {
+    pixels: Pixels,
+    points: Points,
+    taps: Taps,
     doubts: Doubts,
+}
+
+/// Pixels by the part they show, [`packed`].
+#[derive(Debug, Default)]
+pub(crate) struct Bins {
+    parts: Vec<Bin>,
+}
+
+/// Pixels of a part.
+#[derive(Debug, Default)]
+struct Bin {
+    /// First pixels of tiles that show nothing else.
+    tiles: Vec<u32>,
+    /// The others.
+    pixels: Vec<u32>,
 }
 
 /// What a tile shows.
@@ -69,8 +91,8 @@ struct TileSummary {
     surface: u16,
     /// Reach of its taps on the image, pixels.
     reach: isize,
-    /// Tiles of the shadow map on which it depends.
-    shadow_tiles: [[isize; 2]; 2],
+    /// Where it lies on the shadow map.
+    span: Span,
     /// Smallest and largest share of the key light as estimated.
     key: [f32; 2],
     /// The same of the ambient light.
@@ -98,7 +120,7 @@ impl Arrival {
         }
         self.surface.clear();
         self.surface.resize(width * height, 0);
-        let tile = TileSummary { surface: 0, reach: 0, shadow_tiles: [[0; 2]; 2], key: NO_RANGE, ambient: NO_RANGE };
+        let tile = TileSummary { surface: 0, reach: 0, span: Span::default(), key: NO_RANGE, ambient: NO_RANGE };
         self.tiles.clear();
         self.tiles.resize(self.columns * self.rows, tile);
     }
@@ -118,6 +140,7 @@ impl Arrival {
     /// Takes over what is seen in the tiles that changed.
     pub fn see(
         &mut self,
+        assets: &RenderAssets,
         opaque: &Target,
         changed: &[bool],
         view: &View,
@@ -128,40 +151,48 @@ impl Arrival {
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
             let (mut low, mut high) = (f32::INFINITY, 0.0_f32);
-            let (mut first, mut is_mixed) = (None, false);
+            let first = opaque.ids[(rows.start * opaque.width + columns.start) * scale];
+            let (mut differ, mut is_mixed) = (0, false);
+            let first_surface = (first >> TRIANGLE_BITS) as u16;
             for row in rows.clone() {
                 let samples = row * scale * opaque.width + columns.start * scale;
                 for (step, pixel) in (row * self.width + columns.start..row * self.width + columns.end).enumerate() {
                     let sample = samples + step * scale;
-                    let nearness = opaque.nearness[sample];
-                    let surface = (opaque.ids[sample] >> crate::assets::TRIANGLE_BITS) as u16;
+                    let (nearness, id) = (opaque.nearness[sample], opaque.ids[sample]);
+                    let surface = (id >> TRIANGLE_BITS) as u16;
                     self.depth[pixel] = if nearness > 0.0 { 1.0 / nearness } else { 0.0 };
                     self.surface[pixel] = surface;
-                    is_mixed |= *first.get_or_insert(surface) != surface;
+                    is_mixed |= surface != first_surface;
+                    differ |= id ^ first;
                     low = if nearness > 0.0 && nearness < low { nearness } else { low };
                     high = if nearness > high { nearness } else { high };
                 }
             }
             let reach = (variation.occlusion_radius_m * view.lens.focal.x * high).clamp(3.0, MAX_REACH);
-            let corners = [low, high].into_iter().filter(|_| high > 0.0).flat_map(|nearness| {
-                let depth = 1.0 / nearness;
-                [columns.start, columns.end].into_iter().flat_map({
-                    let rows = rows.clone();
-                    move |x| [rows.start, rows.end].map(|y| (x, y, depth))
-                })
-            });
             let lens = &view.lens;
-            let points = corners.map(|(x, y, depth)| {
+            let point = |x: usize, y: usize, depth: f32| {
                 let ray = (Vec2::new(x as f32, y as f32) - lens.center) / lens.focal;
                 lens.turn * (Vec3A::from(ray.extend(1.0)) * depth) + lens.eye
-            });
-            self.tiles[tile] = TileSummary {
-                surface: if is_mixed { SEVERAL } else { first.unwrap_or(0) },
-                reach: reach as isize + 2,
-                shadow_tiles: if shadow.is_on() && high > 0.0 { shadow.tiles_of(points) } else { [[0; 2], [-1; 2]] },
-                key: NO_RANGE,
-                ambient: NO_RANGE,
             };
+            let span = if !shadow.is_on() || high == 0.0 {
+                Span::default()
+            } else if differ == 0
+                && let Some(normal) = view.normal_of(assets, first)
+            {
+                let corners = [columns.start, columns.end - 1]
+                    .into_iter()
+                    .flat_map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
+                shadow.span_of_plane(corners, normal)
+            } else {
+                let depths = [1.0 / low, 1.0 / high];
+                let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
+                    [rows.start, rows.end].into_iter().flat_map(move |y| depths.map(|depth| point(x, y, depth)))
+                });
+                shadow.span_of(corners)
+            };
+            let surface = if is_mixed { SEVERAL } else { first_surface };
+            self.tiles[tile] =
+                TileSummary { surface, reach: reach as isize + 2, span, key: NO_RANGE, ambient: NO_RANGE };
         }
     }
 
@@ -174,7 +205,7 @@ impl Arrival {
         stale.clear();
         stale.extend(self.tiles.iter().enumerate().map(|(tile, summary)| {
             let [from, to] = self.around(tile, summary.reach);
-            let [shadow_from, shadow_to] = summary.shadow_tiles;
+            let [shadow_from, shadow_to] = summary.span.reach();
             self.changes.any(from, to) || self.shadow_changes.any(shadow_from, shadow_to)
         }));
     }
@@ -195,18 +226,8 @@ impl Arrival {
         }
     }
 
-    /// Estimates both shares of pixels, listed by part.
-    #[expect(clippy::too_many_arguments, reason = "one stage of a pipeline: what it reads, and what it writes")]
-    pub fn estimate(
-        &mut self,
-        assets: &RenderAssets,
-        view: &View,
-        opaque: &Target,
-        shadow: &ShadowMap,
-        variation: &RenderVariation,
-        stale: &[bool],
-        bins: &[Vec<u32>],
-    ) {
+    /// Finds the tiles where nothing can be darkened.
+    pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation) {
         let is_seam = |tile: usize| {
             let own = self.tiles[tile].surface;
             let (column, row) = (tile % self.columns, tile / self.columns);
@@ -215,99 +236,97 @@ impl Arrival {
                 || (row + 1 < self.rows && self.tiles[tile + self.columns].surface != own)
         };
         self.seams.count((0..self.tiles.len()).map(is_seam), self.columns, self.rows);
-        // Nothing can be darkened where only one convex part is seen all around.
-        let is_plain: Vec<bool> = (0..self.tiles.len())
-            .map(|tile| {
-                let [from, to] = self.around(tile, self.tiles[tile].reach);
-                let part = assets.parts.get((self.tiles[tile].surface as usize).wrapping_sub(1));
-                part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
-            })
-            .collect();
-        for tile in (0..self.tiles.len()).filter(|&tile| stale[tile]) {
-            let [columns, rows] = self.pixels_of(tile);
-            for row in rows {
-                self.raw_key[row * self.width..][columns.clone()].fill(UNKNOWN);
-                if row % 2 == 0 {
-                    self.raw_half[row / 2 * self.half_width..][columns.start / 2..columns.end.div_ceil(2)]
-                        .fill(UNKNOWN);
-                }
-            }
-        }
-        let mut points = Points::default();
-        let mut list = Vec::new();
-        for (pixels, (part, placed)) in bins.iter().zip(assets.parts.iter().zip(&view.parts)) {
-            for chunk in pixels.chunks(CHUNK) {
-                if shadow.is_on() {
-                    points.fill(chunk, part, placed, &view.lens, opaque, &self.depth);
-                    shadow.judge(&points, &mut self.raw_key, &mut self.doubts);
-                } else {
-                    chunk.iter().for_each(|&pixel| self.raw_key[pixel as usize] = 1.0);
-                }
-            }
-            list.clear();
-            for &pixel in pixels {
-                let (column, row) = (pixel as usize % self.width, pixel as usize / self.width);
-                if column % 2 == 0 && row % 2 == 0 {
-                    let coarse = row / 2 * self.half_width + column / 2;
-                    if variation.occlusion_radius_m <= 0.0 || is_plain[row / TILE * self.columns + column / TILE] {
-                        self.raw_half[coarse] = 1.0;
-                    } else {
-                        list.push(pixel);
-                    }
-                }
-            }
-            for chunk in list.chunks(CHUNK) {
-                points.fill(chunk, part, placed, &view.lens, opaque, &self.depth);
-                self.occlude(&points, view.lens.focal.x, variation);
-            }
-        }
-        shadow.settle(&mut self.doubts, &mut self.raw_key);
+        let mut is_plain = std::mem::take(&mut self.is_plain);
+        is_plain.clear();
+        is_plain.extend((0..self.tiles.len()).map(|tile| {
+            let part = assets.parts.get((self.tiles[tile].surface as usize).wrapping_sub(1));
+            let [from, to] = self.around(tile, self.tiles[tile].reach);
+            // Only one convex part is seen all around.
+            variation.occlusion_radius_m <= 0.0 || part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
+        }));
+        self.is_plain = is_plain;
     }
 
-    fn occlude(&mut self, points: &Points, focal: f32, variation: &RenderVariation) {
-        let radius = variation.occlusion_radius_m;
-        let mut taps = Taps::new(points, focal, radius, self.width);
-        for &offset in spiral() {
-            place_taps(&mut taps, offset, [self.width, self.height]);
+    /// Estimates both shares of the pixels of stale tiles among some.
+    pub fn estimate(&mut self, scene: &Scene<'_>, view: &View, opaque: &Target, tiles: &[usize], bins: &mut Bins) {
+        let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
+        let mut work = std::mem::take(&mut self.work);
+        let Work { pixels, points, taps, doubts } = &mut *work;
+        self.find_key(shadow, tiles, bins, assets.parts.len());
+        bins.for_each(pixels, opaque, &self.depth, |part, pixels| {
+            points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
+            shadow.judge(points, &mut self.raw_key, doubts);
+        });
+        if shadow.is_on() {
+            shadow.settle(doubts, &mut self.raw_key);
+        }
+        self.find_ambient(tiles, bins, assets.parts.len());
+        bins.for_each(pixels, opaque, &self.depth, |part, pixels| {
+            points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
+            occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, taps);
             for i in 0..points.count {
-                taps.depth[i] = self.depth[taps.index[i] as usize];
+                let (column, row) = (nearest_integer(points.column[i]), nearest_integer(points.row[i]));
+                self.raw_half[row as usize / 2 * self.half_width + column as usize / 2] = taps.share[i];
             }
-            add_taps(&mut taps, points, focal, radius);
-        }
-        let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
-        for i in 0..points.count {
-            let pixel = points.pixel[i] as usize;
-            let coarse = pixel / self.width / 2 * self.half_width + pixel % self.width / 2;
-            self.raw_half[coarse] = (1.0 - taps.darkening[i] * scale).max(0.15);
-        }
-    }
-
-    /// Blurs and refines the tiles that are marked; the estimates of those next to them must be up to date.
-    pub fn smooth(&mut self, stale: &[bool], marked: &[bool]) {
-        for tile in (0..self.tiles.len()).filter(|&tile| stale[tile]) {
+        });
+        self.work = work;
+        for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
             let (mut key, mut ambient) = (NO_RANGE, NO_RANGE);
-            let widen = |range: &mut [f32; 2], value: f32| {
-                if value >= 0.0 {
-                    *range = [range[0].min(value), range[1].max(value)];
-                }
-            };
             for row in rows {
-                self.raw_key[row * self.width..][columns.clone()].iter().for_each(|&value| widen(&mut key, value));
+                widen_range(&mut key, &self.raw_key[row * self.width..][columns.clone()]);
                 if row % 2 == 0 {
                     let range = columns.start / 2..columns.end.div_ceil(2);
-                    let values = &self.raw_half[row / 2 * self.half_width..][range];
-                    values.iter().for_each(|&value| widen(&mut ambient, value));
+                    widen_range(&mut ambient, &self.raw_half[row / 2 * self.half_width..][range]);
                 }
             }
             (self.tiles[tile].key, self.tiles[tile].ambient) = (key, ambient);
         }
-        for tile in (0..self.tiles.len()).filter(|&tile| marked[tile]) {
+    }
+
+    /// Writes the share of the key light of tiles for which one is certain, and lists the pixels of the others.
+    fn find_key(&mut self, shadow: &ShadowMap, tiles: &[usize], bins: &mut Bins, parts: usize) {
+        bins.clear(parts);
+        for &tile in tiles {
+            let summary = &self.tiles[tile];
+            let share = match summary.surface {
+                0 => Some(UNKNOWN),
+                _ if shadow.is_on() => shadow.certain_share(&summary.span),
+                _ => Some(1.0),
+            };
+            if share.is_none() {
+                bins.push_tile(self, tile);
+            }
+            let [columns, rows] = self.pixels_of(tile);
+            rows.for_each(|row| self.raw_key[row * self.width..][columns.clone()].fill(share.unwrap_or(UNKNOWN)));
+        }
+    }
+
+    /// Writes the ambient light of tiles where nothing can be darkened, and lists every other row and column of the
+    /// others.
+    fn find_ambient(&mut self, tiles: &[usize], bins: &mut Bins, parts: usize) {
+        bins.clear(parts);
+        for &tile in tiles {
+            let [columns, rows] = self.pixels_of(tile);
+            for row in rows.step_by(2) {
+                let first = row / 2 * self.half_width;
+                for column in columns.clone().step_by(2) {
+                    let surface = self.surface[row * self.width + column];
+                    let is_lit = surface > 0 && self.is_plain[tile];
+                    self.raw_half[first + column / 2] = if is_lit { 1.0 } else { UNKNOWN };
+                    if !is_lit {
+                        bins.push(surface, packed(column, row));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Blurs tiles; the estimates of those next to them must be up to date.
+    pub fn blur(&mut self, tiles: &[usize]) {
+        for &tile in tiles {
             self.blur_key(tile);
             self.blur_half(tile);
-        }
-        for tile in (0..self.tiles.len()).filter(|&tile| marked[tile]) {
-            self.refine(tile);
         }
     }
 
@@ -328,10 +347,9 @@ impl Arrival {
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, |tile| tile.key);
         if low >= high {
-            for row in rows {
-                let range = row * self.width + columns.start..row * self.width + columns.end;
-                self.key[range.clone()].copy_from_slice(&self.raw_key[range]);
-            }
+            // One value all around, which is also that of what faces away from the light.
+            let value = if low == high { low } else { UNKNOWN };
+            rows.for_each(|row| self.key[row * self.width..][columns.clone()].fill(value));
             return;
         }
         let mut window = Window::<WINDOW>::default();
@@ -364,7 +382,8 @@ impl Arrival {
     }
 
     /// The ambient light at every pixel of a tile from the four coarse pixels around it that show the same surface.
-    fn refine(&mut self, tile: usize) {
+    /// Those next to it must be blurred.
+    pub fn refine(&mut self, tile: usize) {
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
         if low >= high {
@@ -373,38 +392,111 @@ impl Arrival {
             rows.for_each(|row| self.ambient[row * self.width..][columns.clone()].fill(value));
             return;
         }
-        for row in rows {
-            for column in columns.clone() {
-                let pixel = row * self.width + column;
-                let (surface, depth) = (self.surface[pixel], self.depth[pixel]);
-                let (mut sum, mut total) = (0.0, 0.0);
-                let (left, top) = (column / 2, row / 2);
-                let (right, bottom) =
-                    ((left + column % 2).min(self.half_width - 1), (top + row % 2).min(self.half_height - 1));
-                for (x, y) in [(left, top), (right, top), (left, bottom), (right, bottom)] {
-                    let fine = 2 * y * self.width + 2 * x;
-                    let value = self.half[y * self.half_width + x];
-                    let is_same = (self.surface[fine] == surface) & ((self.depth[fine] - depth).abs() < 0.02 * depth);
-                    // A thin thing between the coarse pixels takes what is known around it.
-                    let weight = if value < 0.0 {
-                        0.0
-                    } else if is_same {
-                        1.0
-                    } else {
-                        1e-4
-                    };
-                    sum += weight * value;
-                    total += weight;
+        let refined = refine_tile(&self.refine_window(columns.start, rows.start));
+        for (row, line) in rows.zip(&refined) {
+            let out = &mut self.ambient[row * self.width..][columns.clone()];
+            out.copy_from_slice(&line[..out.len()]);
+        }
+    }
+}
+
+impl Bins {
+    fn clear(&mut self, parts: usize) {
+        self.parts.resize_with(parts, Bin::default);
+        for bin in &mut self.parts {
+            bin.tiles.clear();
+            bin.pixels.clear();
+        }
+    }
+
+    /// Adds a pixel that shows a surface; 0 is none.
+    fn push(&mut self, surface: u16, place: u32) {
+        if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
+            bin.pixels.push(place);
+        }
+    }
+
+    /// Adds the pixels of a tile.
+    fn push_tile(&mut self, arrival: &Arrival, tile: usize) {
+        let [columns, rows] = arrival.pixels_of(tile);
+        let surface = arrival.tiles[tile].surface;
+        let is_whole = surface != SEVERAL && columns.len() * rows.len() == TILE * TILE;
+        if surface > 0 && is_whole {
+            self.parts[surface as usize - 1].tiles.push(packed(columns.start, rows.start));
+        } else if surface > 0 {
+            for row in rows {
+                for column in columns.clone() {
+                    self.push(arrival.surface[row * arrival.width + column], packed(column, row));
                 }
-                self.ambient[pixel] = if total > 0.0 { sum / total } else { 1.0 };
+            }
+        }
+    }
+
+    /// Lists the pixels of some tiles.
+    pub fn fill(&mut self, arrival: &Arrival, parts: usize, tiles: &[usize]) {
+        self.clear(parts);
+        tiles.iter().for_each(|&tile| self.push_tile(arrival, tile));
+    }
+
+    /// Calls with each part that is seen and some of its pixels, until all had their turn.
+    pub fn for_each(&self, pixels: &mut Pixels, opaque: &Target, depth: &[f32], mut call: impl FnMut(usize, &Pixels)) {
+        for (part, bin) in self.parts.iter().enumerate() {
+            for &place in &bin.tiles {
+                pixels.tile(place, opaque, depth);
+                call(part, pixels);
+            }
+            for places in bin.pixels.chunks(CHUNK) {
+                pixels.list(places, opaque, depth);
+                call(part, pixels);
             }
         }
     }
 }
 
+/// Takes values into a range, without those that are unknown.
+fn widen_range([low, high]: &mut [f32; 2], values: &[f32]) {
+    for &value in values {
+        *low = if (value >= 0.0) & (value < *low) { value } else { *low };
+        *high = if (value >= 0.0) & (value > *high) { value } else { *high };
+    }
+}
+
+impl Arrival {
+    /// What the ambient light of a tile follows from.
+    fn refine_window(&self, first_column: usize, first_row: usize) -> RefineWindow {
+        let mut window = RefineWindow::default();
+        for row in 0..TILE.min(self.height - first_row) {
+            let fine = (first_row + row) * self.width + first_column;
+            for column in 0..TILE.min(self.width - first_column) {
+                window.surface[row][column] = u32::from(self.surface[fine + column]);
+                window.depth[row][column] = self.depth[fine + column];
+            }
+        }
+        for row in 0..=HALF {
+            let y = (first_row / 2 + row).min(self.half_height - 1);
+            let (mut surface, mut depth, mut value) = ([0; HALF + 1], [0.0; HALF + 1], [UNKNOWN; HALF + 1]);
+            for column in 0..=HALF {
+                let x = (first_column / 2 + column).min(self.half_width - 1);
+                let fine = 2 * y * self.width + 2 * x;
+                surface[column] = u32::from(self.surface[fine]);
+                depth[column] = self.depth[fine];
+                value[column] = self.half[y * self.half_width + x];
+            }
+            for column in 0..TILE {
+                for (side, x) in [column / 2, column / 2 + column % 2].into_iter().enumerate() {
+                    window.coarse_surface[row][side][column] = surface[x];
+                    window.coarse_depth[row][side][column] = depth[x];
+                    window.value[row][side][column] = value[x];
+                }
+            }
+        }
+        window
+    }
+}
+
 /// A tile and its surroundings.
 struct Window<const SIDE: usize> {
-    surface: [[u16; SIDE]; SIDE],
+    surface: [[u32; SIDE]; SIDE],
     depth: [[f32; SIDE]; SIDE],
     value: [[f32; SIDE]; SIDE],
 }
@@ -420,15 +512,17 @@ impl<const SIDE: usize> Window<SIDE> {
     /// From values on a grid with a step of so many pixels.
     fn load(&mut self, arrival: &Arrival, values: &[f32], width: usize, [x0, y0]: [usize; 2], step: usize) {
         let height = values.len() / width;
+        let from = MARGIN.saturating_sub(x0);
+        let to = SIDE.min(width + MARGIN - x0);
         for row in 0..SIDE {
             let Some(y) = (y0 + row).checked_sub(MARGIN).filter(|&y| y < height) else { continue };
-            for column in 0..SIDE {
-                let Some(x) = (x0 + column).checked_sub(MARGIN).filter(|&x| x < width) else { continue };
-                let fine = y * step * arrival.width + x * step;
-                self.surface[row][column] = arrival.surface[fine];
-                self.depth[row][column] = arrival.depth[fine];
-                self.value[row][column] = values[y * width + x];
-            }
+            let x = x0 + from - MARGIN;
+            self.value[row][from..to].copy_from_slice(&values[y * width + x..][..to - from]);
+            let fine = y * step * arrival.width + x * step;
+            let depths = arrival.depth[fine..].iter().step_by(step);
+            self.depth[row][from..to].iter_mut().zip(depths).for_each(|(out, &depth)| *out = depth);
+            let surfaces = arrival.surface[fine..].iter().step_by(step);
+            self.surface[row][from..to].iter_mut().zip(surfaces).for_each(|(out, &surface)| *out = u32::from(surface));
         }
     }
 
@@ -483,96 +577,4 @@ fn blur_tile(window: &Window<WINDOW>) -> [[f32; TILE]; TILE] {
 #[multiversion(targets("x86_64+avx2"))]
 fn blur_half_tile(window: &Window<HALF_WINDOW>) -> [[f32; HALF]; HALF] {
     window.blurred()
-}
-
-/// Taps around a chunk of points.
-struct Taps {
-    column: [f32; CHUNK],
-    row: [f32; CHUNK],
-    cosine: [f32; CHUNK],
-    sine: [f32; CHUNK],
-    /// Whole pixels from the point to the tap.
-    dx: [f32; CHUNK],
-    dy: [f32; CHUNK],
-    index: [u32; CHUNK],
-    depth: [f32; CHUNK],
-    darkening: [f32; CHUNK],
-}
-
-impl Taps {
-    /// The turn and the length of the taps of each point go together.
-    fn new(points: &Points, focal: f32, radius: f32, width: usize) -> Self {
-        let zero = [0.0; CHUNK];
-        let mut taps = Self {
-            column: zero,
-            row: zero,
-            cosine: zero,
-            sine: zero,
-            dx: zero,
-            dy: zero,
-            index: [0; CHUNK],
-            depth: zero,
-            darkening: zero,
-        };
-        for i in 0..points.count {
-            let pixel = points.pixel[i] as usize;
-            let reach = within(radius * focal / points.place_in_camera[2][i], 3.0, MAX_REACH);
-            // Of every other pixel, so that the pattern of turns repeats every 4×4 estimates.
-            let (column, row) = (pixel % width, pixel / width);
-            let (sine, cosine) = turn_of(TURN[row / 2 % 4][column / 2 % 4]);
-            (taps.column[i], taps.row[i]) = (column as i32 as f32, row as i32 as f32);
-            (taps.cosine[i], taps.sine[i]) = (cosine * reach, sine * reach);
-        }
-        taps
-    }
-}
-
-/// Order of the turns within a block of estimates.
-const TURN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_taps(taps: &mut Taps, offset: [f32; 2], [width, height]: [usize; 2]) {
-    let (last_column, last_row, width) = ((width - 1) as i32 as f32, (height - 1) as i32 as f32, width as u32);
-    for i in 0..CHUNK {
-        let column = within(taps.column[i] + offset[0] * taps.cosine[i] - offset[1] * taps.sine[i], 0.0, last_column);
-        let row = within(taps.row[i] + offset[0] * taps.sine[i] + offset[1] * taps.cosine[i], 0.0, last_row);
-        let (column, row) = (nearest_integer(column), nearest_integer(row));
-        taps.dx[i] = column as i32 as f32 - taps.column[i];
-        taps.dy[i] = row as i32 as f32 - taps.row[i];
-        taps.index[i] = row * width + column;
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
-    let inverse_focal = 1.0 / focal;
-    let square_radius = radius * radius;
-    for i in 0..CHUNK {
-        let (x, y, z) = (points.place_in_camera[0][i], points.place_in_camera[1][i], points.place_in_camera[2][i]);
-        let depth = taps.depth[i];
-        let bias = 0.001 + 0.002 * z;
-        // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
-        let stretch = depth / z - 1.0;
-        let step = depth * inverse_focal;
-        let toward = [stretch * x + taps.dx[i] * step, stretch * y + taps.dy[i] * step, depth - z];
-        let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2];
-        let near = if square_radius > square { square_radius - square } else { 0.0 };
-        let above = toward[0] * points.normal_in_camera[0][i]
-            + toward[1] * points.normal_in_camera[1][i]
-            + toward[2] * points.normal_in_camera[2][i]
-            - bias;
-        let above = if above > 0.0 { above } else { 0.0 };
-        taps.darkening[i] += near * near * near * above / (square + 1e-5);
-    }
-}
-
-/// A spiral on the unit disc.
-fn spiral() -> &'static [[f32; 2]; TAPS] {
-    static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
-    TABLE.get_or_init(|| {
-        std::array::from_fn(|tap| {
-            let share = (tap as f32 + 0.5) / TAPS as f32;
-            (Vec2::from_angle(std::f32::consts::TAU * share * 3.0) * share).to_array()
-        })
-    })
 }

@@ -2,17 +2,20 @@
 
 use glam::Vec3A;
 
-use crate::arrival::Arrival;
+use crate::arrival::{Arrival, Bins};
 use crate::assets::RenderAssets;
 use crate::edges::Edges;
 use crate::job::{Channels, FrameBuffers, FrameState};
-use crate::layers::Layers;
-use crate::points::CHUNK;
+use crate::layers::{Layers, TILE};
+use crate::points::Pixels;
 use crate::raster::Target;
 use crate::scene::Scene;
-use crate::shade::{Shading, Spot};
+use crate::shade::Shading;
 use crate::texture::{linear_from_srgb8, srgb8_from_linear};
 use crate::view::{Lens, View, part_and_triangle, surface_of};
+
+/// Pixels of a strip of tiles that is drawn at a time: what all stages hold of it fits the second cache.
+const STRIP_PIXELS: usize = 8192;
 
 /// A picture and all that it was made from.
 #[derive(Debug, Default)]
@@ -30,12 +33,20 @@ pub(crate) struct Canvas {
     stale: Vec<bool>,
     shaded: Vec<bool>,
     finished: Vec<bool>,
-    bins: Vec<Vec<u32>>,
+    bins: Bins,
     edges: Edges,
+    work: Box<Work>,
     /// What the pixels' centres see, transparent things included.
     seen: Target,
     /// Pixels whose surface was shaded at the last drawing.
     pub shaded_pixels: usize,
+}
+
+/// Memory of the shading.
+#[derive(Debug, Default)]
+struct Work {
+    pixels: Pixels,
+    shading: Shading,
 }
 
 impl Canvas {
@@ -72,84 +83,100 @@ impl Canvas {
             }
         }
         let opaque = &self.opaque.target;
-        self.arrival.see(opaque, &self.changed, view, scene.shadow, scene.variation);
+        self.arrival.see(assets, opaque, &self.changed, view, scene.shadow, scene.variation);
         if follows {
             self.arrival.mark_stale(&self.changed, scene.shadow, self.shadow_version, &mut self.stale);
         } else {
             self.stale.clone_from(&self.changed);
         }
         self.shadow_version = scene.shadow.version();
-        fill_bins(&self.arrival, &self.stale, width, &mut self.bins, assets.parts.len());
-        self.arrival.estimate(assets, view, opaque, scene.shadow, scene.variation, &self.stale, &self.bins);
+        self.arrival.find_plain(assets, scene.variation);
         self.shaded.clone_from(&self.stale);
         self.arrival.widen(&mut self.shaded);
-        self.arrival.smooth(&self.stale, &self.shaded);
-        fill_bins(&self.arrival, &self.shaded, width, &mut self.bins, assets.parts.len());
-        self.shade(scene);
         self.finished.clone_from(&self.shaded);
         self.arrival.widen(&mut self.finished);
-        self.finish(scene, glass_moved);
+        if glass_moved {
+            self.mark_glass(assets);
+        }
+        self.draw_strips(scene);
     }
 
-    /// Shades the surfaces at the centres of the pixels in the bins.
-    fn shade(&mut self, scene: &Scene<'_>) {
+    /// Goes through the image strip by strip, so that what one stage writes is near when the next one reads it; each
+    /// stage is so far behind the one before that the strips beside its own are ready.
+    fn draw_strips(&mut self, scene: &Scene<'_>) {
+        let tiles_in_strip =
+            self.opaque.tile_columns * (STRIP_PIXELS / (TILE * TILE) / self.opaque.tile_columns).max(1);
+        let strips = self.stale.len().div_ceil(tiles_in_strip);
         let background = linear_from_srgb8(scene.variation.background);
-        for tile in (0..self.shaded.len()).filter(|&tile| self.shaded[tile]) {
+        self.shaded_pixels = 0;
+        let mut tiles = Vec::with_capacity(tiles_in_strip);
+        for step in 0..strips + 3 {
+            let select = |marks: &[bool], behind: usize, tiles: &mut Vec<usize>| {
+                tiles.clear();
+                if let Some(strip) = step.checked_sub(behind).filter(|&strip| strip < strips) {
+                    let first = strip * tiles_in_strip;
+                    tiles.extend((first..(first + tiles_in_strip).min(marks.len())).filter(|&tile| marks[tile]));
+                }
+            };
+            select(&self.stale, 0, &mut tiles);
+            self.arrival.estimate(scene, &self.view, &self.opaque.target, &tiles, &mut self.bins);
+            select(&self.shaded, 1, &mut tiles);
+            self.arrival.blur(&tiles);
+            select(&self.shaded, 2, &mut tiles);
+            tiles.iter().for_each(|&tile| self.arrival.refine(tile));
+            self.shade(scene, &tiles, background);
+            select(&self.finished, 3, &mut tiles);
+            self.encode(&tiles);
+            let glass = self.view.has_transparent.then_some(&self.glass);
+            let (colors, rgb) = (&self.colors, &mut self.rgb);
+            self.edges.finish(scene, &self.view, &self.opaque.target, glass, &self.arrival, &tiles, colors, rgb);
+        }
+    }
+
+    /// Shades the surfaces at the centres of the pixels of tiles.
+    fn shade(&mut self, scene: &Scene<'_>, tiles: &[usize], background: Vec3A) {
+        let (lens, target) = (&self.view.lens, &self.opaque.target);
+        for &tile in tiles {
             let [columns, rows] = self.arrival.pixels_of(tile);
             for row in rows {
-                for pixel in row * self.view.lens.width + columns.start..row * self.view.lens.width + columns.end {
+                for pixel in row * lens.width + columns.start..row * lens.width + columns.end {
                     if self.arrival.surface[pixel] == 0 {
                         self.colors[pixel] = background;
                     }
                 }
             }
         }
-        let (lens, target) = (&self.view.lens, &self.opaque.target);
-        let mut shading = Shading::default();
-        self.shaded_pixels = 0;
-        for (part, pixels) in self.bins.iter().enumerate() {
-            self.shaded_pixels += pixels.len();
-            for chunk in pixels.chunks(CHUNK) {
-                shading.clear();
-                for &pixel in chunk {
-                    let (column, row) = (pixel as usize % lens.width, pixel as usize / lens.width);
-                    let sample = row * target.scale * target.width + column * target.scale;
-                    let pixel = pixel as usize;
-                    shading.push(Spot {
-                        id: target.ids[sample],
-                        x: column as i32 as f32,
-                        y: row as i32 as f32,
-                        depth: self.arrival.depth[pixel],
-                        key: self.arrival.key[pixel],
-                        ambient: self.arrival.ambient[pixel],
-                    });
-                }
-                shading.shade(&scene.assets.parts[part], &self.view.parts[part], lens, scene.lighting);
-                for (spot, &pixel) in chunk.iter().enumerate() {
-                    self.colors[pixel as usize] = shading.color_of(spot);
+        self.bins.fill(&self.arrival, scene.assets.parts.len(), tiles);
+        let (arrival, colors, shaded) = (&self.arrival, &mut self.colors, &mut self.shaded_pixels);
+        let Work { pixels, shading } = &mut *self.work;
+        self.bins.for_each(pixels, target, &arrival.depth, |part, pixels| {
+            *shaded += pixels.count;
+            shading.take(pixels, &arrival.key, &arrival.ambient);
+            shading.shade(&scene.assets.parts[part], &self.view.parts[part], lens, scene.lighting);
+            for (spot, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
+                colors[pixel as usize] = shading.color_of(spot);
+            }
+        });
+    }
+
+    /// Marks the tiles where transparent things moved as unfinished.
+    fn mark_glass(&mut self, assets: &RenderAssets) {
+        for (part, motion) in assets.parts.iter().zip(&self.view.motions) {
+            if part.is_transparent() && motion.moved {
+                for rectangle in [&motion.before, &motion.now].into_iter().filter(|rectangle| !rectangle.is_empty()) {
+                    for row in rectangle.rows.start / TILE..rectangle.rows.end.div_ceil(TILE) {
+                        let columns = rectangle.columns.start / TILE..rectangle.columns.end.div_ceil(TILE);
+                        self.finished[row * self.opaque.tile_columns..][columns].fill(true);
+                    }
                 }
             }
         }
     }
 
-    /// Smooths edges, lays what is transparent over them, and encodes.
-    fn finish(&mut self, scene: &Scene<'_>, glass_moved: bool) {
-        if glass_moved {
-            for (part, motion) in scene.assets.parts.iter().zip(&self.view.motions) {
-                if part.is_transparent() && motion.moved {
-                    for rectangle in [&motion.before, &motion.now].into_iter().filter(|rectangle| !rectangle.is_empty())
-                    {
-                        let (tiles, step) = (self.opaque.tile_columns, crate::layers::TILE);
-                        for row in rectangle.rows.start / step..rectangle.rows.end.div_ceil(step) {
-                            let columns = rectangle.columns.start / step..rectangle.columns.end.div_ceil(step);
-                            self.finished[row * tiles..][columns].fill(true);
-                        }
-                    }
-                }
-            }
-        }
+    /// Writes the bytes of the colours of tiles.
+    fn encode(&mut self, tiles: &[usize]) {
         let width = self.view.lens.width;
-        for tile in (0..self.finished.len()).filter(|&tile| self.finished[tile]) {
+        for &tile in tiles {
             let [columns, rows] = self.arrival.pixels_of(tile);
             for row in rows {
                 let pixels = row * width + columns.start..row * width + columns.end;
@@ -159,17 +186,6 @@ impl Canvas {
                 }
             }
         }
-        let glass = self.view.has_transparent.then_some(&self.glass);
-        self.edges.finish(
-            scene,
-            &self.view,
-            &self.opaque.target,
-            glass,
-            &self.arrival,
-            &self.finished,
-            &self.colors,
-            &mut self.rgb,
-        );
     }
 
     /// Copies the channels that are asked for.
@@ -253,26 +269,5 @@ pub(crate) fn write_geometry(
     }
     if channels.normal {
         crate::normals::write(assets, view, seen, &mut out.normal);
-    }
-}
-
-/// Lists the pixels of marked tiles by the part they show.
-fn fill_bins(arrival: &Arrival, marked: &[bool], width: usize, bins: &mut Vec<Vec<u32>>, parts: usize) {
-    bins.resize_with(parts, Vec::new);
-    bins.iter_mut().for_each(Vec::clear);
-    for tile in (0..marked.len()).filter(|&tile| marked[tile]) {
-        let [columns, rows] = arrival.pixels_of(tile);
-        for row in rows {
-            let mut pixel = row * width + columns.start;
-            let end = row * width + columns.end;
-            while pixel < end {
-                let surface = arrival.surface[pixel];
-                let run = arrival.surface[pixel..end].iter().take_while(|&&other| other == surface).count();
-                if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| bins.get_mut(part)) {
-                    bin.extend(pixel as u32..(pixel + run) as u32);
-                }
-                pixel += run;
-            }
-        }
     }
 }

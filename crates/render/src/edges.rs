@@ -10,13 +10,13 @@ use std::ops::Range;
 use glam::Vec3A;
 
 use crate::arrival::Arrival;
-use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::layers::TILE;
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::{Shading, Spot};
 use crate::texture::srgb8_from_linear;
-use crate::view::{View, part_and_triangle, surface_of};
+use crate::view::{PartView, View, surface_of};
 
 /// What is found on the edges of a picture; memory kept from frame to frame.
 #[derive(Debug, Default)]
@@ -28,6 +28,7 @@ pub(crate) struct Edges {
     /// Sides of transparent surfaces, two per pixel at most, the farther one first.
     panes: Vec<Pane>,
     order: Vec<u32>,
+    keys: TileKeys,
 }
 
 /// A transparent surface in front of a pixel.
@@ -43,7 +44,7 @@ struct Pane {
 }
 
 impl Edges {
-    /// Rewrites the bytes of the pixels of marked tiles that show several surfaces or something transparent.
+    /// Rewrites the bytes of the pixels of tiles that show several surfaces or something transparent.
     #[expect(clippy::too_many_arguments, reason = "one stage of a pipeline: what it reads, and what it writes")]
     pub fn finish(
         &mut self,
@@ -52,7 +53,7 @@ impl Edges {
         opaque: &Target,
         glass: Option<&[Target; 2]>,
         arrival: &Arrival,
-        marked: &[bool],
+        tiles: &[usize],
         colors: &[Vec3A],
         rgb: &mut [u8],
     ) {
@@ -60,9 +61,9 @@ impl Edges {
         self.extras.clear();
         self.panes.clear();
         let n = opaque.scale as isize;
-        let around = Around { assets: scene.assets, view, opaque, n };
-        let mut keys = TileKeys::default();
-        for tile in (0..marked.len()).filter(|&tile| marked[tile]) {
+        let around = Around { view, opaque, directions: directions(scene.assets, view), n };
+        let mut keys = std::mem::take(&mut self.keys);
+        for &tile in tiles {
             let [columns, rows] = arrival.pixels_of(tile);
             let is_mixed = n > 1 && keys.load(&around, columns.start, rows.start);
             let glass = glass.filter(|glass| glass.iter().any(|layer| has_any(layer, &columns, &rows)));
@@ -81,6 +82,7 @@ impl Edges {
                 }
             }
         }
+        self.keys = keys;
         self.shade_extras(scene, view);
         self.shade_panes(scene, view);
         for &(pixel, color) in &self.mixed {
@@ -112,56 +114,68 @@ impl Edges {
         colors: &[Vec3A],
     ) {
         let n = around.n;
-        let own = keys.at(around, x as isize * n, y as isize * n);
+        let center = keys.center([x % TILE, y % TILE]);
+        let own = keys.keys[center];
         let (width, height) = (around.view.lens.width as isize, around.view.lens.height as isize);
         let (x, y) = (x as isize, y as isize);
-        let mut sum = Vec3A::ZERO;
+        let (mut sum, mut own_weight) = (Vec3A::ZERO, 0.0);
         for dy in 1 - n..n {
             for dx in 1 - n..n {
                 let weight = ((n - dx.abs()) * (n - dy.abs())) as f32 / (n * n * n * n) as f32;
-                let (column, row) = around.cut(x * n + dx, y * n + dy);
-                let key = keys.at(around, column, row);
+                let key = keys.keys[keys.beside(center, dx, dy)];
                 if key == own {
-                    sum += colors[pixel] * weight;
+                    own_weight += weight;
                     continue;
                 }
                 let (sx, sy) = (dx.signum(), dy.signum());
-                // The pixel that the sample leans to first, then the others.
-                let near = [[sx, sy], [sx, 0], [0, sy], [-1, 0], [1, 0], [0, -1], [0, 1]];
-                let corners = [[-1, -1], [1, -1], [-1, 1], [1, 1]];
-                let neighbour = near.into_iter().chain(corners).find_map(|[sx, sy]| {
+                let shows = |[sx, sy]: [isize; 2]| {
                     let (x, y) = (x + sx, y + sy);
                     let inside = x >= 0 && y >= 0 && x < width && y < height;
-                    (inside && keys.at(around, x * n, y * n) == key).then(|| (y * width + x) as usize)
+                    (inside && keys.keys[keys.beside(center, sx * n, sy * n)] == key).then(|| (y * width + x) as usize)
+                };
+                // The pixel that the sample leans to first, then the others.
+                let neighbour = shows([sx, sy]).or_else(|| {
+                    const OTHERS: [[isize; 2]; 8] =
+                        [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
+                    shows([sx, 0]).or_else(|| shows([0, sy])).or_else(|| OTHERS.into_iter().find_map(shows))
                 });
                 if let Some(neighbour) = neighbour {
                     sum += colors[neighbour] * weight;
                 } else {
-                    let sample = row as usize * around.opaque.width + column as usize;
-                    let spot = Spot {
-                        id: around.opaque.ids[sample],
-                        x: column as f32 / n as f32,
-                        y: row as f32 / n as f32,
-                        depth: 1.0 / around.opaque.nearness[sample],
-                        key: arrival.key[pixel].max(0.0),
-                        ambient: arrival.ambient[pixel].max(0.0),
-                    };
-                    // Several samples of one surface are shaded together.
-                    let mixed = self.mixed.len() as u32;
-                    match self
-                        .extras
-                        .iter_mut()
-                        .rev()
-                        .take_while(|(_, of, _)| *of == mixed)
-                        .find(|(known, ..)| around.key(known.id) == key)
-                    {
-                        Some((.., share)) => *share += weight,
-                        None => self.extras.push((spot, mixed, weight)),
-                    }
+                    self.add_extra(around, arrival, around.cut(x * n + dx, y * n + dy), pixel, key, weight);
                 }
             }
         }
-        self.mixed.push((pixel as u32, sum));
+        self.mixed.push((pixel as u32, sum + colors[pixel] * own_weight));
+    }
+
+    /// A sample of a surface that no centre near by shows; several of one surface are shaded together.
+    #[cold]
+    fn add_extra(
+        &mut self,
+        around: &Around<'_>,
+        arrival: &Arrival,
+        (column, row): (isize, isize),
+        pixel: usize,
+        key: u32,
+        weight: f32,
+    ) {
+        let mixed = self.mixed.len() as u32;
+        let mut same = self.extras.iter_mut().rev().take_while(|(_, of, _)| *of == mixed);
+        if let Some((.., share)) = same.find(|(known, ..)| around.key(known.id) == key) {
+            *share += weight;
+            return;
+        }
+        let sample = row as usize * around.opaque.width + column as usize;
+        let spot = Spot {
+            id: around.opaque.ids[sample],
+            x: column as f32 / around.n as f32,
+            y: row as f32 / around.n as f32,
+            depth: 1.0 / around.opaque.nearness[sample],
+            key: arrival.key[pixel].max(0.0),
+            ambient: arrival.ambient[pixel].max(0.0),
+        };
+        self.extras.push((spot, mixed, weight));
     }
 
     fn shade_extras(&mut self, scene: &Scene<'_>, view: &View) {
@@ -178,7 +192,7 @@ impl Edges {
         let surface = |extra: &u32| surface_of(extras[*extra as usize].0.id);
         for same in self.order.chunk_by(|a, b| surface(a) == surface(b)) {
             let part = surface(&same[0]) as usize - 1;
-            for chunk in same.chunks(crate::points::CHUNK) {
+            for chunk in same.chunks(crate::lanes::CHUNK) {
                 shading.clear();
                 for &extra in chunk {
                     shading.push(extras[extra as usize].0);
@@ -249,7 +263,7 @@ impl Edges {
         while from < self.order.len() {
             let surface = surface_of(panes[self.order[from] as usize].spot.id);
             let same = |pane: &&u32| surface_of(panes[**pane as usize].spot.id) == surface;
-            let count = self.order[from..].iter().take(crate::points::CHUNK).take_while(same).count();
+            let count = self.order[from..].iter().take(crate::lanes::CHUNK).take_while(same).count();
             let chunk = &self.order[from..from + count];
             shading.clear();
             for &pane in chunk {
@@ -270,9 +284,10 @@ impl Edges {
 
 /// The samples around pixels.
 struct Around<'a> {
-    assets: &'a RenderAssets,
     view: &'a View,
     opaque: &'a Target,
+    /// By part plus one: directions of its triangles.
+    directions: Vec<&'a [u8]>,
     /// Samples per pixel along an axis.
     n: isize,
 }
@@ -292,84 +307,83 @@ impl Around<'_> {
     /// Equal for samples of one smooth piece of surface.
     #[inline(always)]
     fn key(&self, id: u32) -> u32 {
-        let Some((part, triangle)) = part_and_triangle(id) else { return 0 };
-        let mesh = self.view.parts[part].mesh(&self.assets.parts[part]);
-        (id >> TRIANGLE_BITS) << 8 | u32::from(mesh.directions[triangle])
+        let triangle = (id & ((1 << TRIANGLE_BITS) - 1)) as usize;
+        let direction = self.directions[surface_of(id) as usize].get(triangle);
+        (id >> TRIANGLE_BITS) << 8 | u32::from(direction.copied().unwrap_or(0))
     }
 }
 
-/// Keys of the samples of a tile and of those around it that its pixels reach.
+/// Directions of the triangles of each part, after those of nothing.
+fn directions<'a>(assets: &'a RenderAssets, view: &'a View) -> Vec<&'a [u8]> {
+    let of_part = |(part, placed): (&'a Part, &PartView)| placed.mesh(part).directions.as_slice();
+    std::iter::once([].as_slice()).chain(assets.parts.iter().zip(&view.parts).map(of_part)).collect()
+}
+
+/// Keys of the samples of a tile, and of those around it up to the centres of the pixels next to it.
+#[derive(Debug, Default)]
 struct TileKeys {
-    /// Column and row of the first sample.
-    first: [isize; 2],
+    /// Samples per pixel along an axis.
     n: usize,
     side: usize,
     keys: Vec<u32>,
-}
-
-impl Default for TileKeys {
-    fn default() -> Self {
-        Self { first: [0; 2], n: 1, side: 0, keys: Vec::new() }
-    }
 }
 
 impl TileKeys {
     /// Reads a tile; says whether its samples differ at all.
     fn load(&mut self, around: &Around<'_>, column: usize, row: usize) -> bool {
         let n = around.n;
-        let reach = n - 1;
-        (self.n, self.side) = (n as usize, TILE * n as usize + reach as usize);
-        self.keys.clear();
-        let (first_column, first_row) = (column as isize * n - reach, row as isize * n - reach);
-        self.first = [first_column, first_row];
-        let (last_column, last_row) =
-            around.cut(first_column + self.side as isize - 1, first_row + self.side as isize - 1);
-        let (cut_column, cut_row) = around.cut(first_column, first_row);
-        let first = around.id_at(cut_column, cut_row);
-        let is_one_triangle = (cut_row..=last_row).all(|row| {
-            let line = &around.opaque.ids[row as usize * around.opaque.width..][..around.opaque.width];
-            line[cut_column as usize..=last_column as usize].iter().fold(0, |differ, &id| differ | (id ^ first)) == 0
-        });
-        if is_one_triangle {
+        (self.n, self.side) = (n as usize, (TILE + 1) * n as usize + 1);
+        let (first_column, first_row) = ((column as isize - 1) * n, (row as isize - 1) * n);
+        let (from, top) = around.cut(first_column, first_row);
+        let (to, bottom) = around.cut(first_column + self.side as isize - 1, first_row + self.side as isize - 1);
+        let line = |row: isize| &around.opaque.ids[row as usize * around.opaque.width..][from as usize..=to as usize];
+        let first = around.id_at(from, top);
+        if (top..=bottom).all(|row| line(row).iter().fold(0, |differ, &id| differ | (id ^ first)) == 0) {
             return false;
         }
-        let (mut id, mut key) = (u32::MAX, 0);
+        self.keys.resize(self.side * self.side, 0);
+        let (mut id, mut key) = (first, around.key(first));
+        let first_key = key;
         let mut differ = false;
-        for step in 0..self.side as isize {
-            let (_, row) = around.cut(0, first_row + step);
-            let line = &around.opaque.ids[row as usize * around.opaque.width..][..around.opaque.width];
-            for step in 0..self.side as isize {
-                let (column, _) = around.cut(first_column + step, 0);
-                let here = line[column as usize];
+        // Samples beyond the image's border are those next to it.
+        let before = (from - first_column) as usize;
+        for (step, out) in self.keys.chunks_exact_mut(self.side).enumerate() {
+            let (_, row) = around.cut(0, first_row + step as isize);
+            let line = line(row);
+            for (out, &here) in out[before..].iter_mut().zip(line) {
                 if here != id {
-                    let other = around.key(here);
-                    differ |= !self.keys.is_empty() && other != key;
-                    (id, key) = (here, other);
+                    (id, key) = (here, around.key(here));
+                    differ |= key != first_key;
                 }
-                self.keys.push(key);
+                *out = key;
             }
+            let (left, right) = (out[before], out[before + line.len() - 1]);
+            out[..before].fill(left);
+            out[before + line.len()..].fill(right);
         }
         differ
     }
 
-    /// The key of a sample within the image.
+    /// Index of the key at the centre of a pixel of the tile.
     #[inline(always)]
-    fn at(&self, around: &Around<'_>, column: isize, row: isize) -> u32 {
-        let (x, y) = ((column - self.first[0]) as usize, (row - self.first[1]) as usize);
-        if x < self.side && y < self.side {
-            self.keys[y * self.side + x]
-        } else {
-            around.key(around.id_at(column, row))
-        }
+    fn center(&self, [x, y]: [usize; 2]) -> usize {
+        (y + 1) * self.n * self.side + (x + 1) * self.n
+    }
+
+    /// Index of the key so many samples beside another.
+    #[inline(always)]
+    fn beside(&self, index: usize, dx: isize, dy: isize) -> usize {
+        (index as isize + dy * self.side as isize + dx) as usize
     }
 
     /// Whether the samples around the centre of a pixel of the tile show several surfaces.
     #[inline(always)]
-    fn differ(&self, [x, y]: [usize; 2]) -> bool {
-        let (first, side) = (x * self.n, 2 * self.n - 1);
-        let own = self.keys[(y * self.n + self.n - 1) * self.side + first + self.n - 1];
-        let line = |step: usize| &self.keys[(y * self.n + step) * self.side + first..][..side];
-        (0..side).any(|step| line(step).iter().fold(false, |differ, &key| differ | (key != own)))
+    fn differ(&self, place: [usize; 2]) -> bool {
+        let center = self.center(place);
+        let reach = self.n - 1;
+        let (first, own) = (center - reach * self.side - reach, self.keys[center]);
+        let line = |step: usize| &self.keys[first + step * self.side..][..2 * reach + 1];
+        (0..=2 * reach).any(|step| line(step).iter().fold(false, |differ, &key| differ | (key != own)))
     }
 }
 

@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, OnceLock, Weak};
 use genmanip_core::{Pose, TriMesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
+use crate::raster::Planes;
+
 /// Cells of the coarser copies of a mesh, metres; a copy is drawn where its cell is smaller than a pixel.
 pub(crate) const CELLS_M: [f32; 4] = [0.0015, 0.003, 0.006, 0.012];
 
@@ -15,6 +17,7 @@ pub(crate) struct Mesh {
     pub positions: Vec<Vec3>,
     pub triangles: Vec<[u32; 3]>,
     pub faces: Vec<Face>,
+    pub planes: Planes,
     /// Coarse direction of each triangle's normal: triangles of different directions are different surfaces to
     /// anti-aliasing.
     pub directions: Vec<u8>,
@@ -83,8 +86,8 @@ impl Mesh {
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &point| (low.min(point), high.max(point)));
         let bounds_center = if positions.is_empty() { Vec3::ZERO } else { (low + high) * 0.5 };
         let bounds_radius = positions.iter().map(|point| point.distance(bounds_center)).fold(0.0, f32::max);
+        let corner = |index: u32| index as usize;
         let face = |triangle: &[u32; 3]| {
-            let corner = |index: u32| index as usize;
             Face::new(
                 triangle.map(|index| positions[corner(index)]),
                 triangle.map(|index| normals[corner(index)]),
@@ -94,6 +97,10 @@ impl Mesh {
         let faces: Vec<Face> = triangles.iter().map(face).collect();
         let directions = faces.iter().map(|face| direction_code(face.plane.truncate())).collect();
         Self {
+            planes: Planes::new(faces.iter().zip(&triangles).map(|(face, triangle)| {
+                let normal = face.plane.truncate();
+                (normal.to_array(), normal.dot(positions[corner(triangle[0])]))
+            })),
             positions,
             triangles,
             faces,

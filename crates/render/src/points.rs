@@ -6,91 +6,161 @@
 use multiversion::multiversion;
 
 use crate::assets::{Part, TRIANGLE_BITS};
+use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer};
+use crate::layers::TILE;
 use crate::raster::Target;
 use crate::view::{Lens, PartView};
 
-/// Points at a time: several of the widest registers, and all components of a chunk fit the first cache.
-pub(crate) const CHUNK: usize = 64;
+/// A pixel as one number: its column in the lower half, its row in the upper.
+#[inline(always)]
+pub(crate) fn packed(column: usize, row: usize) -> u32 {
+    column as u32 | (row as u32) << 16
+}
+
+/// Column and row of a [`packed`] pixel.
+#[inline(always)]
+pub(crate) fn unpacked(place: u32) -> [usize; 2] {
+    [(place & 0xffff) as usize, (place >> 16) as usize]
+}
+
+/// Pixels whose centres show one part: a whole tile, or listed ones.
+#[derive(Debug)]
+pub(crate) struct Pixels {
+    pub count: usize,
+    pub pixel: [u32; CHUNK],
+    pub column: Lane,
+    pub row: Lane,
+    pub depth: Lane,
+    pub triangle: [u32; CHUNK],
+    /// Whether all show the same triangle.
+    pub is_flat: bool,
+}
+
+impl Default for Pixels {
+    fn default() -> Self {
+        let none = [0; CHUNK];
+        Self { count: 0, pixel: none, column: ZERO, row: ZERO, depth: ZERO, triangle: none, is_flat: false }
+    }
+}
+
+const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
+
+impl Pixels {
+    /// Becomes [`packed`] pixels.
+    pub fn list(&mut self, places: &[u32], opaque: &Target, depth: &[f32]) {
+        let (scale, width) = (opaque.scale, opaque.width / opaque.scale);
+        self.count = places.len().min(CHUNK);
+        for (i, &place) in places.iter().enumerate().take(CHUNK) {
+            let [column, row] = unpacked(place);
+            let pixel = row * width + column;
+            self.pixel[i] = pixel as u32;
+            self.column[i] = column as i32 as f32;
+            self.row[i] = row as i32 as f32;
+            self.depth[i] = depth[pixel];
+            self.triangle[i] = opaque.ids[row * scale * opaque.width + column * scale] & TRIANGLE;
+        }
+        self.compare();
+    }
+
+    /// Becomes the tile of which this is the first pixel.
+    pub fn tile(&mut self, place: u32, opaque: &Target, depth: &[f32]) {
+        let (scale, width) = (opaque.scale, opaque.width / opaque.scale);
+        let [column, row] = unpacked(place);
+        self.count = CHUNK;
+        for step in 0..TILE {
+            let first = (row + step) * width + column;
+            let depths = &depth[first..first + TILE];
+            let ids = &opaque.ids[((row + step) * opaque.width + column) * scale..][..(TILE - 1) * scale + 1];
+            for x in 0..TILE {
+                let i = step * TILE + x;
+                self.pixel[i] = (first + x) as u32;
+                self.column[i] = (column + x) as i32 as f32;
+                self.row[i] = (row + step) as i32 as f32;
+                self.depth[i] = depths[x];
+                self.triangle[i] = ids[x * scale] & TRIANGLE;
+            }
+        }
+        self.compare();
+    }
+
+    fn compare(&mut self) {
+        let first = self.triangle[0];
+        self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
+    }
+}
 
 /// Points of one part and the planes they lie in.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(crate) struct Points {
     pub count: usize,
     pub pixel: [u32; CHUNK],
-    /// How a pixel's taps are turned.
-    pub turn: [u8; CHUNK],
+    pub column: Lane,
+    pub row: Lane,
     /// World frame.
-    pub place: [[f32; CHUNK]; 3],
+    pub place: [Lane; 3],
     /// Unit normals of the triangles, towards the viewer, world frame.
-    pub normal: [[f32; CHUNK]; 3],
+    pub normal: [Lane; 3],
     /// Camera axes.
-    pub place_in_camera: [[f32; CHUNK]; 3],
-    pub normal_in_camera: [[f32; CHUNK]; 3],
-    depth: [f32; CHUNK],
-    column: [f32; CHUNK],
-    row: [f32; CHUNK],
-    plane: [[f32; 4]; CHUNK],
+    pub place_in_camera: [Lane; 3],
+    pub normal_in_camera: [Lane; 3],
+    plane: [Lane; 3],
 }
 
 impl Default for Points {
     fn default() -> Self {
-        let (zero, zeros) = ([0.0; CHUNK], [[0.0; CHUNK]; 3]);
+        let lanes = [ZERO; 3];
         Self {
             count: 0,
             pixel: [0; CHUNK],
-            turn: [0; CHUNK],
-            place: zeros,
-            normal: zeros,
-            place_in_camera: zeros,
-            normal_in_camera: zeros,
-            depth: zero,
-            column: zero,
-            row: zero,
-            plane: [[0.0; 4]; CHUNK],
+            column: ZERO,
+            row: ZERO,
+            place: lanes,
+            normal: lanes,
+            place_in_camera: lanes,
+            normal_in_camera: lanes,
+            plane: lanes,
         }
     }
 }
 
 impl Points {
-    /// Becomes the centres of pixels that show a part.
-    pub fn fill(
-        &mut self,
-        pixels: &[u32],
-        part: &Part,
-        placed: &PartView,
-        lens: &Lens,
-        opaque: &Target,
-        depth: &[f32],
-    ) {
-        let (width, scale) = (lens.width as u32, opaque.scale);
+    /// Becomes what pixels show of a part.
+    pub fn fill(&mut self, pixels: &Pixels, part: &Part, placed: &PartView, lens: &Lens) {
         let faces = &placed.mesh(part).faces;
-        self.count = pixels.len().min(CHUNK);
-        for (i, &pixel) in pixels.iter().enumerate().take(CHUNK) {
-            let (column, row) = (pixel % width, pixel / width);
-            let sample = (row as usize * scale) * opaque.width + column as usize * scale;
-            let triangle = (opaque.ids[sample] & ((1 << TRIANGLE_BITS) - 1)) as usize;
-            self.pixel[i] = pixel;
-            self.turn[i] = PATTERN[row as usize % 4][column as usize % 4];
-            self.column[i] = column as i32 as f32;
-            self.row[i] = row as i32 as f32;
-            self.depth[i] = depth[pixel as usize];
-            self.plane[i] = faces[triangle].plane.to_array();
+        self.count = pixels.count;
+        self.pixel = pixels.pixel;
+        (self.column, self.row) = (pixels.column, pixels.row);
+        if pixels.is_flat {
+            let [x, y, z, _] = faces[pixels.triangle[0] as usize].plane.to_array();
+            self.plane = [[x; CHUNK], [y; CHUNK], [z; CHUNK]];
+        } else {
+            for (i, &triangle) in pixels.triangle.iter().enumerate().take(pixels.count) {
+                let [x, y, z, _] = faces[triangle as usize].plane.to_array();
+                (self.plane[0][i], self.plane[1][i], self.plane[2][i]) = (x, y, z);
+            }
         }
-        locate(self, placed, lens);
+        locate(self, &pixels.depth, placed, lens);
+    }
+
+    /// Which of sixteen turns the taps of a point get.
+    #[inline(always)]
+    pub fn turn(&self, point: usize) -> u8 {
+        let pixel = |lane: &Lane| nearest_integer(lane[point]) as usize % 4;
+        PATTERN[pixel(&self.row)][pixel(&self.column)]
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn locate(points: &mut Points, placed: &PartView, lens: &Lens) {
+fn locate(points: &mut Points, depths: &Lane, placed: &PartView, lens: &Lens) {
     let camera_from_body = placed.body_from_camera.transpose();
     let columns = [camera_from_body.x_axis, camera_from_body.y_axis, camera_from_body.z_axis].map(|c| c.to_array());
     let turn = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
     let eye = lens.eye.to_array();
     let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
     for i in 0..CHUNK {
-        let depth = points.depth[i];
+        let depth = depths[i];
         let ray = [(points.column[i] - lens.center.x) * inverse_x, (points.row[i] - lens.center.y) * inverse_y, 1.0];
-        let plane = points.plane[i];
+        let plane = [points.plane[0][i], points.plane[1][i], points.plane[2][i]];
         let turned = |row: usize| columns[0][row] * plane[0] + columns[1][row] * plane[1] + columns[2][row] * plane[2];
         let normal = [turned(0), turned(1), turned(2)];
         let along = normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2];

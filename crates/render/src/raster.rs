@@ -7,6 +7,10 @@
 //! With a power of two of samples per pixel, the samples at pixel centres get the same bits as with one:
 //! doubling is exact in floating point, and every step here is either scaled by it or not changed at all.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
+use crate::lanes::within;
+
 /// A corner on the image plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Corner {
@@ -16,6 +20,193 @@ pub(crate) struct Corner {
     pub y: f32,
     /// Grows towards the viewer and is linear on the image plane, e.g. 1 / depth; positive.
     pub nearness: f32,
+}
+
+/// Rows of a triangle whose ends are found at once.
+const ROWS: usize = 8;
+/// Samples of a row that are drawn one by one.
+const SHORT: usize = 4;
+
+impl Corner {
+    /// With so many samples per pixel: a pixel's centre is its first sample.
+    #[inline(always)]
+    pub fn scaled(self, scale: f32) -> Self {
+        Self { x: self.x * scale, y: self.y * scale, ..self }
+    }
+
+    /// Component by component.
+    #[inline(always)]
+    pub fn joined(&self, other: &Self, join: impl Fn(f32, f32) -> f32) -> Self {
+        Self { x: join(self.x, other.x), y: join(self.y, other.y), nearness: join(self.nearness, other.nearness) }
+    }
+}
+
+/// Triangles whose visibility is found at once.
+pub(crate) const BLOCK: usize = 16;
+
+/// Which sides of triangles to draw: those that face the viewer, and those that face away.
+pub(crate) type Sides = [bool; 2];
+
+/// Planes of a mesh's triangles, component by component: unit normals, zero for a triangle without area, and distances
+/// from the origin; as many as whole blocks.
+#[derive(Debug, Default)]
+pub(crate) struct Planes {
+    normal: [Vec<f32>; 3],
+    distance: Vec<f32>,
+}
+
+/// From where a mesh is seen, in its frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Eye {
+    At([f32; 3]),
+    /// Far away in a direction of unit length.
+    Towards([f32; 3]),
+}
+
+impl Planes {
+    pub fn new(planes: impl ExactSizeIterator<Item = ([f32; 3], f32)>) -> Self {
+        let count = planes.len().next_multiple_of(BLOCK);
+        let mut own = Self { normal: std::array::from_fn(|_| vec![0.0; count]), distance: vec![0.0; count] };
+        for (index, (normal, distance)) in planes.enumerate() {
+            own.normal.iter_mut().zip(normal).for_each(|(list, value)| list[index] = value);
+            own.distance[index] = distance;
+        }
+        own
+    }
+
+    /// Which triangles of a block may show their front, in bits.
+    #[inline(always)]
+    fn facing(&self, block: usize, eye: Eye) -> u32 {
+        /// Distance of the eye behind a plane beyond which rounding cannot be the cause, metres: single precision at
+        /// some metres; for a direction, the same in radians.
+        const SURELY: f32 = 1e-5;
+        let ([x, y, z], near) = match eye {
+            Eye::At(place) => (place, 1.0),
+            Eye::Towards(direction) => (direction, 0.0),
+        };
+        let range = block * BLOCK..(block + 1) * BLOCK;
+        let [nx, ny, nz] = self.normal.each_ref().map(|list| &list[range.clone()]);
+        let distance = &self.distance[range];
+        let mut seen = [0_u32; BLOCK];
+        for i in 0..BLOCK {
+            let before = nx[i] * x + ny[i] * y + nz[i] * z - distance[i] * near;
+            seen[i] = u32::from(before > -SURELY);
+        }
+        (0..BLOCK).fold(0, |bits, i| bits | seen[i] << i)
+    }
+}
+
+/// Draws the triangles of a mesh that show a wanted side. Most are so small that they cover no sample, and half of them
+/// face away: both are found for many at a time.
+#[inline(always)]
+pub(crate) fn draw_mesh<const IDS: bool>(
+    triangles: &[[u32; 3]],
+    corners: &[Corner],
+    planes: &Planes,
+    eye: Eye,
+    sides: Sides,
+    first_id: u32,
+    target: &mut Target,
+) {
+    let mut block = Block::default();
+    for (index, triangles_of_block) in triangles.chunks(BLOCK).enumerate() {
+        let wanted = (1_u32 << triangles_of_block.len()) - 1;
+        let mut facing = if sides[1] { wanted } else { planes.facing(index, eye) & wanted };
+        while facing != 0 {
+            let i = facing.trailing_zeros() as usize;
+            facing &= facing - 1;
+            block.put((index * BLOCK + i) as u32, triangles_of_block[i].map(|corner| &corners[corner as usize]));
+            if block.count == BLOCK {
+                block.draw::<IDS>(triangles, corners, sides, first_id, target);
+            }
+        }
+    }
+    block.draw::<IDS>(triangles, corners, sides, first_id, target);
+}
+
+/// Corners of triangles at one sample per pixel, component by component.
+struct Block {
+    count: usize,
+    triangle: [u32; BLOCK],
+    x: [[f32; BLOCK]; 3],
+    y: [[f32; BLOCK]; 3],
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        Self { count: 0, triangle: [0; BLOCK], x: [[0.0; BLOCK]; 3], y: [[0.0; BLOCK]; 3] }
+    }
+}
+
+impl Block {
+    #[inline(always)]
+    fn put(&mut self, triangle: u32, corners: [&Corner; 3]) {
+        let at = self.count & (BLOCK - 1);
+        self.triangle[at] = triangle;
+        for (index, corner) in corners.into_iter().enumerate() {
+            self.x[index][at] = corner.x;
+            self.y[index][at] = corner.y;
+        }
+        self.count += 1;
+    }
+
+    /// Draws its triangles and becomes empty.
+    #[inline(always)]
+    fn draw<const IDS: bool>(
+        &mut self,
+        triangles: &[[u32; 3]],
+        corners: &[Corner],
+        sides: Sides,
+        first_id: u32,
+        target: &mut Target,
+    ) {
+        let mut visible = self.visible(sides, target);
+        let scale = target.scale as f32;
+        while visible != 0 {
+            let triangle = self.triangle[visible.trailing_zeros() as usize];
+            visible &= visible - 1;
+            let corners = triangles[triangle as usize].map(|corner| corners[corner as usize].scaled(scale));
+            target.draw::<IDS>(corners, first_id + triangle);
+        }
+        self.count = 0;
+    }
+
+    /// Which triangles show a wanted side and may cover a sample, in bits.
+    #[inline(always)]
+    fn visible(&self, sides: Sides, target: &Target) -> u32 {
+        let scale = target.scale as i32 as f32;
+        let (columns, rows) = (target.width as i32 as f32, target.height as i32 as f32);
+        let (front, back) = (u32::from(sides[0]), u32::from(sides[1]));
+        let mut seen = [0_u32; BLOCK];
+        let [ax, bx, cx] = &self.x;
+        let [ay, by, cy] = &self.y;
+        for i in 0..BLOCK {
+            let area = area_of([ax[i], ay[i]], [bx[i], by[i]], [cx[i], cy[i]]);
+            let (left, right) = extremes(ax[i], bx[i], cx[i]);
+            let (top, bottom) = extremes(ay[i], by[i], cy[i]);
+            let covers_column = ceiling(left * scale, columns) < ceiling(right * scale, columns);
+            let covers_row = ceiling(top * scale, rows) < ceiling(bottom * scale, rows);
+            let side = if area < 0.0 { front } else { back };
+            seen[i] = side & u32::from(covers_column & covers_row & (area != 0.0));
+        }
+        let bits = (0..BLOCK).fold(0, |bits, i| bits | seen[i] << i);
+        bits & ((1_u32 << self.count) - 1)
+    }
+}
+
+/// Twice the area of a triangle on the image plane, negative when it is counter-clockwise seen by the viewer.
+#[inline(always)]
+pub(crate) fn area_of(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+}
+
+/// Smallest integer that is not below a number moved into `0..=limit`.
+#[inline(always)]
+fn ceiling(value: f32, limit: f32) -> f32 {
+    const SHIFT: f32 = 8_388_608.0;
+    let inside = within(value, 0.0, limit);
+    let nearest = (inside + SHIFT) - SHIFT;
+    if nearest < inside { nearest + 1.0 } else { nearest }
 }
 
 /// Nearest surface per sample.
@@ -58,12 +249,10 @@ impl Target {
     }
 
     /// Draws a triangle of either orientation; corners must be finite.
-    ///
-    /// `signed_area` is twice its area on the image plane, negative when it is counter-clockwise seen by the viewer.
     #[inline(always)]
-    pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], signed_area: f32, id: u32) {
+    pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {
         let [mut a, mut b, mut c] = corners;
-        let mut area = signed_area;
+        let mut area = area_of([a.x, a.y], [b.x, b.y], [c.x, c.y]);
         if b.y < a.y {
             std::mem::swap(&mut a, &mut b);
             area = -area;
@@ -80,29 +269,34 @@ impl Target {
         if first_row >= end_row || area == 0.0 {
             return;
         }
-        let (left, right) = extremes(a.x, b.x, c.x);
-        if first_sample(left, self.width) >= first_sample(right, self.width) {
-            return;
-        }
         let middle_row = first_sample(b.y, self.height);
-        // Most triangles are so small that they cover no sample.
-        let mut gradient = None;
-        let long_slope = (c.x - a.x) / (c.y - a.y);
-        for (upper, lower, rows) in [(a, b, first_row..middle_row), (b, c, middle_row..end_row)] {
-            let short_slope = (lower.x - upper.x) / (lower.y - upper.y);
-            for row in rows {
+        let slope = |from: Corner, to: Corner| (to.x - from.x) / (to.y - from.y);
+        let (long_slope, upper_slope, lower_slope) = (slope(a, c), slope(a, b), slope(b, c));
+        let gradient = Gradient::new(a, b, c, area);
+        let scale = self.scale as u32;
+        // Eight rows at a time: few triangles have more.
+        for first in (first_row..end_row).step_by(ROWS) {
+            let (mut starts, mut ends, mut nearness) = ([0; ROWS], [0; ROWS], [0.0; ROWS]);
+            for i in 0..ROWS {
+                let row = first + i as u32;
                 let y = row as i32 as f32;
                 let long_x = a.x + (y - a.y) * long_slope;
-                let short_x = upper.x + (y - upper.y) * short_slope;
+                let upper_x = a.x + (y - a.y) * upper_slope;
+                let lower_x = b.x + (y - b.y) * lower_slope;
+                let short_x = if row < middle_row { upper_x } else { lower_x };
                 let (left, right) = if area > 0.0 { (long_x, short_x) } else { (short_x, long_x) };
-                let (start, end) = (first_sample(left, self.width), first_sample(right, self.width));
+                starts[i] = first_sample(left, self.width);
+                ends[i] = first_sample(right, self.width);
+                // Counted from the same pixel whatever the number of samples.
+                let pixel = (starts[i] + scale - 1) & !(scale - 1);
+                nearness[i] = gradient.at(f64::from(pixel as i32), f64::from(row as i32));
+            }
+            for i in 0..ROWS.min((end_row - first) as usize) {
+                let (start, end) = (starts[i], ends[i]);
                 if start < end {
-                    let gradient = gradient.get_or_insert_with(|| Gradient::new(a, b, c, area));
-                    // Counted from the same pixel whatever the number of samples.
-                    let pixel = (start + self.scale - 1) & !(self.scale - 1);
-                    let nearness = gradient.at(f64::from(pixel as i32), f64::from(y));
-                    let offset = start as i32 - pixel as i32;
-                    self.fill::<IDS>(row * self.width + start, end - start, offset, nearness, gradient, id);
+                    let offset = start as i32 - ((start + scale - 1) & !(scale - 1)) as i32;
+                    let at = (first as usize + i) * self.width + start as usize;
+                    self.fill::<IDS>(at, (end - start) as usize, offset, nearness[i], &gradient, id);
                 }
             }
         }
@@ -123,16 +317,28 @@ impl Target {
         let nearness = &mut self.nearness[first..first + count];
         if IDS {
             let ids = &mut self.ids[first..first + count];
-            for (column, (nearest, nearest_id)) in nearness.iter_mut().zip(ids).enumerate() {
+            let mut draw = |column: usize| {
                 let value = within(start + (column as i32 + offset) as f32 * dx, low, high);
-                let closer = (value > *nearest) | ((value == *nearest) & (id < *nearest_id));
-                *nearest = if closer { value } else { *nearest };
-                *nearest_id = if closer { id } else { *nearest_id };
+                let (nearest, nearest_id) = (nearness[column], ids[column]);
+                let closer = (value > nearest) | ((value == nearest) & (id < nearest_id));
+                nearness[column] = if closer { value } else { nearest };
+                ids[column] = if closer { id } else { nearest_id };
+            };
+            // Most rows are too short for wide registers.
+            if count <= SHORT {
+                (0..SHORT).take_while(|&column| column < count).for_each(draw);
+            } else {
+                (0..count).for_each(&mut draw);
             }
         } else {
-            for (column, nearest) in nearness.iter_mut().enumerate() {
+            let mut draw = |column: usize| {
                 let value = within(start + (column as i32 + offset) as f32 * dx, low, high);
-                *nearest = if value > *nearest { value } else { *nearest };
+                nearness[column] = if value > nearness[column] { value } else { nearness[column] };
+            };
+            if count <= SHORT {
+                (0..SHORT).take_while(|&column| column < count).for_each(draw);
+            } else {
+                (0..count).for_each(&mut draw);
             }
         }
     }
@@ -140,7 +346,8 @@ impl Target {
 
 /// Nearness over a triangle.
 struct Gradient {
-    origin: Corner,
+    /// At the origin of the image, in double precision: corners may lie far outside it.
+    constant: f64,
     dx: f32,
     dy: f32,
     /// Bounds over the corners: rounding on a sliver must not leave them.
@@ -154,21 +361,15 @@ impl Gradient {
         let inverse = 1.0 / area;
         let (ab, ac) = (b.nearness - a.nearness, c.nearness - a.nearness);
         let (low, high) = extremes(a.nearness, b.nearness, c.nearness);
-        Self {
-            origin: a,
-            dx: (ab * (c.y - a.y) - ac * (b.y - a.y)) * inverse,
-            dy: (ac * (b.x - a.x) - ab * (c.x - a.x)) * inverse,
-            low,
-            high,
-        }
+        let dx = (ab * (c.y - a.y) - ac * (b.y - a.y)) * inverse;
+        let dy = (ac * (b.x - a.x) - ab * (c.x - a.x)) * inverse;
+        let constant = f64::from(a.nearness) - f64::from(a.x) * f64::from(dx) - f64::from(a.y) * f64::from(dy);
+        Self { constant, dx, dy, low, high }
     }
 
-    /// In double precision: corners may lie far outside the image.
     #[inline(always)]
     fn at(&self, x: f64, y: f64) -> f32 {
-        let along_x = (x - f64::from(self.origin.x)) * f64::from(self.dx);
-        let along_y = (y - f64::from(self.origin.y)) * f64::from(self.dy);
-        (f64::from(self.origin.nearness) + along_x + along_y) as f32
+        (self.constant + x * f64::from(self.dx) + y * f64::from(self.dy)) as f32
     }
 }
 
@@ -176,26 +377,12 @@ impl Gradient {
 ///
 /// Adding 2²³ rounds to an integer without a call to the mathematics library.
 #[inline(always)]
-fn first_sample(coordinate: f32, limit: usize) -> usize {
+fn first_sample(coordinate: f32, limit: usize) -> u32 {
     const SHIFT: f32 = 8_388_608.0;
     let inside = within(coordinate, 0.0, limit as i32 as f32);
     let shifted = inside + SHIFT;
     let below = u32::from(shifted - SHIFT < inside);
-    ((shifted.to_bits().wrapping_sub(SHIFT.to_bits()).wrapping_add(below)) as usize).min(limit)
-}
-
-/// Nearest integer of a number from 0 to 2²², without the care that a conversion takes for others.
-#[inline(always)]
-pub(crate) fn nearest_integer(value: f32) -> u32 {
-    const SHIFT: f32 = 8_388_608.0;
-    (value + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits())
-}
-
-/// A number moved into an interval; one instruction per side, unlike `f32::min` and `max`, which care for NaN.
-#[inline(always)]
-pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
-    let value = if value > low { value } else { low };
-    if value < high { value } else { high }
+    shifted.to_bits().wrapping_sub(SHIFT.to_bits()).wrapping_add(below)
 }
 
 /// Smallest and largest of three numbers.

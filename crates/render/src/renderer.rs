@@ -20,10 +20,8 @@ use crate::view::{Lens, View, check_finite};
 const KEPT_PIXELS: usize = 4 << 20;
 /// Images with no more pixels along the longer side get by with coarser shadows.
 const SMALL_PX: u32 = 128;
-/// Texels per side of the shadow map of small images, and the level of detail of what is drawn into it.
-const SMALL_SHADOW: (usize, usize) = (256, 3);
-/// Level of detail of what is drawn into the shadow map of other images: cells a little smaller than its texels.
-const SHADOW_LEVEL: usize = 1;
+/// Texels per side of the shadow map of small images.
+const SMALL_SHADOW: usize = 256;
 
 /// Draws jobs on the thread that calls it; keeps its memory from job to job.
 ///
@@ -132,10 +130,10 @@ impl Renderer {
         let intrinsics = job.camera.intrinsics;
         let is_small = intrinsics.width.max(intrinsics.height) <= SMALL_PX;
         let full = self.variation.shadow_resolution.min(8192) as usize;
-        let (size, level) = if is_small { (full.min(SMALL_SHADOW.0), SMALL_SHADOW.1) } else { (full, SHADOW_LEVEL) };
+        let size = if is_small { full.min(SMALL_SHADOW) } else { full };
         let (shadow, shadow_of) = &mut self.shadows[usize::from(is_small)];
         if shadow_of.as_ref() != Some(frame) {
-            shadow.update(&self.assets, frame, &self.variation, size, level);
+            shadow.update(&self.assets, frame, &self.variation, size, is_small);
             shadow_of.get_or_insert_with(|| frame.clone()).clone_from(frame);
         }
         let seat = Seat {

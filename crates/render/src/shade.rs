@@ -6,14 +6,15 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
-use glam::{Vec2, Vec3A, Vec4};
+use glam::Vec3A;
 use multiversion::multiversion;
 
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
-use crate::points::CHUNK;
-use crate::raster::within;
+use crate::lanes::{CHUNK, Lane, ZERO, within};
+use crate::mesh::Face;
+use crate::points::Pixels;
 use crate::sky::{Glossy, Sky, dot};
-use crate::texture::linear_from_srgb;
+use crate::texture::{Samples, linear_from_srgb};
 use crate::variation::RenderVariation;
 use crate::view::{Lens, PartView};
 
@@ -55,10 +56,18 @@ pub(crate) struct Spot {
     pub ambient: f32,
 }
 
-/// Spots of one part, component by component, and their colours.
-#[derive(Clone)]
+/// Shades spots of one part.
+#[derive(Debug, Default)]
 pub(crate) struct Shading {
-    pub count: usize,
+    spots: Spots,
+    samples: Samples,
+    reflected: Reflected,
+}
+
+/// Spots of one part, component by component.
+#[derive(Clone, Debug)]
+struct Spots {
+    count: usize,
     x: Lane,
     y: Lane,
     depth: Lane,
@@ -67,18 +76,16 @@ pub(crate) struct Shading {
     triangle: [u32; CHUNK],
     /// In the body's frame.
     place: [Lane; 3],
-    /// Normal between the corners', and u.
-    normal_u: [[f32; 4]; CHUNK],
+    /// Normal between the corners', not of unit length, and texture coordinates.
+    normal: [Lane; 3],
+    u: Lane,
     v: Lane,
+    /// Square texture units per square metre, then texels per pixel.
     texels: Lane,
     base: [Lane; 3],
-    reflected: Reflected,
 }
 
-type Lane = [f32; CHUNK];
-const ZERO: Lane = [0.0; CHUNK];
-
-impl Default for Shading {
+impl Default for Spots {
     fn default() -> Self {
         Self {
             count: 0,
@@ -89,11 +96,11 @@ impl Default for Shading {
             ambient: ZERO,
             triangle: [0; CHUNK],
             place: [ZERO; 3],
-            normal_u: [[0.0; 4]; CHUNK],
+            normal: [ZERO; 3],
+            u: ZERO,
             v: ZERO,
             texels: ZERO,
             base: [ZERO; 3],
-            reflected: Reflected::default(),
         }
     }
 }
@@ -101,18 +108,30 @@ impl Default for Shading {
 impl Shading {
     /// Starts a new chunk.
     pub fn clear(&mut self) {
-        self.count = 0;
+        self.spots.count = 0;
     }
 
-    /// Adds a spot; says whether the chunk is full.
-    #[inline(always)]
-    pub fn push(&mut self, spot: Spot) -> bool {
-        let i = self.count;
-        (self.x[i], self.y[i], self.depth[i]) = (spot.x, spot.y, spot.depth);
-        (self.key[i], self.ambient[i]) = (spot.key, spot.ambient);
-        self.triangle[i] = spot.id & ((1 << TRIANGLE_BITS) - 1);
-        self.count += 1;
-        self.count == CHUNK
+    /// Adds a spot.
+    pub fn push(&mut self, spot: Spot) {
+        let spots = &mut self.spots;
+        let i = spots.count;
+        (spots.x[i], spots.y[i], spots.depth[i]) = (spot.x, spot.y, spot.depth);
+        (spots.key[i], spots.ambient[i]) = (spot.key, spot.ambient);
+        spots.triangle[i] = spot.id & ((1 << TRIANGLE_BITS) - 1);
+        spots.count += 1;
+    }
+
+    /// The centres of pixels, with the shares of the key light and of the ambient light per pixel of the image.
+    pub fn take(&mut self, pixels: &Pixels, key: &[f32], ambient: &[f32]) {
+        let spots = &mut self.spots;
+        (spots.count, spots.triangle) = (pixels.count, pixels.triangle);
+        (spots.x, spots.y, spots.depth) = (pixels.column, pixels.row, pixels.depth);
+        for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
+            (spots.key[i], spots.ambient[i]) = (key[pixel as usize], ambient[pixel as usize]);
+        }
+        for key in &mut spots.key {
+            *key = if *key > 0.0 { *key } else { 0.0 };
+        }
     }
 
     /// Linear display colour of a spot.
@@ -129,87 +148,120 @@ impl Shading {
 
     /// Linear colour of the material at a spot.
     pub fn base_of(&self, spot: usize) -> Vec3A {
-        Vec3A::new(self.base[0][spot], self.base[1][spot], self.base[2][spot])
+        Vec3A::from_array(self.spots.base.each_ref().map(|channel| channel[spot]))
     }
 
     /// Shades the spots, which show one part.
     pub fn shade(&mut self, part: &Part, placed: &PartView, lens: &Lens, lighting: &Lighting) {
-        locate(self, placed, lens);
+        let Self { spots, samples, reflected } = self;
+        locate(spots, placed, lens);
         let mesh = placed.mesh(part);
-        let both_sides = !part.hides_back(mesh);
-        for i in 0..self.count {
-            let face = &mesh.faces[self.triangle[i] as usize];
-            let [x, y, z] = [self.place[0][i], self.place[1][i], self.place[2][i]];
-            let [a, b, c, d] = face.columns;
-            let mut normal_u = a * x + b * y + c * z + d;
-            if both_sides {
-                // The side that is seen is the one towards the eye.
-                let plane = Vec3A::from_vec4(face.plane);
-                if plane.dot(Vec3A::new(x, y, z) - placed.eye_in_body) > 0.0 {
-                    normal_u = (-normal_u).with_w(normal_u.w);
-                }
-            }
-            self.normal_u[i] = normal_u.to_array();
-            if part.surface.texture.is_some() {
-                self.v[i] = face.v.dot(Vec4::new(x, y, z, 1.0));
-                self.texels[i] = face.plane.w;
-            }
+        let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
+        let first = spots.triangle[0];
+        if spots.triangle[..spots.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0 {
+            interpolate_one(spots, &mesh.faces[first as usize], eye);
+        } else {
+            spots.interpolate(&mesh.faces, eye, part.surface.texture.is_some());
         }
         let tint = if part.surface.is_table { lighting.table_tint } else { Vec3A::ONE } * part.surface.base;
         if let Some(texture) = &part.surface.texture {
-            find_footprints(self, placed, lens, texture.texels());
-            for i in 0..self.count {
-                let uv = Vec2::new(self.normal_u[i][3], self.v[i]);
-                let color = texture.sample(uv, self.texels[i]) * tint;
-                (self.base[0][i], self.base[1][i], self.base[2][i]) = (color.x, color.y, color.z);
+            find_footprints(spots, placed, lens, texture.texels());
+            texture.sample(spots.count, [&spots.u, &spots.v], &spots.texels, samples, &mut spots.base);
+            for (channel, tint) in spots.base.iter_mut().zip(tint.to_array()) {
+                channel.iter_mut().for_each(|value| *value *= tint);
             }
         } else {
-            self.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
+            spots.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
         }
         let glossy = lighting.sky.glossy(part.surface.roughness);
-        let mut reflected = std::mem::take(&mut self.reflected);
-        reflect(self, &part.surface, placed, lens, lighting, &glossy, &mut reflected);
-        self.reflected = reflected;
+        reflect(spots, &part.surface, placed, lens, lighting, &glossy, reflected);
+    }
+}
+
+impl Spots {
+    /// Normals and texture coordinates on several triangles; seen from an eye, if both sides can be seen.
+    fn interpolate(&mut self, faces: &[Face], eye: Option<Vec3A>, is_textured: bool) {
+        for i in 0..self.count {
+            let face = &faces[self.triangle[i] as usize];
+            let [x, y, z] = [self.place[0][i], self.place[1][i], self.place[2][i]];
+            let [a, b, c, d] = face.columns;
+            let mut normal_u = a * x + b * y + c * z + d;
+            // The side that is seen is the one towards the eye.
+            if let Some(eye) = eye
+                && face.plane.x * (x - eye.x) + face.plane.y * (y - eye.y) + face.plane.z * (z - eye.z) > 0.0
+            {
+                normal_u = (-normal_u).with_w(normal_u.w);
+            }
+            let [nx, ny, nz, u] = normal_u.to_array();
+            (self.normal[0][i], self.normal[1][i], self.normal[2][i]) = (nx, ny, nz);
+            if is_textured {
+                self.u[i] = u;
+                self.v[i] = face.v.x * x + face.v.y * y + face.v.z * z + face.v.w;
+                self.texels[i] = face.plane.w;
+            }
+        }
+    }
+}
+
+/// The same where all spots lie on one triangle, with the same bits.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn interpolate_one(spots: &mut Spots, face: &Face, eye: Option<Vec3A>) {
+    let columns = face.columns.map(|column| column.to_array());
+    let v = face.v.to_array();
+    let plane = face.plane.to_array();
+    let (eye, can_turn) = eye.map_or(([0.0; 3], false), |eye| (eye.to_array(), true));
+    for i in 0..CHUNK {
+        let [x, y, z] = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
+        // In the order in which [`Spots::interpolate`] adds.
+        let mixed = |row: usize| columns[0][row] * x + columns[1][row] * y + columns[2][row] * z + columns[3][row];
+        let away = plane[0] * (x - eye[0]) + plane[1] * (y - eye[1]) + plane[2] * (z - eye[2]);
+        let side = if can_turn & (away > 0.0) { -1.0 } else { 1.0 };
+        spots.normal[0][i] = mixed(0) * side;
+        spots.normal[1][i] = mixed(1) * side;
+        spots.normal[2][i] = mixed(2) * side;
+        spots.u[i] = mixed(3);
+        spots.v[i] = v[0] * x + v[1] * y + v[2] * z + v[3];
+        spots.texels[i] = plane[3];
     }
 }
 
 /// Places in the body's frame.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn locate(shading: &mut Shading, placed: &PartView, lens: &Lens) {
+fn locate(spots: &mut Spots, placed: &PartView, lens: &Lens) {
     let turn = [placed.body_from_camera.x_axis, placed.body_from_camera.y_axis, placed.body_from_camera.z_axis]
         .map(|column| column.to_array());
     let eye = placed.eye_in_body.to_array();
     let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
     for i in 0..CHUNK {
-        let depth = shading.depth[i];
-        let x = (shading.x[i] - lens.center.x) * inverse_x * depth;
-        let y = (shading.y[i] - lens.center.y) * inverse_y * depth;
+        let depth = spots.depth[i];
+        let x = (spots.x[i] - lens.center.x) * inverse_x * depth;
+        let y = (spots.y[i] - lens.center.y) * inverse_y * depth;
         for axis in 0..3 {
-            shading.place[axis][i] = turn[0][axis] * x + turn[1][axis] * y + turn[2][axis] * depth + eye[axis];
+            spots.place[axis][i] = turn[0][axis] * x + turn[1][axis] * y + turn[2][axis] * depth + eye[axis];
         }
     }
 }
 
 /// Texels per pixel; square texture units per square metre go in.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn find_footprints(shading: &mut Shading, placed: &PartView, lens: &Lens, texels: f32) {
+fn find_footprints(spots: &mut Spots, placed: &PartView, lens: &Lens, texels: f32) {
     let inverse_focal = 1.0 / lens.focal.x;
     let eye = placed.eye_in_body.to_array();
     for i in 0..CHUNK {
-        let normal = shading.normal_u[i];
-        let ray = [shading.place[0][i] - eye[0], shading.place[1][i] - eye[1], shading.place[2][i] - eye[2]];
+        let normal = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
+        let ray = [spots.place[0][i] - eye[0], spots.place[1][i] - eye[1], spots.place[2][i] - eye[2]];
         let along = (normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]).abs();
         let lengths = (ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
             * (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
         let facing = along / (lengths + 1e-20).sqrt();
         // A grazing view stretches the pixel along one direction; the square root is the compromise.
         let facing = (if facing > 0.05 { facing } else { 0.05 }).sqrt();
-        shading.texels[i] = (shading.texels[i] * texels).sqrt() * shading.depth[i] * inverse_focal / facing;
+        spots.texels[i] = (spots.texels[i] * texels).sqrt() * spots.depth[i] * inverse_focal / facing;
     }
 }
 
 /// What is computed between the loops of [`reflect`], and its result.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 struct Reflected {
     normal: [Lane; 3],
     viewer: [Lane; 3],
@@ -252,7 +304,7 @@ impl Default for Reflected {
 /// Light reflected towards the viewer, developed.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn reflect(
-    shading: &Shading,
+    spots: &Spots,
     surface: &Surface,
     placed: &PartView,
     lens: &Lens,
@@ -260,13 +312,13 @@ fn reflect(
     glossy: &Glossy,
     out: &mut Reflected,
 ) {
-    reflect_chunk(shading, surface, placed, lens, lighting, glossy, out);
+    reflect_chunk(spots, surface, placed, lens, lighting, glossy, out);
 }
 
 /// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
 #[inline(always)]
 fn reflect_chunk(
-    shading: &Shading,
+    spots: &Spots,
     surface: &Surface,
     placed: &PartView,
     lens: &Lens,
@@ -274,29 +326,29 @@ fn reflect_chunk(
     glossy: &Glossy,
     out: &mut Reflected,
 ) {
-    face_viewer(shading, placed, lens, out);
+    face_viewer(spots, placed, lens, out);
     look_around(&lighting.sky, glossy, out);
-    find_highlights(surface.roughness, lighting.to_light.to_array(), &shading.key, out);
-    add_up(shading, surface, lighting, out);
+    find_highlights(surface.roughness, lighting.to_light.to_array(), &spots.key, out);
+    add_up(spots, surface, lighting, out);
 }
 
 /// Unit normals and directions to the viewer.
 #[inline(always)]
-fn face_viewer(shading: &Shading, placed: &PartView, lens: &Lens, out: &mut Reflected) {
+fn face_viewer(spots: &Spots, placed: &PartView, lens: &Lens, out: &mut Reflected) {
     let turn = [placed.world_from_body.x_axis, placed.world_from_body.y_axis, placed.world_from_body.z_axis]
         .map(|column| column.to_array());
     let camera = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
     let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
     let (center_x, center_y) = (lens.center.x, lens.center.y);
     for i in 0..CHUNK {
-        let (ray_x, ray_y) = ((shading.x[i] - center_x) * inverse_x, (shading.y[i] - center_y) * inverse_y);
+        let (ray_x, ray_y) = ((spots.x[i] - center_x) * inverse_x, (spots.y[i] - center_y) * inverse_y);
         let inverse = -1.0 / (ray_x * ray_x + ray_y * ray_y + 1.0).sqrt();
         for axis in 0..3 {
             out.viewer[axis][i] = (camera[0][axis] * ray_x + camera[1][axis] * ray_y + camera[2][axis]) * inverse;
         }
     }
     for i in 0..CHUNK {
-        let mixed = shading.normal_u[i];
+        let mixed = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
         let x = turn[0][0] * mixed[0] + turn[1][0] * mixed[1] + turn[2][0] * mixed[2];
         let y = turn[0][1] * mixed[0] + turn[1][1] * mixed[1] + turn[2][1] * mixed[2];
         let z = turn[0][2] * mixed[0] + turn[1][2] * mixed[1] + turn[2][2] * mixed[2];
@@ -361,7 +413,7 @@ fn find_highlights(roughness: f32, to_light: [f32; 3], key: &Lane, out: &mut Ref
 
 /// The sum of all light, developed.
 #[inline(always)]
-fn add_up(shading: &Shading, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
+fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
     let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
     let key = lighting.key.to_array();
     // Most sights pass two sides: each covers so much that both together have the material's opacity.
@@ -369,7 +421,7 @@ fn add_up(shading: &Shading, surface: &Surface, lighting: &Lighting, out: &mut R
     for channel in 0..3 {
         let lamp = key[channel];
         for i in 0..CHUNK {
-            let (base, ambient_share) = (shading.base[channel][i], shading.ambient[i]);
+            let (base, ambient_share) = (spots.base[channel][i], spots.ambient[i]);
             // Corners that see little of the sky see little of it in their reflection, unless they are metal.
             let glossy_share = ambient_share + (1.0 - ambient_share) * (0.3 * metallic);
             let f0 = reflectance + (base - reflectance) * metallic;
@@ -448,6 +500,8 @@ fn exp2_of_negative(x: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec2;
+
     use super::*;
 
     /// Whatever registers the machine has, the bits are those of the plain loop.
@@ -462,11 +516,11 @@ mod tests {
             low + (high - low) * (state >> 8) as f32 / 16_777_216.0
         };
         for _ in 0..50 {
-            let mut shading = Shading::default();
+            let mut shading = Spots::default();
             for i in 0..CHUNK {
                 (shading.x[i], shading.y[i], shading.depth[i]) = (draw(0.0, 512.0), draw(0.0, 288.0), draw(0.1, 2.0));
                 (shading.key[i], shading.ambient[i]) = (draw(0.0, 1.0), draw(0.0, 1.0));
-                shading.normal_u[i] = [draw(-1.0, 1.0), draw(-1.0, 1.0), draw(-1.0, 1.0), 0.0];
+                shading.normal.iter_mut().for_each(|axis| axis[i] = draw(-1.0, 1.0));
                 shading.base.iter_mut().for_each(|channel| channel[i] = draw(0.0, 1.0));
             }
             let surface = Surface {

@@ -4,25 +4,22 @@
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
 use genmanip_core::Pose;
-use glam::{Mat3A, Vec2, Vec3A};
+use glam::{Mat3A, Vec3A};
 use multiversion::multiversion;
 
 use crate::assets::RenderAssets;
 use crate::job::FrameState;
+use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
 use crate::layers::{Layers, Motion, Rectangle, TILE};
-use crate::mesh::Mesh;
-use crate::points::{CHUNK, Points};
-use crate::raster::{Corner, Target, nearest_integer, within};
+use crate::mesh::{CELLS_M, Mesh};
+use crate::points::Points;
+use crate::raster::{Corner, Eye, Target, draw_mesh};
+use crate::taps::{Queue, TAPS, Taps, tap, turn_of};
 use crate::variation::RenderVariation;
 use crate::view::rotation;
 
 /// Largest radius of a soft edge, texels.
 const MAX_RADIUS: f32 = 30.0;
-/// Taps of the search for blockers and of the filter.
-const TAPS: usize = 8;
-/// Turns of the taps.
-pub(crate) const TURNS: usize = 16;
-
 /// What the key light sees.
 #[derive(Debug, Default)]
 pub(crate) struct ShadowMap {
@@ -56,15 +53,50 @@ struct Light {
 #[derive(Clone, Debug, Default)]
 struct Caster {
     pose: Pose,
+    /// In its body's frame, unit length.
+    to_light: [f32; 3],
     corners: Vec<Corner>,
 }
 
-/// Points that may lie in a soft edge, component by component.
+/// What a tile of an image covers on the map.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Span {
+    /// First and last column and row of the map's tiles; first after last for nothing.
+    tiles: [[isize; 2]; 2],
+    /// Where a shadow that is nearer to the light than the first covers nothing, and one beyond the second covers all.
+    nearness: [f32; 2],
+    /// Whether it faces away from the light.
+    is_turned: bool,
+}
+
+impl Default for Span {
+    fn default() -> Self {
+        Self { tiles: [[0; 2], [-1; 2]], nearness: UNCERTAIN, is_turned: false }
+    }
+}
+
+const UNCERTAIN: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+/// Tiles of the map beyond its own on which a point depends: the largest radius, rounded up.
+const REACH_TILES: isize = 4;
+
+impl Span {
+    /// The tiles, first and last column and row, on which the shadow anywhere in it depends.
+    pub fn reach(&self) -> [[isize; 2]; 2] {
+        let [from, to] = self.tiles;
+        if from[0] > to[0] {
+            return self.tiles;
+        }
+        [from.map(|tile| tile - REACH_TILES), to.map(|tile| tile + REACH_TILES)]
+    }
+}
+
+/// Points that may lie in a soft edge, first those that look for blockers, then those that have found some.
 #[derive(Debug, Default)]
 pub(crate) struct Doubts {
-    pixel: Vec<u32>,
-    /// x, y, nearness, tilt along x and y, cosine and sine of the taps' turn, and the radius of the filter.
-    values: [Vec<f32>; 8],
+    places: Places,
+    search: Queue,
+    filter: Queue,
+    taps: Taps,
 }
 
 impl ShadowMap {
@@ -85,7 +117,7 @@ impl ShadowMap {
         frame: &FrameState,
         variation: &RenderVariation,
         size: usize,
-        level: usize,
+        is_coarse: bool,
     ) {
         self.version += 1;
         let size = size / TILE * TILE;
@@ -104,13 +136,15 @@ impl ShadowMap {
             motion.moved = is_new || caster.pose != pose;
             motion.before.clone_from(&motion.now);
             if motion.moved {
+                let level = caster_level(&part.mesh, is_coarse);
                 motion.now = caster.place(part.mesh.at_level(level), pose, &self.light);
             }
         }
         let casters = &self.casters;
         let draw = |part: usize, target: &mut Target| {
-            let mesh = assets.parts[part].mesh.at_level(level);
-            draw_casters(mesh, &casters[part].corners, mesh.closed, target);
+            let mesh = &assets.parts[part].mesh;
+            let mesh = mesh.at_level(caster_level(mesh, is_coarse));
+            draw_caster(mesh, &casters[part], target);
         };
         if is_new {
             self.layers.redraw::<false>([size, size], 1, casters.len(), draw);
@@ -132,99 +166,151 @@ impl ShadowMap {
         (self.changed_in.iter().map(move |&changed_in| changed_in > version), self.layers.tile_columns)
     }
 
-    /// The tiles, first and last column and row, on which the shadow at any of some points depends.
-    pub fn tiles_of(&self, points: impl Iterator<Item = Vec3A>) -> [[isize; 2]; 2] {
-        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-        for point in points {
-            let place = self.light.on_map(self.light.light_from_world * point);
-            let place = Vec2::new(place.x, place.y);
-            (low, high) = (low.min(place), high.max(place));
-        }
-        // The lift along the normal is at most two texels; the extremes reach four tiles beyond the point's own.
-        let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as isize;
-        [[tile(low.x - 2.0) - 4, tile(low.y - 2.0) - 4], [tile(high.x + 2.0) + 4, tile(high.y + 2.0) + 4]]
+    /// What points between some points cover.
+    pub fn span_of(&self, points: impl Iterator<Item = Vec3A>) -> Span {
+        // The lift along the normal is at most two texels.
+        Span { tiles: self.box_of(points, 2.0).0, ..Span::default() }
     }
 
-    /// Share of the key light that reaches points, 0-1, where it is certain; lists the others as doubts.
+    /// The same for points of a plane with a unit normal towards the viewer.
+    pub fn span_of_plane(&self, points: impl Iterator<Item = Vec3A>, normal: Vec3A) -> Span {
+        let slope = self.light.light_from_world * normal;
+        let (lift, [tilt_x, tilt_y]) = self.light.lift_and_tilt(slope.to_array());
+        let (tiles, [low, high]) = self.box_of(points.map(|point| point + normal * lift), 0.01);
+        // Texels beside the point, and the rounding of single precision at metres.
+        let slack = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS + 1e-5;
+        Span { tiles, nearness: [low - slack, high + slack], is_turned: slope.z >= 0.0 }
+    }
+
+    /// Tiles of the map around points and so many texels, and the extremes of the points' nearness.
+    fn box_of(&self, points: impl Iterator<Item = Vec3A>, margin: f32) -> ([[isize; 2]; 2], [f32; 2]) {
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for point in points {
+            let Corner { x, y, nearness } = self.light.on_map(self.light.light_from_world * point);
+            let place = Vec3A::new(x, y, nearness);
+            (low, high) = (low.min(place), high.max(place));
+        }
+        let tile = |value: f32| (value.clamp(-1e6, 1e6) / TILE as f32).floor() as isize;
+        let tiles = [[tile(low.x - margin), tile(low.y - margin)], [tile(high.x + margin), tile(high.y + margin)]];
+        (tiles, [low.z, high.z])
+    }
+
+    /// Share of the key light that reaches all of a span, if it is one and certain; negative where nothing faces it.
+    pub fn certain_share(&self, span: &Span) -> Option<f32> {
+        let [from, to] = span.tiles;
+        let tiles = self.layers.tile_columns as isize;
+        if span.is_turned {
+            return Some(-1.0);
+        }
+        if from[0] < 0 || from[1] < 0 || to[0] >= tiles || to[1] >= tiles {
+            return None;
+        }
+        let (mut low, mut high) = (f32::INFINITY, 0.0_f32);
+        for row in from[1]..=to[1] {
+            for tile in row * tiles + from[0]..=row * tiles + to[0] {
+                low = low.min(self.lowest[tile as usize]);
+                high = high.max(self.highest[tile as usize]);
+            }
+        }
+        if high <= span.nearness[0] {
+            Some(1.0)
+        } else if low >= span.nearness[1] {
+            Some(0.0)
+        } else {
+            None
+        }
+    }
+
+    /// Share of the key light that reaches points, 0-1, where it is certain; takes up the others as doubts.
+    /// Points that face away keep what they have.
     pub fn judge(&self, points: &Points, share: &mut [f32], doubts: &mut Doubts) {
-        let mut places = Places::default();
-        place_points(&self.light, points, &mut places);
+        place_points(&self.light, points, &mut doubts.places);
+        let Doubts { places, search: queue, filter, taps } = doubts;
         let limit = self.light.size as f32 - 1.0;
         for i in 0..points.count {
+            if places.facing[i] <= 0.0 {
+                continue;
+            }
             let pixel = points.pixel[i] as usize;
             let (x, y) = (places.x[i], places.y[i]);
             if !(x >= 0.0 && y >= 0.0 && x <= limit && y <= limit) {
                 share[pixel] = 1.0;
                 continue;
             }
-            let tile = y as usize / TILE * self.layers.tile_columns + x as usize / TILE;
+            let tile = places.tile_y[i] as usize * self.layers.tile_columns + places.tile_x[i] as usize;
             let (nearness, slack) = (places.nearness[i], places.slack[i]);
             share[pixel] = if self.highest[tile] <= nearness - slack {
                 1.0
             } else if self.lowest[tile] >= nearness + slack {
                 0.0
             } else {
-                let (sine, cosine) = turn_of(points.turn[i]);
-                doubts.pixel.push(points.pixel[i]);
-                let values = [x, y, nearness, places.tilt_x[i], places.tilt_y[i], cosine, sine, 0.0];
-                doubts.values.iter_mut().zip(values).for_each(|(list, value)| list.push(value));
-                1.0
+                let to = queue.count;
+                queue.pixel[to] = points.pixel[i];
+                (queue.x[to], queue.y[to], queue.nearness[to]) = (x, y, nearness);
+                (queue.tilt_x[to], queue.tilt_y[to]) = (places.tilt_x[i], places.tilt_y[i]);
+                (queue.sine[to], queue.cosine[to]) = turn_of(points.turn(i));
+                queue.count += 1;
+                if queue.count == CHUNK {
+                    self.search(queue, filter, taps, share);
+                }
+                continue;
             };
         }
     }
 
-    /// Resolves doubts with taps on the map.
+    /// Resolves the doubts that are left.
     pub fn settle(&self, doubts: &mut Doubts, share: &mut [f32]) {
-        let search = (self.light.spread * 0.5 * self.light.texels_per_m).clamp(2.0, MAX_RADIUS);
-        let count = doubts.pixel.len();
-        doubts.values.iter_mut().for_each(|list| list.resize(count.next_multiple_of(CHUNK), 0.0));
-        let mut taps = Taps::default();
-        for first in (0..count).step_by(CHUNK) {
-            let values = doubts.values.each_ref().map(|list| chunk_at(list, first));
-            let here = CHUNK.min(count - first);
-            self.tap(&values, &[search; CHUNK], here, &mut taps);
-            let mut radius = [0.0; CHUNK];
-            let mut any = false;
-            for i in 0..here {
-                any |= taps.blockers[i] > 0.0;
-                let mean = taps.distance[i] / taps.blockers[i].max(1.0);
-                radius[i] = within(mean * self.light.spread * self.light.texels_per_m, 1.2, MAX_RADIUS);
-            }
-            if !any {
-                continue;
-            }
-            let found = taps.blockers;
-            self.tap(&values, &radius, here, &mut taps);
-            for i in (0..here).filter(|&i| found[i] > 0.0) {
-                share[doubts.pixel[first + i] as usize] = 1.0 - taps.blockers[i] / TAPS as f32;
-            }
-        }
-        doubts.pixel.clear();
-        doubts.values.iter_mut().for_each(Vec::clear);
+        let Doubts { search, filter, taps, .. } = doubts;
+        self.search(search, filter, taps, share);
+        self.filter(filter, taps, share);
     }
 
-    /// How many taps are nearer to the light than the receiving plane, and by how much together.
-    fn tap(&self, values: &[&[f32; CHUNK]; 8], radius: &[f32; CHUNK], count: usize, taps: &mut Taps) {
-        (taps.blockers, taps.distance) = ([0.0; CHUNK], [0.0; CHUNK]);
-        let map = &self.layers.target.nearness;
-        for &[dx, dy] in spiral() {
-            place_taps(values, radius, [dx, dy], self.light.size, taps);
-            for i in 0..count {
-                taps.stored[i] = map[taps.index[i] as usize];
+    /// Texels around a point within which it looks for blockers.
+    fn search_radius(&self) -> f32 {
+        (self.light.spread * 0.5 * self.light.texels_per_m).clamp(2.0, MAX_RADIUS)
+    }
+
+    /// Looks for what is between points and the light.
+    fn search(&self, search: &mut Queue, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
+        let widest = self.search_radius();
+        search.radius = [widest; CHUNK];
+        tap(search, &self.layers.target.nearness, self.light.size, taps);
+        let (blockers, distance) = (taps.blockers, taps.distance);
+        for i in 0..search.count {
+            let found = blockers[i];
+            let mean = distance[i] / if found > 0.0 { found } else { 1.0 };
+            let radius = within(mean * self.light.spread * self.light.texels_per_m, 1.2, MAX_RADIUS);
+            let pixel = search.pixel[i] as usize;
+            if found == 0.0 {
+                share[pixel] = 1.0;
+            } else if found == TAPS as f32 && radius <= widest {
+                // In the middle of a shadow: a smaller radius finds nothing else.
+                share[pixel] = 0.0;
+            } else if filter.push(search, i, radius) {
+                self.filter(filter, taps, share);
             }
-            add_taps(taps);
         }
+        search.count = 0;
+    }
+
+    /// The share of a disc around points, as wide as their distance to the blockers asks for, that is not covered.
+    fn filter(&self, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
+        tap(filter, &self.layers.target.nearness, self.light.size, taps);
+        for i in 0..filter.count {
+            share[filter.pixel[i] as usize] = 1.0 - taps.blockers[i] / TAPS as f32;
+        }
+        filter.count = 0;
     }
 
     /// Extremes per tile, then over the surroundings of each tile.
     fn summarise(&mut self) {
         let tiles = self.layers.tile_columns;
+        // A point looks for blockers within half the light's spread, and filters within the largest radius.
+        let search = self.search_radius();
         let [low, high] = &mut self.own;
         low.resize(tiles * tiles, 0.0);
         high.resize(tiles * tiles, 0.0);
         summarise_tiles(&self.layers.target, &self.layers.changed, low, high);
-        // A point looks for blockers within half the light's spread, and filters within the largest radius.
-        let search = (self.light.spread * 0.5 * self.light.texels_per_m).clamp(2.0, MAX_RADIUS);
         let reach = |radius: f32| (radius as usize + 1).div_ceil(TILE);
         spread(low, tiles, reach(MAX_RADIUS), &mut self.lowest, |a, b| if a < b { a } else { b });
         spread(high, tiles, reach(search), &mut self.highest, |a, b| if a > b { a } else { b });
@@ -248,6 +334,21 @@ impl Light {
         }
     }
 
+    /// How far points of a surface are lifted along its normal, metres, so that the steps of the map do not show, and how
+    /// much nearer to the light the surface is per texel along both axes; from its normal in the light's axes.
+    #[inline(always)]
+    fn lift_and_tilt(&self, [slope_x, slope_y, slope_z]: [f32; 3]) -> (f32, [f32; 2]) {
+        let texel = 1.0 / self.texels_per_m;
+        let longest = 2.0 * texel;
+        let facing = if -slope_z > 0.05 { -slope_z } else { 0.05 };
+        // More where the light grazes the surface.
+        let lift = texel * (0.6 + 1.4 * (1.0 - facing));
+        let (tilt_x, tilt_y) = (slope_x / -facing * texel, slope_y / -facing * texel);
+        let length = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt();
+        let shrink = if length > longest { longest / length } else { 1.0 };
+        (lift, [tilt_x * shrink, tilt_y * shrink])
+    }
+
     fn on_map(&self, in_light: Vec3A) -> Corner {
         let local = in_light - self.center;
         Corner {
@@ -265,50 +366,75 @@ impl Caster {
         self.corners.clear();
         let turn = light.light_from_world * rotation(&pose);
         let shift = light.light_from_world * pose.position.as_vec3a();
+        self.to_light = (-turn.row(2)).to_array();
         let center = turn * Vec3A::from(mesh.bounds_center) + shift - light.center;
         if center.x.abs().max(center.y.abs()) > light.radius + mesh.bounds_radius {
             return Rectangle::default();
         }
         self.corners.extend(mesh.positions.iter().map(|&position| light.on_map(turn * Vec3A::from(position) + shift)));
-        let (low, high) = self.corners.iter().fold(([f32::MAX; 2], [f32::MIN; 2]), |(low, high), corner| {
-            let (x, y) = (corner.x, corner.y);
-            ([low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)])
+        let first = Corner { x: f32::MAX, y: f32::MAX, nearness: f32::MAX };
+        let last = Corner { x: f32::MIN, y: f32::MIN, nearness: f32::MIN };
+        let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
+            (
+                low.joined(corner, |a, b| if a < b { a } else { b }),
+                high.joined(corner, |a, b| if a > b { a } else { b }),
+            )
         });
-        Rectangle::around(low, high, light.size, light.size)
+        Rectangle::around([low.x, low.y], [high.x, high.y], light.size, light.size)
     }
+}
+
+/// Level of detail of what casts a shadow: cells of about a twentieth of its size and no larger than a few texels, or
+/// the coarse one of small images.
+fn caster_level(mesh: &Mesh, is_coarse: bool) -> usize {
+    if is_coarse {
+        return 3;
+    }
+    CELLS_M[..3].iter().take_while(|&&cell| cell < mesh.bounds_radius / 10.0).count()
 }
 
 /// Draws the sides that face the light, or both of a mesh that is not closed.
-#[multiversion(targets("x86_64+avx2"))]
-fn draw_casters(mesh: &Mesh, corners: &[Corner], closed: bool, target: &mut Target) {
-    if corners.is_empty() {
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut Target) {
+    if caster.corners.is_empty() {
         return;
     }
-    for triangle in &mesh.triangles {
-        let [a, b, c] = [corners[triangle[0] as usize], corners[triangle[1] as usize], corners[triangle[2] as usize]];
-        let area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
-        if area < 0.0 || !closed {
-            target.draw::<false>([a, b, c], area, 0);
-        }
-    }
+    let eye = Eye::Towards(caster.to_light);
+    draw_mesh::<false>(&mesh.triangles, &caster.corners, &mesh.planes, eye, [true, !mesh.closed], 0, target);
 }
 
 /// Points on the map.
+#[derive(Debug)]
 struct Places {
-    x: [f32; CHUNK],
-    y: [f32; CHUNK],
-    nearness: [f32; CHUNK],
+    x: Lane,
+    y: Lane,
+    /// Tile of the map.
+    tile_x: [u32; CHUNK],
+    tile_y: [u32; CHUNK],
+    nearness: Lane,
+    /// Cosine between the surface's normal and the light.
+    facing: Lane,
     /// How much nearer the receiving plane is per texel.
-    tilt_x: [f32; CHUNK],
-    tilt_y: [f32; CHUNK],
+    tilt_x: Lane,
+    tilt_y: Lane,
     /// By how much it may be nearer anywhere in reach.
-    slack: [f32; CHUNK],
+    slack: Lane,
 }
 
 impl Default for Places {
     fn default() -> Self {
-        let zero = [0.0; CHUNK];
-        Self { x: zero, y: zero, nearness: zero, tilt_x: zero, tilt_y: zero, slack: zero }
+        let none = [0; CHUNK];
+        Self {
+            x: ZERO,
+            y: ZERO,
+            tile_x: none,
+            tile_y: none,
+            nearness: ZERO,
+            facing: ZERO,
+            tilt_x: ZERO,
+            tilt_y: ZERO,
+            slack: ZERO,
+        }
     }
 }
 
@@ -318,71 +444,27 @@ fn place_points(light: &Light, points: &Points, places: &mut Places) {
         .map(|axis| axis.to_array());
     let center = light.center.to_array();
     let (texels_per_m, radius) = (light.texels_per_m, light.radius);
-    let texel = 1.0 / texels_per_m;
-    let longest = 2.0 * texel;
+    let limit = (light.size - 1) as i32 as f32;
     for i in 0..CHUNK {
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
         let slope = |row: usize| axes[0][row] * normal[0] + axes[1][row] * normal[1] + axes[2][row] * normal[2];
-        let (slope_x, slope_y, slope_z) = (slope(0), slope(1), slope(2));
-        let facing = if -slope_z > 0.05 { -slope_z } else { 0.05 };
-        // A lift along the normal hides the steps of the map, more where the light grazes the surface.
-        let lift = texel * (0.6 + 1.4 * (1.0 - facing));
+        let slopes = [slope(0), slope(1), slope(2)];
+        let (lift, [tilt_x, tilt_y]) = light.lift_and_tilt(slopes);
         let at = [
             points.place[0][i] + normal[0] * lift,
             points.place[1][i] + normal[1] * lift,
             points.place[2][i] + normal[2] * lift,
         ];
         let local = |row: usize| axes[0][row] * at[0] + axes[1][row] * at[1] + axes[2][row] * at[2] - center[row];
-        places.x[i] = (local(0) + radius) * texels_per_m - 0.5;
-        places.y[i] = (local(1) + radius) * texels_per_m - 0.5;
+        let x = (local(0) + radius) * texels_per_m - 0.5;
+        let y = (local(1) + radius) * texels_per_m - 0.5;
+        (places.x[i], places.y[i]) = (x, y);
+        places.tile_x[i] = nearest_integer(floor(within(x, 0.0, limit) * (1.0 / TILE as f32)));
+        places.tile_y[i] = nearest_integer(floor(within(y, 0.0, limit) * (1.0 / TILE as f32)));
         places.nearness[i] = 3.0 * radius - local(2);
-        let (tilt_x, tilt_y) = (slope_x / -facing * texel, slope_y / -facing * texel);
-        let length = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt();
-        let shrink = if length > longest { longest / length } else { 1.0 };
-        places.tilt_x[i] = tilt_x * shrink;
-        places.tilt_y[i] = tilt_y * shrink;
-        places.slack[i] = length * shrink * MAX_RADIUS;
-    }
-}
-
-/// Taps of a chunk of doubts.
-struct Taps {
-    index: [u32; CHUNK],
-    /// Nearness of the receiving plane under the tap.
-    plane: [f32; CHUNK],
-    stored: [f32; CHUNK],
-    blockers: [f32; CHUNK],
-    distance: [f32; CHUNK],
-}
-
-impl Default for Taps {
-    fn default() -> Self {
-        let zero = [0.0; CHUNK];
-        Self { index: [0; CHUNK], plane: zero, stored: zero, blockers: zero, distance: zero }
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_taps(values: &[&[f32; CHUNK]; 8], radius: &[f32; CHUNK], offset: [f32; 2], size: usize, taps: &mut Taps) {
-    let limit = (size - 1) as i32 as f32;
-    let width = size as u32;
-    let [x, y, nearness, tilt_x, tilt_y, cosine, sine, _] = values;
-    for i in 0..CHUNK {
-        let dx = (offset[0] * cosine[i] - offset[1] * sine[i]) * radius[i];
-        let dy = (offset[0] * sine[i] + offset[1] * cosine[i]) * radius[i];
-        let column = nearest_integer(within(x[i] + dx, 0.0, limit));
-        let row = nearest_integer(within(y[i] + dy, 0.0, limit));
-        taps.index[i] = row * width + column;
-        taps.plane[i] = dx * tilt_x[i] + dy * tilt_y[i] + nearness[i];
-    }
-}
-
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn add_taps(taps: &mut Taps) {
-    for i in 0..CHUNK {
-        let ahead = taps.stored[i] - taps.plane[i];
-        taps.blockers[i] += if ahead > 0.0 { 1.0 } else { 0.0 };
-        taps.distance[i] += if ahead > 0.0 { ahead } else { 0.0 };
+        places.facing[i] = -slopes[2];
+        (places.tilt_x[i], places.tilt_y[i]) = (tilt_x, tilt_y);
+        places.slack[i] = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt() * MAX_RADIUS;
     }
 }
 
@@ -428,28 +510,4 @@ fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>, join: imp
             }
         }
     }
-}
-
-/// A sunflower pattern on the unit disc.
-fn spiral() -> &'static [[f32; 2]; TAPS] {
-    static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
-    TABLE.get_or_init(|| {
-        std::array::from_fn(|tap| {
-            (Vec2::from_angle(tap as f32 * 2.399_963) * ((tap as f32 + 0.5) / TAPS as f32).sqrt()).to_array()
-        })
-    })
-}
-
-/// Sine and cosine of one of the turns.
-pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
-    static TABLE: std::sync::OnceLock<[(f32, f32); TURNS]> = std::sync::OnceLock::new();
-    let turns = TABLE
-        .get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
-    turns[turn as usize % TURNS]
-}
-
-/// So many values from a place on.
-pub(crate) fn chunk_at(list: &[f32], first: usize) -> &[f32; CHUNK] {
-    static NOTHING: [f32; CHUNK] = [0.0; CHUNK];
-    list.get(first..).and_then(|rest| rest.first_chunk()).unwrap_or(&NOTHING)
 }

@@ -7,7 +7,7 @@
 
 use glam::{Vec2, Vec3A};
 
-use crate::raster::within;
+use crate::lanes::within;
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 

@@ -1,26 +1,73 @@
 //! Pictures on surfaces: a pyramid of halved sizes, read bilinearly at the level that fits a pixel.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use genmanip_core::Texture;
-use glam::{Vec2, Vec3A};
+use glam::Vec3A;
+use multiversion::multiversion;
 
-use crate::raster::{nearest_integer, within};
+use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
 
-/// A texture and its smaller copies, linear colour; they are made when the first pixel asks for them.
+/// A texture and its smaller copies; they are made when the first pixel asks for them.
 #[derive(Debug)]
 pub(crate) struct MipTexture {
     texture: Arc<Texture>,
-    levels: OnceLock<Vec<Level>>,
+    levels: OnceLock<Pyramid>,
 }
 
+/// All sizes of a texture one after the other.
 #[derive(Debug)]
-struct Level {
-    width: usize,
-    height: usize,
+struct Pyramid {
+    levels: Vec<Level>,
     /// 8-bit sRGB as it came, small enough to stay in the cache; the fourth byte is for alignment.
     texels: Vec<[u8; 4]>,
+}
+
+/// A size of a texture; around its texels lies a border of those of the other side, since textures repeat.
+#[derive(Clone, Copy, Debug)]
+struct Level {
+    width: f32,
+    height: f32,
+    /// Texels per row with the border, and the place of the first texel of the border.
+    stride: u32,
+    first: u32,
+}
+
+/// Where a chunk of points reads a texture, and what it reads.
+#[derive(Clone, Debug)]
+pub(crate) struct Samples {
+    width: Lane,
+    height: Lane,
+    stride: [u32; CHUNK],
+    first: [u32; CHUNK],
+    /// How far a point lies from the first of its four texels towards the others.
+    x: Lane,
+    y: Lane,
+    index: [u32; CHUNK],
+    /// The texels: upper left, upper right, lower left, lower right.
+    texels: [[u32; CHUNK]; 4],
+    /// Quarters of 8-bit codes.
+    codes: [[u32; CHUNK]; 3],
+}
+
+impl Default for Samples {
+    fn default() -> Self {
+        let none = [0; CHUNK];
+        Self {
+            width: ZERO,
+            height: ZERO,
+            stride: none,
+            first: none,
+            x: ZERO,
+            y: ZERO,
+            index: none,
+            texels: [none; 4],
+            codes: [none; 3],
+        }
+    }
 }
 
 impl MipTexture {
@@ -42,93 +89,108 @@ impl MipTexture {
         (self.texture.width as usize * self.texture.height as usize) as f32
     }
 
-    /// Linear colour at a texture coordinate, where a pixel covers about `texels_per_pixel` texels along one side.
-    #[inline]
-    pub fn sample(&self, uv: Vec2, texels_per_pixel: f32) -> Vec3A {
-        // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
-        let octave = ((texels_per_pixel.max(1.0) * 1.19).to_bits() >> 23) as usize - 127;
-        let levels = self.levels.get_or_init(|| pyramid(&self.texture));
-        levels[octave.min(levels.len() - 1)].sample(uv)
-    }
-}
-
-fn pyramid(texture: &Texture) -> Vec<Level> {
-    let texels = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2], 0]).collect();
-    let mut levels = vec![Level { width: texture.width as usize, height: texture.height as usize, texels }];
-    while let Some(smaller) = levels.last().and_then(Level::halved) {
-        levels.push(smaller);
-    }
-    levels
-}
-
-impl Level {
-    /// Mixes the four nearest texels in sRGB, which is close enough to mixing light and needs one conversion.
-    ///
-    /// In whole numbers, all three channels in one: 21 bits each, weights in 4096ths.
-    #[inline]
-    fn sample(&self, uv: Vec2) -> Vec3A {
-        let (left, right, fx) = neighbours(uv.x, self.width);
-        let (top, bottom, fy) = neighbours(uv.y, self.height);
-        let (top, bottom) = (top * self.width, bottom * self.width);
-        let texel = |index: usize| {
-            let code = u64::from(u32::from_le_bytes(self.texels[index]));
-            (code & 0xff) | ((code & 0xff00) << 13) | ((code & 0xff_0000) << 26)
-        };
-        let lower_right = fx * fy;
-        let (upper_right, lower_left) = (fx * STEPS - lower_right, fy * STEPS - lower_right);
-        let upper_left = STEPS * STEPS - fx * STEPS - lower_left;
-        let mixed = texel(top + left) * upper_left
-            + texel(top + right) * upper_right
-            + texel(bottom + left) * lower_left
-            + texel(bottom + right) * lower_right;
-        let table = linear_table();
-        let linear = |shift: u32| table[(((mixed >> shift) + 512) >> 10) as usize & 1023];
-        Vec3A::new(linear(0), linear(21), linear(42))
-    }
-
-    fn halved(&self) -> Option<Self> {
-        if self.width == 1 && self.height == 1 {
-            return None;
+    /// Linear colours of `count` points at texture coordinates, whose pixels cover about so many texels along one side.
+    pub fn sample(
+        &self,
+        count: usize,
+        [u, v]: [&Lane; 2],
+        texels_per_pixel: &Lane,
+        samples: &mut Samples,
+        out: &mut [Lane; 3],
+    ) {
+        let pyramid = self.levels.get_or_init(|| Pyramid::new(&self.texture));
+        let last = pyramid.levels.len() - 1;
+        for i in 0..count {
+            // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
+            let octave = ((texels_per_pixel[i].max(1.0) * 1.19).to_bits() >> 23) as usize - 127;
+            let level = pyramid.levels[octave.min(last)];
+            (samples.width[i], samples.height[i]) = (level.width, level.height);
+            (samples.stride[i], samples.first[i]) = (level.stride, level.first);
         }
-        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
-        let mut texels = Vec::with_capacity(width * height);
-        for y in 0..height {
-            for x in 0..width {
-                let at = |dx: usize, dy: usize| {
-                    let column = (2 * x + dx).min(self.width - 1);
-                    let row = (2 * y + dy).min(self.height - 1);
-                    let [r, g, b, _] = self.texels[row * self.width + column];
-                    linear_from_srgb8([r, g, b])
-                };
-                let [r, g, b] = srgb8_from_linear((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) * 0.25);
-                texels.push([r, g, b, 0]);
+        find_texels(u, v, samples);
+        for i in 0..count {
+            let index = samples.index[i] as usize;
+            let (upper, lower) = (&pyramid.texels[index..], &pyramid.texels[index + samples.stride[i] as usize..]);
+            if let ([a, b, ..], [c, d, ..]) = (upper, lower) {
+                let texels = [a, b, c, d].map(|texel| u32::from_le_bytes(*texel));
+                samples.texels.iter_mut().zip(texels).for_each(|(lane, texel)| lane[i] = texel);
             }
         }
-        Some(Self { width, height, texels })
+        mix_texels(samples);
+        let table = linear_table();
+        for (out, codes) in out.iter_mut().zip(&samples.codes) {
+            for i in 0..count {
+                out[i] = table[codes[i] as usize & 1023];
+            }
+        }
     }
 }
 
-/// Steps between two texels.
-const STEPS: u64 = 64;
-
-/// The two texels beside a texture coordinate that repeats, and how many steps it lies towards the second.
-#[inline(always)]
-fn neighbours(coordinate: f32, count: usize) -> (usize, usize, u64) {
-    let count = count as i32;
-    let steps = (coordinate - floor(coordinate)) * (count * STEPS as i32) as f32;
-    let place = nearest_integer(steps) as i32 - STEPS as i32 / 2;
-    let first = (place >> STEPS.trailing_zeros()).min(count - 1);
-    let second = if first + 1 >= count { 0 } else { first + 1 };
-    let first = if first < 0 { count - 1 } else { first };
-    (first as usize, second as usize, (place & (STEPS as i32 - 1)) as u64)
+/// The first of the four texels around each point.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn find_texels(u: &Lane, v: &Lane, samples: &mut Samples) {
+    for i in 0..CHUNK {
+        let column = (u[i] - floor(u[i])) * samples.width[i] + 0.5;
+        let row = (v[i] - floor(v[i])) * samples.height[i] + 0.5;
+        // Counted from the border; coordinates that are not finite end there too.
+        let (left, top) = (within(floor(column), 0.0, samples.width[i]), within(floor(row), 0.0, samples.height[i]));
+        samples.x[i] = column - left;
+        samples.y[i] = row - top;
+        samples.index[i] = nearest_integer(top) * samples.stride[i] + nearest_integer(left) + samples.first[i];
+    }
 }
 
-/// Without a call to the mathematics library; for numbers below 2²².
-#[inline(always)]
-fn floor(value: f32) -> f32 {
-    const SHIFT: f32 = 12_582_912.0;
-    let nearest = (value + SHIFT) - SHIFT;
-    if nearest > value { nearest - 1.0 } else { nearest }
+/// Mixes texels in sRGB, which is close enough to mixing light and needs one conversion.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn mix_texels(samples: &mut Samples) {
+    for channel in 0..3 {
+        for i in 0..CHUNK {
+            let code = |corner: usize| (samples.texels[corner][i] >> (8 * channel) & 0xff) as i32 as f32;
+            let upper = code(0) + (code(1) - code(0)) * samples.x[i];
+            let lower = code(2) + (code(3) - code(2)) * samples.x[i];
+            samples.codes[channel][i] =
+                nearest_integer(within((upper + (lower - upper) * samples.y[i]) * 4.0, 0.0, 1020.0));
+        }
+    }
+}
+
+impl Pyramid {
+    fn new(texture: &Texture) -> Self {
+        let mut size = [texture.width as usize, texture.height as usize];
+        let mut texels: Vec<[u8; 3]> = texture.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
+        let mut pyramid = Self { levels: Vec::new(), texels: Vec::new() };
+        pyramid.push(size, &texels);
+        while size != [1, 1] {
+            (size, texels) = halved(size, &texels);
+            pyramid.push(size, &texels);
+        }
+        pyramid
+    }
+
+    fn push(&mut self, [width, height]: [usize; 2], texels: &[[u8; 3]]) {
+        let (stride, first) = (width as u32 + 2, self.texels.len() as u32);
+        self.levels.push(Level { width: width as u32 as f32, height: height as u32 as f32, stride, first });
+        for row in 0..height + 2 {
+            let line = &texels[(row + height - 1) % height * width..][..width];
+            let bordered = line.last().into_iter().chain(line).chain(line.first());
+            self.texels.extend(bordered.map(|&[r, g, b]| [r, g, b, 0]));
+        }
+    }
+}
+
+fn halved([width, height]: [usize; 2], texels: &[[u8; 3]]) -> ([usize; 2], Vec<[u8; 3]>) {
+    let half = [(width / 2).max(1), (height / 2).max(1)];
+    let mut smaller = Vec::with_capacity(half[0] * half[1]);
+    for y in 0..half[1] {
+        for x in 0..half[0] {
+            let at = |dx: usize, dy: usize| {
+                let (column, row) = ((2 * x + dx).min(width - 1), (2 * y + dy).min(height - 1));
+                linear_from_srgb8(texels[row * width + column])
+            };
+            smaller.push(srgb8_from_linear((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1)) * 0.25));
+        }
+    }
+    (half, smaller)
 }
 
 /// Linear light of an 8-bit sRGB colour.

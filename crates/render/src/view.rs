@@ -9,7 +9,7 @@ use crate::error::RenderError;
 use crate::job::FrameState;
 use crate::layers::{Motion, Rectangle};
 use crate::mesh::{CELLS_M, Mesh};
-use crate::raster::{Corner, Target};
+use crate::raster::{Corner, Eye, Sides, Target, area_of, draw_mesh};
 
 /// Nothing nearer than this is drawn, metres.
 pub(crate) const NEAR_M: f32 = 0.01;
@@ -52,21 +52,11 @@ pub(crate) struct PartView {
     pub body_from_camera: Mat3A,
     /// The optical centre in the body's frame.
     pub eye_in_body: Vec3A,
-    corners: Vec<ProjectedCorner>,
+    /// On the image plane at one sample per pixel; the nearness is 1 / depth.
+    corners: Vec<Corner>,
+    /// Whether some corner is before the near plane.
+    is_cut: bool,
 }
-
-/// A corner on the image plane at one sample per pixel.
-#[derive(Clone, Copy, Debug)]
-struct ProjectedCorner {
-    x: f32,
-    y: f32,
-    /// 1 / depth.
-    nearness: f32,
-    depth: f32,
-}
-
-/// Which sides of triangles to draw: those that face the viewer, and those that face away.
-pub(crate) type Sides = [bool; 2];
 
 /// Smallest size of an image, along its longer side, that shows meshes in full detail.
 const FULL_DETAIL_PX: usize = 256;
@@ -136,6 +126,17 @@ impl View {
         follows
     }
 
+    /// Unit normal in the world of the triangle of a visibility id, towards the viewer; `None` for no triangle.
+    pub fn normal_of(&self, assets: &RenderAssets, id: u32) -> Option<Vec3A> {
+        let (part, triangle) = part_and_triangle(id)?;
+        let placed = &self.parts[part];
+        let mesh = placed.mesh(&assets.parts[part]);
+        let plane = Vec3A::from_vec4(mesh.faces[triangle].plane);
+        let corner = Vec3A::from(mesh.positions[mesh.triangles[triangle][0] as usize]);
+        let towards = if plane.dot(corner - placed.eye_in_body) > 0.0 { -plane } else { plane };
+        Some(placed.world_from_body * towards)
+    }
+
     /// Draws one part over what the target holds.
     pub fn draw(&self, assets: &RenderAssets, index: usize, sides: Sides, target: &mut Target) {
         let (part, placed) = (&assets.parts[index], &self.parts[index]);
@@ -145,7 +146,11 @@ impl View {
         let mesh = placed.mesh(part);
         let first_id = (index as u32 + 1) << TRIANGLE_BITS;
         let mut cut = Vec::new();
-        draw_triangles(mesh, &placed.corners, sides, first_id, target, &mut cut);
+        if placed.is_cut {
+            draw_beyond(mesh, &placed.corners, sides, first_id, target, &mut cut);
+        } else {
+            draw_triangles(mesh, placed, sides, first_id, target);
+        }
         for triangle in cut {
             self.draw_clipped(placed, mesh, triangle as usize, sides, first_id, target);
         }
@@ -187,13 +192,13 @@ impl View {
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             let (from, to) = (corners[from], corners[to]);
             if from.z >= NEAR_M {
-                polygon.push(self.lens.project(from).on_target(scale));
+                polygon.push(self.lens.project(from).scaled(scale));
             }
             if (from.z >= NEAR_M) != (to.z >= NEAR_M) {
                 // Always from the visible corner, so that neighbours cut their common edge at the same point.
                 let (inside, outside) = if from.z >= NEAR_M { (from, to) } else { (to, from) };
                 let cut = inside + (outside - inside) * ((NEAR_M - inside.z) / (outside.z - inside.z));
-                polygon.push(self.lens.project(cut.with_z(NEAR_M)).on_target(scale));
+                polygon.push(self.lens.project(cut.with_z(NEAR_M)).scaled(scale));
             }
         }
         for pair in polygon.get(1..).unwrap_or_default().windows(2) {
@@ -227,14 +232,20 @@ impl PartView {
         let mut corners = std::mem::take(&mut self.corners);
         corners.extend(positions.iter().map(|&position| lens.project(turn * Vec3A::from(position) + shift)));
         self.corners = corners;
-        if self.corners.iter().any(|corner| corner.depth < NEAR_M) {
+        let first = Corner { x: f32::MAX, y: f32::MAX, nearness: f32::MAX };
+        let last = Corner { x: f32::MIN, y: f32::MIN, nearness: f32::MIN };
+        let (low, high) = self.corners.iter().fold((first, last), |(low, high), corner| {
+            (
+                low.joined(corner, |a, b| if a < b { a } else { b }),
+                high.joined(corner, |a, b| if a > b { a } else { b }),
+            )
+        });
+        // Behind the eye it is negative.
+        self.is_cut = low.nearness < 0.0 || high.nearness > 1.0 / NEAR_M;
+        if self.is_cut {
             return Rectangle { columns: 0..lens.width, rows: 0..lens.height };
         }
-        let (low, high) = self.corners.iter().fold(([f32::MAX; 2], [f32::MIN; 2]), |(low, high), corner| {
-            let (x, y) = (corner.x, corner.y);
-            ([low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)])
-        });
-        Rectangle::around(low, high, lens.width, lens.height)
+        Rectangle::around([low.x, low.y], [high.x, high.y], lens.width, lens.height)
     }
 }
 
@@ -249,56 +260,44 @@ impl Lens {
     }
 
     #[inline(always)]
-    fn project(&self, in_camera: Vec3A) -> ProjectedCorner {
+    fn project(&self, in_camera: Vec3A) -> Corner {
         let nearness = 1.0 / in_camera.z;
-        ProjectedCorner {
+        Corner {
             x: self.focal.x * in_camera.x * nearness + self.center.x,
             y: self.focal.y * in_camera.y * nearness + self.center.y,
             nearness,
-            depth: in_camera.z,
         }
     }
 }
 
-impl ProjectedCorner {
-    /// With `scale` samples per pixel: a pixel's centre is its first sample.
-    #[inline(always)]
-    fn on_target(self, scale: f32) -> Corner {
-        Corner { x: self.x * scale, y: self.y * scale, nearness: self.nearness }
-    }
+/// Draws a mesh that lies beyond the near plane.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, target: &mut Target) {
+    let eye = Eye::At(placed.eye_in_body.to_array());
+    draw_mesh::<true>(&mesh.triangles, &placed.corners, &mesh.planes, eye, sides, first_id, target);
 }
 
-/// Draws the triangles beyond the near plane; lists those that cross it.
-#[multiversion(targets("x86_64+avx2"))]
-fn draw_triangles(
-    mesh: &Mesh,
-    corners: &[ProjectedCorner],
-    sides: Sides,
-    first_id: u32,
-    target: &mut Target,
-    cut: &mut Vec<u32>,
-) {
+/// Draws the triangles of a mesh that lie beyond the near plane; lists those that cross it.
+fn draw_beyond(mesh: &Mesh, corners: &[Corner], sides: Sides, first_id: u32, target: &mut Target, cut: &mut Vec<u32>) {
     let scale = target.scale as f32;
-    for (&triangle, id) in mesh.triangles.iter().zip(first_id..) {
-        let [a, b, c] = [corners[triangle[0] as usize], corners[triangle[1] as usize], corners[triangle[2] as usize]];
-        if a.depth.min(b.depth).min(c.depth) < NEAR_M {
-            if a.depth.max(b.depth).max(c.depth) >= NEAR_M {
-                cut.push(id - first_id);
-            }
-            continue;
+    let is_beyond = |corner: &Corner| corner.nearness > 0.0 && corner.nearness <= 1.0 / NEAR_M;
+    for (triangle, id) in mesh.triangles.iter().zip(first_id..) {
+        let triangle = triangle.map(|corner| corners[corner as usize]);
+        match triangle.iter().filter(|corner| is_beyond(corner)).count() {
+            0 => {}
+            3 => draw_facing(triangle.map(|corner| corner.scaled(scale)), sides, id, target),
+            _ => cut.push(id - first_id),
         }
-        draw_facing([a.on_target(scale), b.on_target(scale), c.on_target(scale)], sides, id, target);
     }
 }
 
 /// Draws a triangle if its side is wanted.
-#[inline(always)]
 fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut Target) {
     let [a, b, c] = corners;
-    let area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
+    let area = area_of([a.x, a.y], [b.x, b.y], [c.x, c.y]);
     let wanted = if area < 0.0 { sides[0] } else { sides[1] };
     if wanted {
-        target.draw::<true>(corners, area, id);
+        target.draw::<true>(corners, id);
     }
 }
 

@@ -1,0 +1,32 @@
+//! What loops over many points at once share: one component of all points beside each other, compiled for the widest
+//! registers of the machine, with the same bits on all.
+
+/// Points at a time: several of the widest registers, and all components of a chunk fit the first cache.
+pub(crate) const CHUNK: usize = 64;
+
+/// One component of the points of a chunk.
+pub(crate) type Lane = [f32; CHUNK];
+
+pub(crate) const ZERO: Lane = [0.0; CHUNK];
+
+/// Nearest integer of a number from 0 to 2²², without the care that a conversion takes for others.
+#[inline(always)]
+pub(crate) fn nearest_integer(value: f32) -> u32 {
+    const SHIFT: f32 = 8_388_608.0;
+    (value + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits())
+}
+
+/// A number moved into an interval; one instruction per side, unlike `f32::min` and `max`, which care for NaN.
+#[inline(always)]
+pub(crate) fn within(value: f32, low: f32, high: f32) -> f32 {
+    let value = if value > low { value } else { low };
+    if value < high { value } else { high }
+}
+
+/// Largest integer that is not above a number of less than 2²², without a call to the mathematics library.
+#[inline(always)]
+pub(crate) fn floor(value: f32) -> f32 {
+    const SHIFT: f32 = 12_582_912.0;
+    let nearest = (value + SHIFT) - SHIFT;
+    if nearest > value { nearest - 1.0 } else { nearest }
+}

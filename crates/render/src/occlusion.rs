@@ -1,0 +1,134 @@
+//! Ambient occlusion of points from the depth around them on the image, after McGuire et al., "Scalable Ambient
+//! Obscurance", 2012.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use glam::Vec2;
+use multiversion::multiversion;
+
+use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, within};
+use crate::points::Points;
+use crate::taps::turn_of;
+use crate::variation::RenderVariation;
+
+/// Taps of the ambient occlusion.
+const TAPS: usize = 8;
+/// Largest radius of the ambient occlusion on the image, pixels.
+pub(crate) const MAX_REACH: f32 = 64.0;
+/// Share of the ambient light that reaches points.
+pub(crate) fn occlude(
+    points: &Points,
+    depth: &[f32],
+    size: [usize; 2],
+    focal: f32,
+    variation: &RenderVariation,
+    taps: &mut Taps,
+) {
+    let radius = variation.occlusion_radius_m;
+    taps.begin(points, focal, radius);
+    for &offset in spiral() {
+        place_taps(taps, points, offset, size);
+        for i in 0..points.count {
+            taps.depth[i] = depth[taps.index[i] as usize];
+        }
+        add_taps(taps, points, focal, radius);
+    }
+    let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
+    for i in 0..CHUNK {
+        let share = 1.0 - taps.darkening[i] * scale;
+        taps.share[i] = if share > 0.15 { share } else { 0.15 };
+    }
+}
+
+/// Taps around a chunk of points.
+#[derive(Debug)]
+pub(crate) struct Taps {
+    cosine: Lane,
+    sine: Lane,
+    /// Whole pixels from the point to the tap.
+    dx: Lane,
+    dy: Lane,
+    index: [u32; CHUNK],
+    depth: Lane,
+    darkening: Lane,
+    pub share: Lane,
+}
+
+impl Default for Taps {
+    fn default() -> Self {
+        Self {
+            cosine: ZERO,
+            sine: ZERO,
+            dx: ZERO,
+            dy: ZERO,
+            index: [0; CHUNK],
+            depth: ZERO,
+            darkening: ZERO,
+            share: ZERO,
+        }
+    }
+}
+
+impl Taps {
+    /// The turn and the length of the taps of each point go together.
+    fn begin(&mut self, points: &Points, focal: f32, radius: f32) {
+        self.darkening = ZERO;
+        for i in 0..points.count {
+            let reach = within(radius * focal / points.place_in_camera[2][i], 3.0, MAX_REACH);
+            // Of every other pixel, so that the pattern of turns repeats every 4×4 estimates.
+            let turn = |lane: &Lane| nearest_integer(lane[i]) as usize / 2 % 4;
+            let (sine, cosine) = turn_of(TURN[turn(&points.row)][turn(&points.column)]);
+            (self.cosine[i], self.sine[i]) = (cosine * reach, sine * reach);
+        }
+    }
+}
+
+/// Order of the turns within a block of estimates.
+const TURN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn place_taps(taps: &mut Taps, points: &Points, offset: [f32; 2], [width, height]: [usize; 2]) {
+    let (last_column, last_row, width) = ((width - 1) as i32 as f32, (height - 1) as i32 as f32, width as u32);
+    for i in 0..CHUNK {
+        let column = within(points.column[i] + offset[0] * taps.cosine[i] - offset[1] * taps.sine[i], 0.0, last_column);
+        let row = within(points.row[i] + offset[0] * taps.sine[i] + offset[1] * taps.cosine[i], 0.0, last_row);
+        let (column, row) = (nearest_integer(column), nearest_integer(row));
+        taps.dx[i] = column as i32 as f32 - points.column[i];
+        taps.dy[i] = row as i32 as f32 - points.row[i];
+        taps.index[i] = row * width + column;
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
+    let inverse_focal = 1.0 / focal;
+    let square_radius = radius * radius;
+    for i in 0..CHUNK {
+        let (x, y, z) = (points.place_in_camera[0][i], points.place_in_camera[1][i], points.place_in_camera[2][i]);
+        let depth = taps.depth[i];
+        let bias = 0.001 + 0.002 * z;
+        // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
+        let stretch = depth / z - 1.0;
+        let step = depth * inverse_focal;
+        let toward = [stretch * x + taps.dx[i] * step, stretch * y + taps.dy[i] * step, depth - z];
+        let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2];
+        let near = if square_radius > square { square_radius - square } else { 0.0 };
+        let above = toward[0] * points.normal_in_camera[0][i]
+            + toward[1] * points.normal_in_camera[1][i]
+            + toward[2] * points.normal_in_camera[2][i]
+            - bias;
+        let above = if above > 0.0 { above } else { 0.0 };
+        taps.darkening[i] += near * near * near * above / (square + 1e-5);
+    }
+}
+
+/// A spiral on the unit disc.
+fn spiral() -> &'static [[f32; 2]; TAPS] {
+    static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
+    TABLE.get_or_init(|| {
+        std::array::from_fn(|tap| {
+            let share = (tap as f32 + 0.5) / TAPS as f32;
+            (Vec2::from_angle(std::f32::consts::TAU * share * 3.0) * share).to_array()
+        })
+    })
+}

@@ -1,0 +1,61 @@
+//! Ambient light at every pixel from estimates at every other row and column.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
+use multiversion::multiversion;
+
+use crate::layers::TILE;
+
+/// Share of a pixel that shows nothing.
+pub(crate) const UNKNOWN: f32 = -1.0;
+/// Estimates along the side of a tile.
+pub(crate) const HALF: usize = TILE / 2;
+
+/// A tile and the coarse estimates around it, each of them beside the pixels that it is to the left or the right of.
+pub(crate) struct RefineWindow {
+    pub surface: [[u32; TILE]; TILE],
+    pub depth: [[f32; TILE]; TILE],
+    /// By coarse row: to the left and to the right of each column.
+    pub coarse_surface: [[[u32; TILE]; 2]; HALF + 1],
+    pub coarse_depth: [[[f32; TILE]; 2]; HALF + 1],
+    pub value: [[[f32; TILE]; 2]; HALF + 1],
+}
+
+impl Default for RefineWindow {
+    fn default() -> Self {
+        Self {
+            surface: [[0; TILE]; TILE],
+            depth: [[0.0; TILE]; TILE],
+            coarse_surface: [[[0; TILE]; 2]; HALF + 1],
+            coarse_depth: [[[0.0; TILE]; 2]; HALF + 1],
+            value: [[[UNKNOWN; TILE]; 2]; HALF + 1],
+        }
+    }
+}
+
+/// At every pixel the mean of the coarse estimates around it that belong to the same surface.
+#[multiversion(targets("x86_64+avx2"))]
+pub(crate) fn refine_tile(window: &RefineWindow) -> [[f32; TILE]; TILE] {
+    let mut out = [[1.0; TILE]; TILE];
+    for row in 0..TILE {
+        let taps = [(row / 2, 0), (row / 2, 1), (row / 2 + row % 2, 0), (row / 2 + row % 2, 1)];
+        let (mut sums, mut totals) = ([0.0; TILE], [0.0; TILE]);
+        for (coarse, side) in taps {
+            for column in 0..TILE {
+                let (surface, depth) = (window.surface[row][column], window.depth[row][column]);
+                let value = window.value[coarse][side][column];
+                let is_same = (window.coarse_surface[coarse][side][column] == surface)
+                    & ((window.coarse_depth[coarse][side][column] - depth).abs() < 0.02 * depth);
+                // A thin thing between the coarse pixels takes what is known around it.
+                let weight = if is_same { 1.0 } else { 1e-4 };
+                let weight = if value < 0.0 { 0.0 } else { weight };
+                sums[column] += weight * value;
+                totals[column] += weight;
+            }
+        }
+        for column in 0..TILE {
+            out[row][column] = if totals[column] > 0.0 { sums[column] / totals[column] } else { 1.0 };
+        }
+    }
+    out
+}

@@ -1,0 +1,132 @@
+//! Taps of soft shadows: places around points on the shadow map.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use glam::Vec2;
+use multiversion::multiversion;
+
+use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, within};
+
+/// Taps of the search for blockers and of the filter.
+pub(crate) const TAPS: usize = 8;
+/// Turns of the taps.
+const TURNS: usize = 16;
+
+/// A chunk of doubts.
+#[derive(Debug)]
+pub(crate) struct Queue {
+    pub count: usize,
+    pub pixel: [u32; CHUNK],
+    /// Place on the map, tilt of the plane, cosine and sine of the taps' turn, and radius of the taps.
+    pub x: Lane,
+    pub y: Lane,
+    pub nearness: Lane,
+    pub tilt_x: Lane,
+    pub tilt_y: Lane,
+    pub cosine: Lane,
+    pub sine: Lane,
+    pub radius: Lane,
+}
+
+impl Default for Queue {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            pixel: [0; CHUNK],
+            x: ZERO,
+            y: ZERO,
+            nearness: ZERO,
+            tilt_x: ZERO,
+            tilt_y: ZERO,
+            cosine: ZERO,
+            sine: ZERO,
+            radius: ZERO,
+        }
+    }
+}
+
+impl Queue {
+    /// Adds a doubt of another queue with a radius; says whether the queue is full.
+    #[inline(always)]
+    pub fn push(&mut self, other: &Self, from: usize, radius: f32) -> bool {
+        let to = self.count;
+        self.pixel[to] = other.pixel[from];
+        (self.x[to], self.y[to], self.nearness[to]) = (other.x[from], other.y[from], other.nearness[from]);
+        (self.tilt_x[to], self.tilt_y[to]) = (other.tilt_x[from], other.tilt_y[from]);
+        (self.cosine[to], self.sine[to], self.radius[to]) = (other.cosine[from], other.sine[from], radius);
+        self.count += 1;
+        self.count == CHUNK
+    }
+}
+
+/// How many taps on a square map are nearer to the light than the receiving plane, and by how much together.
+pub(crate) fn tap(queue: &Queue, map: &[f32], size: usize, taps: &mut Taps) {
+    (taps.blockers, taps.distance) = (ZERO, ZERO);
+    for &offset in spiral() {
+        place_taps(queue, offset, size, taps);
+        for i in 0..queue.count {
+            taps.stored[i] = map[taps.index[i] as usize];
+        }
+        add_taps(taps);
+    }
+}
+
+/// Taps of a chunk of doubts.
+#[derive(Debug)]
+pub(crate) struct Taps {
+    index: [u32; CHUNK],
+    /// Nearness of the receiving plane under the tap.
+    plane: [f32; CHUNK],
+    stored: [f32; CHUNK],
+    pub blockers: Lane,
+    pub distance: Lane,
+}
+
+impl Default for Taps {
+    fn default() -> Self {
+        let zero = [0.0; CHUNK];
+        Self { index: [0; CHUNK], plane: zero, stored: zero, blockers: zero, distance: zero }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn place_taps(queue: &Queue, offset: [f32; 2], size: usize, taps: &mut Taps) {
+    let limit = (size - 1) as i32 as f32;
+    let width = size as u32;
+    for i in 0..CHUNK {
+        let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
+        let dx = (offset[0] * cosine - offset[1] * sine) * radius;
+        let dy = (offset[0] * sine + offset[1] * cosine) * radius;
+        let column = nearest_integer(within(queue.x[i] + dx, 0.0, limit));
+        let row = nearest_integer(within(queue.y[i] + dy, 0.0, limit));
+        taps.index[i] = row * width + column;
+        taps.plane[i] = dx * queue.tilt_x[i] + dy * queue.tilt_y[i] + queue.nearness[i];
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn add_taps(taps: &mut Taps) {
+    for i in 0..CHUNK {
+        let ahead = taps.stored[i] - taps.plane[i];
+        taps.blockers[i] += if ahead > 0.0 { 1.0 } else { 0.0 };
+        taps.distance[i] += if ahead > 0.0 { ahead } else { 0.0 };
+    }
+}
+
+/// A sunflower pattern on the unit disc.
+fn spiral() -> &'static [[f32; 2]; TAPS] {
+    static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
+    TABLE.get_or_init(|| {
+        std::array::from_fn(|tap| {
+            (Vec2::from_angle(tap as f32 * 2.399_963) * ((tap as f32 + 0.5) / TAPS as f32).sqrt()).to_array()
+        })
+    })
+}
+
+/// Sine and cosine of one of the turns.
+pub(crate) fn turn_of(turn: u8) -> (f32, f32) {
+    static TABLE: std::sync::OnceLock<[(f32, f32); TURNS]> = std::sync::OnceLock::new();
+    let turns = TABLE
+        .get_or_init(|| std::array::from_fn(|turn| (turn as f32 * std::f32::consts::TAU / TURNS as f32).sin_cos()));
+    turns[turn as usize % TURNS]
+}
