@@ -120,7 +120,9 @@ impl Progress for Printer {
             ProgressDrawTarget::stderr_with_hz(8)
         };
         let bar = ProgressBar::with_draw_target(Some(total as u64), target);
-        if let Ok(style) = ProgressStyle::with_template("{msg:18} {bar:30} {pos:>4}/{len}  {per_sec}  ETA {eta}  {prefix}") {
+        if let Ok(style) =
+            ProgressStyle::with_template("{msg:18} {bar:30} {pos:>4}/{len}  {per_sec}  ETA {eta}  {prefix}")
+        {
             bar.set_style(style);
         }
         bar.set_message(what.to_owned());

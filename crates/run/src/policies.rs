@@ -11,10 +11,10 @@ use genmanip_agent::ask::Stage;
 use genmanip_assets::GraspLibrary;
 use genmanip_core::{Episode, Policy};
 use genmanip_motion::Planner;
-use genmanip_rollout::{Cores, Stage as Scene};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
+use genmanip_rollout::{Cores, Stage as Scene};
 
 use crate::agents::{Account, AgentChoice, ModelChoice, Transcribing};
 use crate::error::RunError;

@@ -46,7 +46,9 @@ impl From<ChatError> for ServiceError {
     fn from(error: ChatError) -> Self {
         let text = error.to_string();
         match error {
-            ChatError::TooLarge { .. } | ChatError::NoText { .. } | ChatError::Declined { .. } => Self::Unreadable(text),
+            ChatError::TooLarge { .. } | ChatError::NoText { .. } | ChatError::Declined { .. } => {
+                Self::Unreadable(text)
+            }
             ChatError::NotJson { .. } | ChatError::NotACompletion { .. } => Self::Garbled(text),
             _ => Self::Unreachable(text),
         }

@@ -143,10 +143,8 @@ impl ChatModel for Troubled {
     fn chat(&self, _request: &ChatRequest) -> Result<ChatReply, ChatError> {
         let mut left = self.0.lock().unwrap();
         match left.is_empty() {
-            true => {
-                ScriptedChat::new([r#"{"scene_description": "done", "finished": true}"#])
-                    .chat(&ChatRequest::new("script", Vec::new()))
-            }
+            true => ScriptedChat::new([r#"{"scene_description": "done", "finished": true}"#])
+                .chat(&ChatRequest::new("script", Vec::new())),
             false => Err(left.remove(0)),
         }
     }

@@ -29,8 +29,10 @@ pub enum LabCommand {
                       One thread; processor time covers looking, asking, planning and physics, not the layout.")]
     Agent(AgentArguments),
     /// Let many agents at once ask one slow model server on this machine, with faults, answered by the oracle
-    #[command(after_help = "Example:\n  genmanip lab batch --seed 7 --count 64 --at-once 64 --latency 2 --faults 0.05 --json\n\n\
-                      Faults are 429, cut connections, answers that are no JSON, and time-outs after 5 s.")]
+    #[command(
+        after_help = "Example:\n  genmanip lab batch --seed 7 --count 64 --at-once 64 --latency 2 --faults 0.05 --json\n\n\
+                      Faults are 429, cut connections, answers that are no JSON, and time-outs after 5 s."
+    )]
     Batch(BatchArguments),
     /// Let the rule-based designer compose tasks and judge them: validity, variety, quotas, references
     #[command(after_help = "Example:\n  genmanip lab design --seed 7 --count 2000 --json")]

@@ -119,7 +119,8 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
             })
         };
         let cases = std::slice::from_ref(&case);
-        let evaluated = evaluate(cases, &make, shared, None, (3, &Cores::new(2)), &never, &|_| Ok::<_, RolloutError>(())).unwrap();
+        let evaluated =
+            evaluate(cases, &make, shared, None, (3, &Cores::new(2)), &never, &|_| Ok::<_, RolloutError>(())).unwrap();
         let [result] = &evaluated.results[..] else { panic!("{evaluated:?}") };
         assert_eq!((result.success, result.policy.as_str()), (solves, name));
         assert_eq!((&result.scenario_id, result.oracle), (&all[1].scenario_id, name == "expert"));
@@ -133,7 +134,9 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
             _ => Err(RolloutError::NotRun { policy: "far away".into(), reason: "connection refused".into() }),
         }
     };
-    let evaluated = evaluate(&twice, &make, shared, Some(&kept), (1, &Cores::new(1)), &never, &|_| Ok::<_, RolloutError>(())).unwrap();
+    let evaluated =
+        evaluate(&twice, &make, shared, Some(&kept), (1, &Cores::new(1)), &never, &|_| Ok::<_, RolloutError>(()))
+            .unwrap();
     assert_eq!(evaluated.results.len(), 1);
     let [left] = &evaluated.not_run[..] else { panic!("{evaluated:?}") };
     assert_eq!((&left.id, left.reason.as_str()), (&case.id, "connection refused"));

@@ -162,12 +162,7 @@ impl AgentChoice {
     ///
     /// # Errors
     /// Grasps that were tried with other physics.
-    pub fn oracle_of(
-        &self,
-        truth: &Truth,
-        planner: &Arc<Planner>,
-        grasps: &GraspLibrary,
-    ) -> Result<Oracle, RunError> {
+    pub fn oracle_of(&self, truth: &Truth, planner: &Arc<Planner>, grasps: &GraspLibrary) -> Result<Oracle, RunError> {
         let tried = truth.stage().models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
         let tried: Result<Vec<_>, genmanip_assets::AssetError> = tried.collect();
         let tried = tried.map_err(|error| RunError::broken("the oracle cannot be made", error))?;

@@ -174,9 +174,7 @@ impl Account {
     fn overspent(&self) -> Option<ChatError> {
         let limit = (*self.limit.lock().unwrap_or_else(PoisonError::into_inner))?;
         match self.cost(&self.ledger())? {
-            Cost::Known { amount, currency } if amount >= limit => {
-                Some(ChatError::Spent { amount, limit, currency })
-            }
+            Cost::Known { amount, currency } if amount >= limit => Some(ChatError::Spent { amount, limit, currency }),
             // What was not counted may have cost anything.
             Cost::Unknown => Some(ChatError::Uncounted { limit }),
             Cost::Known { .. } => None,

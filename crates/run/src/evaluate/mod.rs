@@ -19,9 +19,9 @@ use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::{EvaluationReport, StatisticsSettings, text_table};
 use genmanip_core::{Document, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
-use genmanip_rollout::{Cores, RolloutError};
 use genmanip_rollout::collect::Resources;
 use genmanip_rollout::evaluate::Case;
+use genmanip_rollout::{Cores, RolloutError};
 
 use crate::error::RunError;
 use crate::folder::RunFolder;
@@ -167,21 +167,20 @@ fn one(
         Ok(())
     };
     let shared = (resources, &suite.settings);
-    let evaluated =
-        genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), crew, stop, &finished)
-            .map_err(|error| match error {
-                Stopped::Run(error) => error,
-                Stopped::Episode(error) => {
-                    let help = keep.as_ref().map_or_else(
-                        || "what was finished is kept; start again to continue".into(),
-                        |store| {
-                            let kept = store.root().display();
-                            format!("move a kept episode that cannot be read out of {kept}; it is then run again")
-                        },
-                    );
-                    RunError::broken(format!("evaluating {label} stopped"), error).with_hint(help)
-                }
-            })?;
+    let evaluated = genmanip_rollout::evaluate::evaluate(&cases, &make, shared, keep.as_ref(), crew, stop, &finished)
+        .map_err(|error| match error {
+        Stopped::Run(error) => error,
+        Stopped::Episode(error) => {
+            let help = keep.as_ref().map_or_else(
+                || "what was finished is kept; start again to continue".into(),
+                |store| {
+                    let kept = store.root().display();
+                    format!("move a kept episode that cannot be read out of {kept}; it is then run again")
+                },
+            );
+            RunError::broken(format!("evaluating {label} stopped"), error).with_hint(help)
+        }
+    })?;
     progress.end();
     if let Some(asked) = policy.account().map(|account| account.in_words()).filter(|asked| !asked.is_empty()) {
         progress.note(&format!("{label}: {asked}"));

@@ -97,7 +97,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     // Stopped before it could look at anything: all that is there counts, and no time is negative.
     let looked = collected(&folder, &run, &Silent, &AtomicBool::new(true));
     assert_eq!((looked.interrupted, looked.finished, looked.attempts), (true, 2, 2));
-    assert!(!looked.table().contains("-0"), "{}", looked.table());
+    assert!(!looked.table(false).contains("-0"), "{}", looked.table(false));
     let other = Run { seed: Seed::new(4), ..run.clone() };
     let refused = collect(&folder, &other, ALONE, &Silent, &never).unwrap_err();
     assert!(matches!(refused, RunError::AnotherRun { .. }), "{refused:?}");

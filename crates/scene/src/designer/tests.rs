@@ -247,7 +247,7 @@ fn a_series_goes_on_without_a_kind_that_ran_out() {
     let cubes =
         |card: &&ObjectCard| ["Red Cube", "Blue Cube", "Puzzle Cube", "Salad Bowl"].contains(&card.name.as_str());
     let few: Vec<ObjectCard> = cards().iter().filter(cubes).cloned().collect();
-    let settings = DesignSettings { max_draws: 40, ..DesignSettings::default() };
+    let settings = DesignSettings { max_draws: 200, ..DesignSettings::default() };
     let kinds = [TaskKind::PickAndPlace, TaskKind::Articulated];
     let series = |fill: bool, count: usize| {
         let mut series = Series::new(&kinds, &few, Seed::new(3), &settings, fill).unwrap();
@@ -258,7 +258,7 @@ fn a_series_goes_on_without_a_kind_that_ran_out() {
     for (index, made) in twelve.iter().enumerate() {
         match made {
             Ok(task) => assert_eq!((task.kind, index % 2), (TaskKind::PickAndPlace, 0), "{}", task.id),
-            Err(Missing { id, kind, why: DesignError::Exhausted { draws: 40, .. } }) => {
+            Err(Missing { id, kind, why: DesignError::Exhausted { draws: 200, .. } }) => {
                 assert_eq!((*kind, id), (TaskKind::Articulated, &format!("articulated-3-{index:05}")));
             }
             Err(missing) => panic!("{missing:?}"),
