@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::{ReportInput, page_of, words};
+use super::{ReportInput, words};
 use crate::markup::escape;
 use crate::rows::{EpisodeRow, TaskRow};
 
@@ -26,7 +26,7 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
         let episode = &input.episodes[index];
         let link = match drawn.get(&index) {
             Some(number) => Some(format!("#task-{number}")),
-            None => input.has_pages.then(|| page_of(episode)).flatten(),
+            None => input.has_pages.then(|| episode.page()).flatten(),
         };
         let row = row(episode, input.tasks.get(episode.task), link);
         if bytes + row.len() > max_bytes {

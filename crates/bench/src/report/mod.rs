@@ -9,7 +9,7 @@ mod task;
 
 use genmanip_core::{AttemptOutcome, EpisodeResult, Scenario, Seed, Task};
 
-pub use page::{EpisodePage, episode_page, page_of};
+pub use page::{EpisodePage, episode_page};
 
 use crate::drawing::Svg;
 use crate::markup::{base64, base64_length, escape};
@@ -48,7 +48,7 @@ pub struct ReportInput {
     pub cases: Vec<TaskSection>,
     /// The rule by which those were chosen; `None` when they are all.
     pub rule: Option<String>,
-    /// Whether the page is the overview of a folder in which episodes have pages of their own, see [`page_of`].
+    /// Whether the page is the overview of a folder in which episodes have pages of their own, see [`EpisodeRow::page`].
     pub has_pages: bool,
 }
 

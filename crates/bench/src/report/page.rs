@@ -3,7 +3,6 @@
 use super::task::section;
 use super::{ImagePlan, TaskSection};
 use crate::markup::escape;
-use crate::rows::EpisodeRow;
 
 /// What a page shows.
 #[derive(Clone, Debug)]
@@ -18,14 +17,6 @@ pub struct EpisodePage<'a> {
     pub id: &'a str,
     /// Where the overview is, seen from the page.
     pub index: &'a str,
-}
-
-/// Where the page of an episode lies in the folder of a report; `None` for an evaluated episode that was not kept.
-pub fn page_of(row: &EpisodeRow) -> Option<String> {
-    match &row.evaluation {
-        None => Some(format!("episodes/{}.html", row.id)),
-        Some(label) => row.recorded.then(|| format!("evaluation/{label}/{}.html", row.id)),
-    }
 }
 
 /// The page as the text of an HTML file, also well-formed XML; complete without scripts.

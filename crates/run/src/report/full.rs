@@ -16,7 +16,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use genmanip_bench::report::{EpisodePage, episode_page, page_of};
+use genmanip_bench::report::{EpisodePage, episode_page};
 use genmanip_bench::{EpisodeRow, ReportSettings, report_html};
 use genmanip_data::files;
 use genmanip_rollout::collect::in_parallel;
@@ -57,14 +57,11 @@ pub fn report_full(
     progress: &dyn Progress,
 ) -> Result<FullReport, RunError> {
     let opened = Opened::new(run, progress)?;
-    let rows: Vec<&EpisodeRow> = opened.rows.episodes.iter().filter(|row| page_of(row).is_some()).collect();
+    let rows: Vec<&EpisodeRow> = opened.rows.episodes.iter().filter(|row| row.page().is_some()).collect();
     let keys = keys(&opened, &rows, workers)?;
     let ledger = Ledger::open(&out.join(LIST))?;
-    let pages: Vec<(&EpisodeRow, String, &String)> = rows
-        .iter()
-        .zip(&keys)
-        .filter_map(|(row, key)| Some((*row, page_of(row)?, key)))
-        .collect();
+    let pages: Vec<(&EpisodeRow, String, &String)> =
+        rows.iter().zip(&keys).filter_map(|(row, key)| Some((*row, row.page()?, key))).collect();
     let left: Vec<_> = pages
         .iter()
         .filter(|(_, page, key)| {
@@ -143,7 +140,8 @@ fn entry(page: &str, key: &str) -> Entry {
 fn remove_strangers(out: &Path, pages: &[(&EpisodeRow, String, &String)]) -> Result<(), RunError> {
     let mut own: BTreeSet<PathBuf> = pages.iter().map(|(_, page, _)| out.join(page)).collect();
     own.extend(pages.iter().map(|(_, _, key)| out.join(format!("pictures/{key}.jpg"))));
-    let labels = fs::read_dir(out.join("evaluation")).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    let labels =
+        fs::read_dir(out.join("evaluation")).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
     for folder in labels.chain([out.join("episodes"), out.join("pictures")]).filter(|path| files::is_own_folder(path)) {
         let listed = fs::read_dir(&folder).map_err(|error| RunError::file("list", &folder, error))?;
         for path in listed.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| !own.contains(path)) {
