@@ -535,9 +535,15 @@ pub struct ReportArguments {
     /// One task or episode of it, by its id, into RUN/report-ID.html
     #[arg(long, value_name = "ID")]
     pub only: Option<String>,
-    /// Where to write it [default: RUN/report.html]
+    /// A folder with a page for every episode, RUN/report; what is there is kept, only new episodes are drawn
+    #[arg(long, conflicts_with = "only")]
+    pub full: bool,
+    /// Where to write it [default: RUN/report.html; with --full: RUN/report]
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// Worker threads of --full; the bytes do not depend on it [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `export`.

@@ -268,6 +268,16 @@ impl EpisodeStore {
         Ok((record.result, record.recorded))
     }
 
+    /// Hash of the record of an attempt, which holds the hashes of its files: equal attempts have equal ones.
+    ///
+    /// # Errors
+    /// When it is not there or cannot be read.
+    pub fn record_hash(&self, id: &str) -> Result<String, DataError> {
+        check_name(id)?;
+        let bytes = read_own(&self.root.join(id).join(EPISODE), limits::EPISODE_RECORD)?;
+        Ok(FileHash::of(EPISODE, &bytes).sha256)
+    }
+
     /// Whether the frames of an attempt were kept.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use genmanip_bench::{ReportSettings, text_table};
 use genmanip_core::{Document, Seed, Task};
 use genmanip_rollout::collect::Attempt;
 use genmanip_run::collect::{CollectOptions, collect};
-use genmanip_run::report::report;
+use genmanip_run::report::{report, report_full};
 use genmanip_run::{Progress, Run, RunFolder, inputs};
 use serde::Serialize;
 
@@ -28,12 +28,12 @@ pub struct Measured {
     pub report_bytes: usize,
     /// Most memory held meanwhile, MiB; `None` where the system does not tell.
     pub report_rss_mb: Option<f64>,
-    /// Processor time of `report --full`, which is not there yet, s.
-    pub full_cpu_s: Option<f64>,
+    /// Processor time of `report --full`, s.
+    pub full_cpu_s: f64,
     /// Most memory held meanwhile, MiB.
     pub full_rss_mb: Option<f64>,
     /// Processor time of `report --full` once more, s.
-    pub full_again_cpu_s: Option<f64>,
+    pub full_again_cpu_s: f64,
     /// Wall-clock time to open the run and look at every episode, s.
     pub open_s: f64,
     /// Wall-clock time of `collect` when nothing is left to do, s.
@@ -60,6 +60,19 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
     inputs::write_file(&out.join("report.html"), page.as_bytes())?;
     let (report_cpu_s, report_bytes, report_rss_mb) = (clock(), page.len(), peak_memory_mb());
 
+    let (workers, pages) = (inputs::workers(None), out.join("report"));
+    forget_peak_memory();
+    let mut clock = process_clock();
+    report_full(out, &pages, &ReportSettings::default(), workers, progress)?;
+    let (full_cpu_s, full_rss_mb) = (clock(), peak_memory_mb());
+    let mut clock = process_clock();
+    let again = report_full(out, &pages, &ReportSettings::default(), workers, progress)?;
+    let full_again_cpu_s = clock();
+    if again.made > 0 {
+        let found = format!("{} of {} pages were made twice", again.made, again.pages);
+        return Err(LabError::input(found).with_hint("nothing else may write into the copy"));
+    }
+
     let started = Instant::now();
     let (folder, known) = RunFolder::open(out)?;
     let survey = folder.survey(&folder.store()?)?;
@@ -79,9 +92,9 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
         report_cpu_s,
         report_bytes,
         report_rss_mb,
-        full_cpu_s: None,
-        full_rss_mb: None,
-        full_again_cpu_s: None,
+        full_cpu_s,
+        full_rss_mb,
+        full_again_cpu_s,
         open_s,
         resume_s,
         index_rebuild_s: None,
@@ -147,6 +160,9 @@ pub fn in_words(measured: &Measured) -> String {
         ["report, processor time".into(), format!("{:.1} s", measured.report_cpu_s)],
         ["report, size".into(), format!("{:.1} MB", measured.report_bytes as f64 / 1e6)],
         ["report, memory".into(), megabytes(measured.report_rss_mb)],
+        ["full report, processor time".into(), format!("{:.1} s", measured.full_cpu_s)],
+        ["full report, memory".into(), megabytes(measured.full_rss_mb)],
+        ["full report again, processor time".into(), format!("{:.1} s", measured.full_again_cpu_s)],
         ["open".into(), format!("{:.2} s", measured.open_s)],
         ["resume".into(), format!("{:.2} s", measured.resume_s)],
     ];

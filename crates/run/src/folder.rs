@@ -7,7 +7,7 @@
 //! dataset/          LeRobotDataset v3.0, with its depth sibling dataset-depth/
 //! evaluation/       one file per policy
 //! timings.json      wall-clock figures, apart from everything that is reproducible
-//! report.html
+//! report.html, report/   of `report` and `report --full`
 //! damaged/          episodes that `collect --repair` set aside
 //! ```
 
@@ -238,8 +238,17 @@ impl RunFolder {
 const RECORD: &str = "run.json";
 
 /// What a run writes into its folder besides its record.
-const OWN: [&str; 8] =
-    ["episodes", "scenarios", "dataset", "dataset-depth", "evaluation", "damaged", "timings.json", "report.html"];
+const OWN: [&str; 9] = [
+    "episodes",
+    "scenarios",
+    "dataset",
+    "dataset-depth",
+    "evaluation",
+    "damaged",
+    "timings.json",
+    "report.html",
+    "report",
+];
 
 fn is_there(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok()

@@ -6,13 +6,16 @@ use std::sync::atomic::AtomicBool;
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::{MOST_ROWS, Svg, attention, text_table};
 use genmanip_core::{Document, Seed, Task, World};
+use genmanip_data::files;
 use genmanip_layout::LayoutSettings;
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::{Attempt, Resources, in_parallel};
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 
 use crate::error::RunError;
 use crate::inputs;
+use crate::ledger::{Entry, Ledger};
 use crate::pictures;
 use crate::progress::Progress;
 
@@ -41,6 +44,9 @@ pub struct LaidOut {
 
 /// Lays each task out `count` times and writes the scenarios; the result does not depend on the number of workers.
 ///
+/// What is finished stands in `layouts.jsonl` of the folder: a call that was killed goes on where it stopped. A layout
+/// of another task, world, seed or other settings under the same name is told and made anew.
+///
 /// # Errors
 /// When a file cannot be written. A task that cannot be laid out is a row, not an error.
 #[expect(clippy::too_many_arguments, reason = "input, settings and seed, and what every stage has")]
@@ -58,14 +64,52 @@ pub fn lay_out(
     let planner = inputs::planner(world, &PlannerSettings::default())?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let attempts = Attempt::all(tasks, count, seed);
+    let ledger = Ledger::open(&output.folder.join("layouts.jsonl"))?;
+    let shared = serde_json::to_string(&(world, settings, env!("CARGO_PKG_VERSION"))).unwrap_or_default();
     progress.begin("laying out", attempts.len());
-    let rows = in_parallel(&attempts, workers, stop, &|attempt| {
-        let row = one(attempt, output, resources, world, settings);
+    let done = in_parallel(&attempts, workers, stop, &|attempt| {
+        let key = key(attempt, &shared);
+        let known = ledger.known(&attempt.id());
+        let row = match known.filter(|entry| entry.key == key).and_then(|entry| finished(attempt, output, entry)) {
+            Some(row) => row,
+            None => {
+                if known.is_some_and(|entry| entry.key != key) {
+                    let what = "is made anew: its task, seed, world or settings are not those of before";
+                    progress.note(&format!("{} {what}", attempt.id()));
+                }
+                let row = one(attempt, output, resources, world, settings)?;
+                ledger.add(&Entry { name: attempt.id(), key: key.clone(), refused: row.refused.clone() })?;
+                row
+            }
+        };
         progress.advance();
-        row
+        Ok::<_, RunError>((Entry { name: attempt.id(), key, refused: row.refused.clone() }, row))
     })?;
     progress.end();
+    let (entries, rows) = done.into_iter().unzip();
+    ledger.close(entries, |_| true)?;
     Ok(rows)
+}
+
+/// Hash of all that a layout is made from.
+fn key(attempt: &Attempt, shared: &str) -> String {
+    let task = attempt.task.to_json();
+    let about = format!("{}\n{}\n{task}\n{shared}", attempt.id(), attempt.seed);
+    Sha256::digest(about).iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The row of a layout that was made before; `None` when a file of it is gone.
+fn finished(attempt: &Attempt, output: &LayoutOutput, entry: &Entry) -> Option<LaidOut> {
+    let path = output.folder.join(format!("{}.json", attempt.id()));
+    let picture = path.with_extension("svg");
+    let is_there = |path: &PathBuf| files::is_own_file(path);
+    let whole = (entry.refused.is_some() || is_there(&path)) && (!output.explain || is_there(&picture));
+    whole.then(|| LaidOut {
+        task: attempt.task.id.clone(),
+        scenario: entry.refused.is_none().then(|| path.display().to_string()),
+        refused: entry.refused.clone(),
+        picture: output.explain.then(|| picture.display().to_string()),
+    })
 }
 
 /// One layout, written with its picture when asked.

@@ -26,6 +26,7 @@ pub mod folder;
 pub mod grasps;
 pub mod inputs;
 pub mod layouts;
+mod ledger;
 pub mod motion_pictures;
 mod oracle_segmenter;
 pub mod pictures;

@@ -24,7 +24,11 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
     let mut bytes = 0;
     for index in order {
         let episode = &input.episodes[index];
-        let row = row(episode, input.tasks.get(episode.task), drawn.get(&index).copied());
+        let link = match drawn.get(&index) {
+            Some(number) => Some(format!("#task-{number}")),
+            None => input.has_pages.then(|| episode.page()).flatten(),
+        };
+        let row = row(episode, input.tasks.get(episode.task), link);
         if bytes + row.len() > max_bytes {
             left_out[usize::from(episode.success)] += 1;
         } else {
@@ -53,9 +57,9 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
 const HEADINGS: [&str; 8] =
     ["Episode", "Kind", "Made by", "Outcome", "What was seen", "Score", "Length, s", "Wall time, s"];
 
-fn row(episode: &EpisodeRow, task: Option<&TaskRow>, case: Option<usize>) -> String {
+fn row(episode: &EpisodeRow, task: Option<&TaskRow>, link: Option<String>) -> String {
     let id = escape(&episode.id);
-    let name = case.map_or(id.clone(), |number| format!("<a href=\"#task-{number}\">{id}</a>"));
+    let name = link.map_or(id.clone(), |link| format!("<a href=\"{}\">{id}</a>", escape(&link)));
     let (class, outcome) = match (episode.success, episode.cause) {
         (true, _) if episode.is_attempt() => ("met", "verified".into()),
         (true, _) => ("met", "success".into()),

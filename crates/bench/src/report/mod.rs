@@ -3,10 +3,13 @@
 mod distributions;
 mod episodes;
 mod overview;
+mod page;
 mod tables;
 mod task;
 
 use genmanip_core::{AttemptOutcome, EpisodeResult, Scenario, Seed, Task};
+
+pub use page::{EpisodePage, episode_page};
 
 use crate::drawing::Svg;
 use crate::markup::{base64, base64_length, escape};
@@ -45,6 +48,8 @@ pub struct ReportInput {
     pub cases: Vec<TaskSection>,
     /// The rule by which those were chosen; `None` when they are all.
     pub rule: Option<String>,
+    /// Whether the page is the overview of a folder in which episodes have pages of their own, see [`EpisodeRow::page`].
+    pub has_pages: bool,
 }
 
 /// A phase and how long it took.

@@ -99,6 +99,14 @@ impl EpisodeRow {
         }
     }
 
+    /// Where its page lies in the folder of a full report; `None` for an evaluated episode that was not kept.
+    pub fn page(&self) -> Option<String> {
+        match &self.evaluation {
+            None => Some(format!("episodes/{}.html", self.id)),
+            Some(label) => self.recorded.then(|| format!("evaluation/{label}/{}.html", self.id)),
+        }
+    }
+
     /// Whether it is an attempt to collect a demonstration.
     pub fn is_attempt(&self) -> bool {
         self.evaluation.is_none()

@@ -264,5 +264,6 @@ pub fn report_input(tasks: Vec<Task>) -> ReportInput {
         episodes,
         cases: sections,
         rule: None,
+        has_pages: false,
     }
 }

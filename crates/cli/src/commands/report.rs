@@ -4,13 +4,22 @@ use std::path::{Path, PathBuf};
 
 use genmanip_bench::ReportSettings;
 use genmanip_run::inputs;
-use genmanip_run::report::report;
+use genmanip_run::report::{report, report_full};
 
 use crate::args::ReportArguments;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &ReportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    if arguments.full {
+        let out = arguments.out.clone().unwrap_or_else(|| arguments.run.join("report"));
+        let workers = inputs::workers(arguments.workers);
+        let full = report_full(&arguments.run, &out, &ReportSettings::default(), workers, printer)?;
+        printer.say(format!("{} pages, {} of them made now", full.pages, full.made));
+        let index = full.index.display().to_string();
+        printer.data(&index, &index);
+        return Ok(ExitStatus::Done);
+    }
     let path = write(&arguments.run, arguments.only.as_deref(), arguments.out.as_deref(), printer)?;
     printer.data(&path.display().to_string(), &path.display().to_string());
     Ok(ExitStatus::Done)

@@ -121,6 +121,39 @@ fn evaluation_and_report_of_a_run() {
     }
 }
 
+/// Every episode has a page that opens without a server; what is there is not made again, and what is missing comes back.
+#[test]
+fn a_full_report_makes_every_page_once() {
+    let folder = copy_of_finished_run();
+    let full = |workers: &str| {
+        let outcome = genmanip(folder.path(), &["report", "run", "--full", "--workers", workers]);
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        outcome.stderr
+    };
+    let report = folder.path().join("run/report");
+    assert!(full("2").contains("2 pages, 2 of them made now"));
+    let (whole, written) = (tree(&report), times(&report));
+    let index = String::from_utf8(whole["index.html"].clone()).unwrap();
+    for id in ["021_spatial-000", "024_appearance-000"] {
+        assert!(index.contains(&format!("href=\"episodes/{id}.html\"")), "no link to {id}");
+        let page = String::from_utf8(whole[&format!("episodes/{id}.html")].clone()).unwrap();
+        let picture = page.split("src=\"../").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
+        assert!(whole[picture].starts_with(&[0xff, 0xd8]), "{picture} is no JPEG");
+        assert!(page.contains("href=\"../index.html#episodes\"") && page.matches("<svg").count() == 2);
+    }
+    assert!(full("1").contains("2 pages, 0 of them made now"));
+    assert_eq!(tree(&report), whole);
+    let again = times(&report);
+    assert!(again.iter().filter(|(name, _)| name.contains('/')).all(|(name, time)| written[name] == *time));
+    // As after a kill: a page without its entry, an entry without its page, half a line.
+    fs::remove_file(report.join("episodes/021_spatial-000.html")).unwrap();
+    let list = String::from_utf8(whole["made.jsonl"].clone()).unwrap();
+    fs::write(report.join("made.jsonl"), &list[..list.len() - 20]).unwrap();
+    fs::write(report.join("pictures/0123.jpg"), b"of an episode that is gone").unwrap();
+    assert!(full("2").contains("2 of them made now"));
+    assert_same_tree(&tree(&report), &whole);
+}
+
 /// Scenario files without a run, by other cameras: results, episodes to watch, and a report of them.
 #[test]
 fn evaluation_of_any_scenarios() {

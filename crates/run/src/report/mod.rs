@@ -1,20 +1,25 @@
 //! The report of a run: all its episodes as rows from one pass over their results, then pictures of the chosen cases.
 
+mod full;
 mod rows;
 mod sections;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use genmanip_bench::rows::cases::{self, Case, MOST_CASES};
 use genmanip_bench::{
     EvaluationReport, ReportInput, ReportSettings, StatisticsSettings, TaskSection, Timing, compare, report_html,
 };
 
+use genmanip_data::EpisodeStore;
+
 use crate::error::RunError;
 use crate::folder::{Run, RunFolder, Timings};
 use crate::progress::Progress;
 use rows::Rows;
 use sections::Drawing;
+
+pub use full::{FullReport, report_full};
 
 /// The HTML page of a run as text, or with `only` of one of its tasks or episodes.
 ///
@@ -38,34 +43,67 @@ pub fn report(
 /// # Errors
 /// When there is no run, `only` names nothing of it, or an episode or an evaluation cannot be read or drawn.
 pub fn gather(path: &Path, only: Option<&str>, progress: &dyn Progress) -> Result<ReportInput, RunError> {
-    let (folder, run) = RunFolder::open(path)?;
-    let store = folder.store()?;
-    let timings = folder.timings();
-    let evaluations = rows::evaluations(&folder, progress)?;
-    let control = evaluations.iter().find(|report| report.label == CONTROL).map(|report| report.label.clone());
-    let (mut rows, mut left_out) = rows::read(&run, &folder, &store, &evaluations, &timings, progress)?;
+    let mut opened = Opened::new(path, progress)?;
     let chosen = match only {
-        Some(id) => only_cases(&mut rows, id)?,
-        None => cases::choose(&rows.tasks, &rows.episodes, control.as_deref(), MOST_CASES),
+        Some(id) => only_cases(&mut opened.rows, id)?,
+        None => cases::choose(&opened.rows.tasks, &opened.rows.episodes, opened.control.as_deref(), MOST_CASES),
     };
-    let drawing = Drawing { folder: &folder, store: &store, run: &run, evaluations: &evaluations, rows: &rows };
-    let mut drawn = Vec::new();
+    let (mut drawn, mut damaged) = (Vec::new(), Vec::new());
     progress.begin("drawing", chosen.len());
     for case in chosen {
-        drawn.push(drawing.section(case, &mut left_out)?);
+        drawn.push(opened.drawing().section(case, &mut damaged)?);
         progress.advance();
     }
     progress.end();
-    left_out.iter().for_each(|note| progress.note(note));
-    let is_all = drawn.iter().all(|section| section.why.is_none());
-    let mut input = page(&path.display().to_string(), &run, &timings, evaluations, rows, drawn);
-    input.control = control;
-    input.rule = (!is_all).then(|| cases::RULE.to_owned());
-    input.notes.extend(left_out);
+    opened.left_out.extend(damaged);
+    opened.left_out.iter().for_each(|note| progress.note(note));
+    let mut input = opened.into_input(drawn, false);
     if let Some(id) = only {
         narrow(&mut input, id, path);
     }
     Ok(input)
+}
+
+/// A run with every episode as a row.
+struct Opened {
+    path: PathBuf,
+    folder: RunFolder,
+    run: Run,
+    store: EpisodeStore,
+    timings: Timings,
+    evaluations: Vec<EvaluationReport>,
+    control: Option<String>,
+    rows: Rows,
+    /// What is not shown, a line each.
+    left_out: Vec<String>,
+}
+
+impl Opened {
+    fn new(path: &Path, progress: &dyn Progress) -> Result<Self, RunError> {
+        let (folder, run) = RunFolder::open(path)?;
+        let store = folder.store()?;
+        let timings = folder.timings();
+        let evaluations = rows::evaluations(&folder, progress)?;
+        let control = evaluations.iter().find(|report| report.label == CONTROL).map(|report| report.label.clone());
+        let (rows, left_out) = rows::read(&run, &folder, &store, &evaluations, &timings, progress)?;
+        Ok(Self { path: path.to_owned(), folder, run, store, timings, evaluations, control, rows, left_out })
+    }
+
+    fn drawing(&self) -> Drawing<'_> {
+        let Self { folder, store, run, evaluations, rows, .. } = self;
+        Drawing { folder, store, run, evaluations, rows }
+    }
+
+    fn into_input(self, drawn: Vec<TaskSection>, has_pages: bool) -> ReportInput {
+        let is_all = drawn.iter().all(|section| section.why.is_none());
+        let name = self.path.display().to_string();
+        let mut input = page(&name, &self.run, &self.timings, self.evaluations, self.rows, drawn);
+        input.control = self.control;
+        input.rule = (!is_all).then(|| cases::RULE.to_owned());
+        input.notes.extend(self.left_out);
+        input.has_pages = has_pages;
+        input
+    }
 }
 
 /// The policy that must never succeed.
@@ -139,6 +177,7 @@ fn page(
         episodes: rows.episodes,
         cases,
         rule: None,
+        has_pages: false,
     }
 }
 

@@ -18,6 +18,9 @@ use crate::pictures;
 /// Moments of the film strip.
 const FILM_FRAMES: usize = 12;
 
+/// Moments of a film strip on a page of its own.
+const STRIP_FRAMES: usize = 8;
+
 /// Width of a picture of the film strip, and of the first and the last picture, pixels.
 const FILM_WIDTH: u32 = 256;
 const PICTURE_WIDTH: u32 = 512;
@@ -37,10 +40,55 @@ impl Drawing<'_> {
     /// # Errors
     /// When its episode cannot be read or drawn.
     pub fn section(&self, case: Case, left_out: &mut Vec<String>) -> Result<TaskSection, RunError> {
-        let task = &self.run.tasks[case.task];
+        let episode = case.episode;
         let own = self.rows.episodes.iter().filter(|row| row.task == case.task && row.is_attempt());
+        let attempts = own.map(attempt).collect();
+        let mut section = self.empty(case, attempts);
         let results = self.evaluations.iter().flat_map(|report| &report.results);
-        let mut section = TaskSection {
+        section.results = results.filter(|result| result.task_id == section.task.id).cloned().collect();
+        if let Some(row) = episode.map(|index| &self.rows.episodes[index])
+            && let Some(store) = self.store_of(row)?
+        {
+            match add_episode(&mut section, &store, row) {
+                Err(Unshown::Damaged(why)) => {
+                    left_out.push(format!("episode {} is damaged and not shown: {why}", row.id));
+                    section.shown = None;
+                }
+                Err(Unshown::Broken(error)) => return Err(error),
+                Ok(Some(episode)) => add_pictures(&mut section, &episode)?,
+                Ok(None) => {}
+            }
+        }
+        Ok(section)
+    }
+
+    /// An episode on its own; where its frames were kept, `keep` is offered its film strip, which is drawn when asked for.
+    ///
+    /// # Errors
+    /// When it cannot be read or drawn, or `keep` cannot keep it.
+    pub fn alone(&self, row: &EpisodeRow, keep: &mut KeepStrip) -> Result<Alone, RunError> {
+        let attempts = if row.is_attempt() { vec![attempt(row)] } else { Vec::new() };
+        let mut alone = Alone {
+            section: self.empty(Case { task: row.task, episode: None, why: None }, attempts),
+            has_strip: false,
+            damaged: None,
+        };
+        let Some(store) = self.store_of(row)? else { return Ok(alone) };
+        match add_episode(&mut alone.section, &store, row) {
+            Err(Unshown::Damaged(why)) => (alone.section.shown, alone.damaged) = (None, Some(why)),
+            Err(Unshown::Broken(error)) => return Err(error),
+            Ok(Some(episode)) => {
+                keep(&|| pictures::film_strip(&stage(&episode)?, &episode, STRIP_FRAMES))?;
+                alone.has_strip = true;
+            }
+            Ok(None) => {}
+        }
+        Ok(alone)
+    }
+
+    fn empty(&self, case: Case, attempts: Vec<AttemptRow>) -> TaskSection {
+        let task = &self.run.tasks[case.task];
+        TaskSection {
             task: task.clone(),
             why: case.why,
             episode: case.episode,
@@ -51,26 +99,13 @@ impl Drawing<'_> {
             last_image: None,
             film: Vec::new(),
             shown: None,
-            attempts: own.map(attempt).collect(),
-            results: results.filter(|result| result.task_id == task.id).cloned().collect(),
-        };
-        if let Some(row) = case.episode.map(|index| &self.rows.episodes[index])
-            && let Some(store) = self.store_of(row)?
-        {
-            match add_episode(&mut section, &store, row) {
-                Err(Unshown::Damaged(why)) => {
-                    left_out.push(format!("episode {} is damaged and not shown: {why}", row.id));
-                    section.shown = None;
-                }
-                Err(Unshown::Broken(error)) => return Err(error),
-                Ok(()) => {}
-            }
+            attempts,
+            results: Vec::new(),
         }
-        Ok(section)
     }
 
     /// Where an episode is kept, if it is.
-    fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, RunError> {
+    pub fn store_of(&self, row: &EpisodeRow) -> Result<Option<EpisodeStore>, RunError> {
         match &row.evaluation {
             None => Ok(Some(self.store.clone())),
             // A store that cannot be read was named when the rows were made.
@@ -80,6 +115,18 @@ impl Drawing<'_> {
             }
         }
     }
+}
+
+/// Takes a film strip, which is drawn when it is called for.
+pub(super) type KeepStrip<'a> = dyn FnMut(&dyn Fn() -> Result<Vec<u8>, RunError>) -> Result<(), RunError> + 'a;
+
+/// An episode without the others of its task.
+pub(super) struct Alone {
+    pub section: TaskSection,
+    /// Whether there is a film strip of it.
+    pub has_strip: bool,
+    /// What is damaged, when it cannot be shown.
+    pub damaged: Option<String>,
 }
 
 /// Why an episode is not shown.
@@ -103,8 +150,8 @@ fn attempt(row: &EpisodeRow) -> AttemptRow {
     }
 }
 
-/// Verdict, layout and pictures of an episode, as far as they were kept.
-fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow) -> Result<(), Unshown> {
+/// Verdict and layout of an episode, and its frames, as far as they were kept.
+fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow) -> Result<Option<Episode>, Unshown> {
     let unreadable = |error: genmanip_data::DataError| match error.is_damage() {
         true => Unshown::Damaged(error.to_string()),
         false => Unshown::Broken(RunError::broken("cannot read the episodes", error)),
@@ -124,20 +171,21 @@ fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow
     if let Some(scenario) = &section.scenario {
         section.layout = Some(layout_svg(&pictures::layout_picture(scenario, Catalogue::builtin())?));
     }
-    if let Some(episode) = &episode {
-        add_pictures(section, episode)?;
-    }
-    section.shown = Some(by_label(match episode {
-        Some(episode) => episode.result,
+    section.shown = Some(by_label(match &episode {
+        Some(episode) => episode.result.clone(),
         None => store.read_result(&row.id).map_err(unreadable)?,
     }));
-    Ok(())
+    Ok(episode)
+}
+
+fn stage(episode: &Episode) -> Result<Stage, RunError> {
+    let robot = inputs::robot(&episode.scenario.world)?;
+    Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &robot)
+        .map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))
 }
 
 fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunError> {
-    let robot = inputs::robot(&episode.scenario.world)?;
-    let stage = Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &robot)
-        .map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))?;
+    let stage = stage(episode)?;
     let mut painter = pictures::painter(&stage)?;
     let mut ends = pictures::stills(&mut painter, episode, 2, PICTURE_WIDTH)?;
     section.last_image = ends.pop();
