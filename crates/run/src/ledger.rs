@@ -38,16 +38,19 @@ impl Ledger {
     /// # Errors
     /// When it cannot be read or written.
     pub fn open(path: &Path) -> Result<Self, RunError> {
+        let failed = |error| {
+            let help = "check that the folder exists, is writable and the disk is not full";
+            RunError::file("write", path, error).with_hint(help)
+        };
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(failed)?;
+        }
         let bytes = match files::read_own(path, limits::LEDGER) {
             Err(error) if error.is_missing() => Vec::new(),
             bytes => bytes.map_err(|error| RunError::of_file("read", path, error))?,
         };
         let lines = bytes.split(|byte| *byte == b'\n').filter_map(|line| serde_json::from_slice::<Entry>(line).ok());
         let known = lines.map(|entry| (entry.name.clone(), entry)).collect();
-        let failed = |error| RunError::file("write", path, error);
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(failed)?;
-        }
         let mut file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
         if bytes.last().is_some_and(|last| *last != b'\n') {
             file.write_all(b"\n").map_err(failed)?;

@@ -149,7 +149,7 @@ fn names_of_files_and_tasks_stay_inside_the_run() {
     let outcome = genmanip(folder.path(), &["layout", "müde Aufgabe (1).json", "--out", "out"]);
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
     let names: Vec<String> = tree(&folder.path().join("out")).into_keys().collect();
-    assert_eq!(names, ["m_de_Aufgabe__1_-000.json"]);
+    assert_eq!(names, ["layouts.jsonl", "m_de_Aufgabe__1_-000.json"]);
 
     let mut task = genmanip(folder.path(), &["task", "show", &example("024_appearance"), "--json"]).json(0);
     for id in ["../../escaped", "", ".hidden", "a b"] {

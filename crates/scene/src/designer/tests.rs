@@ -244,9 +244,8 @@ fn too_few_objects_are_an_error_with_its_reasons() {
 /// A kind that runs out leaves gaps and does not end the others; a longer series begins like a shorter one.
 #[test]
 fn a_series_goes_on_without_a_kind_that_ran_out() {
-    let cubes =
-        |card: &&ObjectCard| ["Red Cube", "Blue Cube", "Puzzle Cube", "Salad Bowl"].contains(&card.name.as_str());
-    let few: Vec<ObjectCard> = cards().iter().filter(cubes).cloned().collect();
+    // Nothing among these can be opened or shut.
+    let few: Vec<ObjectCard> = cards().iter().filter(|card| !card.is_articulated).cloned().collect();
     let settings = DesignSettings { max_draws: 200, ..DesignSettings::default() };
     let kinds = [TaskKind::PickAndPlace, TaskKind::Articulated];
     let series = |fill: bool, count: usize| {
