@@ -49,7 +49,7 @@ pub struct EvaluateOptions {
 }
 
 /// Episodes under way at once when they wait for a service: enough to keep two cores busy while a model takes seconds,
-/// at about 20 MB each (measured with `lab batch`).
+/// at about 35 MB each (measured with `lab batch`).
 pub const AT_ONCE: usize = 16;
 
 /// Evaluates the policies, one after the other, on every case of a suite, and writes one file for each.
