@@ -146,7 +146,12 @@ impl RunFolder {
         if known != *run {
             return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run) });
         }
-        files::sweep(path).map_err(|error| unwritable(path, error))?;
+        // A kill may leave something unfinished wherever files are written.
+        for folder in [path.to_owned(), path.join("scenarios"), path.join("evaluation")] {
+            if folder.is_dir() {
+                files::sweep(&folder).map_err(|error| unwritable(&folder, error))?;
+            }
+        }
         Ok(Self::at(path))
     }
 
