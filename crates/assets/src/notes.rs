@@ -85,7 +85,9 @@ pub fn notes(card: &ObjectCard) -> Notes {
     let family = families.of(&card.asset).or_else(|| families.of_category(&card.category));
     let (source, licence) = match &card.asset {
         AssetRef::Builtin { .. } => ("made by hand for this project".to_owned(), OWN_LICENCE.to_owned()),
-        AssetRef::Generated { .. } => ("made by a parametric family of this project".to_owned(), OWN_LICENCE.to_owned()),
+        AssetRef::Generated { .. } => {
+            ("made by a parametric family of this project".to_owned(), OWN_LICENCE.to_owned())
+        }
         AssetRef::Imported { hash } => imported::origin(hash).map_or_else(
             || ("imported".to_owned(), "unknown".to_owned()),
             |origin| (format!("imported from {}", origin.source), origin.licence),

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use genmanip_assets::surface;
-use genmanip_core::{Aabb, Annotations, AssetRef, JointState, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Room, VisualPart};
+use genmanip_core::{
+    Aabb, Annotations, AssetRef, JointState, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Room, VisualPart,
+};
 use glam::{DVec2, DVec3, Vec2};
 
 use crate::collision::{self, Body};
@@ -35,13 +37,14 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
     let mut guesses = Vec::new();
     let name = words::name(file, &raw.name);
     clean::clean(file, &mut raw)?;
+    raw.drop_empty_root();
     let prior = prior::of_name(&name).or_else(|| prior::of_name(&raw.name));
     guesses.push(match prior {
         Some(prior) => Guess::new("category", &prior.category, format!("the name `{name}`")),
         None => Guess::new("category", category(&name, None), "no category of the catalogue is in its name"),
     });
     place::to_metres(&mut raw, given.scale, prior, &mut guesses);
-    place::upright(&mut raw, given.up, &mut guesses);
+    place::upright(&mut raw, given.up, prior, &mut guesses);
     place::center(&mut raw);
     simplify::simplify(&mut raw);
     let bodies: Vec<Body> = raw.links.iter().map(collision::body).collect();
@@ -74,7 +77,8 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
             mass: *mass,
         })
         .collect();
-    let report_notes = std::mem::take(&mut raw.notes);
+    let mut repairs = std::mem::take(&mut raw.notes);
+    repairs.dedup();
     let card = card(&name, &raw, &links, size, hash, prior, &states, &mut guesses);
     let model = ObjectModel {
         asset: card.asset.clone(),
@@ -84,12 +88,15 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
         friction,
         joint_states: states,
     };
-    Ok((model, Report { guesses, repairs: report_notes }))
+    Ok((model, Report { guesses, repairs }))
 }
 
 /// Bounds of what touches, joints at 0.
 fn touching(raw: &RawObject, bodies: &[Body]) -> Aabb {
-    raw.link_poses().iter().zip(bodies).fold(Aabb::EMPTY, |bounds, (pose, body)| bounds.union(&Aabb::from_pieces(pose, &body.pieces)))
+    raw.link_poses()
+        .iter()
+        .zip(bodies)
+        .fold(Aabb::EMPTY, |bounds, (pose, body)| bounds.union(&Aabb::from_pieces(pose, &body.pieces)))
 }
 
 /// Moves an object so that what touches, rather than what is drawn, stands at height 0.
@@ -122,7 +129,9 @@ fn visual(link: &RawLink) -> Vec<VisualPart> {
     link.surfaces
         .iter()
         .map(|surface| {
-            let uv = |index: u32| surface.mesh.uvs.get(index as usize).map_or(DVec2::ZERO, |uv| Vec2::from_array(*uv).as_dvec2());
+            let uv = |index: u32| {
+                surface.mesh.uvs.get(index as usize).map_or(DVec2::ZERO, |uv| Vec2::from_array(*uv).as_dvec2())
+            };
             let corners: Vec<[(DVec3, DVec2); 3]> = surface
                 .mesh
                 .triangles
@@ -164,7 +173,11 @@ fn joint_states(links: &[RawLink]) -> Vec<JointState> {
                 (joint.name.clone(), between(joint.range, ends.0, ends.1))
             })
             .collect(),
-        nominal: joints.iter().enumerate().map(|(index, joint)| at(joint.range, if opened == Some(index) { 0.9 } else { 0.0 })).collect(),
+        nominal: joints
+            .iter()
+            .enumerate()
+            .map(|(index, joint)| at(joint.range, if opened == Some(index) { 0.9 } else { 0.0 }))
+            .collect(),
     };
     let mut states = vec![state("closed".into(), None)];
     for (index, joint) in joints.iter().enumerate() {
@@ -175,7 +188,12 @@ fn joint_states(links: &[RawLink]) -> Vec<JointState> {
 }
 
 fn category(name: &str, prior: Option<&Prior>) -> String {
-    let last = || name.split_whitespace().rfind(|word| word.chars().any(char::is_alphabetic)).unwrap_or("thing").to_lowercase();
+    let last = || {
+        name.split_whitespace()
+            .rfind(|word| word.chars().filter(|c| c.is_alphabetic()).count() > 2)
+            .unwrap_or("thing")
+            .to_lowercase()
+    };
     prior.map_or_else(last, |prior| prior.category.clone())
 }
 
@@ -201,11 +219,19 @@ fn card(
         Some(prior) => prior.materials.clone(),
         None => vec![if is_metal { "metal" } else { "plastic" }.to_owned()],
     };
-    guesses.push(Guess::new("materials", materials.join(", "), if prior.is_some() { "usual for its category" } else { "how it reflects" }));
+    guesses.push(Guess::new(
+        "materials",
+        materials.join(", "),
+        if prior.is_some() { "usual for its category" } else { "how it reflects" },
+    ));
     // The narrowest width of the whole; a rim or a handle may be narrower still, which trials find out.
     let narrow = narrowest(rigid);
     let can_grasp = !is_articulated && mass_kg <= GRASP_KG && (narrow <= GRASP_M || cavity.is_some());
-    guesses.push(Guess::new("can_grasp", can_grasp.to_string(), format!("{:.0} mm at its narrowest, {mass_kg:.2} kg", narrow * 1e3)));
+    guesses.push(Guess::new(
+        "can_grasp",
+        can_grasp.to_string(),
+        format!("{:.0} mm at its narrowest, {mass_kg:.2} kg", narrow * 1e3),
+    ));
     let shape = words::shape(size, rigid, cavity.is_some());
     let color = colors.first().cloned().unwrap_or_else(|| "grey".into());
     let height = (size.max_element() * 100.0).round();

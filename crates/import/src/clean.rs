@@ -31,13 +31,19 @@ pub fn clean(file: &str, raw: &mut RawObject) -> Result<(), ImportError> {
     }
     let Counts { all, bad, flat, twice } = counts;
     if bad as f64 > MOST_BAD * all as f64 {
-        return Err(ImportError::new(file, format!(
-            "{bad} of {all} triangles have corners that are no numbers or farther than {FARTHEST:e} away"
-        ))
+        return Err(ImportError::new(
+            file,
+            format!("{bad} of {all} triangles have corners that are no numbers or farther than {FARTHEST:e} away"),
+        )
         .hint("the file is damaged: export it again"));
     }
     let mended = [(bad, "with corners that are no numbers"), (flat, "without area"), (twice, "that were there twice")];
-    raw.notes.extend(mended.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("left out {count} of {all} triangles {what}")));
+    raw.notes.extend(
+        mended
+            .iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("left out {count} of {all} triangles {what}")),
+    );
     let is_empty = |link: &crate::raw::RawLink| link.surfaces.is_empty() && link.collision.is_empty();
     if raw.links.iter().all(is_empty) {
         return Err(ImportError::new(file, "holds no triangle with an area and no shape that touches"));
@@ -57,7 +63,8 @@ struct Counts {
 fn clean_mesh(mesh: &mut RawMesh, counts: &mut Counts) {
     let is_sound = |point: &DVec3| point.is_finite() && point.abs().max_element() < FARTHEST;
     let mut seen = HashSet::new(); // only looked up
-    let size = mesh.positions.iter().filter(|p| is_sound(p)).fold(DVec3::ZERO, |size, p| size.max(p.abs())).max_element();
+    let size =
+        mesh.positions.iter().filter(|p| is_sound(p)).fold(DVec3::ZERO, |size, p| size.max(p.abs())).max_element();
     let least_area = (size * 1e-7).powi(2);
     let mut welded: HashMap<[u64; 5], u32> = HashMap::new(); // only looked up
     let mut clean = RawMesh::default();
@@ -75,7 +82,8 @@ fn clean_mesh(mesh: &mut RawMesh, counts: &mut Counts) {
         }
         let indices = triangle.map(|index| {
             let point = mesh.positions[index as usize];
-            let uv = if has_uvs { mesh.uvs[index as usize].map(|v| if v.is_finite() { v } else { 0.0 }) } else { [0.0; 2] };
+            let uv =
+                if has_uvs { mesh.uvs[index as usize].map(|v| if v.is_finite() { v } else { 0.0 }) } else { [0.0; 2] };
             let key = [point.x, point.y, point.z, uv[0].into(), uv[1].into()].map(|v: f64| (v + 0.0).to_bits());
             *welded.entry(key).or_insert_with(|| {
                 clean.positions.push(point);
@@ -145,11 +153,13 @@ pub(crate) mod tests {
 
     /// A box from corner to corner.
     pub fn cuboid(low: DVec3, high: DVec3) -> RawMesh {
-        let corner = |i: u32| DVec3::new(
-            if i & 1 == 0 { low.x } else { high.x },
-            if i & 2 == 0 { low.y } else { high.y },
-            if i & 4 == 0 { low.z } else { high.z },
-        );
+        let corner = |i: u32| {
+            DVec3::new(
+                if i & 1 == 0 { low.x } else { high.x },
+                if i & 2 == 0 { low.y } else { high.y },
+                if i & 4 == 0 { low.z } else { high.z },
+            )
+        };
         let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         RawMesh { positions: (0..8).map(corner).collect(), uvs: Vec::new(), triangles }

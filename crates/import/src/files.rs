@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use genmanip_core::limits::Limit;
+use genmanip_core::Texture;
+use genmanip_core::limits::{IMPORTED_PICTURE, Limit};
 use sha2::{Digest, Sha256};
 
-use crate::ImportError;
+use crate::{ImportError, picture};
 
 /// Version of the pipeline: objects of the same files differ between versions.
 const PIPELINE: &str = "genmanip.import/1";
@@ -23,12 +24,14 @@ pub struct Files<'a> {
     read: &'a mut ReadFile<'a>,
     known: BTreeMap<String, Arc<Vec<u8>>>,
     bytes: u64,
+    /// Pictures that were decoded already.
+    pictures: BTreeMap<String, Arc<Texture>>,
 }
 
 impl<'a> Files<'a> {
     /// None yet.
     pub fn new(read: &'a mut ReadFile<'a>) -> Self {
-        Self { read, known: BTreeMap::new(), bytes: 0 }
+        Self { read, known: BTreeMap::new(), bytes: 0, pictures: BTreeMap::new() }
     }
 
     /// The bytes of a file.
@@ -59,6 +62,21 @@ impl<'a> Files<'a> {
     /// As [`Files::bytes`].
     pub fn text(&mut self, path: &str, limit: Limit) -> Result<String, ImportError> {
         Ok(String::from_utf8_lossy(&*self.bytes(path, limit)?).trim_start_matches('\u{feff}').to_owned())
+    }
+
+    /// A picture, decoded once, and a note when it was scaled down.
+    ///
+    /// # Errors
+    /// As [`Files::bytes`], and when it is no picture that can be decoded.
+    pub fn picture(&mut self, path: &str) -> Result<(Arc<Texture>, Option<String>), ImportError> {
+        if let Some(known) = self.pictures.get(path) {
+            return Ok((Arc::clone(known), None));
+        }
+        let bytes = self.bytes(path, IMPORTED_PICTURE)?;
+        let (texture, note) = picture::texture(&bytes).map_err(|message| ImportError::new(path, message))?;
+        let texture = Arc::new(texture);
+        self.pictures.insert(path.to_owned(), Arc::clone(&texture));
+        Ok((texture, note.map(|note| format!("{path}: {note}"))))
     }
 
     /// Names of the files that were read.

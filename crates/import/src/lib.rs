@@ -63,7 +63,12 @@ const LICENCES: [&str; 6] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "license.tx
 /// assert!(cube.report.guesses.iter().any(|guess| guess.what == "unit"));
 /// # Ok::<(), genmanip_import::ImportError>(())
 /// ```
-pub fn import(path: &str, read: &mut ReadFile<'_>, given: &Given, licence: Option<&str>) -> Result<Imported, ImportError> {
+pub fn import(
+    path: &str,
+    read: &mut ReadFile<'_>,
+    given: &Given,
+    licence: Option<&str>,
+) -> Result<Imported, ImportError> {
     let mut files = Files::new(read);
     let raw = formats::read(path, &mut files)?;
     let hash = files.hash(&format!("{given:?}"));

@@ -27,7 +27,8 @@ pub fn masses(
     prior: Option<&Prior>,
     guesses: &mut Vec<Guess>,
 ) -> Vec<MassProperties> {
-    let volumes: Vec<f64> = bodies.iter().map(|pieces| pieces.iter().map(piece_volume).sum::<f64>().max(1e-9)).collect();
+    let volumes: Vec<f64> =
+        bodies.iter().map(|pieces| pieces.iter().map(piece_volume).sum::<f64>().max(1e-9)).collect();
     let whole: f64 = volumes.iter().sum();
     let total = prior.map_or(DENSITY * whole, |prior| {
         let by_size = prior.bounds_density * size.element_product();
@@ -56,7 +57,11 @@ pub fn masses(
             Some(own) if is_plausible(own, &even) => *own,
             Some(own) if own.inertia == DMat3::ZERO => even,
             Some(_) => {
-                guesses.push(Guess::new(name.replace("mass", "inertia"), "that of even density", "the files' is implausible"));
+                guesses.push(Guess::new(
+                    name.replace("mass", "inertia"),
+                    "that of even density",
+                    "the files' is implausible",
+                ));
                 even
             }
             None => even,

@@ -9,7 +9,8 @@ use std::sync::Arc;
 
 use genmanip_assets::imported::Origin;
 use genmanip_core::{
-    Joint, JointKind, JointState, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Texture, TriMesh, VisualPart,
+    Joint, JointKind, JointState, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Texture,
+    TriMesh, VisualPart,
 };
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -114,7 +115,11 @@ pub fn to_bytes(object: &Imported) -> Vec<u8> {
         states: model
             .joint_states
             .iter()
-            .map(|state| State { name: state.name.clone(), intervals: state.intervals.clone(), nominal: state.nominal.clone() })
+            .map(|state| State {
+                name: state.name.clone(),
+                intervals: state.intervals.clone(),
+                nominal: state.nominal.clone(),
+            })
             .collect(),
         origin: object.origin.clone(),
         report: object.report.clone(),
@@ -143,7 +148,12 @@ fn to_record(joint: &Joint) -> JointRecord {
     }
 }
 
-fn to_part(part: &VisualPart, numbers: &mut Vec<u8>, pictures: &mut Vec<u8>, known: &mut BTreeMap<usize, usize>) -> Part {
+fn to_part(
+    part: &VisualPart,
+    numbers: &mut Vec<u8>,
+    pictures: &mut Vec<u8>,
+    known: &mut BTreeMap<usize, usize>,
+) -> Part {
     let (mesh, material) = (&part.mesh, &part.material);
     let mut write = |values: &[f32]| values.iter().for_each(|value| numbers.extend(value.to_le_bytes()));
     mesh.positions.iter().for_each(|position| write(&position.to_array()));
@@ -184,7 +194,8 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
     let (length, rest) = rest.split_first_chunk::<4>().ok_or("cut off in the header")?;
     let length = u32::from_le_bytes(*length) as usize;
     let (header, numbers) = rest.split_at_checked(length).ok_or("cut off in the header")?;
-    let header: Header = serde_json::from_slice(header).map_err(|error| format!("no header of an imported object: {error}"))?;
+    let header: Header =
+        serde_json::from_slice(header).map_err(|error| format!("no header of an imported object: {error}"))?;
     let all = header.links.iter().flat_map(|link| &link.parts);
     let mut needed = 0_u64;
     for part in all.clone() {
@@ -205,7 +216,10 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
         let visual = link.parts.iter().map(|part| from_part(part, &mut numbers, &mut pictures, &mut textures));
         let visual = visual.collect::<Result<Vec<VisualPart>, String>>()?;
         let joint = link.joint.map(|joint| from_record(joint, index)).transpose()?;
-        if joint.is_none() != (index == 0) || !(link.mass_kg.is_finite() && link.mass_kg > 0.0) || !link.center.is_finite() {
+        if joint.is_none() != (index == 0)
+            || !(link.mass_kg.is_finite() && link.mass_kg > 0.0)
+            || !link.center.is_finite()
+        {
             return Err(format!("link {}: expected a positive mass, and a joint unless it is the first", link.name));
         }
         links.push(ObjectLink {
@@ -220,8 +234,11 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
     if links.is_empty() {
         return Err("an object without links".into());
     }
-    let joint_states =
-        header.states.into_iter().map(|state| JointState { name: state.name, intervals: state.intervals, nominal: state.nominal });
+    let joint_states = header.states.into_iter().map(|state| JointState {
+        name: state.name,
+        intervals: state.intervals,
+        nominal: state.nominal,
+    });
     let model = ObjectModel {
         asset: header.card.asset.clone(),
         card: header.card,
@@ -251,7 +268,12 @@ fn from_record(joint: JointRecord, index: usize) -> Result<Joint, String> {
     })
 }
 
-fn from_part(part: &Part, numbers: &mut &[u8], pictures: &mut &[u8], textures: &mut Vec<Arc<Texture>>) -> Result<VisualPart, String> {
+fn from_part(
+    part: &Part,
+    numbers: &mut &[u8],
+    pictures: &mut &[u8],
+    textures: &mut Vec<Arc<Texture>>,
+) -> Result<VisualPart, String> {
     let mut take = |words: u64| {
         let (taken, rest) = numbers.split_at_checked(4 * words as usize).unwrap_or((&[], &[]));
         *numbers = rest;
@@ -260,20 +282,26 @@ fn from_part(part: &Part, numbers: &mut &[u8], pictures: &mut &[u8], textures: &
     let vector = |bytes: &[u8]| Vec3::from_array([0, 4, 8].map(|at| single(&bytes[at..at + 4])));
     let positions: Vec<Vec3> = take(3 * part.corners).chunks_exact(12).map(vector).collect();
     let normals: Vec<Vec3> = take(3 * part.corners).chunks_exact(12).map(vector).collect();
-    let uvs: Vec<Vec2> = take(2 * part.corners).chunks_exact(8).map(|uv| Vec2::new(single(&uv[..4]), single(&uv[4..]))).collect();
+    let uvs: Vec<Vec2> =
+        take(2 * part.corners).chunks_exact(8).map(|uv| Vec2::new(single(&uv[..4]), single(&uv[4..]))).collect();
     let index = |bytes: &[u8]| bytes.try_into().map_or(u32::MAX, u32::from_le_bytes);
     let triangles: Vec<[u32; 3]> =
         take(3 * part.triangles).chunks_exact(12).map(|t| [index(&t[..4]), index(&t[4..8]), index(&t[8..])]).collect();
-    if triangles.iter().flatten().any(|&index| u64::from(index) >= part.corners) || !positions.iter().all(|p| p.is_finite()) {
+    if triangles.iter().flatten().any(|&index| u64::from(index) >= part.corners)
+        || !positions.iter().all(|p| p.is_finite())
+    {
         return Err(format!("part {}: a triangle names a corner that there is not", part.name));
     }
     if let Some([width, height]) = part.texture_size {
-        let (rgb, rest) = pictures.split_at_checked(width as usize * height as usize * 3).ok_or("cut off in a picture")?;
+        let (rgb, rest) =
+            pictures.split_at_checked(width as usize * height as usize * 3).ok_or("cut off in a picture")?;
         *pictures = rest;
         textures.push(Arc::new(Texture { width, height, rgb: rgb.to_vec() }));
     }
     let texture = match part.texture {
-        Some(number) => Some(textures.get(number).cloned().ok_or_else(|| format!("part {}: there is no picture {number}", part.name))?),
+        Some(number) => Some(
+            textures.get(number).cloned().ok_or_else(|| format!("part {}: there is no picture {number}", part.name))?,
+        ),
         None => None,
     };
     let material = Material {

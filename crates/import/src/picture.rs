@@ -82,7 +82,8 @@ fn scaled_down(width: usize, height: usize, rgb: &[u8], factor: usize) -> ([usiz
     let mut out = Vec::with_capacity(small[0] * small[1] * 3);
     for y in 0..small[1] {
         for x in 0..small[0] {
-            let (rows, columns) = ((y * factor)..((y + 1) * factor).min(height), (x * factor)..((x + 1) * factor).min(width));
+            let (rows, columns) =
+                ((y * factor)..((y + 1) * factor).min(height), (x * factor)..((x + 1) * factor).min(width));
             let count = (rows.len() * columns.len()) as u32;
             let mut sum = [0_u32; 3];
             for row in rows {

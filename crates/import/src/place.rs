@@ -7,8 +7,8 @@ use crate::prior::Prior;
 use crate::raw::{RawCollision, RawObject, Unit, Up};
 use crate::report::Guess;
 
-/// Longest side of what stands on a table, m: from a die to a tall cabinet.
-const TABLETOP_M: [f64; 2] = [0.015, 0.7];
+/// Longest side of what stands on a table, m: from a chess piece to a tall cabinet.
+const TABLETOP_M: [f64; 2] = [0.03, 1.0];
 /// Longest side of anything that a format in metres describes, m.
 const METRIC_M: [f64; 2] = [0.004, 3.0];
 /// A known kind of thing is at most so many times smaller or larger than usual.
@@ -19,6 +19,9 @@ const FALLBACK_M: f64 = 0.12;
 const UNITS: [(&str, f64); 4] = [("metres", 1.0), ("centimetres", 0.01), ("millimetres", 0.001), ("inches", 0.0254)];
 /// Longest side of an articulated thing whose size is normalised, m: what an arm on the same table can open.
 const NORMALISED_M: f64 = 0.35;
+
+/// Shares that differ by less are alike.
+const ALIKE: f64 = 0.15;
 
 /// What the user says about the frame of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,10 +69,10 @@ fn unit(longest: f64, is_metric: bool, prior: Option<&Prior>) -> (f64, String, S
 }
 
 /// Turns an object upright.
-pub fn upright(raw: &mut RawObject, given: Option<Up>, guesses: &mut Vec<Guess>) {
+pub fn upright(raw: &mut RawObject, given: Option<Up>, prior: Option<&Prior>, guesses: &mut Vec<Guess>) {
     let (up, because) = match (given, raw.up) {
         (Some(up), _) => (up, "given".to_owned()),
-        (None, Up::Unknown) => steadier(raw),
+        (None, Up::Unknown) => steadier(raw, prior),
         (None, known) => (known, "the format says so".to_owned()),
     };
     guesses.push(Guess::new("up", if up == Up::Y { "+y" } else { "+z" }, because));
@@ -78,9 +81,9 @@ pub fn upright(raw: &mut RawObject, given: Option<Up>, guesses: &mut Vec<Guess>)
     }
 }
 
-/// Of +y and +z the one along which the object stands on the larger share of its outline; +y where both are alike,
-/// as modelling programs write OBJ.
-fn steadier(raw: &RawObject) -> (Up, String) {
+/// Of +y and +z the one along which the object stands on the larger share of its outline; where both are alike the one
+/// that makes it as tall as things of its kind, else +y, as modelling programs write OBJ.
+fn steadier(raw: &RawObject, prior: Option<&Prior>) -> (Up, String) {
     let points = raw.all_surfaces().positions;
     let standing = |up: usize| {
         let (along, across) = (|p: &DVec3| p[up], |p: &DVec3| [p[(up + 1) % 3], p[(up + 2) % 3]]);
@@ -95,7 +98,12 @@ fn steadier(raw: &RawObject) -> (Up, String) {
     };
     let (y, z) = (standing(1), standing(2));
     let shares = format!("it stands on {:.0} % of its outline with +y up, on {:.0} % with +z up", 100.0 * y, 100.0 * z);
-    if z > y + 0.15 { (Up::Z, shares) } else { (Up::Y, shares) }
+    let size = Aabb::from_points(points.iter().copied()).size() / bounds(raw).size().max_element();
+    if let Some(prior) = prior.filter(|_| (z - y).abs() <= ALIKE && (size.y - size.z).abs() > ALIKE) {
+        let is_y = (size.y - prior.height_share).abs() <= (size.z - prior.height_share).abs();
+        return (if is_y { Up::Y } else { Up::Z }, format!("{shares}; so it is as tall as a {}", prior.category));
+    }
+    if z > y + ALIKE { (Up::Z, shares) } else { (Up::Y, shares) }
 }
 
 /// Bounds of everything that is drawn, or touches where nothing is drawn, with joints at 0.
@@ -108,7 +116,9 @@ pub fn bounds(raw: &RawObject) -> Aabb {
         link.collision.iter().fold(bounds, |bounds, collision| match collision {
             RawCollision::Piece(piece) => bounds.union(&Aabb::from_pieces(&pose, [piece])),
             RawCollision::HullOf(points) => points.iter().fold(bounds, |b, p| b.including(pose.transform_point(*p))),
-            RawCollision::Mesh(mesh) => mesh.positions.iter().fold(bounds, |b, p| b.including(pose.transform_point(*p))),
+            RawCollision::Mesh(mesh) => {
+                mesh.positions.iter().fold(bounds, |b, p| b.including(pose.transform_point(*p)))
+            }
         })
     })
 }
@@ -212,6 +222,7 @@ mod tests {
             (0.11, false, mug, 1.0),
             (20.0, false, None, 0.01),
             (250.0, false, None, 0.001),
+            (0.75, false, None, 1.0),
         ] {
             assert_eq!(unit(longest, is_metric, prior).0, scale, "{longest} {is_metric}");
         }
@@ -228,11 +239,16 @@ mod tests {
         let mut raw = object(mesh);
         raw.up = Up::Unknown;
         let mut guesses = Vec::new();
-        upright(&mut raw, None, &mut guesses);
+        upright(&mut raw, None, None, &mut guesses);
         center(&mut raw);
         let bounds = bounds(&raw);
         assert!(bounds.min.abs_diff_eq(DVec3::new(-1.0, -1.0, 0.0), 1e-9), "{bounds:?}");
         assert!(bounds.max.abs_diff_eq(DVec3::new(1.0, 1.0, 2.0), 1e-9), "{bounds:?}");
         assert_eq!(guesses[0].value, "+y");
+        // A carton lies as well as it stands: it is as tall as cartons are.
+        let mut carton = object(cuboid(DVec3::ZERO, DVec3::new(0.07, 0.07, 0.2)));
+        carton.up = Up::Unknown;
+        upright(&mut carton, None, prior::of_name("milk carton"), &mut guesses);
+        assert_eq!(guesses[1].value, "+z", "{guesses:?}");
     }
 }

@@ -15,6 +15,8 @@ pub struct Prior {
     pub general_category: String,
     /// Usual longest side, m.
     pub longest_m: f64,
+    /// Usual height as a share of the longest side.
+    pub height_share: f64,
     /// Usual mass, kg.
     pub mass_kg: f64,
     /// Usual mass over the volume of the bounds, kg/m³.
@@ -47,11 +49,12 @@ pub fn of_name(name: &str) -> Option<&'static Prior> {
     };
     let ranked = priors().iter().filter_map(|prior| Some((rank(prior)?, prior)));
     // Of several with one rank the first by name is kept.
-    ranked.fold(None, |best: Option<((usize, bool, bool), &Prior)>, one| match best {
-        Some(kept) if kept.0 >= one.0 => Some(kept),
-        _ => Some(one),
-    })
-    .map(|(_, prior)| prior)
+    ranked
+        .fold(None, |best: Option<((usize, bool, bool), &Prior)>, one| match best {
+            Some(kept) if kept.0 >= one.0 => Some(kept),
+            _ => Some(one),
+        })
+        .map(|(_, prior)| prior)
 }
 
 fn singular(word: &str) -> String {
@@ -80,6 +83,7 @@ fn of_cards(category: &str, cards: &[&ObjectCard]) -> Prior {
         category: category.to_owned(),
         general_category: cards[0].general_category.clone(),
         longest_m: median(&|card| card.size_m.max_element()),
+        height_share: median(&|card| card.size_m.z / card.size_m.max_element()),
         mass_kg: median(&|card| card.mass_kg),
         bounds_density: median(&|card| card.mass_kg / card.size_m.element_product().max(1e-9)),
         materials: cards[0].materials.clone(),
@@ -94,7 +98,8 @@ mod tests {
 
     #[test]
     fn names_find_their_category() {
-        for (name, category) in [("mug", "mug"), ("Bananas", "banana"), ("old red mug 3", "mug"), ("Hammer", "hammer")] {
+        for (name, category) in [("mug", "mug"), ("Bananas", "banana"), ("old red mug 3", "mug"), ("Hammer", "hammer")]
+        {
             assert_eq!(of_name(name).map(|prior| prior.category.as_str()), Some(category), "{name}");
         }
         assert_eq!(of_name("xqzw 17"), None);

@@ -1,6 +1,6 @@
 //! An object as its files describe it, before anything is cleaned or guessed.
 
-use genmanip_core::{Joint, MassProperties, Material, Piece};
+use genmanip_core::{Joint, MassProperties, Material, Piece, Pose};
 use glam::{DMat4, DVec3};
 
 /// Most triangles of an object that are read: beyond, the file is refused.
@@ -147,11 +147,28 @@ impl RawObject {
         all
     }
 
+    /// Makes the first link that hangs on an empty root the root: what has no shape cannot stand on a table.
+    pub fn drop_empty_root(&mut self) {
+        while self.links.len() > 1 && self.links[0].surfaces.is_empty() && self.links[0].collision.is_empty() {
+            self.links.remove(0);
+            let first = self.links[0].joint.take();
+            let name = first.as_ref().map_or("", |joint| joint.name.as_str()).to_owned();
+            self.notes.push(format!("its base has no shape: what hangs on joint {name} is taken as the base"));
+            let old_from_first = first.map_or(Pose::IDENTITY, |joint| joint.parent_from_joint);
+            for joint in self.links.iter_mut().filter_map(|link| link.joint.as_mut()) {
+                if joint.parent == 0 {
+                    joint.parent_from_joint = old_from_first.inverse() * joint.parent_from_joint;
+                }
+                joint.parent = joint.parent.saturating_sub(1);
+            }
+        }
+    }
+
     /// `object_from_link` of each link with joints at 0.
-    pub fn link_poses(&self) -> Vec<genmanip_core::Pose> {
-        let mut poses: Vec<genmanip_core::Pose> = Vec::new();
+    pub fn link_poses(&self) -> Vec<Pose> {
+        let mut poses: Vec<Pose> = Vec::new();
         for link in &self.links {
-            let pose = link.joint.as_ref().map_or(genmanip_core::Pose::IDENTITY, |joint| {
+            let pose = link.joint.as_ref().map_or(Pose::IDENTITY, |joint| {
                 poses.get(joint.parent).copied().unwrap_or_default() * joint.parent_from_joint
             });
             poses.push(pose);

@@ -7,13 +7,49 @@ use crate::raw::RawObject;
 
 /// File and folder names that say nothing about the object in them.
 const EMPTY: [&str; 32] = [
-    "textured", "nontextured", "model", "models", "mobility", "object", "objects", "scene", "mesh", "meshes", "visual", "collision",
-    "google_16k", "google_64k", "google_512k", "poisson", "tsdf", "clouds", "untitled", "model_normalized", "base", "default", "xml",
-    "urdf", "assets", "texture", "root", "rootnode", "root node", "sketchfab_model", "node", "robot",
+    "textured",
+    "nontextured",
+    "model",
+    "models",
+    "mobility",
+    "object",
+    "objects",
+    "scene",
+    "mesh",
+    "meshes",
+    "visual",
+    "collision",
+    "google_16k",
+    "google_64k",
+    "google_512k",
+    "poisson",
+    "tsdf",
+    "clouds",
+    "untitled",
+    "model_normalized",
+    "base",
+    "default",
+    "xml",
+    "urdf",
+    "assets",
+    "texture",
+    "root",
+    "rootnode",
+    "root node",
+    "sketchfab_model",
+    "node",
+    "robot",
 ];
 /// Colour words by hue, degrees, of what is neither grey nor dark; upper ends.
 const HUES: [(f64, &str); 8] = [
-    (15.0, "red"), (42.0, "orange"), (68.0, "yellow"), (165.0, "green"), (195.0, "cyan"), (258.0, "blue"), (295.0, "purple"), (340.0, "pink"),
+    (15.0, "red"),
+    (42.0, "orange"),
+    (68.0, "yellow"),
+    (165.0, "green"),
+    (195.0, "cyan"),
+    (258.0, "blue"),
+    (295.0, "purple"),
+    (340.0, "pink"),
 ];
 
 /// What an object is called: by its file, else as the file says, else by the nearest folder whose name says something.
@@ -21,7 +57,8 @@ pub fn name(path: &str, said: &str) -> String {
     let mut parts: Vec<&str> = path.split('/').collect();
     let file = parts.pop().unwrap_or_default();
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
-    let says_something = |part: &&str| !EMPTY.contains(&part.to_lowercase().as_str()) && part.chars().any(char::is_alphabetic);
+    let says_something =
+        |part: &&str| !EMPTY.contains(&part.to_lowercase().as_str()) && part.chars().any(char::is_alphabetic);
     let candidates = [stem, said].into_iter().chain(parts.into_iter().rev());
     title(candidates.into_iter().find(says_something).unwrap_or("thing"))
 }
@@ -51,7 +88,12 @@ pub fn title(text: &str) -> String {
 
 /// Letters and digits in small letters with hyphens, for uids.
 pub fn slug(name: &str) -> String {
-    let parts: Vec<String> = name.to_lowercase().split(|c: char| !c.is_ascii_alphanumeric()).filter(|part| !part.is_empty()).map(str::to_owned).collect();
+    let parts: Vec<String> = name
+        .to_lowercase()
+        .split(|c: char| !c.is_ascii_alphanumeric())
+        .filter(|part| !part.is_empty())
+        .map(str::to_owned)
+        .collect();
     let slug: String = parts.join("-").chars().take(32).collect();
     if slug.is_empty() { "thing".into() } else { slug.trim_end_matches('-').to_owned() }
 }
@@ -104,11 +146,12 @@ pub fn color_word(color: [f32; 3]) -> &'static str {
             _ => "grey",
         };
     }
-    let hue = 60.0 * match () {
-        () if most == r => ((g - b) / spread).rem_euclid(6.0),
-        () if most == g => (b - r) / spread + 2.0,
-        () => (r - g) / spread + 4.0,
-    };
+    let hue = 60.0
+        * match () {
+            () if most == r => ((g - b) / spread).rem_euclid(6.0),
+            () if most == g => (b - r) / spread + 2.0,
+            () => (r - g) / spread + 4.0,
+        };
     let word = HUES.iter().find(|(end, _)| hue < *end).map_or("red", |(_, word)| *word);
     match word {
         "orange" | "red" | "yellow" if most < 0.62 && (10.0..60.0).contains(&hue) => "brown",

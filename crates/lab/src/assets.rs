@@ -138,7 +138,12 @@ pub enum Objects<'a> {
 /// # Errors
 /// When the chosen family is unknown, packs cannot be read or the robot cannot be had; what is wrong with an object is a
 /// result.
-pub fn measure(objects: &Objects<'_>, seed: Seed, workers: usize, progress: &dyn Progress) -> Result<Measured, LabError> {
+pub fn measure(
+    objects: &Objects<'_>,
+    seed: Seed,
+    workers: usize,
+    progress: &dyn Progress,
+) -> Result<Measured, LabError> {
     let mut problems = Vec::new();
     let mut clock = cpu_clock();
     let models = match objects {

@@ -31,7 +31,7 @@ pub enum AssetsCommand {
     /// Look for implausible density, friction, size, texture, roughness and reflectivity
     #[command(after_help = "Example:\n  genmanip assets audit --catalog full --json\n\nExit 1 when anything is found.")]
     Audit(AuditArguments),
-    /// Import objects from files into a pack: GLB, glTF, OBJ, STL, MSH
+    /// Import objects from files into a pack: GLB, glTF, OBJ, STL, MSH, URDF, MJCF
     #[command(after_help = "Examples:\n  genmanip assets import mug.glb --pack kitchen\n  \
                       genmanip assets import scans/ --pack scans --scale 0.001 --up z --licence CC-BY-4.0\n  \
                       genmanip assets list --catalog imported\n\n\
@@ -135,6 +135,9 @@ pub struct ImportArguments {
     /// Files, or folders of them
     #[arg(value_name = "PATH", required = true)]
     pub paths: Vec<PathBuf>,
+    /// Folder that the files may name others in; without: the folder that is named, or that of the file
+    #[arg(long, value_name = "DIR")]
+    pub root: Option<PathBuf>,
     /// Pack to put the objects into
     #[arg(long, value_name = "NAME", default_value = "imported")]
     pub pack: String,

@@ -12,13 +12,13 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed};
 use genmanip_import::Given;
 use genmanip_import::raw::Up;
-use genmanip_run::packs::{self, ImportSettings};
+use genmanip_run::packs::{self, ImportRow, ImportSettings};
 use genmanip_run::{Progress, RunError, assets, audit, inputs};
 use serde_json::json;
 
 use crate::args::{
-    AssetsCommand, AuditArguments, ExportAssetArguments, FreezeArguments, ImportArguments, SearchArguments, SheetArguments,
-    ShowAssetArguments,
+    AssetsCommand, AuditArguments, ExportAssetArguments, FreezeArguments, ImportArguments, SearchArguments,
+    SheetArguments, ShowAssetArguments,
 };
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -193,7 +193,9 @@ fn new_objects(families: &Families, name: &str, seed: u64, count: usize) -> Resu
 }
 
 fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let fits = |name: &str| !name.is_empty() && !name.starts_with('.') && name.chars().all(genmanip_core::names::fits_file_name);
+    let fits = |name: &str| {
+        !name.is_empty() && !name.starts_with('.') && name.chars().all(genmanip_core::names::fits_file_name)
+    };
     if !fits(&arguments.pack) {
         return Err(Failed::misused(format!("--pack {} cannot name a folder", arguments.pack))
             .hint("use ASCII letters, digits and any of -_.+=@, no dot in front"));
@@ -209,11 +211,20 @@ fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Resu
     };
     let world = inputs::read_world_with(None, Some(&arguments.robot))?;
     let stop = crate::stop::on_interrupt();
-    let found = packs::candidates(&arguments.paths)?;
+    let found = packs::candidates(&arguments.paths, arguments.root.as_deref())?;
     let rows = packs::import(&found, &world, &settings, inputs::workers(arguments.workers), printer, &stop)?;
     printer.data(&rows, &packs::table(&rows));
-    let refused = rows.iter().filter(|row| row.error.is_some()).count() + (found.len() - rows.len());
-    printer.say(format!("{} of {} imported into {}", found.len() - refused, found.len(), folder.join(&arguments.pack).display()));
+    let count = |of: &dyn Fn(&&ImportRow) -> bool| rows.iter().filter(of).count();
+    let imported = count(&|row| row.error.is_none());
+    printer.say(format!(
+        "{imported} of {} imported into {}; {} rest on a table, {} of {} that the hand could hold were held",
+        found.len(),
+        folder.join(&arguments.pack).display(),
+        count(&|row| row.rests),
+        count(&|row| row.grasps > 0),
+        count(&|row| row.can_grasp),
+    ));
+    let refused = found.len() - imported;
     Ok(if refused == 0 { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 

@@ -27,7 +27,10 @@ fn cuboid(corners: &[DVec3], volume: f64) -> Option<(Piece, f64)> {
             let bounds = Aabb::from_points(corners.iter().map(|corner| rotation.inverse() * *corner));
             let half_extents = bounds.size() / 2.0;
             let pose = Pose { position: rotation * bounds.center(), rotation };
-            (Piece { shape: Shape::Box { half_extents }, link_from_piece: pose }, volume / bounds.size().element_product())
+            (
+                Piece { shape: Shape::Box { half_extents }, link_from_piece: pose },
+                volume / bounds.size().element_product(),
+            )
         })
         .filter(|(_, filled)| filled.is_finite())
         .max_by(|a, b| a.1.total_cmp(&b.1))
@@ -35,7 +38,11 @@ fn cuboid(corners: &[DVec3], volume: f64) -> Option<(Piece, f64)> {
 
 fn cylinder(corners: &[DVec3], volume: f64) -> Option<(Piece, f64)> {
     let bounds = Aabb::from_points(corners.iter().copied());
-    let along = [(DVec3::Z, DQuat::IDENTITY), (DVec3::X, DQuat::from_rotation_arc(DVec3::Z, DVec3::X)), (DVec3::Y, DQuat::from_rotation_arc(DVec3::Z, DVec3::Y))];
+    let along = [
+        (DVec3::Z, DQuat::IDENTITY),
+        (DVec3::X, DQuat::from_rotation_arc(DVec3::Z, DVec3::X)),
+        (DVec3::Y, DQuat::from_rotation_arc(DVec3::Z, DVec3::Y)),
+    ];
     along
         .into_iter()
         .map(|(axis, rotation)| {

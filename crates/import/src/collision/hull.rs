@@ -75,7 +75,8 @@ fn fewer(corners: Vec<DVec3>, most: usize) -> Vec<DVec3> {
         let z = 1.0 - (2.0 * index as f64 + 1.0) / directions as f64;
         let (sin, cos) = (golden * index as f64).sin_cos();
         let direction = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
-        let farthest = (0..corners.len()).max_by(|&a, &b| corners[a].dot(direction).total_cmp(&corners[b].dot(direction)));
+        let farthest =
+            (0..corners.len()).max_by(|&a, &b| corners[a].dot(direction).total_cmp(&corners[b].dot(direction)));
         kept.extend(farthest.filter(|farthest| !kept.contains(farthest)));
     }
     kept.sort_unstable();

@@ -5,6 +5,8 @@ mod fit;
 pub mod hull;
 mod shell;
 
+use std::collections::BTreeMap;
+
 use genmanip_core::{Piece, Shape};
 use glam::DVec3;
 use parry3d_f64::math::Vector;
@@ -21,6 +23,8 @@ const MOST_CORNERS: usize = 48;
 /// Most pieces of a decomposition, and its resolution in voxels along the longest side.
 const MOST_PIECES: u32 = 24;
 const RESOLUTION: u32 = 48;
+/// Most parts of a mesh that was decomposed before.
+const MOST_PARTS: usize = 64;
 /// Pieces and resolution of what sticks out of a shell.
 const REST_PIECES: u32 = 6;
 const REST_RESOLUTION: u32 = 28;
@@ -53,6 +57,11 @@ pub fn body(link: &RawLink) -> Body {
             RawCollision::Piece(piece) => body.pieces.push(piece.clone()),
             RawCollision::HullOf(points) => body.pieces.extend(hull::piece(points, MOST_CORNERS)),
             RawCollision::Mesh(mesh) => {
+                if let Some(pieces) = convex_parts(mesh) {
+                    body.how = format!("of the files' collision mesh: {} convex parts", pieces.len());
+                    body.pieces.extend(pieces);
+                    continue;
+                }
                 let found = of_surface(mesh, link.collision.len() == 1);
                 body.how = format!("of the files' collision mesh: {}", found.how);
                 body.pieces.extend(found.pieces);
@@ -61,6 +70,53 @@ pub fn body(link: &RawLink) -> Body {
         }
     }
     body
+}
+
+/// The hulls of the connected parts of a mesh, where there are several and each nearly is its hull: somebody has
+/// decomposed it already.
+fn convex_parts(mesh: &RawMesh) -> Option<Vec<Piece>> {
+    let parts = connected(mesh);
+    if !(2..=MOST_PARTS).contains(&parts.len()) {
+        return None;
+    }
+    let hull_of = |part: &RawMesh| {
+        let (corners, triangles) = hull::convex_hull(&part.positions)?;
+        let is_convex = hull::volume(&corners, &triangles) <= NEARLY_CONVEX * signed_volume(part).abs();
+        is_convex.then(|| hull::piece(&corners, MOST_CORNERS)).flatten()
+    };
+    parts.iter().map(hull_of).collect()
+}
+
+/// Parts of a mesh that share no corner.
+fn connected(mesh: &RawMesh) -> Vec<RawMesh> {
+    let mut places: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+    let place = mesh.positions.iter().map(|point| {
+        let next = places.len() as u32;
+        *places.entry(point.to_array().map(|value| (value + 0.0).to_bits())).or_insert(next)
+    });
+    let place: Vec<u32> = place.collect();
+    let mut parent: Vec<u32> = (0..places.len() as u32).collect();
+    let root = |parent: &mut Vec<u32>, mut index: u32| {
+        while parent[index as usize] != index {
+            parent[index as usize] = parent[parent[index as usize] as usize];
+            index = parent[index as usize];
+        }
+        index
+    };
+    for &[a, b, c] in &mesh.triangles {
+        for (one, other) in [(a, b), (b, c)] {
+            let ends = [one, other].map(|index| root(&mut parent, place[index as usize]));
+            parent[ends[0].max(ends[1]) as usize] = ends[0].min(ends[1]);
+        }
+    }
+    let mut parts: BTreeMap<u32, RawMesh> = BTreeMap::new();
+    for triangle in &mesh.triangles {
+        let part = parts.entry(root(&mut parent, place[triangle[0] as usize])).or_default();
+        let first = part.positions.len() as u32;
+        part.positions.extend(triangle.map(|index| mesh.positions[index as usize]));
+        part.triangles.push([first, first + 1, first + 2]);
+    }
+    parts.into_values().collect()
 }
 
 /// Pieces of a surface; a hollow is looked for where it may be one.
@@ -87,8 +143,16 @@ fn of_surface(mesh: &RawMesh, may_be_hollow: bool) -> Body {
     if let Some(shell) = may_be_hollow.then(|| shell::shell(&mesh)).flatten() {
         let walls = shell.pieces.len();
         let mut pieces = shell.pieces;
-        let rest = if shell.rest.triangles.len() >= 8 { decomposed(&shell.rest, REST_RESOLUTION, REST_PIECES) } else { Vec::new() };
-        let how = format!("a hollow with walls of {:.1} mm in {walls} wedges, and {} pieces that stick out", shell.thickness_m * 1e3, rest.len());
+        let rest = if shell.rest.triangles.len() >= 8 {
+            decomposed(&shell.rest, REST_RESOLUTION, REST_PIECES)
+        } else {
+            Vec::new()
+        };
+        let how = format!(
+            "a hollow with walls of {:.1} mm in {walls} wedges, and {} pieces that stick out",
+            shell.thickness_m * 1e3,
+            rest.len()
+        );
         pieces.extend(rest);
         return Body { pieces, cavity: vec![shell.cavity], how, volume_m3: volume };
     }
@@ -102,11 +166,16 @@ fn of_surface(mesh: &RawMesh, may_be_hollow: bool) -> Body {
         let pieces = hull::piece(&corners, MOST_CORNERS).into_iter().collect();
         return Body { pieces, how: "its convex hull".into(), volume_m3: volume, ..Body::default() };
     }
-    Body { how: format!("a decomposition into {} convex pieces", pieces.len()), pieces, volume_m3: volume, ..Body::default() }
+    Body {
+        how: format!("a decomposition into {} convex pieces", pieces.len()),
+        pieces,
+        volume_m3: volume,
+        ..Body::default()
+    }
 }
 
 fn decomposed(mesh: &RawMesh, resolution: u32, most: u32) -> Vec<Piece> {
-    let mut used = std::collections::BTreeMap::new();
+    let mut used = BTreeMap::new();
     let mut points: Vec<Vector> = Vec::new();
     let indices: Vec<[u32; 3]> = mesh
         .triangles
@@ -120,7 +189,8 @@ fn decomposed(mesh: &RawMesh, resolution: u32, most: u32) -> Vec<Piece> {
             })
         })
         .collect();
-    let settings = VHACDParameters { resolution, max_convex_hulls: most, concavity: 0.004, ..VHACDParameters::default() };
+    let settings =
+        VHACDParameters { resolution, max_convex_hulls: most, concavity: 0.004, ..VHACDParameters::default() };
     let parts = VHACD::decompose(&settings, &points, &indices, false);
     // Voxels stick out of the surface by up to their size: what lies beyond its bounds is cut.
     let low = points.iter().fold(DVec3::INFINITY, |low, p| low.min(DVec3::from_array(p.to_array())));
@@ -129,7 +199,8 @@ fn decomposed(mesh: &RawMesh, resolution: u32, most: u32) -> Vec<Piece> {
         .compute_convex_hulls(2)
         .iter()
         .filter_map(|(corners, _)| {
-            let corners: Vec<DVec3> = corners.iter().map(|corner| DVec3::from_array(corner.to_array()).clamp(low, high)).collect();
+            let corners: Vec<DVec3> =
+                corners.iter().map(|corner| DVec3::from_array(corner.to_array()).clamp(low, high)).collect();
             hull::piece(&corners, MOST_CORNERS)
         })
         .collect()
@@ -144,7 +215,9 @@ pub fn piece_volume(piece: &Piece) -> f64 {
         Shape::Ellipsoid { radii } => 4.0 / 3.0 * PI * radii.element_product(),
         Shape::Cylinder { radius, half_height } => 2.0 * PI * radius * radius * half_height,
         Shape::Capsule { radius, half_length } => PI * radius * radius * (2.0 * half_length + 4.0 / 3.0 * radius),
-        Shape::Hull { points } => hull::convex_hull(points).map_or(0.0, |(corners, triangles)| hull::volume(&corners, &triangles)),
+        Shape::Hull { points } => {
+            hull::convex_hull(points).map_or(0.0, |(corners, triangles)| hull::volume(&corners, &triangles))
+        }
     }
 }
 

@@ -66,7 +66,9 @@ pub fn shell(mesh: &RawMesh) -> Option<Shell> {
         for level in 0..HEIGHTS.len() - 1 {
             let corners: Vec<DVec3> = [level, level + 1]
                 .into_iter()
-                .flat_map(|level| [from, to].into_iter().flat_map(move |edge| [inner, outer].map(|which| (which, level, edge))))
+                .flat_map(|level| {
+                    [from, to].into_iter().flat_map(move |edge| [inner, outer].map(|which| (which, level, edge)))
+                })
                 .map(|(which, level, edge)| ring(which, level, edge, z(level)))
                 .collect();
             pieces.extend(hull::piece(&corners, 16));
@@ -76,7 +78,12 @@ pub fn shell(mesh: &RawMesh) -> Option<Shell> {
     let mut base: Vec<DVec3> = edges.iter().map(|&edge| ring(outer, 0, edge, floor)).collect();
     let reach = base.iter().map(|corner| corner.truncate().distance(middle)).fold(0.0, f64::max);
     base.extend(mesh.positions.iter().filter(|p| p.z <= floor && p.truncate().distance(middle) <= reach + 1e-3));
-    base.extend(edges.iter().map(|&edge| ring(outer, 0, edge, floor.min(bounds.min.z + 0.5 * (floor - bounds.min.z)))).filter(|p| p.z > bounds.min.z + 1e-4));
+    base.extend(
+        edges
+            .iter()
+            .map(|&edge| ring(outer, 0, edge, floor.min(bounds.min.z + 0.5 * (floor - bounds.min.z))))
+            .filter(|p| p.z > bounds.min.z + 1e-4),
+    );
     pieces.extend(hull::piece(&base, 64));
     let cavity: Vec<DVec3> = (0..HEIGHTS.len())
         .flat_map(|level| edges.iter().map(move |&edge| (level, edge)))
@@ -118,7 +125,8 @@ impl Heights {
 
     fn add(&mut self, [a, b, c]: [DVec3; 3]) {
         let cell = self.cell.min_element();
-        let steps = |from: DVec3, to: DVec3| (2.0 * (to - from).truncate().length() / cell).ceil().clamp(1.0, 400.0) as usize;
+        let steps =
+            |from: DVec3, to: DVec3| (2.0 * (to - from).truncate().length() / cell).ceil().clamp(1.0, 400.0) as usize;
         // Rows of points from one corner to the opposite edge, half a cell apart: also of upright walls.
         let rows = steps(a, b).max(steps(a, c));
         for row in 0..=rows {
@@ -128,7 +136,8 @@ impl Heights {
             for column in 0..=columns {
                 let point = from.lerp(to, column as f64 / columns as f64);
                 let at = ((point.truncate() - self.low) / self.cell).floor();
-                let (x, y) = (at.x.clamp(0.0, CELLS as f64 - 1.0) as usize, at.y.clamp(0.0, CELLS as f64 - 1.0) as usize);
+                let (x, y) =
+                    (at.x.clamp(0.0, CELLS as f64 - 1.0) as usize, at.y.clamp(0.0, CELLS as f64 - 1.0) as usize);
                 let top = &mut self.top[y * CELLS + x];
                 *top = top.max(point.z);
             }
@@ -146,7 +155,8 @@ impl Heights {
             if (inside.len() as f64) < LEAST_AREA * filled as f64 {
                 return None;
             }
-            let mut heights: Vec<f64> = inside.iter().map(|&cell| self.top[cell]).filter(|top| top.is_finite()).collect();
+            let mut heights: Vec<f64> =
+                inside.iter().map(|&cell| self.top[cell]).filter(|top| top.is_finite()).collect();
             heights.sort_by(f64::total_cmp);
             // Holes in the floor, as of a pot for plants, do not count.
             let floor = *heights.get(heights.len() / 10)?;
@@ -201,10 +211,8 @@ impl Wall {
         for share in HEIGHTS {
             let z = floor + share * (rim - floor);
             // Only what this height cuts can be met at it.
-            let cut: Vec<[DVec3; 3]> = mesh
-                .corners()
-                .filter(|t| t.iter().any(|p| p.z <= z) && t.iter().any(|p| p.z >= z))
-                .collect();
+            let cut: Vec<[DVec3; 3]> =
+                mesh.corners().filter(|t| t.iter().any(|p| p.z <= z) && t.iter().any(|p| p.z >= z)).collect();
             let measured: Vec<Option<Station>> = (0..DIRECTIONS)
                 .map(|index| {
                     let (sin, cos) = (TAU * index as f64 / DIRECTIONS as f64).sin_cos();
@@ -226,7 +234,9 @@ impl Wall {
         (0..DIRECTIONS)
             .filter(|&index| {
                 let (before, after) = (outer(index + DIRECTIONS - 1), outer(index + 1));
-                let is_corner = outer(index) >= before && outer(index) > after && outer(index) > 1.01 * outer(index + 4).min(outer(index + DIRECTIONS - 4));
+                let is_corner = outer(index) >= before
+                    && outer(index) > after
+                    && outer(index) > 1.01 * outer(index + 4).min(outer(index + DIRECTIONS - 4));
                 index % (DIRECTIONS / SECTORS) == 0 || is_corner
             })
             .collect()
@@ -245,7 +255,8 @@ impl Wall {
             across.length() > reach.fold(0.0, f64::max) + OUTSIDE_M || point.z > rim + 0.15 * (rim - floor)
         };
         let outside: Vec<bool> = mesh.positions.iter().map(|point| is_outside(*point)).collect();
-        let triangles = mesh.triangles.iter().filter(|t| t.iter().filter(|&&index| outside[index as usize]).count() >= 2);
+        let triangles =
+            mesh.triangles.iter().filter(|t| t.iter().filter(|&&index| outside[index as usize]).count() >= 2);
         RawMesh { positions: mesh.positions.clone(), uvs: Vec::new(), triangles: triangles.copied().collect() }
     }
 }
@@ -282,7 +293,8 @@ fn filled(measured: &[Option<Station>]) -> Vec<Station> {
     let count = measured.len();
     (0..count)
         .map(|index| {
-            let nearest = (0..count).find_map(|off| measured[(index + off) % count].or(measured[(index + count - off) % count]));
+            let nearest =
+                (0..count).find_map(|off| measured[(index + off) % count].or(measured[(index + count - off) % count]));
             nearest.unwrap_or(Station { inner: SHEET_M, outer: 2.0 * SHEET_M })
         })
         .collect()

@@ -84,3 +84,15 @@ fn a_table_is_decomposed() {
     let volume: f64 = body.pieces.iter().map(piece_volume).sum();
     assert!(volume < 0.0016, "mostly free below the top: {volume}");
 }
+
+#[test]
+fn a_mesh_that_was_decomposed_before_keeps_its_parts() {
+    let mut parts = cuboid(DVec3::ZERO, DVec3::splat(0.05));
+    parts.append(&cuboid(DVec3::new(0.04, 0.0, 0.0), DVec3::new(0.1, 0.02, 0.02)));
+    let link = RawLink { collision: vec![RawCollision::Mesh(parts.clone())], ..RawLink::default() };
+    let body = body(&link);
+    assert_eq!((body.pieces.len(), body.how.as_str()), (2, "of the files' collision mesh: 2 convex parts"));
+    // One part that is bent is decomposed as a whole.
+    parts.append(&cup());
+    assert!(convex_parts(&parts).is_none());
+}

@@ -44,15 +44,17 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     let scene = gltf.default_scene().or_else(|| gltf.scenes().next());
     let Some(scene) = scene else { return Err(ImportError::new(path, "holds no scene")) };
     let (mut surfaces, mut nodes) = (Vec::new(), 0);
-    let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> =
-        scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
+    let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> = scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
     while let Some((node, world_from_parent, depth)) = open.pop() {
         nodes += 1;
         if depth > MOST_DEPTH || nodes > MOST_NODES {
-            return Err(ImportError::new(path, format!(
-                "node {} is one of more than {MOST_NODES}, or deeper than {MOST_DEPTH}: do nodes hold each other?",
-                node.index()
-            )));
+            return Err(ImportError::new(
+                path,
+                format!(
+                    "node {} is one of more than {MOST_NODES}, or deeper than {MOST_DEPTH}: do nodes hold each other?",
+                    node.index()
+                ),
+            ));
         }
         let own = DMat4::from_cols_array_2d(&node.transform().matrix().map(|column| column.map(f64::from)));
         let world_from_node = world_from_parent * own;
@@ -123,7 +125,12 @@ impl Reader<'_> {
         }
     }
 
-    fn uri(&self, uri: &str, limit: genmanip_core::limits::Limit, files: &mut Files<'_>) -> Result<Vec<u8>, ImportError> {
+    fn uri(
+        &self,
+        uri: &str,
+        limit: genmanip_core::limits::Limit,
+        files: &mut Files<'_>,
+    ) -> Result<Vec<u8>, ImportError> {
         if let Some(data) = uri.strip_prefix("data:") {
             let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
             let decoded = encoded.and_then(|encoded| STANDARD.decode(encoded).ok());
@@ -175,7 +182,8 @@ impl Reader<'_> {
         }
         let triangles: Vec<[u32; 3]> = match primitive.mode() {
             Mode::TriangleStrip => {
-                let turned = |(index, t): (usize, &[u32])| if index % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
+                let turned =
+                    |(index, t): (usize, &[u32])| if index % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
                 order.windows(3).enumerate().map(turned).collect()
             }
             Mode::TriangleFan => order.windows(2).skip(1).map(|t| [order[0], t[0], t[1]]).collect(),
@@ -186,7 +194,8 @@ impl Reader<'_> {
 
     /// The library trusts what an accessor says about its place.
     fn check_accessor(&self, accessor: &gltf::Accessor<'_>) -> Result<(), ImportError> {
-        let wrong = |message: &str| Err(ImportError::new(self.path, format!("accessor {}: {message}", accessor.index())));
+        let wrong =
+            |message: &str| Err(ImportError::new(self.path, format!("accessor {}: {message}", accessor.index())));
         if accessor.sparse().is_some() {
             return wrong("sparse accessors are not read");
         }
@@ -195,7 +204,10 @@ impl Reader<'_> {
             return wrong(&format!("{} elements; expected 1 to {}", accessor.count(), 3 * MOST_TRIANGLES));
         }
         let stride = view.stride().unwrap_or(accessor.size());
-        let needed = accessor.offset().checked_add(stride.saturating_mul(accessor.count() - 1)).and_then(|end| end.checked_add(accessor.size()));
+        let needed = accessor
+            .offset()
+            .checked_add(stride.saturating_mul(accessor.count() - 1))
+            .and_then(|end| end.checked_add(accessor.size()));
         let held = self.buffers.get(view.buffer().index()).map_or(0, Vec::len);
         let end = view.offset().checked_add(view.length());
         if needed.is_none_or(|needed| needed > view.length()) || end.is_none_or(|end| end > held) {
@@ -208,7 +220,8 @@ impl Reader<'_> {
     fn moved(&self, mut uvs: Vec<[f32; 2]>, primitive: &gltf::Primitive<'_>) -> Vec<[f32; 2]> {
         let info = primitive.material().pbr_metallic_roughness().base_color_texture();
         if let Some(transform) = info.and_then(|info| info.texture_transform()) {
-            let ([du, dv], [su, sv], (sin, cos)) = (transform.offset(), transform.scale(), transform.rotation().sin_cos());
+            let ([du, dv], [su, sv], (sin, cos)) =
+                (transform.offset(), transform.scale(), transform.rotation().sin_cos());
             for [u, v] in &mut uvs {
                 let (x, y) = (*u * su, *v * sv);
                 (*u, *v) = (cos * x + sin * y + du, cos * y - sin * x + dv);
@@ -228,7 +241,11 @@ impl Reader<'_> {
         let clear = material.transmission().map_or(0.0, |transmission| transmission.transmission_factor());
         Ok(Material {
             roughness: pbr.roughness_factor().clamp(0.05, 1.0),
-            metallic: if texture.is_some() && pbr.metallic_roughness_texture().is_some() { 0.0 } else { pbr.metallic_factor().clamp(0.0, 1.0) },
+            metallic: if texture.is_some() && pbr.metallic_roughness_texture().is_some() {
+                0.0
+            } else {
+                pbr.metallic_factor().clamp(0.0, 1.0)
+            },
             opacity: opacity.min(1.0 - 0.8 * clear).clamp(0.05, 1.0),
             ior: material.ior().filter(|ior| ior.is_finite()).unwrap_or(1.5).clamp(1.0, 2.5),
             texture,

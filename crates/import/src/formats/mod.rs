@@ -35,7 +35,8 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         "urdf" => urdf::read(path, files),
         "xml" => mjcf::read(path, files),
         "stl" | "msh" => {
-            let surface = Surface { name: "body".into(), mesh: mesh(path, files)?, material: Material::plain(PLAIN, 0.5) };
+            let surface =
+                Surface { name: "body".into(), mesh: mesh(path, files)?, material: Material::plain(PLAIN, 0.5) };
             let link = RawLink { name: "body".into(), surfaces: vec![surface], ..RawLink::default() };
             Ok(RawObject {
                 name: String::new(),

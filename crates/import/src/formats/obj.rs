@@ -4,12 +4,11 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use genmanip_core::Material;
-use genmanip_core::limits::{IMPORTED_DESCRIPTION, IMPORTED_MESH, IMPORTED_PICTURE};
+use genmanip_core::limits::{IMPORTED_DESCRIPTION, IMPORTED_MESH};
 use glam::DVec3;
 
 use crate::ImportError;
 use crate::files::{Files, beside, shortened};
-use crate::picture;
 use crate::raw::{MOST_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
 
 /// Most surfaces: groups that change their material back and forth share one.
@@ -65,8 +64,10 @@ pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> R
     let surfaces: Vec<Surface> = reader
         .surfaces
         .into_iter()
-        .map(|((name, material), Part { mesh, .. })| {
-            Surface { name, mesh, material: materials.get(&material).cloned().unwrap_or_else(|| plain.clone()) }
+        .map(|((name, material), Part { mesh, .. })| Surface {
+            name,
+            mesh,
+            material: materials.get(&material).cloned().unwrap_or_else(|| plain.clone()),
         })
         .collect();
     if surfaces.is_empty() {
@@ -201,7 +202,8 @@ fn library(
             continue;
         }
         let Some(material) = &mut current else { continue };
-        let numbers: Vec<f32> = rest.split_whitespace().filter_map(|word| word.parse().ok()).filter(|v: &f32| v.is_finite()).collect();
+        let numbers: Vec<f32> =
+            rest.split_whitespace().filter_map(|word| word.parse().ok()).filter(|v: &f32| v.is_finite()).collect();
         match (key, numbers.as_slice()) {
             ("Kd", &[r, g, b]) => material.color = Some([r, g, b]),
             ("Ns", &[n]) => material.shininess = Some(n),
@@ -249,11 +251,9 @@ pub fn load_texture(
     notes: &mut Vec<String>,
 ) -> Result<Arc<genmanip_core::Texture>, ImportError> {
     let path = beside(file, named)?;
-    let bytes = files.bytes(&path, IMPORTED_PICTURE)?;
-    let (texture, note) = picture::texture(&bytes)
-        .map_err(|message| ImportError::new(&path, message).hint(format!("named in {file} as `{}`", shortened(named))))?;
-    notes.extend(note.map(|note| format!("{path}: {note}")));
-    Ok(Arc::new(texture))
+    let (texture, note) = files.picture(&path)?;
+    notes.extend(note);
+    Ok(texture)
 }
 
 fn mean_color(colors: &[[f32; 3]]) -> [f32; 3] {

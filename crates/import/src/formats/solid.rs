@@ -38,7 +38,9 @@ pub fn mesh(shape: &Shape) -> RawMesh {
         Shape::Sphere { radius } => round(&ball(0.0), DVec3::splat(*radius), 0.0),
         Shape::Ellipsoid { radii } => round(&ball(0.0), *radii, 0.0),
         Shape::Capsule { radius, half_length } => round(&ball(*half_length), DVec3::splat(*radius), *half_length),
-        Shape::Cylinder { radius, half_height } => ring(*radius, -half_height).chain(ring(*radius, *half_height)).collect(),
+        Shape::Cylinder { radius, half_height } => {
+            ring(*radius, -half_height).chain(ring(*radius, *half_height)).collect()
+        }
         Shape::Hull { points } => points.clone(),
     };
     let (positions, triangles) = convex_hull(&points).unwrap_or_default();

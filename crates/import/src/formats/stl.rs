@@ -20,7 +20,10 @@ pub fn read(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     } else if bytes.trim_ascii_start().starts_with(b"solid") {
         text_corners(path, bytes)?
     } else {
-        return Err(ImportError::new(path, "neither text nor binary STL: its length does not fit its number of triangles"));
+        return Err(ImportError::new(
+            path,
+            "neither text nor binary STL: its length does not fit its number of triangles",
+        ));
     };
     if corners.is_empty() || corners.len() % 3 != 0 {
         return Err(ImportError::new(path, format!("{} corners; expected three per triangle", corners.len())));
@@ -49,7 +52,8 @@ pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     };
     let positions: Vec<DVec3> = part(0).chunks_exact(12).map(corner).collect();
     let single = |bytes: &[u8]| bytes.try_into().map_or(f32::NAN, f32::from_le_bytes);
-    let mut texture: Vec<[f32; 2]> = part(2).chunks_exact(8).map(|uv| [single(&uv[..4]), 1.0 - single(&uv[4..])]).collect();
+    let mut texture: Vec<[f32; 2]> =
+        part(2).chunks_exact(8).map(|uv| [single(&uv[..4]), 1.0 - single(&uv[4..])]).collect();
     if texture.len() != positions.len() {
         texture.clear();
     }

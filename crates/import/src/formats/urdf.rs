@@ -122,7 +122,8 @@ impl Reader<'_, '_> {
                     Some(axis) => axis.exactly::<3>("xyz")?.unwrap_or([1.0, 0.0, 0.0]),
                     None => [1.0, 0.0, 0.0],
                 };
-                let axis = DVec3::from_array(axis).try_normalize().ok_or_else(|| node.wrong("its axis has no length"))?;
+                let axis =
+                    DVec3::from_array(axis).try_normalize().ok_or_else(|| node.wrong("its axis has no length"))?;
                 let range = match node.first("limit") {
                     Some(limit) if node.attribute("type") != Some("continuous") => {
                         [limit.number("lower", 0.0)?, limit.number("upper", 0.0)?]
@@ -158,7 +159,9 @@ impl Reader<'_, '_> {
         let mut link = RawLink { name: name.to_owned(), ..RawLink::default() };
         for visual in node.all("visual") {
             let material = match visual.first("material") {
-                Some(material) => self.color(material)?.or_else(|| self.colors.get(material.attribute("name")?).cloned()),
+                Some(material) => {
+                    self.color(material)?.or_else(|| self.colors.get(material.attribute("name")?).cloned())
+                }
                 None => None,
             };
             let origin = self.origin(visual)?;
@@ -218,13 +221,14 @@ impl Reader<'_, '_> {
             None => None,
         };
         let texture = node.first("texture").and_then(|texture| texture.attribute("filename"));
-        let texture = texture.and_then(|named| match obj::load_texture(self.path, plain(named), self.files, &mut self.notes) {
-            Ok(texture) => Some(texture),
-            Err(error) => {
-                self.notes.push(format!("texture left out: {error}"));
-                None
-            }
-        });
+        let texture =
+            texture.and_then(|named| match obj::load_texture(self.path, plain(named), self.files, &mut self.notes) {
+                Ok(texture) => Some(texture),
+                Err(error) => {
+                    self.notes.push(format!("texture left out: {error}"));
+                    None
+                }
+            });
         if rgba.is_none() && texture.is_none() {
             return Ok(None);
         }
@@ -307,8 +311,12 @@ fn merge(into: &mut RawLink, mut link: RawLink, pose: &Pose) {
         into.surfaces.push(surface);
     }
     into.collision.extend(link.collision.drain(..).map(|collision| match collision {
-        RawCollision::Piece(piece) => RawCollision::Piece(Piece { link_from_piece: *pose * piece.link_from_piece, ..piece }),
-        RawCollision::HullOf(points) => RawCollision::HullOf(points.iter().map(|point| pose.transform_point(*point)).collect()),
+        RawCollision::Piece(piece) => {
+            RawCollision::Piece(Piece { link_from_piece: *pose * piece.link_from_piece, ..piece })
+        }
+        RawCollision::HullOf(points) => {
+            RawCollision::HullOf(points.iter().map(|point| pose.transform_point(*point)).collect())
+        }
         RawCollision::Mesh(mesh) => RawCollision::Mesh(mesh.transformed(&transform)),
     }));
     into.friction = into.friction.or(link.friction);

@@ -44,7 +44,10 @@ fn element(path: &str, node: Node<'_, '_>, depth: usize) -> Result<Element, Impo
     let children = node.children().filter(Node::is_element).map(|child| element(path, child, depth + 1));
     Ok(Element {
         tag: node.tag_name().name().to_owned(),
-        attributes: node.attributes().map(|attribute| (attribute.name().to_owned(), attribute.value().to_owned())).collect(),
+        attributes: node
+            .attributes()
+            .map(|attribute| (attribute.name().to_owned(), attribute.value().to_owned()))
+            .collect(),
         children: children.collect::<Result<_, _>>()?,
         place: (path.to_owned(), node.document().text_pos_at(node.range().start).row),
     })

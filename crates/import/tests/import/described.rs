@@ -43,7 +43,12 @@ fn refused(files: &Disk, path: &str) -> ImportError {
 }
 
 fn joints(model: &ObjectModel) -> Vec<(&str, JointKind, [f64; 2])> {
-    model.links.iter().filter_map(|link| link.joint.as_ref()).map(|joint| (joint.name.as_str(), joint.kind, joint.range)).collect()
+    model
+        .links
+        .iter()
+        .filter_map(|link| link.joint.as_ref())
+        .map(|joint| (joint.name.as_str(), joint.kind, joint.range))
+        .collect()
 }
 
 #[test]
@@ -75,14 +80,17 @@ fn a_urdf_of_pybullet_keeps_its_mass_and_says_that_its_inertia_is_none() {
     assert!(guess.because.contains("implausible"), "{guess:?}");
     let model = model.model;
     assert!(model.card.size_m.abs_diff_eq(DVec3::new(0.06, 0.06, 0.03), 1e-6), "{}", model.card.size_m);
-    assert_eq!((model.card.mass_kg, model.friction, model.card.colors.as_slice()), (0.1, 1.0, &["blue".to_owned()][..]));
+    assert_eq!(
+        (model.card.mass_kg, model.friction, model.card.colors.as_slice()),
+        (0.1, 1.0, &["blue".to_owned()][..])
+    );
     let even = 0.1 * (0.06 * 0.06 + 0.03 * 0.03) / 12.0;
     assert!((model.links[0].mass.inertia.x_axis.x - even).abs() < 1e-8);
 }
 
 /// A drawer as MetaWorld writes it: dependencies in a file beside, classes, what touches in group 4.
 pub fn drawer() -> Disk {
-    let main = br#"<mujoco><include file="assets/drawer_dependencies.xml"/>
+    let main = br#"<mujoco><include file="assets/drawer_dependencies.xml"/><include file="scene.xml"/>
 <worldbody><geom type="plane" size="1 1 1"/><include file="assets/drawer.xml"/></worldbody></mujoco>"#;
     let dependencies = br#"<mujocoinclude><compiler angle="radian" meshdir="meshes"/>
 <asset><material name="green" rgba=".1 .7 .2 1"/><mesh name="case" file="case.obj" scale="0.1 0.1 0.1"/></asset>
@@ -97,6 +105,10 @@ pub fn drawer() -> Disk {
         ("objects/drawer.xml", main),
         ("objects/assets/drawer_dependencies.xml", dependencies),
         ("objects/assets/drawer.xml", body),
+        (
+            "objects/scene.xml",
+            b"<mujocoinclude><worldbody><body><geom type='box' size='1 1 .1'/></body></worldbody></mujocoinclude>",
+        ),
         ("objects/meshes/case.obj", &box_obj([2.0, 2.0, 1.0])),
     ])
 }
@@ -112,6 +124,11 @@ fn an_mjcf_drawer_with_includes_and_classes_slides() {
     assert_eq!(model.links[1].joint.as_ref().unwrap().damping, 2.0);
     let bounds = model.world_bounds(&Pose::IDENTITY, &[0.0]);
     assert!(bounds.min.z.abs() < 1e-6 && (bounds.max.z - 0.1).abs() < 1e-3, "{bounds:?}");
+    assert!(
+        object.report.repairs.iter().any(|repair| repair.contains("scene around it")),
+        "{:?}",
+        object.report.repairs
+    );
     let shut = bounds.min.y;
     let opened = model.world_bounds(&Pose::IDENTITY, &model.joint_states[1].nominal).min.y;
     assert!((shut - opened - 0.09).abs() < 1e-6, "{shut} {opened}");
@@ -128,6 +145,25 @@ fn an_mjcf_of_robosuite_touches_with_the_hull_of_its_mesh() {
     assert_eq!((object.model.friction, object.model.links.len()), (0.95, 1));
     assert!((card.mass_kg - 0.025).abs() < 1e-4, "density times volume: {}", card.mass_kg);
     assert!(card.can_grasp && card.states.is_empty(), "{card:?}");
+}
+
+#[test]
+fn what_hangs_on_nothing_is_the_base_and_freedom_is_no_joint() {
+    let model = |joints: &str| {
+        let text = format!(
+            "<mujoco><worldbody><body>{joints}<geom type='box' size='.02 .02 .02'/></body></worldbody></mujoco>"
+        );
+        import_from(&disk(&[("a.xml", text.as_bytes())]), "a.xml", &Given::default()).unwrap()
+    };
+    for joints in [
+        "<freejoint/>",
+        "<joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 1 0'/>",
+        "<joint axis='0 0 1'/>",
+    ] {
+        let object = model(joints);
+        assert_eq!((object.model.links.len(), object.model.joint_count()), (1, 0), "{joints}");
+        assert_eq!(object.report.repairs.is_empty(), !joints.contains("<joint axis"), "{:?}", object.report.repairs);
+    }
 }
 
 #[test]
@@ -158,7 +194,9 @@ fn descriptions_that_cannot_be_say_where() {
     let sphere = "<visual><geometry><sphere radius='0.03'/></geometry></visual>";
     let link = |name: &str| format!("<link name='{name}'>{sphere}</link>");
     let joint = |parent: &str, child: &str| {
-        format!("<joint name='j' type='revolute'><parent link='{parent}'/><child link='{child}'/><limit lower='0' upper='1'/></joint>")
+        format!(
+            "<joint name='j' type='revolute'><parent link='{parent}'/><child link='{child}'/><limit lower='0' upper='1'/></joint>"
+        )
     };
     let loops = format!("{}{}{}{}{}", link("a"), link("b"), link("c"), joint("b", "c"), joint("c", "b"));
     let cases: Vec<(Disk, &str, &str)> = vec![
@@ -167,19 +205,49 @@ fn descriptions_that_cannot_be_say_where() {
         (urdf(&format!("{}{}", link("a"), link("b"))), "a.urdf", "got 2"),
         (urdf(&format!("{}{}", link("a"), joint("a", "x"))), "a.urdf", "`x`"),
         (urdf(&loops), "a.urdf", "circle"),
-        (urdf("<link name='a'><visual><geometry><sphere radius='nan'/></geometry></visual></link>"), "a.urdf", "expected numbers"),
-        (urdf("<link name='a'><visual><geometry><box size='1 2'/></geometry></visual></link>"), "a.urdf", "expected 3 numbers"),
-        (urdf("<link name='a'><visual><geometry><mesh filename='/etc/passwd.obj'/></geometry></visual></link>"), "a.urdf", "absolute"),
-        (urdf("<link name='a'><visual><geometry><mesh filename='x.obj'/></geometry></visual></link>"), "a.urdf", "no such file"),
+        (
+            urdf("<link name='a'><visual><geometry><sphere radius='nan'/></geometry></visual></link>"),
+            "a.urdf",
+            "expected numbers",
+        ),
+        (
+            urdf("<link name='a'><visual><geometry><box size='1 2'/></geometry></visual></link>"),
+            "a.urdf",
+            "expected 3 numbers",
+        ),
+        (
+            urdf("<link name='a'><visual><geometry><mesh filename='/etc/passwd.obj'/></geometry></visual></link>"),
+            "a.urdf",
+            "absolute",
+        ),
+        (
+            urdf("<link name='a'><visual><geometry><mesh filename='x.obj'/></geometry></visual></link>"),
+            "a.urdf",
+            "no such file",
+        ),
         (disk(&[("a.urdf", b"<robot><link")]), "a.urdf", "no XML"),
         (disk(&[("a.urdf", b"<!DOCTYPE x [<!ENTITY a \"b\">]><robot/>")]), "a.urdf", "no XML"),
         (mjcf("<worldbody/>"), "a.xml", "no triangle"),
-        (mjcf("<worldbody><body><geom class='x'/></body></worldbody>"), "a.xml", "line 2: <geom>: there is no class `x`"),
+        (
+            mjcf("<worldbody><body><geom class='x'/></body></worldbody>"),
+            "a.xml",
+            "line 2: <geom>: there is no class `x`",
+        ),
         (mjcf("<worldbody><body><geom mesh='x'/></body></worldbody>"), "a.xml", "there is no mesh `x`"),
-        (mjcf("<worldbody><body><geom size='0.1' material='x'/></body></worldbody>"), "a.xml", "there is no material `x`"),
+        (
+            mjcf("<worldbody><body><geom size='0.1' material='x'/></body></worldbody>"),
+            "a.xml",
+            "there is no material `x`",
+        ),
         (mjcf("<include file='a.xml'/>"), "a.xml", "include each other"),
         (mjcf("<include file='../b.xml'/>"), "a.xml", "outside"),
-        (mjcf("<worldbody><body><freejoint/><geom size='0.1'/></body><body><freejoint/><geom size='0.1'/></body></worldbody>"), "a.xml", "several objects"),
+        (
+            mjcf(
+                "<worldbody><body><freejoint/><geom size='0.1'/></body><body><freejoint/><geom size='0.1'/></body></worldbody>",
+            ),
+            "a.xml",
+            "several objects",
+        ),
     ];
     for (files, path, expected) in cases {
         let error = refused(&files, path);

@@ -22,7 +22,8 @@ fn every_broken_file_has_one_clear_error() {
     beyond[0][0] = 99;
     let mut many = String::from("v 0 0 0\nv 1 0 0\nv 0 1 0\n");
     many.push_str(&"f 1 2 3\n".repeat(1_000_001));
-    let draco = r#","extensionsRequired":["KHR_draco_mesh_compression"],"extensionsUsed":["KHR_draco_mesh_compression"]"#;
+    let draco =
+        r#","extensionsRequired":["KHR_draco_mesh_compression"],"extensionsUsed":["KHR_draco_mesh_compression"]"#;
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
         ("cut.glb", good[..good.len() / 2].to_vec(), "its header says"),
         ("empty.glb", Vec::new(), "no glTF"),
@@ -47,18 +48,20 @@ fn every_broken_file_has_one_clear_error() {
 
 #[test]
 fn names_that_lead_elsewhere_are_left_out_and_said() {
-    for (named, expected) in [("/etc/passwd", "absolute"), ("../../../secret.png", "outside"), ("missing.png", "no such file")] {
+    for (named, expected) in
+        [("/etc/passwd", "absolute"), ("../../../secret.png", "outside"), ("missing.png", "no such file")]
+    {
         let mut files = crate_obj();
         files.insert("boxes/crate.mtl".into(), format!("newmtl card\nKd 0 1 0\nmap_Kd {named}\n").into_bytes());
-        let object = import_from(&files, "boxes/tea_box.obj", &Given::default()).unwrap();
+        let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
         let repair = object.report.repairs.iter().find(|repair| repair.contains("texture left out"));
         assert!(repair.is_some_and(|repair| repair.contains(expected)), "{named}: {:?}", object.report.repairs);
         assert_eq!(object.model.card.colors, ["green"]);
     }
     let mut files = crate_obj();
-    let text = String::from_utf8(files["boxes/tea_box.obj"].clone()).unwrap().replace("crate.mtl", "/etc/hosts");
-    files.insert("boxes/tea_box.obj".into(), text.into_bytes());
-    let object = import_from(&files, "boxes/tea_box.obj", &Given::default()).unwrap();
+    let text = String::from_utf8(files["boxes/blorp.obj"].clone()).unwrap().replace("crate.mtl", "/etc/hosts");
+    files.insert("boxes/blorp.obj".into(), text.into_bytes());
+    let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
     assert!(object.report.repairs.iter().any(|repair| repair.contains("materials left out")));
 }
 
@@ -68,13 +71,18 @@ fn pictures_that_are_bombs_are_left_out_and_said() {
     bomb[16..24].copy_from_slice(&[0, 0, 0x90, 0, 0, 0, 0x90, 0]);
     let mut files = crate_obj();
     files.insert("pictures/card.png".into(), bomb);
-    let object = import_from(&files, "boxes/tea_box.obj", &Given::default()).unwrap();
-    assert!(object.report.repairs.iter().any(|repair| repair.contains("texture left out")), "{:?}", object.report.repairs);
+    let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
+    assert!(
+        object.report.repairs.iter().any(|repair| repair.contains("texture left out")),
+        "{:?}",
+        object.report.repairs
+    );
 }
 
 #[test]
 fn nodes_that_hold_each_other_end() {
-    let scene = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"children":[1]},{"children":[0]}]}"#;
+    let scene =
+        r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"children":[1]},{"children":[0]}]}"#;
     let error = refused(&disk(&[("loop.gltf", scene.as_bytes())]), "loop.gltf");
     assert!(error.message.contains("hold each other"), "{error}");
 }
@@ -87,8 +95,8 @@ proptest! {
         let (corners, triangles) = upright_box([0.05, 0.2, 0.03]);
         let (path, mut files) = match which {
             0 => ("a.glb", disk(&[("a.glb", &glb(&corners, &triangles, ""))])),
-            1 => ("boxes/tea_box.obj", crate_obj()),
-            2 => ("boxes/tea_box.obj", crate_obj()),
+            1 => ("boxes/blorp.obj", crate_obj()),
+            2 => ("boxes/blorp.obj", crate_obj()),
             3 => ("45132/mobility.urdf", cabinet()),
             _ => ("objects/drawer.xml", drawer()),
         };

@@ -14,7 +14,11 @@ pub type Disk = BTreeMap<String, Vec<u8>>;
 pub fn import_from(disk: &Disk, path: &str, given: &Given) -> Result<Imported, ImportError> {
     let mut read = |path: &str, limit: Limit| {
         let bytes = disk.get(path).ok_or("there is no such file")?;
-        if bytes.len() as u64 > limit.bytes { Err(format!("larger than {}", limit.in_words())) } else { Ok(bytes.clone()) }
+        if bytes.len() as u64 > limit.bytes {
+            Err(format!("larger than {}", limit.in_words()))
+        } else {
+            Ok(bytes.clone())
+        }
     };
     import(path, &mut read, given, None)
 }
@@ -27,7 +31,9 @@ pub fn disk(files: &[(&str, &[u8])]) -> Disk {
 /// A box in OBJ, centimetres, +y up, with a picture on it.
 pub fn crate_obj() -> Disk {
     let mut obj = String::from("mtllib crate.mtl\no crate\n");
-    for (x, y, z) in [(-4, 0, -3), (4, 0, -3), (-4, 10, -3), (4, 10, -3), (-4, 0, 3), (4, 0, 3), (-4, 10, 3), (4, 10, 3)] {
+    for (x, y, z) in
+        [(-4, 0, -3), (4, 0, -3), (-4, 10, -3), (4, 10, -3), (-4, 0, 3), (4, 0, 3), (-4, 10, 3), (4, 10, 3)]
+    {
         obj += &format!("v {x} {y} {z}\n");
     }
     obj += "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl card\n";
@@ -35,7 +41,7 @@ pub fn crate_obj() -> Disk {
         obj += &format!("f {a}/1 {b}/2 {c}/3 {d}/4\n");
     }
     disk(&[
-        ("boxes/tea_box.obj", obj.as_bytes()),
+        ("boxes/blorp.obj", obj.as_bytes()),
         ("boxes/crate.mtl", b"newmtl card\nKd 0 0 0\nNs 20\nmap_Kd ../pictures/card.png\n"),
         ("pictures/card.png", &png(2, 2, &[200, 30, 30].repeat(4))),
         ("LICENSE", b"Creative Commons Zero v1.0\n"),
@@ -57,7 +63,8 @@ pub fn glb(positions: &[[f32; 3]], triangles: &[[u32; 3]], extra: &str) -> Vec<u
     let corners = binary.len();
     binary.extend(triangles.iter().flatten().flat_map(|index| index.to_le_bytes()));
     let bound = |pick: fn(f32, f32) -> f32| {
-        let values: Vec<f32> = (0..3).map(|axis| positions.iter().map(|p| p[axis]).reduce(pick).unwrap_or(0.0)).collect();
+        let values: Vec<f32> =
+            (0..3).map(|axis| positions.iter().map(|p| p[axis]).reduce(pick).unwrap_or(0.0)).collect();
         format!("{values:?}").replace("inf", "1e30").replace("NaN", "0")
     };
     let json = format!(
@@ -68,7 +75,12 @@ pub fn glb(positions: &[[f32; 3]], triangles: &[[u32; 3]], extra: &str) -> Vec<u
 {{"bufferView":1,"componentType":5125,"count":{},"type":"SCALAR"}}],
 "bufferViews":[{{"buffer":0,"byteOffset":0,"byteLength":{corners}}},{{"buffer":0,"byteOffset":{corners},"byteLength":{}}}],
 "buffers":[{{"byteLength":{}}}]{extra}}}"#,
-        positions.len(), bound(f32::min), bound(f32::max), 3 * triangles.len(), binary.len() - corners, binary.len()
+        positions.len(),
+        bound(f32::min),
+        bound(f32::max),
+        3 * triangles.len(),
+        binary.len() - corners,
+        binary.len()
     );
     let mut json = json.into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
@@ -94,9 +106,9 @@ pub fn upright_box(size: [f32; 3]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
 
 #[test]
 fn a_textured_obj_in_centimetres_comes_in_upright() {
-    let object = import_from(&crate_obj(), "boxes/tea_box.obj", &Given::default()).unwrap();
+    let object = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
     let card = &object.model.card;
-    assert_eq!(card.name, "Tea Box");
+    assert_eq!(card.name, "Blorp");
     assert!(card.size_m.abs_diff_eq(glam::DVec3::new(0.08, 0.06, 0.10), 1e-6), "{}", card.size_m);
     let [piece] = object.model.links[0].pieces.as_slice() else { panic!("not one piece") };
     assert!(matches!(piece.shape, Shape::Box { .. }));
@@ -106,7 +118,7 @@ fn a_textured_obj_in_centimetres_comes_in_upright() {
     assert!(object.origin.licence.starts_with("Creative Commons Zero"), "{}", object.origin.licence);
     assert!(object.origin.source.contains("pictures/card.png"), "{}", object.origin.source);
     let AssetRef::Imported { hash } = &card.asset else { panic!("{}", card.asset) };
-    assert!(hash.len() == 16 && card.uid.starts_with("tea-box-"));
+    assert!(hash.len() == 16 && card.uid.starts_with("blorp-"));
     for what in ["unit", "up", "category", "mass", "friction", "collision", "materials", "can_grasp"] {
         assert!(object.report.guesses.iter().any(|guess| guess.what == what), "{what} is not said to be guessed");
     }
@@ -115,11 +127,11 @@ fn a_textured_obj_in_centimetres_comes_in_upright() {
 #[test]
 fn what_is_given_is_not_guessed() {
     let given = Given { scale: Some(0.005), up: Some(Up::Z) };
-    let object = import_from(&crate_obj(), "boxes/tea_box.obj", &given).unwrap();
+    let object = import_from(&crate_obj(), "boxes/blorp.obj", &given).unwrap();
     assert!(object.model.card.size_m.abs_diff_eq(glam::DVec3::new(0.04, 0.05, 0.03), 1e-6));
     let guess = object.report.guesses.iter().find(|guess| guess.what == "unit").unwrap();
     assert_eq!(guess.because, "given");
-    let other = import_from(&crate_obj(), "boxes/tea_box.obj", &Given::default()).unwrap();
+    let other = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
     assert_ne!(object.model.asset, other.model.asset, "other choices make another object");
 }
 
@@ -130,12 +142,15 @@ fn a_glb_is_metric_with_y_up() {
     let object = import_from(&disk, "carton.glb", &Given::default()).unwrap();
     let size = object.model.card.size_m;
     assert!((size.z - 0.2).abs() < 1e-6 && (size.x - 0.05).abs() < 1e-6, "{size}");
-    assert_eq!((object.model.card.colors.as_slice(), object.origin.licence.as_str()), (&["blue".to_owned()][..], "CC-BY 4.0"));
+    assert_eq!(
+        (object.model.card.colors.as_slice(), object.origin.licence.as_str()),
+        (&["blue".to_owned()][..], "CC-BY 4.0")
+    );
 }
 
 #[test]
 fn an_imported_object_is_kept_as_it_is() {
-    let object = import_from(&crate_obj(), "boxes/tea_box.obj", &Given::default()).unwrap();
+    let object = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
     let bytes = pack::to_bytes(&object);
     let again = pack::from_bytes(&bytes).unwrap();
     assert_eq!(again.model.hashes(), object.model.hashes());

@@ -29,17 +29,29 @@ pub struct Candidate {
 }
 
 /// The objects of files and folders: a file is itself; of a folder, descriptions (URDF, MJCF) and meshes that no
-/// description names.
+/// description names. No file of an object lies outside of `root`; without, of the folder that is named or holds the file.
 ///
 /// # Errors
-/// When something cannot be listed, or a folder holds nothing that can be imported.
-pub fn candidates(paths: &[PathBuf]) -> Result<Vec<Candidate>, RunError> {
+/// When a path lies outside of the root, something cannot be listed, or a folder holds nothing that can be imported.
+pub fn candidates(paths: &[PathBuf], root: Option<&Path>) -> Result<Vec<Candidate>, RunError> {
     let mut found = BTreeSet::new();
     for path in paths {
         let about = fs::metadata(path).map_err(|error| {
             RunError::file("read", path, error).with_hint("check the path; relative paths start at the current folder")
         })?;
-        if about.is_dir() {
+        if let Some(root) = root {
+            let inside = path.strip_prefix(root).map_err(|_| {
+                RunError::input(format!("{} does not lie in {}", path.display(), root.display()))
+                    .with_hint("write both alike, as `--root assets assets/objects/can.xml`")
+            })?;
+            let inside = inside.to_string_lossy().replace('\\', "/");
+            let within = |one: Candidate| Candidate { root: root.to_owned(), path: format!("{inside}/{}", one.path) };
+            if about.is_dir() {
+                found.extend(of_folder(path)?.into_iter().map(within));
+            } else {
+                found.insert(Candidate { root: root.to_owned(), path: inside });
+            }
+        } else if about.is_dir() {
             let inside = of_folder(path)?;
             if inside.is_empty() {
                 return Err(RunError::input(format!("nothing to import in {}", path.display()))
@@ -79,10 +91,16 @@ fn of_folder(root: &Path) -> Result<Vec<Candidate>, RunError> {
         let (folder, name) = path.rsplit_once('/').unwrap_or(("", path));
         let is_other_scan = folder.split('/').any(|part| OTHER_SCANS.contains(&part));
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-        let beside = |other: &String| other != path && other.rsplit_once('/').map_or("", |(folder, _)| folder) == folder;
+        let beside =
+            |other: &String| other != path && other.rsplit_once('/').map_or("", |(folder, _)| folder) == folder;
         let is_touching = TOUCHING.iter().any(|word| stem.to_lowercase().contains(word));
         let is_plain = stem == "nontextured" && paths.iter().any(|other| beside(other) && other.contains("/textured."));
-        if named.contains(name) || is_other_scan || is_plain || (is_touching && paths.iter().any(|other| beside(other) && !TOUCHING.iter().any(|word| other.contains(word)))) {
+        if named.contains(name)
+            || is_other_scan
+            || is_plain
+            || (is_touching
+                && paths.iter().any(|other| beside(other) && !TOUCHING.iter().any(|word| other.contains(word))))
+        {
             continue;
         }
         let kept = meshes.entry(format!("{folder}/{stem}")).or_insert_with(|| path.clone());
@@ -154,9 +172,17 @@ mod tests {
         write("002_can/poisson/textured.obj", "");
         write("door/mobility.urdf", "<robot name='door'><mesh filename=\"textured_objs/a.obj\"/></robot>");
         write("door/textured_objs/a.obj", "");
-        let found: Vec<String> = candidates(&[root.path().to_owned()]).unwrap().into_iter().map(|one| one.path).collect();
-        assert_eq!(found, ["002_can/google_16k/textured.obj", "can.xml", "door/mobility.urdf", "meshes/cup.obj", "mug/visual.glb"]);
+        let found: Vec<String> =
+            candidates(&[root.path().to_owned()], None).unwrap().into_iter().map(|one| one.path).collect();
+        assert_eq!(
+            found,
+            ["002_can/google_16k/textured.obj", "can.xml", "door/mobility.urdf", "meshes/cup.obj", "mug/visual.glb"]
+        );
         let empty = tempfile::tempdir().unwrap();
-        assert!(candidates(&[empty.path().to_owned()]).is_err());
+        assert!(candidates(&[empty.path().to_owned()], None).is_err());
+        let can = root.path().join("can.xml");
+        let [one] = &candidates(&[can.clone()], Some(root.path())).unwrap()[..] else { panic!("not one") };
+        assert_eq!((one.root.as_path(), one.path.as_str()), (root.path(), "can.xml"));
+        assert!(candidates(&[can], Some(empty.path())).is_err());
     }
 }

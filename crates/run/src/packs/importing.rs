@@ -130,7 +130,8 @@ pub fn import(
                 remember(&trials.robot.physics_hash(), &physics_hash, tried.clone());
                 kept.grasps.objects.insert(uid.clone(), ObjectGrasps { physics_hash, grasps: tried });
             }
-            kept.entries.insert(uid, PackEntry { card: model.card.clone(), origin: object.origin, report: object.report });
+            kept.entries
+                .insert(uid, PackEntry { card: model.card.clone(), origin: object.origin, report: object.report });
         }
         progress.advance();
         Ok::<_, RunError>(row)
@@ -186,7 +187,11 @@ fn trying() -> TryingSettings {
 }
 
 /// Reads one object and tries it.
-fn one(candidate: &Candidate, trials: &GraspTrials, settings: &ImportSettings) -> (ImportRow, Option<(Imported, Vec<TriedGrasp>)>) {
+fn one(
+    candidate: &Candidate,
+    trials: &GraspTrials,
+    settings: &ImportSettings,
+) -> (ImportRow, Option<(Imported, Vec<TriedGrasp>)>) {
     let file = candidate.root.join(&candidate.path).display().to_string();
     let mut read = |path: &str, limit: limits::Limit| {
         files::read(&candidate.root.join(path), limit).map_err(|error| match error {
@@ -194,13 +199,14 @@ fn one(candidate: &Candidate, trials: &GraspTrials, settings: &ImportSettings) -
             other => other.to_string(),
         })
     };
-    let mut object = match genmanip_import::import(&candidate.path, &mut read, &settings.given, settings.licence.as_deref()) {
-        Ok(object) => object,
-        Err(error) => {
-            let hint = Some(error.hint.clone()).filter(|hint| !hint.is_empty());
-            return (ImportRow { file, error: Some(error.to_string()), hint, ..ImportRow::default() }, None);
-        }
-    };
+    let mut object =
+        match genmanip_import::import(&candidate.path, &mut read, &settings.given, settings.licence.as_deref()) {
+            Ok(object) => object,
+            Err(error) => {
+                let hint = Some(error.hint.clone()).filter(|hint| !hint.is_empty());
+                return (ImportRow { file, error: Some(error.to_string()), hint, ..ImportRow::default() }, None);
+            }
+        };
     let model = Arc::new(object.model.clone());
     let mut row = ImportRow {
         file,

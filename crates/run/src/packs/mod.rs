@@ -56,14 +56,20 @@ impl Document for PackList {
     const SCHEMA: &'static str = "genmanip.pack/1";
 
     fn check(&self) -> Result<(), genmanip_core::DocumentError> {
-        let invalid = |path: String, message: &str| Err(genmanip_core::DocumentError::Invalid { path, message: message.into() });
+        let invalid =
+            |path: String, message: &str| Err(genmanip_core::DocumentError::Invalid { path, message: message.into() });
         if self.objects.len() > MOST_OBJECTS {
             return invalid("objects".into(), &format!("more than {MOST_OBJECTS} objects"));
         }
         for (index, PackEntry { card, .. }) in self.objects.iter().enumerate() {
-            let fits = !card.uid.is_empty() && !card.uid.starts_with('.') && card.uid.chars().all(genmanip_core::names::fits_file_name);
+            let fits = !card.uid.is_empty()
+                && !card.uid.starts_with('.')
+                && card.uid.chars().all(genmanip_core::names::fits_file_name);
             if !fits || !matches!(card.asset, AssetRef::Imported { .. }) {
-                return invalid(format!("objects[{index}].card"), "expected an imported asset with a uid that can name a file");
+                return invalid(
+                    format!("objects[{index}].card"),
+                    "expected an imported asset with a uid that can name a file",
+                );
             }
         }
         Ok(())
@@ -97,7 +103,8 @@ impl Packs {
     pub fn read(folder: &Path) -> Result<Self, RunError> {
         let mut packs = Self { cards: Vec::new(), objects: BTreeMap::new(), models: Mutex::default() };
         let entries = fs::read_dir(folder).map_err(|error| RunError::file("list", folder, error))?;
-        let mut folders: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.is_dir()).collect();
+        let mut folders: Vec<PathBuf> =
+            entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.is_dir()).collect();
         folders.sort();
         folders.truncate(MOST_PACKS);
         for pack in folders.into_iter().filter(|pack| files::is_own_file(&pack.join(LIST))) {

@@ -37,7 +37,8 @@ impl<'a> Assets<'a> {
     /// # Errors
     /// When there is none of that name, or its file cannot be read.
     pub fn mesh(&self, user: &Element, name: &str, files: &mut Files<'_>) -> Result<RawMesh, ImportError> {
-        let element = self.meshes.get(name).ok_or_else(|| user.wrong(format!("there is no mesh `{}`", shortened(name))))?;
+        let element =
+            self.meshes.get(name).ok_or_else(|| user.wrong(format!("there is no mesh `{}`", shortened(name))))?;
         let element = self.settings.complete(element, "main")?;
         let found = match (element.attribute("file"), element.numbers("vertex")?) {
             (Some(file), _) => {
@@ -62,12 +63,20 @@ impl<'a> Assets<'a> {
     }
 
     /// How a geom looks, and how often its picture repeats; pictures that cannot be had are noted.
-    pub fn material(&self, geom: &Element, files: &mut Files<'_>, notes: &mut Vec<String>) -> Result<(Material, [f32; 2]), ImportError> {
+    pub fn material(
+        &self,
+        geom: &Element,
+        files: &mut Files<'_>,
+        notes: &mut Vec<String>,
+    ) -> Result<(Material, [f32; 2]), ImportError> {
         let own = geom.exactly::<4>("rgba")?;
         let Some(name) = geom.attribute("material") else {
             return Ok((colored(own.unwrap_or([0.5, 0.5, 0.5, 1.0]), 0.5), [1.0; 2]));
         };
-        let element = self.materials.get(name).ok_or_else(|| geom.wrong(format!("there is no material `{}`", shortened(name))))?;
+        let element = self
+            .materials
+            .get(name)
+            .ok_or_else(|| geom.wrong(format!("there is no material `{}`", shortened(name))))?;
         let element = self.settings.complete(element, "main")?;
         let rgba = own.or(element.exactly::<4>("rgba")?).unwrap_or([1.0; 4]);
         let roughness = 1.0 - 0.8 * element.number("shininess", 0.5)?.clamp(0.0, 1.0) as f32;
@@ -81,11 +90,19 @@ impl<'a> Assets<'a> {
         Ok((material, repeat))
     }
 
-    fn texture(&self, user: &Element, name: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> Result<Option<Arc<Texture>>, ImportError> {
-        let element = self.textures.get(name).ok_or_else(|| user.wrong(format!("there is no texture `{}`", shortened(name))))?;
+    fn texture(
+        &self,
+        user: &Element,
+        name: &str,
+        files: &mut Files<'_>,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<Arc<Texture>>, ImportError> {
+        let element =
+            self.textures.get(name).ok_or_else(|| user.wrong(format!("there is no texture `{}`", shortened(name))))?;
         let Some(file) = element.attribute("file") else {
             // A built-in pattern: its first colour.
-            let rgb = element.exactly::<3>("rgb1")?.unwrap_or([0.8; 3]).map(|value| (value.clamp(0.0, 1.0) * 255.0) as u8);
+            let rgb =
+                element.exactly::<3>("rgb1")?.unwrap_or([0.8; 3]).map(|value| (value.clamp(0.0, 1.0) * 255.0) as u8);
             return Ok(Some(Arc::new(Texture { width: 1, height: 1, rgb: rgb.to_vec() })));
         };
         let path = self.path(&self.settings.texture_folder, file, element)?;
@@ -101,7 +118,8 @@ impl<'a> Assets<'a> {
 
     /// The path of a file in a folder beside the main file.
     fn path(&self, folder: &str, file: &str, element: &Element) -> Result<String, ImportError> {
-        let named = if folder.is_empty() { file.to_owned() } else { format!("{}/{file}", folder.trim_end_matches('/')) };
+        let named =
+            if folder.is_empty() { file.to_owned() } else { format!("{}/{file}", folder.trim_end_matches('/')) };
         crate::files::beside(self.main, &named).map_err(|error| ImportError { file: element.place.0.clone(), ..error })
     }
 }

@@ -30,15 +30,33 @@ pub fn links(
     files: &mut Files<'_>,
     notes: &mut Vec<String>,
 ) -> Result<Vec<RawLink>, ImportError> {
-    let mut reader = Reader { settings, assets, files, notes, links: vec![RawLink { name: "body".into(), ..RawLink::default() }], free: 0 };
+    let mut reader = Reader {
+        settings,
+        assets,
+        files,
+        notes,
+        links: vec![RawLink { name: "body".into(), ..RawLink::default() }],
+        free: 0,
+    };
     let worlds: Vec<&Element> = root.all("worldbody").collect();
-    let has_bodies = worlds.iter().any(|world| world.first("body").is_some());
-    for world in worlds {
-        for body in world.all("body") {
-            reader.body(body, 0, Pose::IDENTITY, "main", 0)?;
-        }
-        // Beside bodies the world holds floors and decoration.
-        if !has_bodies {
+    // What a file includes as a world of its own is the scene around its object.
+    let own = |world: &&&Element| world.place.0 == main && world.first("body").is_some();
+    let is_scene = |world: &&Element| worlds.iter().any(|world| own(&world)) && !own(&world);
+    let bodies: Vec<&Element> =
+        worlds.iter().filter(|world| !is_scene(world)).flat_map(|world| world.all("body")).collect();
+    let all = worlds.iter().flat_map(|world| world.all("body")).count();
+    // Of several bodies the one that can be moved is the object.
+    let free: Vec<&Element> = bodies.iter().copied().filter(|body| is_free(body)).collect();
+    let bodies = if free.len() == 1 { free } else { bodies };
+    if bodies.len() < all {
+        reader.notes.push(format!("{} bodies of the scene around it are left out", all - bodies.len()));
+    }
+    for body in &bodies {
+        reader.body(body, 0, Pose::IDENTITY, "main")?;
+    }
+    // Beside bodies the world holds floors and decoration.
+    if bodies.is_empty() {
+        for world in &worlds {
             reader.geoms(world, 0, Pose::IDENTITY, "main")?;
         }
     }
@@ -47,6 +65,13 @@ pub fn links(
         return Err(ImportError::new(main, message).hint("expected one object per file: a scene is no object"));
     }
     Ok(reader.links)
+}
+
+/// Whether a body of the world moves freely.
+fn is_free(body: &Element) -> bool {
+    body.children
+        .iter()
+        .any(|child| child.tag == "freejoint" || (child.tag == "joint" && child.attribute("type") == Some("free")))
 }
 
 struct Reader<'a, 'b> {
@@ -60,7 +85,7 @@ struct Reader<'a, 'b> {
 
 impl Reader<'_, '_> {
     /// A body in the frame of a link, with all that hangs on it.
-    fn body(&mut self, body: &Element, link: usize, link_from_around: Pose, class: &str, depth: usize) -> Result<(), ImportError> {
+    fn body(&mut self, body: &Element, link: usize, link_from_around: Pose, class: &str) -> Result<(), ImportError> {
         let class = body.attribute("childclass").unwrap_or(class).to_owned();
         let mut link_from_body = link_from_around * self.settings.pose(body)?;
         let mut link = link;
@@ -75,8 +100,9 @@ impl Reader<'_, '_> {
                 other => named.push(other.to_owned()),
             }
         }
-        // Three slides or more let a whole object move, as environments place it: they are its freedom.
-        if moving.len() >= 3 && depth == 0 {
+        // Several slides let a whole object move, as environments place it: they are its freedom.
+        let slides = moving.iter().filter(|(kind, _)| *kind == JointKind::Prismatic).count();
+        if slides >= 2 && link == 0 {
             self.free += 1;
             moving.clear();
         }
@@ -86,7 +112,9 @@ impl Reader<'_, '_> {
         let name = body.attribute("name").unwrap_or("part");
         if !named.is_empty() {
             let (names, name) = (shortened(&named.join(", ")), shortened(name));
-            self.notes.push(format!("body {name}: its joints {names} are taken as fixed, one hinge or slide per body is kept"));
+            self.notes.push(format!(
+                "body {name}: its joints {names} are taken as fixed, one hinge or slide per body is kept"
+            ));
         }
         if let Some((kind, joint)) = moving.pop() {
             let made = self.joint(&joint, kind, link, link_from_body)?;
@@ -106,12 +134,18 @@ impl Reader<'_, '_> {
             self.add_mass(link, mass, true);
         }
         for child in body.all("body") {
-            self.body(child, link, link_from_body, &class, depth + 1)?;
+            self.body(child, link, link_from_body, &class)?;
         }
         Ok(())
     }
 
-    fn joint(&self, joint: &Element, kind: JointKind, parent: usize, parent_from_body: Pose) -> Result<Joint, ImportError> {
+    fn joint(
+        &self,
+        joint: &Element,
+        kind: JointKind,
+        parent: usize,
+        parent_from_body: Pose,
+    ) -> Result<Joint, ImportError> {
         let axis = DVec3::from_array(joint.exactly::<3>("axis")?.unwrap_or([0.0, 0.0, 1.0]));
         let axis = axis.try_normalize().ok_or_else(|| joint.wrong("its axis has no length"))?;
         let at = DVec3::from_array(joint.exactly::<3>("pos")?.unwrap_or_default());
@@ -183,7 +217,8 @@ impl Reader<'_, '_> {
         }
         let mut mass_kg = 0.0;
         for geom in &geoms {
-            let kind = geom.attribute("type").unwrap_or(if geom.attributes.contains_key("mesh") { "mesh" } else { "sphere" });
+            let kind =
+                geom.attribute("type").unwrap_or(if geom.attributes.contains_key("mesh") { "mesh" } else { "sphere" });
             if matches!(kind, "plane" | "hfield" | "sdf") {
                 self.notes.push(format!("a geom of type {kind} is left out"));
                 continue;
@@ -199,7 +234,9 @@ impl Reader<'_, '_> {
             };
             let (material, repeat) = self.assets.material(geom, self.files, self.notes)?;
             // Where some geoms are only drawn, group 0 is what touches, by custom.
-            let is_drawn = group < DRAWN && !(touches && has_drawn_only && group < 0.5) && geom.exactly::<4>("rgba")?.is_none_or(|rgba| rgba[3] > 0.0);
+            let is_drawn = group < DRAWN
+                && !(touches && has_drawn_only && group < 0.5)
+                && geom.exactly::<4>("rgba")?.is_none_or(|rgba| rgba[3] > 0.0);
             if is_drawn {
                 let mesh = mesh.clone().or_else(|| Some(solid::mesh(shape.as_ref()?).transformed(&transform)));
                 let name = geom.attribute("name").or(geom.attribute("mesh")).unwrap_or("surface").to_owned();
@@ -207,7 +244,9 @@ impl Reader<'_, '_> {
             }
             if touches {
                 match (&shape, &mesh) {
-                    (Some(shape), _) => self.links[link].collision.push(RawCollision::Piece(Piece { shape: shape.clone(), link_from_piece: pose })),
+                    (Some(shape), _) => self.links[link]
+                        .collision
+                        .push(RawCollision::Piece(Piece { shape: shape.clone(), link_from_piece: pose })),
                     // The engine takes the hull of a mesh.
                     (None, Some(mesh)) => self.links[link].collision.push(RawCollision::HullOf(mesh.positions.clone())),
                     (None, None) => {}
@@ -230,7 +269,11 @@ impl Reader<'_, '_> {
             }
         }
         if mass_kg > 0.0 {
-            self.add_mass(link, MassProperties { mass_kg, center: link_from_body.position, inertia: DMat3::ZERO }, false);
+            self.add_mass(
+                link,
+                MassProperties { mass_kg, center: link_from_body.position, inertia: DMat3::ZERO },
+                false,
+            );
         }
         Ok(())
     }
@@ -241,7 +284,11 @@ impl Reader<'_, '_> {
         let size = geom.numbers("size")?.unwrap_or_default();
         let at = |index: usize| {
             let value = size.get(index).copied().unwrap_or(0.0);
-            if value > 0.0 { Ok(value) } else { Err(geom.wrong(format!("size: expected a positive length as number {}", index + 1))) }
+            if value > 0.0 {
+                Ok(value)
+            } else {
+                Err(geom.wrong(format!("size: expected a positive length as number {}", index + 1)))
+            }
         };
         let mut half = None;
         if let Some([a, b, c, d, e, f]) = geom.exactly::<6>("fromto")? {
@@ -274,7 +321,9 @@ fn drawn(name: String, mut mesh: RawMesh, mut material: Material, repeat: [f32; 
             material.texture = Some(texture);
         } else {
             let pixels = (texture.rgb.len() / 3).max(1) as f32 * 255.0;
-            let mean = |channel: usize| texture.rgb.iter().skip(channel).step_by(3).map(|&value| f32::from(value)).sum::<f32>() / pixels;
+            let mean = |channel: usize| {
+                texture.rgb.iter().skip(channel).step_by(3).map(|&value| f32::from(value)).sum::<f32>() / pixels
+            };
             material.base_color = [0, 1, 2].map(|channel| material.base_color[channel] * mean(channel));
         }
     }

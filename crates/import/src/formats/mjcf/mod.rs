@@ -42,16 +42,31 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
 
 /// The tree of a file with those that it includes in their places; names are relative to the main file or, as older
 /// files have it, to the including one.
-fn with_includes(main: &str, path: &str, files: &mut Files<'_>, depth: usize, included: &mut usize) -> Result<Element, ImportError> {
+fn with_includes(
+    main: &str,
+    path: &str,
+    files: &mut Files<'_>,
+    depth: usize,
+    included: &mut usize,
+) -> Result<Element, ImportError> {
     let mut root = xml::parse(path, files)?;
     if depth > MOST_DEPTH || *included > MOST_INCLUDED {
-        return Err(root.wrong(format!("more than {MOST_INCLUDED} included files, or deeper than {MOST_DEPTH}: do files include each other?")));
+        return Err(root.wrong(format!(
+            "more than {MOST_INCLUDED} included files, or deeper than {MOST_DEPTH}: do files include each other?"
+        )));
     }
     expand(&mut root, main, path, files, depth, included)?;
     Ok(root)
 }
 
-fn expand(element: &mut Element, main: &str, path: &str, files: &mut Files<'_>, depth: usize, included: &mut usize) -> Result<(), ImportError> {
+fn expand(
+    element: &mut Element,
+    main: &str,
+    path: &str,
+    files: &mut Files<'_>,
+    depth: usize,
+    included: &mut usize,
+) -> Result<(), ImportError> {
     let mut children = Vec::new();
     for mut child in std::mem::take(&mut element.children) {
         if child.tag != "include" {

@@ -52,11 +52,14 @@ impl Settings {
             settings.mesh_folder = compiler.attribute("meshdir").unwrap_or(&settings.mesh_folder).to_owned();
             settings.texture_folder = compiler.attribute("texturedir").unwrap_or(&settings.texture_folder).to_owned();
             settings.degrees = compiler.attribute("angle").map_or(settings.degrees, |angle| angle == "degree");
-            settings.limits_by_range = compiler.attribute("autolimits").map_or(settings.limits_by_range, |value| value == "true");
+            settings.limits_by_range =
+                compiler.attribute("autolimits").map_or(settings.limits_by_range, |value| value == "true");
             settings.mass_groups = compiler.exactly::<2>("inertiagrouprange")?.unwrap_or(settings.mass_groups);
             if let Some(order) = compiler.attribute("eulerseq") {
                 if order.len() != 3 || !order.chars().all(|c| "xyzXYZ".contains(c)) {
-                    return Err(compiler.wrong(format!("eulerseq=\"{}\": expected three of x, y and z", shortened(order))));
+                    return Err(
+                        compiler.wrong(format!("eulerseq=\"{}\": expected three of x, y and z", shortened(order)))
+                    );
                 }
                 order.clone_into(&mut settings.order);
             }
@@ -89,7 +92,9 @@ impl Settings {
         let class = class.ok_or_else(|| element.wrong(format!("there is no class `{}`", shortened(name))))?;
         let mut attributes = class.get(&element.tag).cloned().unwrap_or_default();
         // What says the same otherwise replaces what a class says.
-        for rivals in [&["quat", "axisangle", "euler", "xyaxes", "zaxis"][..], &["fromto", "quat", "euler", "axisangle"]] {
+        for rivals in
+            [&["quat", "axisangle", "euler", "xyaxes", "zaxis"][..], &["fromto", "quat", "euler", "axisangle"]]
+        {
             if rivals.iter().any(|rival| element.attributes.contains_key(*rival)) {
                 rivals.iter().for_each(|rival| drop(attributes.remove(*rival)));
             }
