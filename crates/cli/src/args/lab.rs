@@ -383,9 +383,9 @@ pub struct MotionArguments {
     /// Make problems instead: picking and placing on a table, hard ones with a shelf and taller things
     #[arg(long, value_parser = ["easy", "hard"], conflicts_with = "problems")]
     pub generate: Option<String>,
-    /// Problems to make
-    #[arg(long, default_value_t = 100, value_parser = super::parse_count, requires = "generate")]
-    pub count: usize,
+    /// Problems to make, 100 without it; or how many of the file are planned, from its first on, all without it
+    #[arg(long, value_parser = super::parse_count)]
+    pub count: Option<usize>,
     /// Also write the problems that were made to this file
     #[arg(long, value_name = "FILE", requires = "generate")]
     pub out: Option<PathBuf>,

@@ -95,7 +95,7 @@ impl Suite {
     pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, RunError> {
         let mut scenarios: Vec<Scenario> = Vec::new();
         for path in inputs::expand(paths)? {
-            let scenario: Scenario = inputs::read_document(&path, limits::SCENARIO)?;
+            let scenario: Scenario = inputs::read_scenario(&path)?;
             if scenarios.iter().any(|other| other.id == scenario.id) {
                 let twin = format!("two scenarios are called `{}` (the second: {})", scenario.id, path.display());
                 return Err(RunError::input(twin).with_hint("scenario ids name episodes, so they must differ"));
