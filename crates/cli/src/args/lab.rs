@@ -77,7 +77,7 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
                       One thread, processor time, medians over the frames of the episode; the static camera is drawn \
                       first and draws the shadows, which the wrist camera shares.")]
-    Render(RenderArguments),
+    Render(LabRenderArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
@@ -250,7 +250,7 @@ pub struct EnvironmentArguments {
 
 /// Arguments of `lab render`.
 #[derive(Debug, Args)]
-pub struct RenderArguments {
+pub struct LabRenderArguments {
     /// Seed of objects, layout and episode
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
