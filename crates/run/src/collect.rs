@@ -318,7 +318,12 @@ fn export(
     progress: &dyn Progress,
 ) -> Result<Option<PathBuf>, RunError> {
     let Some(images) = &run.settings.images else { return Ok(None) };
-    let settings = LerobotSettings { fps: images.fps, run: Some(run.hash()), ..LerobotSettings::default() };
+    let settings = LerobotSettings {
+        fps: images.fps,
+        is_varied: !images.vary.is_empty(),
+        run: Some(run.hash()),
+        ..LerobotSettings::default()
+    };
     let selection = if run.settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");
     let robot = inputs::robot(&run.settings.world)?;

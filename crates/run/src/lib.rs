@@ -8,6 +8,7 @@
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
 //! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
+//! - [`render`]: pictures of scenarios and recorded episodes, as they were or in another look.
 //! - [`OracleSegmenter`]: masks from truth, for the modular system to be measured against.
 //! - [`inputs`] and [`robots`]: tasks, answers, scenarios and robots from files that anybody may have written.
 //!
@@ -35,6 +36,7 @@ pub mod pictures;
 pub mod plan;
 pub mod policies;
 mod progress;
+pub mod render;
 pub mod replay;
 pub mod report;
 pub mod robots;

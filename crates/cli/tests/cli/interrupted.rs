@@ -14,12 +14,25 @@ use crate::{
 
 /// Waits until something is there; the run must still be going on then.
 fn wait_for(run: &mut Child, path: &Path) {
+    wait_until(run, &format!("{} was there", path.display()), || path.exists().then_some(()));
+}
+
+fn wait_until<T>(run: &mut Child, what: &str, is_so: impl Fn() -> Option<T>) -> T {
     let deadline = Instant::now() + Duration::from_secs(120);
-    while !path.exists() {
-        assert!(run.try_wait().unwrap().is_none(), "ended before {} was there", path.display());
-        assert!(Instant::now() < deadline, "no {} after two minutes", path.display());
+    loop {
+        if let Some(found) = is_so() {
+            return found;
+        }
+        assert!(run.try_wait().unwrap().is_none(), "ended before {what}");
+        assert!(Instant::now() < deadline, "two minutes before {what}");
         sleep(Duration::from_millis(3));
     }
+}
+
+/// What a program calls its unfinished files: the end of the name of one in a folder.
+fn mark_of_unfinished(folder: &Path) -> Option<String> {
+    let names = fs::read_dir(folder).ok()?.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    names.filter_map(|name| Some(name[name.find(".partial-")?..].to_owned())).next()
 }
 
 fn start(folder: &Path, arguments: &[&str]) -> Child {
@@ -40,9 +53,17 @@ fn a_killed_run_continues_and_ends_with_the_same_bytes() {
         child.wait().unwrap();
     };
 
-    kill_once_there(&first.join("episode.json"));
+    let mut child = start(folder.path(), &arguments);
+    let mark = wait_until(&mut child, "pictures were begun", || mark_of_unfinished(&first));
+    child.kill().unwrap();
+    child.wait().unwrap();
     let recorded = times(&first);
     assert!(!first.join("images_10hz").exists(), "the kill came too late to test anything");
+    // It may as well have been killed while it wrote in one of these.
+    for inside in ["scenarios", "evaluation"] {
+        fs::create_dir_all(run.join(inside)).unwrap();
+        fs::write(run.join(inside).join(format!(".x.json{mark}")), "{").unwrap();
+    }
 
     kill_once_there(&second.join("episode.json"));
     let drawn = times(&first);

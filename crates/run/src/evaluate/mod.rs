@@ -196,7 +196,11 @@ fn one(
         &suite.reference_paths_m,
         &StatisticsSettings::default(),
     )
-    .map_err(|error| RunError::broken(format!("cannot summarise {label}"), error))?;
+    .map_err(|error| {
+        let kept = stream.as_ref().map_or_else(String::new, |stream| format!(" from {}", stream.folder().display()));
+        RunError::broken(format!("cannot summarise {label}{kept}"), error)
+            .with_hint("move what was kept of this evaluation away; it then starts again")
+    })?;
     if let (Some(stream), true) = (stream, evaluated.not_run.is_empty()) {
         stream.close()?;
     }

@@ -96,7 +96,7 @@ impl Suite {
         let mut scenarios: Vec<Scenario> = Vec::new();
         let mut known = BTreeSet::new();
         for path in inputs::expand(paths)? {
-            let scenario: Scenario = inputs::read_document(&path, limits::SCENARIO)?;
+            let scenario = inputs::read_scenario(&path)?;
             if !known.insert(scenario.id.clone()) {
                 let twin = format!("two scenarios are called `{}` (the second: {})", scenario.id, path.display());
                 return Err(RunError::input(twin).with_hint("scenario ids name episodes, so they must differ"));

@@ -183,7 +183,7 @@ fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow
 fn stage(episode: &Episode) -> Result<Stage, RunError> {
     let robot = inputs::robot(&episode.scenario.world)?;
     Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &robot)
-        .map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))
+        .map_err(|error| pictures::not_drawn(&episode.result.id, error))
 }
 
 fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunError> {
