@@ -56,8 +56,8 @@ use refusal::Refusal;
 const ALIGNED_AFTER: usize = 10;
 
 /// Layouts of a task that were given up because what holds an object hides it, before the task is refused; chosen: each
-/// looks into up to 31 places of what holds it, 4 ms each.
-const MOST_HIDDEN: usize = 20;
+/// looks into up to 31 places of what holds it, some 5 ms each.
+const MOST_HIDDEN: usize = 10;
 
 /// Layouts of a task in which the arm finds no way to a state, before the task is refused; chosen: each costs a fifth of a
 /// second, so that a refusal takes less than 5 s; 120 designed tasks (seed 680201) are laid out as without it.

@@ -15,10 +15,6 @@ use crate::rejection::{NamedObject, Rejection};
 /// Height to which what is not to be drawn is sent, metres; chosen, far below every picture.
 const AWAY_M: f64 = -50.0;
 
-/// Share of [`LayoutSettings::min_visible_share`] below which something counts as hidden by what holds it before anything
-/// has settled; chosen: settling moves things by less than makes that up.
-const CLEARLY_HIDDEN: f64 = 0.5;
-
 /// The prompt cameras on a scene of these objects.
 pub(crate) struct Eye<'a> {
     world: &'a World,
@@ -57,7 +53,7 @@ impl<'a> Eye<'a> {
         Ok(buffers.iter().map(|picture| pixels_per_object(picture, count)).collect())
     }
 
-    /// Whether the objects around it alone hide an object that has not settled yet from every camera.
+    /// Whether the objects around it alone hide an object from every camera.
     ///
     /// # Errors
     /// When a picture cannot be drawn.
@@ -69,12 +65,11 @@ impl<'a> Eye<'a> {
         settings: &LayoutSettings,
     ) -> Result<bool, RenderError> {
         let together = self.pixels(scene, Some(&[around, &[object]].concat()))?;
+        if together.iter().all(|picture| picture[object] < settings.min_pixels) {
+            return Ok(true);
+        }
         let alone = self.pixels(scene, Some(&[object]))?;
-        let least = CLEARLY_HIDDEN * settings.min_visible_share;
-        let seen = |(together, alone): (&Vec<usize>, &Vec<usize>)| {
-            alone[object] > 0 && together[object] as f64 >= least * alone[object] as f64
-        };
-        Ok(!together.iter().zip(&alone).any(seen))
+        Ok(!is_seen(object, &together, &alone, settings))
     }
 }
 
@@ -103,15 +98,19 @@ pub(crate) fn hidden(
             continue;
         }
         let alone = eye.pixels(scene, Some(&[index]))?;
-        let seen = together.iter().zip(&alone).any(|(together, alone)| {
-            let (visible, whole) = (together[index], alone[index]);
-            visible >= settings.min_pixels && visible as f64 >= settings.min_visible_share * whole as f64
-        });
-        if !seen {
+        if !is_seen(index, &together, &alone, settings) {
             return Ok(Some(Rejection::Unseen(NamedObject::of(object))));
         }
     }
     Ok(None)
+}
+
+/// Whether some camera sees enough of an object, given its pixels in each camera among others and alone.
+fn is_seen(object: usize, together: &[Vec<usize>], alone: &[Vec<usize>], settings: &LayoutSettings) -> bool {
+    together.iter().zip(alone).any(|(together, alone)| {
+        let (visible, whole) = (together[object], alone[object]);
+        visible >= settings.min_pixels && visible as f64 >= settings.min_visible_share * whole as f64
+    })
 }
 
 fn pixels_per_object(picture: &FrameBuffers, objects: usize) -> Vec<usize> {
