@@ -195,6 +195,7 @@ fn killed_writer_leaves_only_whole_episodes() {
     store.sweep_partial().unwrap();
     let cameras = ["static".to_owned(), "wrist".to_owned()];
     let kept = store.ids().unwrap();
+    kept.iter().for_each(|id| drop(store.sweep_attempt(id).unwrap()));
     for id in &kept {
         store.read(id).unwrap();
         if store.has_tracks(id, 15, &cameras) {

@@ -1,6 +1,7 @@
 //! Runs: what is done around the stages, with folders that keep what is finished.
 //!
 //! - [`folder`]: what a run folder holds; a folder never mixes two runs, and an interrupted run continues.
+//! - [`Survey`]: what lies in the store of a run, from its index.
 //! - [`collect`]: demonstrations, their pictures and the dataset.
 //! - [`designs`]: tasks by rules into a folder; [`checks`]: what is wrong with task files.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
@@ -25,6 +26,7 @@ mod error;
 pub mod evaluate;
 pub mod folder;
 pub mod grasps;
+mod index;
 pub mod inputs;
 pub mod layouts;
 mod ledger;
@@ -43,6 +45,7 @@ pub mod worlds;
 
 pub use error::{Cause, RunError};
 pub use folder::{Run, RunFolder, Timings};
+pub use index::{Known, Survey};
 pub use oracle_segmenter::OracleSegmenter;
 pub use policies::PolicyFactory;
 pub use progress::{Progress, Silent};

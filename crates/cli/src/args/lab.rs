@@ -90,7 +90,7 @@ pub enum LabCommand {
     /// Copy a run's episodes to any number, and measure what the report, opening and resuming cost
     #[command(after_help = "Example:\n  genmanip lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
                       The copies are further attempts at the same tasks, under ids of their own; synthetic.json marks \
-                      the folder.\nKeys of what is not there yet are null.")]
+                      the folder.")]
     Scale(ScaleArguments),
 }
 

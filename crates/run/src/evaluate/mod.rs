@@ -23,7 +23,7 @@ use genmanip_rollout::collect::Resources;
 use genmanip_rollout::evaluate::Case;
 use genmanip_rollout::{Cores, RolloutError};
 
-use crate::error::RunError;
+use crate::error::{RunError, Stopped};
 use crate::folder::RunFolder;
 use crate::inputs;
 use crate::policies::{PolicyContext, PolicyFactory};
@@ -205,24 +205,6 @@ fn one(
         stream.close()?;
     }
     Ok(Some(EvaluationReport { label, cameras: suite.cameras.clone(), ..report }.leaving(evaluated.not_run)))
-}
-
-/// Why an evaluation stopped before its end.
-enum Stopped {
-    Run(RunError),
-    Episode(RolloutError),
-}
-
-impl From<RolloutError> for Stopped {
-    fn from(error: RolloutError) -> Self {
-        Self::Episode(error)
-    }
-}
-
-impl From<RunError> for Stopped {
-    fn from(error: RunError) -> Self {
-        Self::Run(error)
-    }
 }
 
 /// A table of success rates with their intervals.

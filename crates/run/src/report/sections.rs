@@ -142,10 +142,12 @@ impl From<RunError> for Unshown {
 }
 
 fn attempt(row: &EpisodeRow) -> AttemptRow {
-    let failure = || Failure { cause: row.cause.unwrap_or(FailureCause::GoalMissed), evidence: row.evidence.clone() };
+    let outcome = &row.outcome;
+    let failure =
+        || Failure { cause: outcome.cause.unwrap_or(FailureCause::GoalMissed), evidence: outcome.evidence.clone() };
     AttemptRow {
         id: row.id.clone(),
-        outcome: if row.success { AttemptOutcome::Verified } else { AttemptOutcome::Failed(failure()) },
+        outcome: if outcome.success { AttemptOutcome::Verified } else { AttemptOutcome::Failed(failure()) },
         seconds: row.wall_s.unwrap_or(0.0),
     }
 }
