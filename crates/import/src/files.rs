@@ -61,7 +61,7 @@ impl<'a> Files<'a> {
     /// # Errors
     /// As [`Files::bytes`].
     pub fn text(&mut self, path: &str, limit: Limit) -> Result<String, ImportError> {
-        Ok(String::from_utf8_lossy(&*self.bytes(path, limit)?).trim_start_matches('\u{feff}').to_owned())
+        Ok(String::from_utf8_lossy(&self.bytes(path, limit)?).trim_start_matches('\u{feff}').to_owned())
     }
 
     /// A picture, decoded once, and a note when it was scaled down.

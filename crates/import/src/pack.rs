@@ -251,7 +251,11 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
 }
 
 fn from_record(joint: JointRecord, index: usize) -> Result<Joint, String> {
-    if joint.parent >= index || !(joint.range[0] <= joint.range[1]) || !joint.axis.is_normalized() {
+    if joint.parent >= index
+        || joint.range.iter().any(|end| !end.is_finite())
+        || joint.range[0] > joint.range[1]
+        || !joint.axis.is_normalized()
+    {
         return Err(format!("joint {}: expected a parent before it, a rising range and a unit axis", joint.name));
     }
     Ok(Joint {

@@ -49,7 +49,7 @@ pub fn shell(mesh: &RawMesh) -> Option<Shell> {
     let (middle, floor, rim) = heights.hollow()?;
     let wall = Wall::measured(mesh, middle, floor, rim)?;
     let edges = wall.edges();
-    let ring = |which: fn(&Station) -> f64, level: usize, edge: usize, z: f64| {
+    let ring = |which: Distance, level: usize, edge: usize, z: f64| {
         let (sin, cos) = (TAU * edge as f64 / DIRECTIONS as f64).sin_cos();
         let radius = which(&wall.stations[level][edge]);
         DVec3::new(middle.x + radius * cos, middle.y + radius * sin, z)
@@ -59,7 +59,7 @@ pub fn shell(mesh: &RawMesh) -> Option<Shell> {
         level if level + 1 == HEIGHTS.len() => rim,
         level => floor + HEIGHTS[level] * (rim - floor),
     };
-    let (inner, outer): (fn(&Station) -> f64, fn(&Station) -> f64) = (|s| s.inner, |s| s.outer);
+    let (inner, outer): (Distance, Distance) = (|s| s.inner, |s| s.outer);
     let mut pieces = Vec::new();
     for (index, &from) in edges.iter().enumerate() {
         let to = edges[(index + 1) % edges.len()];
@@ -198,6 +198,9 @@ struct Station {
     inner: f64,
     outer: f64,
 }
+
+/// One of the distances of a station.
+type Distance = fn(&Station) -> f64;
 
 struct Wall {
     /// By height, then direction.

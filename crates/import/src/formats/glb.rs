@@ -86,7 +86,7 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         links: vec![link],
         unit: Unit::Metre,
         up: Up::Y,
-        licence: copyright.as_deref().map(|text| shortened(text)),
+        licence: copyright.as_deref().map(shortened),
         creator: None,
         notes: reader.notes,
     })

@@ -98,7 +98,7 @@ struct Part {
     known: HashMap<(usize, usize), u32>,
 }
 
-impl<'a> Reader<'a> {
+impl Reader<'_> {
     fn wrong(&self, message: impl std::fmt::Display) -> ImportError {
         ImportError::new(self.path, format!("line {}: {message}", self.line))
     }
