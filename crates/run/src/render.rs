@@ -193,8 +193,11 @@ fn chosen(episode: &Episode, fps: u32) -> Result<Vec<&Frame>, RunError> {
     Ok(episode.frames.iter().step_by(stride.round() as usize).collect())
 }
 
-/// Joint positions of the arm, opening, poses and joints of the objects: at a frame, or before anything moves.
-fn moment(stage: &Stage, frame: Option<&Frame>) -> (Vec<f64>, f64, Vec<(Pose, Vec<f64>)>) {
+/// Pose and joint positions of an object.
+type Posed = (Pose, Vec<f64>);
+
+/// Joint positions of the arm, opening, and the objects: at a frame, or before anything moves.
+fn moment(stage: &Stage, frame: Option<&Frame>) -> (Vec<f64>, f64, Vec<Posed>) {
     match frame {
         Some(frame) => {
             let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.clone()));
