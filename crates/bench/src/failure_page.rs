@@ -230,7 +230,7 @@ const PICTURE_WIDTH: usize = 440;
 
 fn case(case: &FailureCase) -> String {
     let mut html = format!(
-        "<section>\n<h2>{}</h2>\n<p><b>{}</b> <code>{}</code></p>\n<p>{}</p>\n<ol>\n",
+        "<section>\n<h2>{}</h2>\n<p><b>{}</b> <code>{}</code></p>\n<p>{}</p>\n<ul style=\"list-style:none;padding:0\">\n",
         escape(&case.cause.replace('_', " ")),
         escape(&case.instruction),
         escape(&case.id),
@@ -253,7 +253,7 @@ fn case(case: &FailureCase) -> String {
         }
         html += "</li>\n";
     }
-    html + "</ol>\n</section>\n"
+    html + "</ul>\n</section>\n"
 }
 
 #[cfg(test)]

@@ -67,7 +67,12 @@ fn case(result: &EpisodeResult, blamed: &Blamed, transcribed: &Transcribed) -> F
         transcribed.pictures().into_iter().filter_map(|(name, picture)| Some((name, picture.png().ok()?))).collect();
     let moment = |moment: &Moment| match moment {
         Moment::Asked(exchange) => CaseMoment {
-            title: format!("{} {}: {}", exchange.ask, exchange.stage.name().replace('_', " "), exchange.instruction),
+            title: format!(
+                "ask {}, {}: {}",
+                exchange.ask,
+                exchange.stage.name().replace('_', " "),
+                exchange.instruction
+            ),
             text: match &exchange.refused {
                 Some(refused) => format!("{} ({refused})", exchange.answer),
                 None => exchange.answer.clone(),
@@ -79,12 +84,11 @@ fn case(result: &EpisodeResult, blamed: &Blamed, transcribed: &Transcribed) -> F
             CaseMoment { title: format!("{time_s:.1} s"), text: what.clone(), ..CaseMoment::default() }
         }
     };
-    let said = transcript.failure.as_ref().map_or_else(String::new, |failure| format!("; {failure}"));
     FailureCase {
         cause: blamed.class.name().into(),
         id: result.id.clone(),
         instruction: transcript.instruction.clone(),
-        evidence: format!("{}{said}", blamed.evidence),
+        evidence: blamed.evidence.clone(),
         moments: transcript.moments.iter().map(moment).collect(),
     }
 }

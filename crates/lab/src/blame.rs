@@ -12,7 +12,7 @@ use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_bench::text_table;
 use genmanip_core::{Seed, Task, TaskKind, World};
 use genmanip_rollout::collect::{CollectSettings, Resources};
-use genmanip_rollout::{Environment, RolloutError, Stage as Scene, resume_episode, run_watched};
+use genmanip_rollout::{Environment, RolloutError, Stage as Scene, resume_episode, run_episode, run_watched};
 use genmanip_run::agents::{AgentChoice, Dials, FailureClass, ModelChoice, classify};
 use genmanip_run::{Progress, inputs};
 use serde::Serialize;
@@ -88,6 +88,9 @@ pub struct Replaced {
     pub same_answer: usize,
     /// Of those in which an answer was replaced, how many then succeed.
     pub flips: Share,
+    /// Where cells are plain centres: how many succeed when everything is done again with cells that resolve to the
+    /// surface seen in them.
+    pub snapped: Share,
 }
 
 /// A share with its interval.
@@ -118,6 +121,8 @@ struct Played {
     is_flawed: bool,
     /// Label, evidence, and the outcome of the replacement; `None` for a success.
     failure: Option<(FailureClass, String, Outcome)>,
+    /// Whether a failed episode succeeds when cells snap, where they do not.
+    snapped: Option<bool>,
 }
 
 enum Outcome {
@@ -197,7 +202,11 @@ pub fn measure(
         if let Some(played) = play(&arguments.choice, &task, resources, (&settings, seed.fork("natural")), progress)? {
             measured.natural_failed.add(played.failure.is_some());
             if let Some((label, _, outcome)) = &played.failure {
-                measured.natural.entry(label.name()).or_default().add(outcome);
+                let replaced = measured.natural.entry(label.name()).or_default();
+                replaced.add(outcome);
+                if let Some(success) = played.snapped {
+                    replaced.snapped.add(success);
+                }
             }
         }
         progress.advance();
@@ -271,7 +280,7 @@ fn play(
     };
     let is_flawed = !truth.planted().is_empty();
     if episode.result.success {
-        return Ok(Some(Played { is_flawed, failure: None }));
+        return Ok(Some(Played { is_flawed, failure: None, snapped: None }));
     }
     let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let blamed = classify(&heard, made.transcribed.transcript().failure.as_ref(), &episode.frames);
@@ -296,7 +305,15 @@ fn play(
             }
         }
     };
-    Ok(Some(Played { is_flawed, failure: Some((blamed.class, blamed.evidence, outcome)) }))
+    let mut snapped = None;
+    if !is_flawed && !choice.settings.cells.snap {
+        let mut other = AgentChoice { keeps_turns: false, ..choice.clone() };
+        other.settings.cells.snap = true;
+        let mut made = other.make(&stage, resources.planner, resources.grasps, None)?;
+        let again = run_episode(&stage, made.policy.as_mut(), &id, attempt.seed, &settings.rollout).map_err(broke)?;
+        snapped = Some(again.result.success);
+    }
+    Ok(Some(Played { is_flawed, failure: Some((blamed.class, blamed.evidence, outcome)), snapped }))
 }
 
 /// The same in words.
@@ -329,16 +346,24 @@ pub fn in_words(measured: &Measured) -> String {
         text_table(&rows),
         share(&measured.labels_right)
     );
-    let head = ["natural failure", "failed", "no answer to blame", "oracle's already", "succeed when replaced"];
+    let head = [
+        "natural failure",
+        "failed",
+        "no answer to blame",
+        "oracle's already",
+        "succeed when replaced",
+        "succeed when cells snap",
+    ];
     let mut rows = vec![head.map(String::from).to_vec()];
     for (label, replaced) in &measured.natural {
-        let Replaced { failed, no_answer, same_answer, flips } = replaced;
+        let Replaced { failed, no_answer, same_answer, flips, snapped } = replaced;
         rows.push(vec![
             (*label).to_owned(),
             failed.to_string(),
             no_answer.to_string(),
             same_answer.to_string(),
             share(flips),
+            share(snapped),
         ]);
     }
     if measured.natural_failed.of > 0 {

@@ -14,9 +14,9 @@ pub enum AgentCommand {
                       genmanip agent act --rgb rgb.png --depth depth.png --camera camera.json \\\n    \
                       --joints 0,-0.785,0,-2.356,0,1.571,0.785 --instruction \"Put the cup on the plate.\" \\\n    \
                       --vlm model.toml --out out/act\n\n\
-                      Depth is 16-bit grey, millimetres; the camera is {\"intrinsics\": {\"width\", \"height\", \"fx\", \
-                      \"fy\", \"cx\", \"cy\"}, \"world_from_camera\": {\"position_m\", \"orientation_wxyz\"}} in the frame of \
-                      the robot's base. The folder gets a picture of each stage, transcript.json and motions.json.")]
+                      Depth is 16-bit grey, millimetres; the camera is {\"intrinsics\": {…}, \"world_from_camera\": {…}}\n\
+                      in the frame of the robot's base. The folder gets a picture of each stage,\n\
+                      transcript.json and motions.json.")]
     Act(ActArguments),
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_agent::ask::FailedStage;
+use genmanip_agent::ask::{FailedStage, Stage};
 use genmanip_core::{Frame, Relation};
 use serde::Serialize;
 
@@ -112,6 +112,12 @@ pub struct Blamed {
 }
 
 impl Heard {
+    /// Objects that were sent somewhere since the task was split last.
+    fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
+        let split = self.testimonies.iter().rev().find(|testimony| testimony.stage == Stage::Decompose.name());
+        self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)
+    }
+
     /// What the last answers of each stage were worth, sub-task by sub-task: an answer that was given anew, or in a later
     /// round, takes back the one before, since the loop then had its chance.
     fn last(&self) -> Vec<&Testimony> {
@@ -141,6 +147,13 @@ pub fn classify(heard: &Heard, failure: Option<&FailedStage>, frames: &[Frame]) 
     }
     let ended_in = |stage: &str| said.is_some_and(|(said, _)| said == stage);
     let wrong = heard.last().into_iter().filter_map(|testimony| Some((testimony.wrong?, testimony)));
+    // Where a thing should have gone does not matter when it was lost before.
+    let was_carried = |ask: usize| heard.sent.get(&ask).is_none_or(|&object| lost(object, frames).is_none());
+    let is_plan = |class: FailureClass| {
+        matches!(class, FailureClass::PlanGrounding | FailureClass::PlanLocation | FailureClass::PlanMotion)
+    };
+    let has_tried = !frames.is_empty() && said.is_none_or(|(stage, _)| stage == "check");
+    let wrong = wrong.filter(|(class, testimony)| !has_tried || !is_plan(*class) || was_carried(testimony.ask));
     // An answer that did not fit counts only where the episode ended with it.
     let wrong = wrong.filter(|(class, testimony)| *class != FailureClass::Format || ended_in(testimony.stage));
     if let Some((class, testimony)) = wrong.min_by_key(|(_, testimony)| testimony.ask) {
@@ -156,7 +169,7 @@ pub fn classify(heard: &Heard, failure: Option<&FailedStage>, frames: &[Frame]) 
         Some(("object", _)) => (FailureClass::GraspGrounding, words),
         Some((GRASPS, "none" | "unsuited")) => (FailureClass::GraspProposal, words),
         Some((GRASPS | "execute", _)) => (FailureClass::GraspExecution, words),
-        _ => match heard.sent.values().find_map(|&object| lost(object, frames)) {
+        _ => match heard.sent_last().find_map(|object| lost(object, frames)) {
             Some(how) => (FailureClass::GraspExecution, how),
             None => (FailureClass::PlanMotion, words),
         },
@@ -188,8 +201,6 @@ fn lost(object: usize, frames: &[Frame]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use genmanip_agent::ask::Stage;
-
     use super::*;
 
     fn said(ask: usize, round: usize, stage: Stage, subtask: &str, wrong: Option<FailureClass>) -> Testimony {
@@ -272,5 +283,13 @@ mod tests {
         for (frames, class) in cases {
             assert_eq!(classify(&sent, None, &frames).class, class, "{}", frames.len());
         }
+        // What was sent before the task was split anew is no more to the point.
+        let anew = Heard { testimonies: vec![said(9, 1, Stage::Decompose, "", None)], ..sent.clone() };
+        assert_eq!(classify(&anew, None, &run(3, 0.08)).class, FailureClass::PlanMotion);
+        // A wrong place is to blame only for what came there.
+        let wrong = said(3, 0, Stage::PointToPoint, "a", Some(FailureClass::PlanLocation));
+        let misplaced = Heard { testimonies: vec![wrong], ..sent };
+        assert_eq!(classify(&misplaced, None, &run(100, 0.08)).class, FailureClass::PlanLocation);
+        assert_eq!(classify(&misplaced, None, &run(3, 0.08)).class, FailureClass::GraspExecution);
     }
 }

@@ -79,8 +79,8 @@ pub fn an_image_becomes_motions(scenario: &Arc<Scenario>, folder: &std::path::Pa
     let oracle = AgentChoice::named("oracle", "rgbd", "p2p", "full").unwrap();
     let cases = [
         (refused(ActFiles { joints: vec![0.0; 3], ..files.clone() }, &choice), "3 joint positions, and the arm has 7"),
-        (refused(ActFiles { depth: files.rgb.clone(), ..files.clone() }, &choice), "grey with 16 bits"),
-        (refused(ActFiles { camera: files.rgb.clone(), ..files.clone() }, &choice), "rgb.png"),
+        (refused(ActFiles { depth: files.rgb.clone(), ..files.clone() }, &choice), "rgb.png"),
+        (refused(ActFiles { camera: files.depth.clone(), ..files.clone() }, &choice), "depth.png"),
         (refused(files, &oracle), "the oracle's answers are the simulator's"),
     ];
     for (error, expected) in cases {
