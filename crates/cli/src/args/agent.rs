@@ -10,6 +10,10 @@ use super::{parse_count, parse_seed, parse_sum};
 #[derive(Debug, Subcommand)]
 pub enum AgentCommand {
     /// Plan one pick and one placement from an image; nothing moves
+    #[command(
+        override_usage = "genmanip agent act --rgb FILE --depth FILE --camera FILE --joints Q1,Q2,… \\\n         \
+                                --instruction TEXT --vlm FILE --out DIR [OPTIONS]"
+    )]
     #[command(after_help = "Example:\n  \
                       genmanip agent act --rgb rgb.png --depth depth.png --camera camera.json \\\n    \
                       --joints 0,-0.785,0,-2.356,0,1.571,0.785 --instruction \"Put the cup on the plate.\" \\\n    \
