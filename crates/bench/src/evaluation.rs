@@ -1,6 +1,6 @@
 //! The results of one policy on one suite, as a file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use genmanip_core::{
     Document, DocumentError, EpisodeResult, LongDocument, NotRun, Scenario, TaskKind, Upgrade, long_from_json,
@@ -138,7 +138,8 @@ impl EvaluationReport {
         statistics: &StatisticsSettings,
     ) -> Result<Self, EvaluationError> {
         let kinds = scenarios.iter().map(|scenario| (scenario.task.id.clone(), scenario.task.kind)).collect();
-        if let Some(foreign) = results.iter().find(|result| scenarios.iter().all(|s| s.id != result.scenario_id)) {
+        let ours: BTreeSet<&str> = scenarios.iter().map(|scenario| scenario.id.as_str()).collect();
+        if let Some(foreign) = results.iter().find(|result| !ours.contains(result.scenario_id.as_str())) {
             return Err(EvaluationError::ForeignScenario {
                 result: foreign.id.clone(),
                 scenario: foreign.scenario_id.clone(),
@@ -158,8 +159,7 @@ impl EvaluationReport {
             let (scenario, seed) = (pair[0].scenario_id.clone(), pair[0].seed);
             return Err(StatisticsError::RepeatedEpisode { policy, scenario, seed }.into());
         }
-        let is_ours = |id: &str| scenarios.iter().any(|scenario| scenario.id == id);
-        let references = reference_paths_m.iter().filter(|(id, _)| is_ours(id));
+        let references = reference_paths_m.iter().filter(|(id, _)| ours.contains(id.as_str()));
         let reference_paths_m = references.map(|(id, &path_m)| (id.clone(), path_m)).collect();
         let summary = summarise(&results, &kinds, &reference_paths_m, statistics)?;
         let summary = summary.into_iter().next().ok_or(EvaluationError::NoResults)?;

@@ -25,7 +25,7 @@ pub use drawing::{
 pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
 pub use failure_page::{CaseMoment, FailureCase, FailurePage, KindFailures, failure_page};
 pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
-pub use rows::{EpisodeRow, TaskRow};
+pub use rows::{EpisodeRow, Outcome, TaskRow};
 pub use statistics::{
     PairedComparison, StatisticsError, StatisticsSettings, SuiteSummary, compare, failure_counts, spl, summarise,
 };

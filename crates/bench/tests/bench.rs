@@ -1,5 +1,7 @@
 //! The page and the results file, from realistic input.
 
+#[path = "support/browser.rs"]
+mod browser;
 mod support;
 
 use std::collections::BTreeMap;
@@ -103,7 +105,7 @@ fn hostile_text_stays_text() {
     input.summaries[0].policy = hostile.into();
     input.comparisons[0].first = hostile.into();
     input.episodes[0].id = hostile.into();
-    input.episodes[0].evidence = hostile.into();
+    input.episodes[0].outcome.evidence = hostile.into();
     input.tasks[0].id = hostile.into();
     let section = &mut input.cases[0];
     section.attempts[0].id = hostile.into();
@@ -138,6 +140,26 @@ fn a_large_report_is_thinned_until_it_fits_and_says_so() {
     let Err(ReportError::TooLarge { limit: 1000, got }) = render(1000) else { panic!("1000 bytes are too few") };
     let bare = check_report(&render(got).unwrap(), got);
     assert!(bare.contains("Film strips are left out"), "{bare}");
+}
+
+/// Opt-in, since it needs a browser: `GENMANIP_BROWSER=/usr/bin/chromium cargo test --release --workspace ten_thousand
+/// -- --ignored --nocapture`.
+#[test]
+#[ignore = "needs a browser, named by GENMANIP_BROWSER"]
+fn ten_thousand_rows_show_and_filter_quickly() {
+    let mut input = support::report_input(support::tasks());
+    let made = input.episodes.clone();
+    let many = made.iter().cycle().take(10_000).enumerate();
+    input.episodes =
+        many.map(|(number, row)| EpisodeRow { id: format!("{}-{number:05}", row.id), ..row.clone() }).collect();
+    let page = report_html(&input, &ReportSettings::default()).unwrap();
+    let measured = browser::measure(&std::env::var("GENMANIP_BROWSER").unwrap(), &page);
+    println!("{measured}");
+    assert_eq!(measured["errors"], serde_json::json!([]));
+    assert!(measured["rows"].as_u64().is_some_and(|rows| rows >= 100), "{measured}");
+    for (name, most_ms) in [("shown", 2000.0), ("first filter", 200.0), ("second filter", 200.0), ("clearing", 200.0)] {
+        assert!(measured["took"][name].as_f64().is_some_and(|took| took <= most_ms), "{name}: {measured}");
+    }
 }
 
 #[test]

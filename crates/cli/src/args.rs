@@ -6,16 +6,19 @@ use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 use genmanip_core::Seed;
 use genmanip_run::policies;
+use genmanip_run::render::Vary;
 
 pub use agent::*;
 pub use assets::*;
 pub use lab::*;
+pub use render::*;
 pub use serve::*;
 pub use world::*;
 
 mod agent;
 mod assets;
 mod lab;
+mod render;
 mod serve;
 mod world;
 
@@ -83,6 +86,12 @@ pub enum Command {
     /// Replay a recorded episode, or check that its commands lead to the identical final state
     #[command(after_help = "Example:\n  genmanip replay --check out/run/episodes")]
     Replay(ReplayArguments),
+    /// Draw scenarios and recorded episodes again, without physics: as they were, or in another look
+    #[command(after_help = "Examples:\n  genmanip render out/run --out out/films --variation 7\n  \
+                      genmanip render SCENARIO --out out/pictures --cameras static --size 1280x720 --channels rgb,depth,ids\n\n\
+                      Parts of a look: light, background, material (of the table), objects (tint and gloss), camera.\n\
+                      render.json beside the pictures says what was drawn; docs/guides/render.md has the rest.")]
+    Render(RenderArguments),
     /// Write the HTML report of a run
     #[command(
         after_help = "Examples:\n  genmanip report out/run\n  genmanip report out/run --only 017_pick_and_place-000"
@@ -394,6 +403,12 @@ pub struct CollectArguments {
     /// Record episodes only: no images, no dataset
     #[arg(long)]
     pub no_dataset: bool,
+    /// Draw each episode in a look of its own; its seed is a column of the dataset
+    #[arg(long, value_parser = ["per-episode"], conflicts_with = "no_dataset")]
+    pub variation: Option<String>,
+    /// What differs between the looks [default: all]
+    #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = render::parse_vary, requires = "variation")]
+    pub vary: Vec<Vary>,
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,

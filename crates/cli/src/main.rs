@@ -56,6 +56,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Ablate(arguments) => commands::ablate::run(arguments, printer),
         Command::Evaluate(arguments) => commands::evaluate::run(arguments, printer),
         Command::Replay(arguments) => commands::replay::run(arguments, printer),
+        Command::Render(arguments) => commands::render::run(arguments, printer),
         Command::Report(arguments) => commands::report::run(arguments, printer),
         Command::Export(arguments) => commands::export::run(arguments, printer),
         Command::Grasps { command: GraspsCommand::Bake(arguments) } => commands::grasps::bake(arguments, printer),

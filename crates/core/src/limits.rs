@@ -53,6 +53,8 @@ pub const RUN: Limit = Limit::mib("the record of a run", 192);
 pub const ENTRIES: usize = 100_000;
 /// The list of what a call has finished, 100 to 500 bytes each.
 pub const LEDGER: Limit = Limit::mib("the list of what is finished", 192);
+/// The index of a run's episodes, 500 bytes to 1 KiB each.
+pub const INDEX: Limit = Limit::mib("the index of a run", 192);
 /// `timings.json`: two numbers per attempt.
 pub const TIMINGS: Limit = Limit::mib("the timings of a run", 16);
 /// A results file of an evaluation, 3 to 5 KiB per episode.

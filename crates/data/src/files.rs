@@ -6,6 +6,7 @@
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
 use std::path::Path;
+use std::time::SystemTime;
 
 use genmanip_core::limits::Limit;
 
@@ -81,14 +82,32 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
             let mut device = OpenOptions::new().write(true).open(path).map_err(DataError::io("write", path))?;
             device.write_all(bytes).and_then(|()| device.flush()).map_err(DataError::io("write", path))
         }
-        _ => {
-            let aside = written_aside(path, bytes)?;
-            fs::rename(&aside, path).map_err(|error| {
-                let _ = fs::remove_file(&aside);
-                DataError::io("write", path)(error)
-            })
-        }
+        _ => write_as_of(path, bytes, None),
     }
+}
+
+/// Writes a file as [`write()`] does; it says that it was written at `time`, if there is one.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_as_of(path: &Path, bytes: &[u8], time: Option<SystemTime>) -> Result<(), DataError> {
+    let aside = written_aside(path, bytes)?;
+    let dated = time.map_or(Ok(()), |time| File::options().write(true).open(&aside)?.set_modified(time));
+    dated.and_then(|()| fs::rename(&aside, path)).map_err(|error| {
+        let _ = fs::remove_file(&aside);
+        DataError::io("write", path)(error)
+    })
+}
+
+/// The time by the clock that dates the files of a folder, which may be another machine's.
+///
+/// # Errors
+/// When nothing can be written there.
+pub fn now_in(folder: &Path) -> Result<SystemTime, DataError> {
+    let probe = beside(&folder.join("clock"));
+    let dated = write_new(&probe, b"").and_then(|()| fs::metadata(&probe)?.modified());
+    let _ = fs::remove_file(&probe);
+    dated.map_err(DataError::io("write", &probe))
 }
 
 /// Writes a file as [`write()`] does, but only if there is none; `false` when there is one.

@@ -4,12 +4,17 @@
 //! lengths, colour statistics), `<camera>.h264`, and `<camera>.depth` (PNG files one after the other, empty without
 //! depth).
 
-use genmanip_core::{Camera, CameraMount, Document, DocumentError, Pose, RgbdImage};
+use genmanip_core::{Camera, CameraMount, Document, DocumentError, Pose, RgbdImage, Seed};
 use serde::{Deserialize, Serialize};
 
 use crate::depth::encode_depth_png;
 use crate::video::{self, EncodedVideo, VideoEncoder, VideoSettings};
 use crate::{Attachment, DataError, EpisodeStore};
+
+/// The seed of the look in which the pictures of an episode are drawn, where each episode has one of its own.
+pub fn variation_seed(episode: Seed) -> Seed {
+    episode.fork("variation")
+}
 
 /// One camera's pictures of one episode.
 #[derive(Clone, Debug, PartialEq)]

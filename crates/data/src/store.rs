@@ -14,6 +14,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use genmanip_core::limits::{self, Limit};
 use genmanip_core::names::is_file_name;
@@ -24,6 +25,7 @@ use serde_json::Value;
 use crate::aside::{self, Aside};
 use crate::files::{self, is_own_file, is_own_folder, read_own};
 use crate::manifest::{FileHash, Manifest, check_bytes};
+use crate::parts::{Inspected, Parts};
 use crate::{DataError, frames};
 
 const EPISODE: &str = "episode.json";
@@ -162,7 +164,7 @@ impl EpisodeStore {
     ///
     /// # Errors
     /// What is damaged.
-    pub fn look_at(&self, id: &str) -> Result<(), DataError> {
+    pub fn look_at(&self, id: &str) -> Result<Inspected, DataError> {
         let folder = self.root.join(id);
         let record = match self.record(id) {
             Err(DataError::UnknownEpisode { .. }) if self.is_taken(id) => {
@@ -170,16 +172,41 @@ impl EpisodeStore {
             }
             record => record?,
         };
-        record.files.iter().try_for_each(|file| check_size(&folder, file))?;
-        for name in files::names(&folder)?.into_iter().filter(|name| !name.starts_with('.')) {
+        let mut parts = Parts::default();
+        let own = fs::symlink_metadata(folder.join(EPISODE)).map_err(DataError::io("read", &folder))?;
+        parts.files.insert(EPISODE.into(), own.len());
+        for file in &record.files {
+            check_size(&folder, file)?;
+            parts.files.insert(file.name.clone(), file.bytes as u64);
+        }
+        let (hidden, names): (Vec<String>, Vec<String>) =
+            files::names(&folder)?.into_iter().partition(|name| name.starts_with('.'));
+        for name in names {
             let group = folder.join(&name);
             if !is_own_folder(&group) {
                 continue;
             }
             let manifest = read_manifest(&group)?;
-            manifest.files.iter().try_for_each(|file| check_size(&group, file))?;
+            let own = fs::symlink_metadata(group.join(FILES)).map_err(DataError::io("read", &group))?;
+            parts.files.insert(format!("{name}/{FILES}"), own.len());
+            for file in &manifest.files {
+                check_size(&group, file)?;
+                parts.files.insert(format!("{name}/{}", file.name), file.bytes as u64);
+            }
+            parts.groups.push(name);
         }
-        Ok(())
+        Ok(Inspected {
+            recorded: record.recorded,
+            has_scenario: record.files.iter().any(|file| file.name == SCENARIO),
+            result: record.result,
+            parts: hidden.is_empty().then_some(parts),
+        })
+    }
+
+    /// Whether an attempt is still what [`EpisodeStore::look_at`] found, and nothing of it was written at or after
+    /// `since`; none of its files is read.
+    pub fn is_unchanged(&self, id: &str, parts: &Parts, since: SystemTime) -> bool {
+        check_name(id).is_ok() && parts.are_unchanged(&self.root.join(id), since)
     }
 
     /// As [`EpisodeStore::look_at`], with every file read and compared with its hash.
@@ -371,16 +398,23 @@ impl EpisodeStore {
         checked(&group, &manifest.files, file, limits::ATTACHMENT)
     }
 
-    /// Removes what killed runs of this host left behind, so far as they certainly ended. Returns what was removed.
+    /// Removes what killed runs of this host left behind in the store, so far as they certainly ended. Returns what was
+    /// removed.
     ///
     /// # Errors
     /// When the folder cannot be listed or a leftover cannot be removed.
     pub fn sweep_partial(&self) -> Result<Vec<String>, DataError> {
-        let mut removed = files::sweep(&self.root)?;
-        for id in self.ids()? {
-            removed.extend(files::sweep(&self.root.join(&id))?.into_iter().map(|name| format!("{id}/{name}")));
-        }
-        Ok(removed)
+        files::sweep(&self.root)
+    }
+
+    /// The same inside the folder of an attempt.
+    ///
+    /// # Errors
+    /// As [`EpisodeStore::sweep_partial`].
+    pub fn sweep_attempt(&self, id: &str) -> Result<Vec<String>, DataError> {
+        check_name(id)?;
+        let removed = files::sweep(&self.root.join(id))?;
+        Ok(removed.into_iter().map(|name| format!("{id}/{name}")).collect())
     }
 
     /// Copies the files of an attempt, without its groups, into another store.

@@ -259,6 +259,7 @@ def check_expected(expected, dataset, videos, depths):
             require(np.allclose(found, np.float32(frame[name]), rtol=0, atol=1e-7), f"frame {index}: {key} {found}")
         require(dataset.tasks[rows["task_index"][row].as_py()] == frame["task"], f"frame {index}: task")
         require(facts["seed"] == frame["seed"] and facts["success"], f"episode {episode}: seed or success")
+        require(facts["variation_seed"] == frame["variation_seed"], f"episode {episode}: seed of its look")
         require(json.loads(facts["scenario_json"]) == frame["scenario"], f"episode {episode}: scenario")
         for camera, files in frame["images"].items():
             written = np.fromfile(files["rgb"], np.uint8).reshape(*shape, 3)

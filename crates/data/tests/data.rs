@@ -195,6 +195,7 @@ fn killed_writer_leaves_only_whole_episodes() {
     store.sweep_partial().unwrap();
     let cameras = ["static".to_owned(), "wrist".to_owned()];
     let kept = store.ids().unwrap();
+    kept.iter().for_each(|id| drop(store.sweep_attempt(id).unwrap()));
     for id in &kept {
         store.read(id).unwrap();
         if store.has_tracks(id, 15, &cameras) {
@@ -324,7 +325,8 @@ fn independent_reader_finds_what_was_written() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
-    let settings = LerobotSettings { episodes_per_file: 2, episodes_per_depth_file: 2, ..Default::default() };
+    let settings =
+        LerobotSettings { episodes_per_file: 2, episodes_per_depth_file: 2, is_varied: true, ..Default::default() };
     export(&store, &folder.path().join("set"), &settings).unwrap();
     fs::write(folder.path().join("expected.json"), expectations(&store, folder.path()).to_string()).unwrap();
     let output = Command::new(python)
@@ -367,6 +369,7 @@ fn expectations(store: &EpisodeStore, folder: &Path) -> Value {
             frames.push(json!({
                 "index": first + row, "episode": number, "row": row, "state": state, "action": last.command,
                 "task": source.scenario.task.instruction, "seed": source.result.seed.value(),
+                "variation_seed": source.result.seed.fork("variation").value(),
                 "scenario": source.scenario.to_value(), "images": images,
             }));
         }

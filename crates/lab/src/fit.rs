@@ -58,8 +58,13 @@ pub fn measure(trials: &[PathBuf], test: &[PathBuf], constant: bool) -> Result<R
     let samples = read(trials, &names)?;
     let test = read(test, &names)?;
     if samples.iter().all(|(_, held)| *held) || samples.iter().all(|(_, held)| !held) {
-        return Err(LabError::input(format!("{} trials, and all ended alike", samples.len()))
-            .with_hint("expected held and lost grasps; try `genmanip lab grasp --pick any` with more trials"));
+        let files: Vec<String> = trials.iter().map(|path| path.display().to_string()).collect();
+        return Err(LabError::input(format!(
+            "{}: found {} trials that all ended alike",
+            files.join(", "),
+            samples.len()
+        ))
+        .with_hint("expected held and lost grasps; try `genmanip lab grasp --pick any` with more trials"));
     }
     let old = vector(&Weights::default(), &names);
     let fitted = if constant { shifted(&old, &samples) } else { fit(&samples) };

@@ -38,8 +38,8 @@ pub struct Measured {
     pub open_s: f64,
     /// Wall-clock time of `collect` when nothing is left to do, s.
     pub resume_s: f64,
-    /// Wall-clock time to make an index of the episodes again; there is none yet, s.
-    pub index_rebuild_s: Option<f64>,
+    /// Wall-clock time to look at every episode and make the index of them again, s.
+    pub index_rebuild_s: f64,
 }
 
 /// File that marks a folder of copies.
@@ -54,11 +54,45 @@ const MARK: &str = "synthetic.json";
 /// When the run has no finished episode, `out` is not empty, or a copy cannot be written, read or drawn.
 pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
     copy(run, episodes, out, progress)?;
+    let (folder, known) = RunFolder::open(out)?;
+    let store = folder.store()?;
+    // What is known early is told early: the rest takes long.
+    let timed = |what: &str, since: Instant| {
+        let seconds = since.elapsed().as_secs_f64();
+        progress.note(&format!("{what}: {seconds:.2} s"));
+        seconds
+    };
+
+    let started = Instant::now();
+    let looked_at = folder.survey(&store)?.looked_at;
+    let index_rebuild_s = timed("index made", started);
+
+    let started = Instant::now();
+    let survey = RunFolder::open(out)?.0.survey(&store)?;
+    let open_s = timed("opened", started);
+    if (looked_at, survey.looked_at, survey.sound.len()) != (episodes, 0, episodes) {
+        let found = format!("{looked_at} and {} of {episodes} copies were read", survey.looked_at);
+        return Err(
+            LabError::input(found).with_hint("name an empty folder with --out, and let nothing else write there")
+        );
+    }
+
+    let started = Instant::now();
+    let options = CollectOptions { workers: inputs::workers(None), repair: false };
+    let collected = collect(out, &known, options, progress, &AtomicBool::new(false))?;
+    let resume_s = timed("continued", started);
+    if collected.finished != episodes {
+        let found = format!("{} of {episodes} copies are counted", collected.finished);
+        return Err(LabError::input(found).with_hint("name an empty folder with --out"));
+    }
+
     forget_peak_memory();
     let mut clock = process_clock();
     let page = report(out, None, &ReportSettings::default(), progress)?;
     inputs::write_file(&out.join("report.html"), page.as_bytes())?;
     let (report_cpu_s, report_bytes, report_rss_mb) = (clock(), page.len(), peak_memory_mb());
+    progress
+        .note(&format!("report: {report_cpu_s:.1} s of processor time, {report_bytes} bytes, {report_rss_mb:?} MiB"));
 
     let (workers, pages) = (inputs::workers(None), out.join("report"));
     forget_peak_memory();
@@ -72,21 +106,6 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
         let found = format!("{} of {} pages were made twice", again.made, again.pages);
         return Err(LabError::input(found).with_hint("nothing else may write into the copy"));
     }
-
-    let started = Instant::now();
-    let (folder, known) = RunFolder::open(out)?;
-    let survey = folder.survey(&folder.store()?)?;
-    let open_s = started.elapsed().as_secs_f64();
-
-    let started = Instant::now();
-    let options = CollectOptions { workers: inputs::workers(None), repair: false };
-    let collected = collect(out, &known, options, progress, &AtomicBool::new(false))?;
-    let resume_s = started.elapsed().as_secs_f64();
-    if collected.finished != survey.sound.len() || collected.finished != episodes {
-        let found =
-            format!("{} of {episodes} copies are whole, {} are counted", survey.sound.len(), collected.finished);
-        return Err(LabError::input(found).with_hint("name an empty folder with --out"));
-    }
     Ok(Measured {
         episodes,
         report_cpu_s,
@@ -97,7 +116,7 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
         full_again_cpu_s,
         open_s,
         resume_s,
-        index_rebuild_s: None,
+        index_rebuild_s,
     })
 }
 
@@ -108,7 +127,8 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
     let mut finished: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let attempts = Attempt::all(&known.tasks, known.episodes_per_task, known.seed);
     let sound = folder.survey(&store)?.sound;
-    for attempt in attempts.iter().filter(|attempt| sound.binary_search(&attempt.id()).is_ok()) {
+    for attempt in attempts.iter().filter(|attempt| sound.binary_search_by(|known| known.id.cmp(&attempt.id())).is_ok())
+    {
         finished.entry(attempt.task.id.clone()).or_default().push(attempt.id());
     }
     if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
@@ -165,6 +185,7 @@ pub fn in_words(measured: &Measured) -> String {
         ["full report again, processor time".into(), format!("{:.1} s", measured.full_again_cpu_s)],
         ["open".into(), format!("{:.2} s", measured.open_s)],
         ["resume".into(), format!("{:.2} s", measured.resume_s)],
+        ["index made again".into(), format!("{:.2} s", measured.index_rebuild_s)],
     ];
     let head = ["what", "measured"].map(String::from).to_vec();
     text_table(&[head].into_iter().chain(rows.map(|row| row.to_vec())).collect::<Vec<_>>())

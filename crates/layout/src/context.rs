@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Atom, Goal, ObjectModel, Relation, Task, Workspace, World};
+use genmanip_core::{Atom, Goal, ObjectModel, Relation, RobotModel, Task, Workspace, World};
 use genmanip_scene::relations::{RelationSettings, Window, placement_window};
 
 use crate::LayoutSettings;
@@ -29,6 +29,10 @@ pub(crate) struct Context<'a> {
     pub goal_rooms: Vec<Vec<GoalRoom>>,
     /// Per alternative of the goal: what it wants between two objects that stay, subject first.
     pub goal_betweens: Vec<Vec<[usize; 3]>>,
+    /// The alternatives of the goal that only say how things stand beside each other, with the indices of their objects.
+    pub goal_sides: Vec<(Vec<Atom>, Vec<usize>)>,
+    /// The robot, which the cameras see too.
+    pub robot: &'a Arc<RobotModel>,
     pub settings: &'a LayoutSettings,
     pub world: &'a World,
     /// Nearest and farthest distance of a moved object from the robot's axis, metres.

@@ -15,6 +15,7 @@ use crate::context::{Context, GoalRoom};
 use crate::draft::{Contradiction, Draft, Seat};
 use crate::order::Step;
 use crate::rejection::{NamedObject, Rejection, Rejections};
+use crate::visibility::Eye;
 
 /// Free space around an object at its goal, metres; chosen, more than `GoalPoseSettings::clearance_m`, since here only
 /// bounds are compared.
@@ -52,6 +53,8 @@ pub(crate) struct Partial {
     pub placed: Vec<usize>,
     /// The object that found none.
     pub stuck: Option<usize>,
+    /// Whether the last place given up was one that nobody can see into.
+    pub is_hidden: bool,
 }
 
 /// One whole layout; what was reached when some object found no place.
@@ -71,23 +74,27 @@ pub(crate) fn place_all(
             return Err(None);
         }
     };
-    let mut search =
-        Search { context, draft, scene: parked(context, shapes), placed: Vec::new(), blockers: Vec::new() };
+    let scene = parked(context, shapes);
+    let mut search = Search { context, draft, scene, placed: Vec::new(), blockers: Vec::new(), eye: None };
     let mut furthest: Option<Partial> = None;
     let mut failures = 0;
     loop {
+        let mut is_hidden = false;
         let step = context.steps.get(search.placed.len());
         match step {
             Some(step) if search.find_place(step, rng, rejections) => {
-                search.placed.push(step.object);
-                continue;
+                is_hidden = !search.can_be_seen(step, rejections);
+                if !is_hidden {
+                    search.placed.push(step.object);
+                    continue;
+                }
             }
             None if search.goal_has_room(rng, rejections) => return Ok(search.scene),
             _ => {}
         }
         if furthest.as_ref().is_none_or(|partial| partial.placed.len() < search.placed.len()) {
             let (scene, placed) = (search.scene.clone(), search.placed.clone());
-            furthest = Some(Partial { scene, placed, stuck: step.map(|step| step.object) });
+            furthest = Some(Partial { scene, placed, stuck: step.map(|step| step.object), is_hidden });
         }
         failures += 1;
         let retreat = search.retreat(rng);
@@ -95,14 +102,14 @@ pub(crate) fn place_all(
             if let Some(stuck) = furthest.as_ref().and_then(|partial| partial.stuck) {
                 rejections.count(Rejection::NoPlace(search.named(stuck)));
             }
-            return Err(furthest);
+            return Err(furthest.map(|furthest| Partial { is_hidden, ..furthest }));
         }
         search.placed.truncate(retreat.unwrap_or(0));
     }
 }
 
 /// All objects in their initial states, far from the table and from each other.
-fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
+pub(crate) fn parked(context: &Context, shapes: &mut ShapeCache) -> PosedScene {
     let objects = context.models.iter().enumerate().map(|(index, model)| PosedObject {
         id: context.id(index),
         model: Arc::clone(model),
@@ -119,9 +126,11 @@ struct Search<'a> {
     placed: Vec<usize>,
     /// What stood in the way of the object at hand.
     blockers: Vec<usize>,
+    /// The cameras, once they were asked.
+    eye: Option<Eye<'a>>,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
     /// Puts the object where everything it is related to allows; false when no candidate fits.
     fn find_place(&mut self, step: &Step, rng: &mut impl Rng, rejections: &mut Rejections) -> bool {
         self.blockers.clear();
@@ -134,6 +143,29 @@ impl Search<'_> {
             let center = low + (high - low) * DVec2::new(rng.random(), rng.random());
             self.fits(step, center, rejections)
         })
+    }
+
+    /// Whether the cameras see an object that was put into something where that stands: else the search goes back to what
+    /// holds it.
+    fn can_be_seen(&mut self, step: &Step, rejections: &mut Rejections) -> bool {
+        let Some((carrier, _)) = step.support else { return true };
+        let top = |object: usize| self.scene.bounds(object).map(|bounds| bounds.max.z);
+        if top(step.object) >= top(carrier) {
+            return true;
+        }
+        let Context { world, robot, settings, .. } = self.context;
+        let eye = match &mut self.eye {
+            Some(eye) => Some(eye),
+            // Whoever looks at the settled layout says what is wrong.
+            eye => Eye::new(&self.scene, world, robot).ok().map(|new| eye.insert(new)),
+        };
+        let hidden = eye.map(|eye| eye.is_hidden_by(&[carrier], step.object, &self.scene, settings));
+        if !matches!(hidden, Some(Ok(true))) {
+            return true;
+        }
+        rejections.count(Rejection::Unseen(self.named(step.object)));
+        self.blockers = vec![carrier];
+        false
     }
 
     /// Opposite corners of where the middle of the object may be.
@@ -315,8 +347,16 @@ impl Search<'_> {
                 return false;
             }
         }
-        let wanted = self.draft.alternative.and_then(|index| context.goal_betweens.get(index));
         let is_here = |index: usize| index == object || self.placed.contains(&index);
+        for (atoms, objects) in &context.goal_sides {
+            let concerns = objects.contains(&object) && objects.iter().all(|&index| is_here(index));
+            if concerns && atoms.iter().all(|atom| judge_atom(&self.scene, atom, context.relations).holds) {
+                rejections.count(Rejection::GoalHolds);
+                self.blockers.extend(objects.iter().filter(|&&index| index != object));
+                return false;
+            }
+        }
+        let wanted = self.draft.alternative.and_then(|index| context.goal_betweens.get(index));
         for &[subject, one, other] in wanted.into_iter().flatten() {
             let concerns = (one == object || other == object) && is_here(one) && is_here(other);
             let stance = &self.draft.stances[subject];

@@ -15,6 +15,64 @@ use crate::rejection::{NamedObject, Rejection};
 /// Height to which what is not to be drawn is sent, metres; chosen, far below every picture.
 const AWAY_M: f64 = -50.0;
 
+/// The prompt cameras on a scene of these objects.
+pub(crate) struct Eye<'a> {
+    world: &'a World,
+    robot: &'a RobotModel,
+    assets: Arc<RenderAssets>,
+    renderer: Renderer,
+}
+
+impl<'a> Eye<'a> {
+    /// # Errors
+    /// When the scene cannot be drawn.
+    pub fn new(scene: &PosedScene, world: &'a World, robot: &'a Arc<RobotModel>) -> Result<Self, RenderError> {
+        let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
+        let assets = RenderAssets::new(Arc::clone(robot), &models, Some(world))?;
+        let renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
+        Ok(Self { world, robot, assets, renderer })
+    }
+
+    /// Pixels of each object in each camera when everything is drawn, or only some objects without the robot.
+    fn pixels(&mut self, scene: &PosedScene, only: Option<&[usize]>) -> Result<Vec<Vec<usize>>, RenderError> {
+        let away = Pose::from_position(DVec3::Z * AWAY_M);
+        let poses = scene.objects().enumerate().map(|(index, object)| {
+            let shown = only.is_none_or(|only| only.contains(&index));
+            (if shown { object.pose } else { away }, object.joint_positions.as_slice())
+        });
+        let mut state = self.assets.frame_state(&self.robot.home, self.robot.gripper.max_width, poses)?;
+        if only.is_some() {
+            state.body_poses[..self.robot.links.len()].fill(away);
+        }
+        let cameras = self.world.prompt_cameras();
+        let jobs: Vec<ViewJob> =
+            cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::GEOMETRY)).collect();
+        let mut buffers = vec![FrameBuffers::default(); jobs.len()];
+        self.renderer.render(&jobs, &mut buffers)?;
+        let count = scene.objects().count();
+        Ok(buffers.iter().map(|picture| pixels_per_object(picture, count)).collect())
+    }
+
+    /// Whether the objects around it alone hide an object from every camera.
+    ///
+    /// # Errors
+    /// When a picture cannot be drawn.
+    pub fn is_hidden_by(
+        &mut self,
+        around: &[usize],
+        object: usize,
+        scene: &PosedScene,
+        settings: &LayoutSettings,
+    ) -> Result<bool, RenderError> {
+        let together = self.pixels(scene, Some(&[around, &[object]].concat()))?;
+        if together.iter().all(|picture| picture[object] < settings.min_pixels) {
+            return Ok(true);
+        }
+        let alone = self.pixels(scene, Some(&[object]))?;
+        Ok(!is_seen(object, &together, &alone, settings))
+    }
+}
+
 /// The reason when some object is too small or too hidden in every prompt camera.
 ///
 /// # Errors
@@ -26,31 +84,9 @@ pub(crate) fn hidden(
     robot: &Arc<RobotModel>,
     settings: &LayoutSettings,
 ) -> Result<Option<Rejection>, RenderError> {
-    let models: Vec<_> = scene.objects().map(|object| Arc::clone(&object.model)).collect();
-    let assets = RenderAssets::new(Arc::clone(robot), &models, Some(world))?;
-    let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
+    let mut eye = Eye::new(scene, world, robot)?;
     let cameras = world.prompt_cameras();
-    let away = Pose::from_position(DVec3::Z * AWAY_M);
-    // Everything, or one object alone on the table with the robot out of the way.
-    let mut ids = |alone: Option<usize>| -> Result<Vec<FrameBuffers>, RenderError> {
-        let poses = scene.objects().enumerate().map(|(index, object)| {
-            let shown = alone.is_none_or(|alone| alone == index);
-            (if shown { object.pose } else { away }, object.joint_positions.as_slice())
-        });
-        let mut state = assets.frame_state(&robot.home, robot.gripper.max_width, poses)?;
-        if alone.is_some() {
-            state.body_poses[..robot.links.len()].fill(away);
-        }
-        let jobs: Vec<ViewJob> =
-            cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::GEOMETRY)).collect();
-        let mut buffers = vec![FrameBuffers::default(); jobs.len()];
-        renderer.render(&jobs, &mut buffers)?;
-        Ok(buffers)
-    };
-    let counts = |pictures: &[FrameBuffers]| -> Vec<Vec<usize>> {
-        pictures.iter().map(|picture| pixels_per_object(picture, models.len())).collect()
-    };
-    let together = counts(&ids(None)?);
+    let together = eye.pixels(scene, None)?;
     for (index, object) in scene.objects().take(task_objects).enumerate() {
         // The outline of an object is never smaller than the object, so this settles nearly all cases at once.
         let plainly_seen = together.iter().zip(&cameras).any(|(picture, camera)| {
@@ -61,16 +97,20 @@ pub(crate) fn hidden(
         if plainly_seen {
             continue;
         }
-        let alone = counts(&ids(Some(index))?);
-        let seen = together.iter().zip(&alone).any(|(together, alone)| {
-            let (visible, whole) = (together[index], alone[index]);
-            visible >= settings.min_pixels && visible as f64 >= settings.min_visible_share * whole as f64
-        });
-        if !seen {
+        let alone = eye.pixels(scene, Some(&[index]))?;
+        if !is_seen(index, &together, &alone, settings) {
             return Ok(Some(Rejection::Unseen(NamedObject::of(object))));
         }
     }
     Ok(None)
+}
+
+/// Whether some camera sees enough of an object, given its pixels in each camera among others and alone.
+fn is_seen(object: usize, together: &[Vec<usize>], alone: &[Vec<usize>], settings: &LayoutSettings) -> bool {
+    together.iter().zip(alone).any(|(together, alone)| {
+        let (visible, whole) = (together[object], alone[object]);
+        visible >= settings.min_pixels && visible as f64 >= settings.min_visible_share * whole as f64
+    })
 }
 
 fn pixels_per_object(picture: &FrameBuffers, objects: usize) -> Vec<usize> {

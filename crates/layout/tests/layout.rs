@@ -187,6 +187,33 @@ fn a_graph_without_room_is_refused_with_the_edges_in_conflict() {
     assert!(message.contains(&edges[0]) && message.len() < 800, "{message}");
 }
 
+/// Eight things in a bin for three are refused before anything is drawn, in the words of a search that found no room.
+#[test]
+fn what_surely_finds_no_room_is_refused_at_once() {
+    let things = ["027", "028", "030", "031", "034", "046", "047", "048"];
+    let nodes: Vec<&str> = ["053"].into_iter().chain(things).collect();
+    let task = with_graph(&nodes, things.iter().map(|uid| edge(uid, Relation::In, "053")).collect());
+    let error = layout_of(&task, 1).unwrap_err();
+    let message = error.to_string();
+    let LayoutError::Infeasible { restarts: 0, rejections, furthest, .. } = error else { panic!("{message}") };
+    assert!(message.contains("too close to a neighbour") && message.contains("no free place for "), "{message}");
+    let edges = rejections.conflicting_edges();
+    assert!(edges.len() == 8 && edges.iter().all(|(edge, _)| edge.to_string().ends_with(" in 053")), "{message}");
+    assert_eq!(furthest.map(|furthest| furthest.placed.len()), Some(9), "there is something to draw");
+}
+
+/// A goal that nearly every layout meets by chance, and a fruit that only some places of its bin show: both are steered
+/// away from while things are placed, where a search by whole layouts gave up.
+#[test]
+fn rare_layouts_are_found() {
+    for text in [include_str!("../testdata/near_by_chance.json"), include_str!("../testdata/pear_in_a_bin.json")] {
+        let task = Task::from_json(text).unwrap();
+        for seed in [1, 2] {
+            check(&layout_of(&task, seed).unwrap_or_else(|error| panic!("{}, seed {seed}: {error}", task.id)));
+        }
+    }
+}
+
 /// Which edges a graph without room is refused with, and that what was reached can be drawn.
 #[test]
 fn infeasible_graphs_name_the_edges_in_conflict() {

@@ -34,7 +34,7 @@ pub(crate) struct Part {
 }
 
 /// A material ready for shading: linear colour, no optional parameters.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Surface {
     pub base: Vec3A,
     pub roughness: f32,
@@ -43,7 +43,7 @@ pub(crate) struct Surface {
     /// Reflectance of a dielectric seen head-on.
     pub reflectance: f32,
     pub texture: Option<Arc<MipTexture>>,
-    /// Whether the texture is tinted by [`crate::RenderVariation::table_color`].
+    /// Whether it is the table's top, which a [`crate::RenderVariation`] makes of something else.
     pub is_table: bool,
 }
 
@@ -190,7 +190,7 @@ impl Part {
 }
 
 impl Surface {
-    fn new(material: &Material) -> Self {
+    pub fn new(material: &Material) -> Self {
         let ior = material.ior.max(1.0);
         Self {
             base: linear_from_srgb(material.base_color),

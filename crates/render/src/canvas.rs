@@ -152,7 +152,13 @@ impl Canvas {
         self.bins.for_each(pixels, target, &arrival.depth, |part, pixels| {
             *shaded += pixels.count;
             shading.take(pixels, &arrival.key, &arrival.ambient);
-            shading.shade(&scene.assets.parts[part], &self.view.parts[part], lens, scene.lighting);
+            shading.shade(
+                &scene.assets.parts[part],
+                &scene.surfaces[part],
+                &self.view.parts[part],
+                lens,
+                scene.lighting,
+            );
             for (spot, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
                 colors[pixel as usize] = shading.color_of(spot);
             }

@@ -197,7 +197,13 @@ impl Edges {
                 for &extra in chunk {
                     shading.push(extras[extra as usize].0);
                 }
-                shading.shade(&scene.assets.parts[part], &view.parts[part], &view.lens, scene.lighting);
+                shading.shade(
+                    &scene.assets.parts[part],
+                    &scene.surfaces[part],
+                    &view.parts[part],
+                    &view.lens,
+                    scene.lighting,
+                );
                 for (spot, &extra) in chunk.iter().enumerate() {
                     let (_, mixed, share) = extras[extra as usize];
                     self.mixed[mixed as usize].1 += shading.color_of(spot) * share;
@@ -270,7 +276,13 @@ impl Edges {
                 shading.push(panes[pane as usize].spot);
             }
             let part = surface as usize - 1;
-            shading.shade(&scene.assets.parts[part], &view.parts[part], &view.lens, scene.lighting);
+            shading.shade(
+                &scene.assets.parts[part],
+                &scene.surfaces[part],
+                &view.parts[part],
+                &view.lens,
+                scene.lighting,
+            );
             for (spot, &pane) in chunk.iter().enumerate() {
                 let pane = &mut panes[pane as usize];
                 pane.color = shading.color_of(spot);

@@ -13,13 +13,15 @@
 //! One [`Renderer`] per worker thread; an image is drawn by one thread, and the same job gives the same bytes.
 //! A picture continues the one before of the same camera: `layers` finds the tiles that may have changed, `canvas`
 //! draws these again, and nobody can tell.
-//! Light, exposure, background and table colour are data ([`RenderVariation`]): recorded episodes are drawn again with others.
+//! Light, exposure, background, table top and paint are data ([`RenderVariation`]), drawn from a seed by [`sampling`]:
+//! recorded episodes are drawn again with others.
 
 pub mod assets;
 pub mod encode;
 pub mod error;
 pub mod job;
 pub mod renderer;
+pub mod sampling;
 pub mod variation;
 
 mod arrival;
@@ -38,6 +40,7 @@ mod shade;
 mod shadow;
 mod sky;
 mod surroundings;
+mod table_tops;
 mod taps;
 mod texture;
 mod view;
@@ -49,4 +52,6 @@ pub use assets::RenderAssets;
 pub use error::RenderError;
 pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
 pub use renderer::Renderer;
-pub use variation::RenderVariation;
+pub use sampling::Vary;
+pub use table_tops::TableTop;
+pub use variation::{ObjectVariation, RenderVariation};

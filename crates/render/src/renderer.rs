@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_core::{CameraMount, Intrinsics, Pose};
 use glam::DQuat;
 
-use crate::assets::RenderAssets;
+use crate::assets::{RenderAssets, Surface};
 use crate::canvas::{Canvas, write_geometry};
 use crate::error::RenderError;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
@@ -31,6 +31,8 @@ const SMALL_SHADOW: usize = 256;
 pub struct Renderer {
     assets: Arc<RenderAssets>,
     variation: RenderVariation,
+    /// What the parts of the assets are made of under the variation.
+    surfaces: Vec<Surface>,
     lighting: Lighting,
     /// Shadows of large and of small images, and the frame that each was drawn for.
     shadows: [(ShadowMap, Option<FrameState>); 2],
@@ -55,6 +57,7 @@ impl Renderer {
     /// A renderer of these assets under a light.
     pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
         Self {
+            surfaces: variation.surfaces(&assets),
             assets,
             lighting: Lighting::new(&variation),
             variation,
@@ -151,7 +154,8 @@ impl Renderer {
             Some(index) => self.kept.remove(index),
             None => (seat, Canvas::default()),
         };
-        let scene = Scene { assets: &self.assets, variation: &self.variation, lighting: &self.lighting, shadow };
+        let (assets, surfaces) = (&*self.assets, &*self.surfaces);
+        let scene = Scene { assets, surfaces, variation: &self.variation, lighting: &self.lighting, shadow };
         canvas.draw(&scene, frame, lens, scale);
         canvas.write(&self.assets, job.channels, out);
         self.shaded_pixels = canvas.shaded_pixels;

@@ -1,6 +1,6 @@
 //! What all pictures of one job share.
 
-use crate::assets::RenderAssets;
+use crate::assets::{RenderAssets, Surface};
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
@@ -8,6 +8,8 @@ use crate::variation::RenderVariation;
 /// What is drawn and under which light.
 pub(crate) struct Scene<'a> {
     pub assets: &'a RenderAssets,
+    /// What the parts of the assets are made of under the variation.
+    pub surfaces: &'a [Surface],
     pub variation: &'a RenderVariation,
     pub lighting: &'a Lighting,
     pub shadow: &'a ShadowMap,

@@ -26,7 +26,6 @@ pub(crate) struct Lighting {
     /// Brightness of a white diffuse surface that faces the light.
     key: Vec3A,
     exposure: f32,
-    table_tint: Vec3A,
 }
 
 impl Lighting {
@@ -36,7 +35,6 @@ impl Lighting {
             to_light: Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z),
             key: linear_from_srgb(variation.light_color) * variation.light_intensity,
             exposure: variation.exposure,
-            table_tint: linear_from_srgb(variation.table_color),
         }
     }
 }
@@ -151,8 +149,8 @@ impl Shading {
         Vec3A::from_array(self.spots.base.each_ref().map(|channel| channel[spot]))
     }
 
-    /// Shades the spots, which show one part.
-    pub fn shade(&mut self, part: &Part, placed: &PartView, lens: &Lens, lighting: &Lighting) {
+    /// Shades the spots, which show one part made of `surface`.
+    pub fn shade(&mut self, part: &Part, surface: &Surface, placed: &PartView, lens: &Lens, lighting: &Lighting) {
         let Self { spots, samples, reflected } = self;
         locate(spots, placed, lens);
         let mesh = placed.mesh(part);
@@ -161,10 +159,10 @@ impl Shading {
         if spots.triangle[..spots.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0 {
             interpolate_one(spots, &mesh.faces[first as usize], eye);
         } else {
-            spots.interpolate(&mesh.faces, eye, part.surface.texture.is_some());
+            spots.interpolate(&mesh.faces, eye, surface.texture.is_some());
         }
-        let tint = if part.surface.is_table { lighting.table_tint } else { Vec3A::ONE } * part.surface.base;
-        if let Some(texture) = &part.surface.texture {
+        let tint = surface.base;
+        if let Some(texture) = &surface.texture {
             find_footprints(spots, placed, lens, texture.texels());
             texture.sample(spots.count, [&spots.u, &spots.v], &spots.texels, samples, &mut spots.base);
             for (channel, tint) in spots.base.iter_mut().zip(tint.to_array()) {
@@ -173,8 +171,8 @@ impl Shading {
         } else {
             spots.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
         }
-        let glossy = lighting.sky.glossy(part.surface.roughness);
-        reflect(spots, &part.surface, placed, lens, lighting, &glossy, reflected);
+        let glossy = lighting.sky.glossy(surface.roughness);
+        reflect(spots, surface, placed, lens, lighting, &glossy, reflected);
     }
 }
 

@@ -1,9 +1,11 @@
 //! What stands around the robot: the support surfaces of a world.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
-use genmanip_core::{Material, SupportSurface, Texture, TriMesh, VisualPart, World};
+use genmanip_core::{Material, SupportSurface, TriMesh, VisualPart, World};
 use glam::{Vec2, Vec3};
+
+use crate::table_tops::{TOP_SIZE_M, TableTop};
 
 /// Radius of the rounded edges of a slab, metres.
 const EDGE_RADIUS_M: f32 = 0.012;
@@ -15,7 +17,7 @@ const LEG_INSET_M: f32 = 0.08;
 pub(crate) struct Fixed {
     /// Where it lies in the world is its `link_from_part`.
     pub visual: VisualPart,
-    /// Whether it is the table's slab, which takes the colour of a variation.
+    /// Whether it is the table's slab, which takes the top of a variation.
     pub is_table: bool,
     /// Whether it casts shadows; the table does not, since nothing is seen below it.
     pub casts_shadow: bool,
@@ -39,8 +41,7 @@ pub(crate) fn visuals(world: &World) -> Vec<Fixed> {
             });
         };
         let paint = || Material::plain([0.80, 0.81, 0.82], 0.5);
-        let wood = || Material { texture: Some(wood()), ..Material::plain([1.0; 3], 0.55) };
-        add(slab(surface), if is_table { wood() } else { paint() }, true);
+        add(slab(surface), if is_table { TableTop::default().material() } else { paint() }, true);
         for board in &surface.boards {
             let (center, half) = (board.center_m.as_vec3(), board.size_m.as_vec3() * 0.5);
             let mut mesh = TriMesh::default();
@@ -53,9 +54,6 @@ pub(crate) fn visuals(world: &World) -> Vec<Fixed> {
     }
     fixed
 }
-
-/// Metres of wood covered by one repetition of the texture.
-const WOOD_SIZE_M: f32 = 1.5;
 
 /// A slab with rounded vertical corners and rounded upper and lower edges: rings of the outline, closed by fans.
 /// In the surface's frame; the texture is fixed in the world, as long as the slab is not turned.
@@ -87,7 +85,7 @@ fn slab(surface: &SupportSurface) -> TriMesh {
         let along = if normal.z.abs() > 0.5 { 0.0 } else { position.z };
         mesh.positions.push(position);
         mesh.normals.push(normal);
-        mesh.uvs.push((position.truncate() + along + texture_offset) / WOOD_SIZE_M);
+        mesh.uvs.push((position.truncate() + along + texture_offset) / TOP_SIZE_M);
     };
     let count = outline.len() as u32;
     let mut rings = 0;
@@ -152,47 +150,4 @@ pub(crate) fn push_box(mesh: &mut TriMesh, low: Vec3, high: Vec3) {
             mesh.triangles.extend(quad.map(|triangle| triangle.map(|index| first + index)));
         }
     }
-}
-
-/// A calm light wood: long fibres along y, wide soft bands, low contrast, so that objects stand out.
-///
-/// Repeats without a seam. Made once per process.
-fn wood() -> Arc<Texture> {
-    static WOOD: OnceLock<Arc<Texture>> = OnceLock::new();
-    let make = || {
-        const SIZE: u32 = 1024;
-        let (light, dark) = (Vec3::new(222.0, 209.0, 190.0), Vec3::new(194.0, 176.0, 152.0));
-        let mut rgb = Vec::with_capacity((SIZE * SIZE * 3) as usize);
-        for y in 0..SIZE {
-            for x in 0..SIZE {
-                let (u, v) = (x as f32 / SIZE as f32, y as f32 / SIZE as f32);
-                let bend = tiling_noise(u, v, 4, 3) * 0.10 + tiling_noise(u, v, 10, 4) * 0.03;
-                let band = ((u + bend) * std::f32::consts::TAU * 9.0).sin() * 0.5 + 0.5;
-                let fibre = tiling_noise(u, v, 400, 12) * 0.6 + tiling_noise(u, v, 160, 5) * 0.4;
-                let patch = tiling_noise(u, v, 3, 2);
-                let mix = (0.18 + 0.22 * band + 0.34 * fibre + 0.16 * patch).clamp(0.0, 1.0);
-                rgb.extend(light.lerp(dark, mix).to_array().map(|value| value as u8));
-            }
-        }
-        Arc::new(Texture { width: SIZE, height: SIZE, rgb })
-    };
-    Arc::clone(WOOD.get_or_init(make))
-}
-
-/// Value noise in 0-1 on a grid of `columns` × `rows` cells that repeats after one unit.
-fn tiling_noise(u: f32, v: f32, columns: u32, rows: u32) -> f32 {
-    let (x, y) = (u * columns as f32, v * rows as f32);
-    let (x0, y0) = (x as u32, y as u32);
-    let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
-    let (fx, fy) = (smooth(x - x0 as f32), smooth(y - y0 as f32));
-    let value = |column: u32, row: u32| {
-        let cell = (column % columns) + (row % rows) * columns + columns * 7919 + rows * 104_729;
-        let mut hash = cell.wrapping_mul(0x9E37_79B1);
-        hash = (hash ^ (hash >> 15)).wrapping_mul(0x85EB_CA77);
-        hash = (hash ^ (hash >> 13)).wrapping_mul(0xC2B2_AE3D);
-        (hash >> 8) as f32 / 16_777_216.0
-    };
-    let upper = value(x0, y0) + (value(x0 + 1, y0) - value(x0, y0)) * fx;
-    let lower = value(x0, y0 + 1) + (value(x0 + 1, y0 + 1) - value(x0, y0 + 1)) * fx;
-    upper + (lower - upper) * fy
 }

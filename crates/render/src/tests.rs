@@ -360,6 +360,8 @@ fn light_and_background_are_data() {
     };
     let normal = mean(RenderVariation::default());
     assert!(mean(RenderVariation { exposure: 0.5, ..Default::default() }) < normal - 20.0);
+    let slate = crate::TableTop::try_from("slate".to_owned()).unwrap();
+    assert!(mean(RenderVariation { table_top: slate, ..Default::default() }) < normal - 20.0);
     assert!(mean(RenderVariation { table_color: [0.3; 3], ..Default::default() }) < normal - 20.0);
     assert!(mean(RenderVariation { shadow_resolution: 0, ..Default::default() }) > normal);
     assert!(mean(RenderVariation { occlusion_radius_m: 0.0, ..Default::default() }) > normal);

@@ -1,6 +1,14 @@
-//! What may differ between two drawings of the same episode: light, exposure, background, table.
+//! What may differ between two drawings of the same episode: light, exposure, background, table, paint of the objects.
 
+use genmanip_core::Seed;
+use glam::Vec3A;
+use rand::RngExt;
 use serde::{Deserialize, Serialize};
+
+use crate::assets::{RenderAssets, Surface};
+use crate::job::FIRST_OBJECT;
+use crate::table_tops::TableTop;
+use crate::texture::linear_from_srgb;
 
 /// Light and look of a drawing. Colours are sRGB, 0-1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,8 +32,12 @@ pub struct RenderVariation {
     pub exposure: f32,
     /// Where nothing is seen; written as it is, neither lit nor tone mapped.
     pub background: [u8; 3],
+    /// What the table's top is made of.
+    pub table_top: TableTop,
     /// Multiplied with the table's own texture.
     pub table_color: [f32; 3],
+    /// Paint of the objects; as it is without.
+    pub objects: Option<ObjectVariation>,
     /// Radius of the ambient occlusion, metres; 0 switches it off.
     pub occlusion_radius_m: f32,
     /// Strength of the ambient occlusion, 0-2.
@@ -36,6 +48,41 @@ pub struct RenderVariation {
     pub shadow_center: [f32; 3],
     /// Radius of that ball, metres.
     pub shadow_radius_m: f32,
+}
+
+/// How much the paint of the objects differs from their own, each object and part by its own chance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectVariation {
+    /// Of what each object gets.
+    pub seed: Seed,
+    /// Largest change of each colour channel, as a share: what is red stays red when it is small.
+    pub tint: f32,
+    /// Largest change of the roughness.
+    pub roughness: f32,
+}
+
+impl RenderVariation {
+    /// What the parts of the assets are made of.
+    pub(crate) fn surfaces(&self, assets: &RenderAssets) -> Vec<Surface> {
+        let top = Surface { is_table: true, ..Surface::new(&self.table_top.material()) };
+        let surface = |part: &crate::assets::Part| match part.surface.is_table {
+            true => Surface { base: top.base * linear_from_srgb(self.table_color), ..top.clone() },
+            false => self.painted(part.instance, &part.surface),
+        };
+        assets.parts.iter().map(surface).collect()
+    }
+
+    fn painted(&self, instance: u16, surface: &Surface) -> Surface {
+        let Some(ObjectVariation { seed, tint, roughness }) = self.objects.filter(|_| instance >= FIRST_OBJECT) else {
+            return surface.clone();
+        };
+        let mut rng = seed.fork_index(u64::from(instance)).rng();
+        let mut within = |most: f32| most * (2.0 * rng.random::<f32>() - 1.0);
+        let factor = Vec3A::new(1.0 + within(tint), 1.0 + within(tint), 1.0 + within(tint));
+        let roughness = (surface.roughness + within(roughness)).clamp(0.05, 1.0);
+        Surface { base: (surface.base * factor).min(Vec3A::ONE), roughness, ..surface.clone() }
+    }
 }
 
 impl Default for RenderVariation {
@@ -50,7 +97,9 @@ impl Default for RenderVariation {
             ambient_intensity: 0.42,            // shadows stay readable
             exposure: 1.1,                      // a white sheet facing the light becomes sRGB 241
             background: [255, 255, 255],        // the benchmark's plain white
+            table_top: TableTop::default(),     // a calm light wood
             table_color: [1.0, 1.0, 1.0],       // the texture as it is
+            objects: None,                      // as they are
             occlusion_radius_m: 0.06,           // contact shadows of hand-sized things
             occlusion_strength: 1.0,            // physically plausible
             shadow_resolution: 1024,            // 2 mm per texel, finer than a pixel of the default cameras

@@ -116,46 +116,63 @@ impl<'a> Attempt<'a> {
     }
 }
 
-/// Makes every attempt that the store does not hold yet; `finished` hears of each as it ends,
-/// with the wall-clock seconds it took (0 for one that was there already).
+/// Makes every attempt that the store does not hold yet; `finished` is given the result of each as it ends, from the
+/// thread that made it, with the wall-clock seconds it took (0 for one that was there already).
 ///
-/// Returns the results of all attempts in their order. When `stop` becomes true, attempts under way are finished
-/// and the rest is left for the next run; those are missing from the results.
+/// Returns what `finished` keeps of each, in the order of the attempts: nothing else is held of them. When `stop` becomes
+/// true, attempts under way are finished and the rest is left for the next run; nothing is returned of those.
 ///
 /// # Errors
-/// The first defect of any attempt. A task that cannot be solved is a result, not an error.
-pub fn collect(
+/// The first defect of any attempt, and what `finished` could not do. A task that cannot be solved is a result, not an
+/// error.
+pub fn collect<R: Send, E: From<RolloutError> + Send>(
     attempts: &[Attempt],
     resources: Resources,
     store: &EpisodeStore,
     settings: &CollectSettings,
     workers: usize,
     stop: &AtomicBool,
-    finished: &(dyn Fn(&EpisodeResult, f64) + Sync),
-) -> Result<Vec<EpisodeResult>, RolloutError> {
-    store.sweep_partial()?;
+    finished: &(dyn Fn(EpisodeResult, f64) -> Result<R, E> + Sync),
+) -> Result<Vec<R>, E> {
+    store.sweep_partial().map_err(RolloutError::from)?;
     in_parallel(attempts, workers, stop, &|attempt| {
-        let (id, started) = (attempt.id(), Instant::now());
-        let known = store.contains(&id);
-        let result = if known { store.read_result(&id)? } else { make(attempt, resources, store, settings)? };
-        if let Some(images) = &settings.images
-            && (result.success || settings.keep_failed && store.is_recorded(&id)?)
-            && !store.has_tracks(&id, images.fps, &images.cameras)
-        {
-            match store.read(&id) {
-                Ok(episode) => {
-                    let scenario = Arc::new(episode.scenario.clone());
-                    let stage = Stage::open(scenario, resources.catalogue, resources.planner.robot())?;
-                    store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
-                }
-                // A damaged episode gets no pictures; whoever reads it finds it again.
-                Err(error) if error.is_damage() => {}
-                Err(error) => return Err(error.into()),
-            }
-        }
-        finished(&result, if known { 0.0 } else { started.elapsed().as_secs_f64() });
-        Ok(result)
+        let started = Instant::now();
+        let (result, was_there) = one(attempt, resources, store, settings)?;
+        finished(result, if was_there { 0.0 } else { started.elapsed().as_secs_f64() })
     })
+}
+
+/// One attempt with its pictures, and whether it was there already.
+fn one(
+    attempt: &Attempt,
+    resources: Resources,
+    store: &EpisodeStore,
+    settings: &CollectSettings,
+) -> Result<(EpisodeResult, bool), RolloutError> {
+    let id = attempt.id();
+    let was_there = store.contains(&id);
+    let result = if was_there {
+        store.sweep_attempt(&id)?;
+        store.read_result(&id)?
+    } else {
+        make(attempt, resources, store, settings)?
+    };
+    if let Some(images) = &settings.images
+        && (result.success || settings.keep_failed && store.is_recorded(&id)?)
+        && !store.has_tracks(&id, images.fps, &images.cameras)
+    {
+        match store.read(&id) {
+            Ok(episode) => {
+                let scenario = Arc::new(episode.scenario.clone());
+                let stage = Stage::open(scenario, resources.catalogue, resources.planner.robot())?;
+                store.attach_tracks(&id, &images::draw(&stage, &episode, images)?)?;
+            }
+            // A damaged episode gets no pictures; whoever reads it finds it again.
+            Err(error) if error.is_damage() => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok((result, was_there))
 }
 
 /// One attempt from layout to store.

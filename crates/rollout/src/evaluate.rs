@@ -59,7 +59,8 @@ pub fn evaluate<E: From<RolloutError> + Send>(
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        let outcome = run(case, make_policy, resources, settings, keep)?;
+        let outcome = run(case, make_policy, resources, settings, keep)
+            .map_err(|source| RolloutError::Episode { id: case.id.clone(), source: Box::new(source) })?;
         finished(&outcome)?;
         Ok::<_, E>(Some(outcome))
     })?;

@@ -1,8 +1,9 @@
 //! Images of a stage: of recorded frames after the physics, and of the state in the loop for policies that ask for them.
 
 use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, RgbdImage};
+use genmanip_data::images::variation_seed;
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
-use genmanip_render::{FrameBuffers, RenderVariation, Renderer, ViewJob};
+use genmanip_render::{FrameBuffers, RenderVariation, Renderer, Vary, ViewJob, sampling};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -18,11 +19,19 @@ pub struct ImageSettings {
     pub fps: u32,
     /// Colour compression.
     pub video: VideoSettings,
+    /// What is drawn differently in each episode, by its own seed ([`genmanip_data::images::variation_seed`]); nothing when it is empty.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub vary: Vec<Vary>,
 }
 
 impl Default for ImageSettings {
     fn default() -> Self {
-        Self { cameras: vec!["static".into(), "wrist".into()], fps: 15, video: VideoSettings::default() }
+        Self {
+            cameras: vec!["static".into(), "wrist".into()],
+            fps: 15,
+            video: VideoSettings::default(),
+            vary: Vec::new(),
+        }
     }
 }
 
@@ -39,7 +48,15 @@ impl Painter {
     /// # Errors
     /// When a mesh is broken.
     pub fn new(stage: &Stage) -> Result<Self, RolloutError> {
-        let renderer = Renderer::new(stage.render_assets()?, RenderVariation::default());
+        Self::in_variation(stage, RenderVariation::default())
+    }
+
+    /// A painter of a stage that looks differently.
+    ///
+    /// # Errors
+    /// As [`Painter::new`].
+    pub fn in_variation(stage: &Stage, variation: RenderVariation) -> Result<Self, RolloutError> {
+        let renderer = Renderer::new(stage.render_assets()?, variation);
         Ok(Self { renderer, scenario: stage.scenario.id.clone() })
     }
 
@@ -95,13 +112,15 @@ impl Painter {
 /// # Errors
 /// When a camera is not in the scenario, or drawing or encoding fails.
 pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<CameraTrack>, RolloutError> {
+    let (seed, vary) = (variation_seed(episode.result.seed), &settings.vary);
     let requests = settings.cameras.iter().map(|name| CameraRequest::new(name, ImageChannels::RGBD));
-    let cameras = requests.map(|request| stage.camera(&request)).collect::<Result<Vec<_>, _>>()?;
+    let camera = |request| stage.camera(&request).map(|camera| sampling::moved(&camera, seed, vary));
+    let cameras = requests.map(camera).collect::<Result<Vec<_>, _>>()?;
     let mut tracks = cameras
         .iter()
         .map(|camera| TrackRecorder::new(camera, settings.fps, &settings.video))
         .collect::<Result<Vec<_>, _>>()?;
-    let mut painter = Painter::new(stage)?;
+    let mut painter = Painter::in_variation(stage, sampling::sampled(seed, vary))?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     let stride = (episode.result.control_rate_hz / f64::from(settings.fps)).round().max(1.0) as usize;
     for frame in episode.frames.iter().step_by(stride) {

@@ -110,6 +110,14 @@ pub enum RolloutError {
     /// The episode store failed.
     #[error(transparent)]
     Store(#[from] genmanip_data::DataError),
+    /// An episode of several could not be run.
+    #[error("episode {id}")]
+    Episode {
+        /// Id of the episode.
+        id: String,
+        /// Why.
+        source: Box<RolloutError>,
+    },
 }
 
 impl Stage {

@@ -1,20 +1,22 @@
 //! Collecting demonstrations into a run folder: attempts, their pictures, scenario files and the dataset.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
-use genmanip_bench::{MOST_ROWS, attention, text_table};
+use genmanip_bench::{MOST_ROWS, Outcome, attention, text_table};
 use genmanip_core::{Document, EpisodeResult, Task, TaskKind};
 use genmanip_data::EpisodeStore;
 use genmanip_data::lerobot::{self, LerobotSettings, Selection};
-use genmanip_rollout::collect::{Attempt, Resources};
+use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use serde::Serialize;
 
-use crate::error::RunError;
+use crate::error::{RunError, Stopped};
 use crate::folder::{Run, RunFolder, Timings};
+use crate::index::{Known, Survey};
 use crate::inputs;
 use crate::progress::Progress;
 
@@ -86,27 +88,44 @@ pub fn collect(
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let mut attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
     let all = attempts.len();
-    let mut damaged = damaged(&folder, &store, &attempts, options.repair, progress)?;
+    let survey = folder.survey(&store)?;
+    let mut damaged = damaged(&folder, &store, &attempts, &survey, options.repair, progress)?;
     attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id()));
+    // What was set aside is to be made anew.
+    let survey = if options.repair { folder.survey(&store)? } else { survey };
+    let mut outcomes = Outcomes::new();
+    let left = left(&attempts, survey, &folder, &store, &run.settings, &mut outcomes);
 
     let started = Instant::now();
     let has_made = AtomicBool::new(false);
     progress.begin("collecting", attempts.len());
-    let heard = |result: &EpisodeResult, seconds: f64| {
+    let heard = |id: &str, outcome: &Outcome| {
+        progress.advance();
+        if let Some(failure) = outcome.failure() {
+            progress.note(&format!("{id}: {failure}"));
+        }
+    };
+    outcomes.iter().for_each(|(id, outcome)| heard(id, outcome));
+    let finished = |result: EpisodeResult, seconds: f64| -> Result<(String, Outcome), Stopped> {
         if seconds > 0.0 {
             has_made.store(true, Ordering::Relaxed);
             folder.time_attempt(&result.id, seconds);
         }
-        progress.advance();
-        if let Some(failure) = result.failure() {
-            progress.note(&format!("{}: {failure}", result.id));
+        if !result.scenario_id.is_empty() {
+            write_scenario(&folder, &store, &result.id)?;
         }
+        let outcome = Outcome::of(&result);
+        heard(&result.id, &outcome);
+        Ok((result.id, outcome))
     };
-    let results =
-        genmanip_rollout::collect::collect(&attempts, resources, &store, &run.settings, options.workers, stop, &heard);
-    let results = results.map_err(|error| {
-        RunError::broken("collecting stopped", error).with_hint("finished episodes are kept; start again to continue")
+    let made =
+        genmanip_rollout::collect::collect(&left, resources, &store, &run.settings, options.workers, stop, &finished);
+    let made = made.map_err(|stopped| match stopped {
+        Stopped::Run(error) => error,
+        Stopped::Episode(error) => RunError::broken("collecting stopped", error)
+            .with_hint("finished episodes are kept; start again to continue"),
     })?;
+    outcomes.extend(made);
     progress.end();
     // A call that only looks at what is finished says nothing about how long it took to make.
     let has_made = has_made.into_inner();
@@ -114,10 +133,7 @@ pub fn collect(
         folder.lengthen_phase("collect", started.elapsed().as_secs_f64());
     }
     let interrupted = stop.load(Ordering::Relaxed);
-    for id in results.iter().filter(|result| !result.scenario_id.is_empty()).map(|result| &result.id) {
-        write_scenario(&folder, &store, id)?;
-    }
-    let is_wanted = !interrupted && results.iter().any(|result| result.success);
+    let is_wanted = !interrupted && outcomes.values().any(|outcome| outcome.success);
     let dataset_since = Instant::now();
     let dataset = if is_wanted { export(run, &folder, &store, &mut damaged, progress)? } else { None };
     if dataset.is_some() && (has_made || !folder.timings().phases.contains_key("dataset")) {
@@ -126,10 +142,49 @@ pub fn collect(
     if folder.timings() != known_timings {
         folder.save_timings()?;
     }
-    let rows = rows(&run.tasks, &results, &folder.timings());
+    let rows = rows(&run.tasks, &attempts, &outcomes, &folder.timings());
     // Also those that an interrupted call had no time to look at.
-    let finished = attempts.iter().filter(|attempt| store.contains(&attempt.id())).count();
+    let is_finished = |id: &String| outcomes.contains_key(id) || store.contains(id);
+    let finished = attempts.iter().map(Attempt::id).filter(is_finished).count();
+    if !left.is_empty() {
+        // Brings the index up to date.
+        folder.survey(&store)?;
+    }
     Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged })
+}
+
+/// How attempts went, by their ids: all that is kept of each.
+type Outcomes = BTreeMap<String, Outcome>;
+
+/// The attempts that something is to be done for; the outcomes of the others are told.
+fn left<'a>(
+    attempts: &[Attempt<'a>],
+    survey: Survey,
+    folder: &RunFolder,
+    store: &EpisodeStore,
+    settings: &CollectSettings,
+    outcomes: &mut Outcomes,
+) -> Vec<Attempt<'a>> {
+    let scenarios: BTreeSet<_> = std::fs::read_dir(folder.join("scenarios"))
+        .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.file_name())).collect())
+        .unwrap_or_default();
+    let mut known: BTreeMap<String, Known> = survey.sound.into_iter().map(|known| (known.id.clone(), known)).collect();
+    let has_all = |known: &Known| {
+        let has_scenario = !known.has_scenario || scenarios.contains(OsStr::new(&format!("{}.json", known.id)));
+        let has_pictures = settings.images.as_ref().is_none_or(|images| {
+            let is_drawn = known.outcome.success || settings.keep_failed && known.recorded;
+            !is_drawn || store.has_tracks(&known.id, images.fps, &images.cameras)
+        });
+        known.is_settled() && has_scenario && has_pictures
+    };
+    let is_left = |attempt: &&Attempt| match known.remove(&attempt.id()) {
+        Some(known) if has_all(&known) => {
+            outcomes.insert(known.id, known.outcome);
+            false
+        }
+        _ => true,
+    };
+    attempts.iter().filter(is_left).cloned().collect()
 }
 
 impl Collected {
@@ -201,13 +256,18 @@ fn damaged(
     folder: &RunFolder,
     store: &EpisodeStore,
     attempts: &[Attempt],
+    survey: &Survey,
     repair: bool,
     progress: &dyn Progress,
 ) -> Result<Vec<(String, String)>, RunError> {
+    let looks_sound: BTreeSet<&str> = survey.sound.iter().map(|known| known.id.as_str()).collect();
     let mut damaged = Vec::new();
-    for id in attempts.iter().map(Attempt::id).filter(|id| store.is_taken(id)) {
+    for id in attempts.iter().map(Attempt::id).filter(|id| repair || !looks_sound.contains(id.as_str())) {
+        if !store.is_taken(&id) {
+            continue;
+        }
         // What is to be mended is read whole; else sizes must do, and damage within shows when it is read.
-        let looked_at = if repair { store.verify(&id) } else { store.look_at(&id) };
+        let looked_at = if repair { store.verify(&id) } else { store.look_at(&id).map(drop) };
         let Err(error) = looked_at else { continue };
         if !repair {
             progress.note(&format!("episode {id} is damaged and left out: {error}"));
@@ -220,8 +280,8 @@ fn damaged(
         store.move_out(&id, &aside).map_err(|error| RunError::broken(format!("cannot set {id} aside"), error))?;
         progress.note(&format!("episode {id} is damaged, set aside as {} and made anew: {error}", aside.display()));
     }
-    let listing = store.list().map_err(|error| RunError::broken("cannot list the episodes", error))?;
-    for name in listing.strangers.iter().filter(|name| attempts.iter().all(|attempt| attempt.id() != **name)) {
+    let own: BTreeSet<String> = attempts.iter().map(Attempt::id).collect();
+    for name in survey.strangers.iter().filter(|name| !own.contains(*name)) {
         progress.note(&format!("{name} in the episodes is no episode; it is ignored"));
     }
     Ok(damaged)
@@ -258,7 +318,12 @@ fn export(
     progress: &dyn Progress,
 ) -> Result<Option<PathBuf>, RunError> {
     let Some(images) = &run.settings.images else { return Ok(None) };
-    let settings = LerobotSettings { fps: images.fps, run: Some(run.hash()), ..LerobotSettings::default() };
+    let settings = LerobotSettings {
+        fps: images.fps,
+        is_varied: !images.vary.is_empty(),
+        run: Some(run.hash()),
+        ..LerobotSettings::default()
+    };
     let selection = if run.settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");
     let robot = inputs::robot(&run.settings.world)?;
@@ -274,9 +339,14 @@ fn export(
     Ok(Some(path))
 }
 
-fn rows(tasks: &[Task], results: &[EpisodeResult], timings: &Timings) -> Vec<TaskRow> {
-    let mut of_task: BTreeMap<&str, Vec<&EpisodeResult>> = BTreeMap::new();
-    results.iter().for_each(|result| of_task.entry(&result.task_id).or_default().push(result));
+fn rows(tasks: &[Task], attempts: &[Attempt], outcomes: &Outcomes, timings: &Timings) -> Vec<TaskRow> {
+    let mut of_task: BTreeMap<&str, Vec<(String, &Outcome)>> = BTreeMap::new();
+    for attempt in attempts {
+        let id = attempt.id();
+        if let Some(outcome) = outcomes.get(&id) {
+            of_task.entry(&attempt.task.id).or_default().push((id, outcome));
+        }
+    }
     tasks
         .iter()
         .map(|task| {
@@ -285,10 +355,10 @@ fn rows(tasks: &[Task], results: &[EpisodeResult], timings: &Timings) -> Vec<Tas
                 task: task.id.clone(),
                 kind: task.kind,
                 attempts: mine().count(),
-                verified: mine().filter(|result| result.success).count(),
-                failures: mine().filter_map(|result| Some(result.failure()?.to_string())).collect(),
+                verified: mine().filter(|(_, outcome)| outcome.success).count(),
+                failures: mine().filter_map(|(_, outcome)| Some(outcome.failure()?.to_string())).collect(),
                 // A sum of nothing is -0.0.
-                seconds: mine().filter_map(|result| timings.attempts.get(&result.id)).sum::<f64>() + 0.0,
+                seconds: mine().filter_map(|(id, _)| timings.attempts.get(id)).sum::<f64>() + 0.0,
             }
         })
         .collect()

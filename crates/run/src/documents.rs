@@ -57,7 +57,8 @@ pub(crate) fn faults(task: &Task) -> Vec<Fault> {
         ("goal", conditions.max(task.goal.alternatives.len()), MOST_CONDITIONS),
     ];
     for (place, got, most) in sizes.into_iter().filter(|(_, got, most)| got > most) {
-        faults.push(Fault::new("too_large", place, format!("{got} entries"), format!("expected at most {most}")));
+        let (message, hint) = (format!("expected at most {most} entries, got {got}"), "make several tasks of it");
+        faults.push(Fault::new("too_large", place, message, hint));
     }
     if faults.iter().any(|fault| fault.flaw == "too_large") {
         return faults;

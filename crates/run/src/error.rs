@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use genmanip_core::limits::Limit;
 use genmanip_core::{DocumentError, names::near_misses};
 use genmanip_data::DataError;
+use genmanip_rollout::RolloutError;
 
 /// The error behind an error.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
@@ -190,6 +191,24 @@ impl RunError {
             Self::Unreachable { .. } => Some("see that it runs, then start again".into()),
             Self::NoRun { .. } => Some("make one with `genmanip collect TASKS --out FOLDER`".into()),
         }
+    }
+}
+
+/// Why work on many episodes stopped before its end.
+pub(crate) enum Stopped {
+    Run(RunError),
+    Episode(RolloutError),
+}
+
+impl From<RolloutError> for Stopped {
+    fn from(error: RolloutError) -> Self {
+        Self::Episode(error)
+    }
+}
+
+impl From<RunError> for Stopped {
+    fn from(error: RunError) -> Self {
+        Self::Run(error)
     }
 }
 

@@ -7,6 +7,7 @@
 //! dataset/          LeRobotDataset v3.0, with its depth sibling dataset-depth/
 //! evaluation/       one file per policy
 //! timings.json      wall-clock figures, apart from everything that is reproducible
+//! index.jsonl       what is known of each episode without reading it; made anew where it does not hold
 //! report.html, report/   of `report` and `report --full`
 //! damaged/          episodes that `collect --repair` set aside
 //! ```
@@ -25,6 +26,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::error::RunError;
+use crate::index::{INDEX, Survey};
 use crate::inputs;
 
 /// Everything a run depends on: its input, settings and seed.
@@ -90,26 +92,6 @@ pub struct Timings {
 
 impl Document for Timings {
     const SCHEMA: &'static str = "genmanip.timings/1";
-}
-
-/// The attempts of a store, and what else lies there.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Survey {
-    /// Ids of attempts that look sound, sorted.
-    pub sound: Vec<String>,
-    /// Ids of damaged ones, with what is wrong.
-    pub damaged: Vec<(String, String)>,
-    /// What is no attempt; nothing of it is read or changed.
-    pub strangers: Vec<String>,
-}
-
-impl Survey {
-    /// What a person should know about it, a line each.
-    pub fn notes(&self) -> Vec<String> {
-        let stranger = |name: &String| format!("{name} in the episodes is no episode; it is ignored");
-        let damaged = |(id, why): &(String, String)| format!("episode {id} is damaged and left out: {why}");
-        self.strangers.iter().map(stranger).chain(self.damaged.iter().map(damaged)).collect()
-    }
 }
 
 /// A run on disk.
@@ -193,20 +175,12 @@ impl RunFolder {
         })
     }
 
-    /// Looks at every attempt in the store without reading its files.
+    /// Looks at every attempt in the store; the files of those that the run's index knows are not read.
     ///
     /// # Errors
     /// When the store cannot be listed.
     pub fn survey(&self, store: &EpisodeStore) -> Result<Survey, RunError> {
-        let listing = store.list().map_err(|error| RunError::broken("cannot list the episodes", error))?;
-        let mut survey = Survey { strangers: listing.strangers, ..Survey::default() };
-        for id in listing.ids {
-            match store.look_at(&id) {
-                Ok(()) => survey.sound.push(id),
-                Err(error) => survey.damaged.push((id, error.to_string())),
-            }
-        }
-        Ok(survey)
+        Survey::of(&self.path, store)
     }
 
     /// Notes how long an attempt took.
@@ -243,7 +217,7 @@ impl RunFolder {
 const RECORD: &str = "run.json";
 
 /// What a run writes into its folder besides its record.
-const OWN: [&str; 9] = [
+const OWN: [&str; 10] = [
     "episodes",
     "scenarios",
     "dataset",
@@ -251,6 +225,7 @@ const OWN: [&str; 9] = [
     "evaluation",
     "damaged",
     "timings.json",
+    INDEX,
     "report.html",
     "report",
 ];

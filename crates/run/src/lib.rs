@@ -1,12 +1,14 @@
 //! Runs: what is done around the stages, with folders that keep what is finished.
 //!
 //! - [`folder`]: what a run folder holds; a folder never mixes two runs, and an interrupted run continues.
+//! - [`Survey`]: what lies in the store of a run, from its index.
 //! - [`collect`]: demonstrations, their pictures and the dataset.
 //! - [`designs`]: tasks by rules into a folder; [`checks`]: what is wrong with task files.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
 //! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
+//! - [`render`]: pictures of scenarios and recorded episodes, as they were or in another look.
 //! - [`OracleSegmenter`]: masks from truth, for the modular system to be measured against.
 //! - [`inputs`] and [`robots`]: tasks, answers, scenarios and robots from files that anybody may have written.
 //!
@@ -26,6 +28,7 @@ mod error;
 pub mod evaluate;
 pub mod folder;
 pub mod grasps;
+mod index;
 pub mod inputs;
 pub mod layouts;
 mod ledger;
@@ -35,6 +38,7 @@ pub mod pictures;
 pub mod plan;
 pub mod policies;
 mod progress;
+pub mod render;
 pub mod replay;
 pub mod report;
 pub mod robots;
@@ -43,6 +47,7 @@ pub mod worlds;
 
 pub use error::{Cause, RunError};
 pub use folder::{Run, RunFolder, Timings};
+pub use index::{Known, Survey};
 pub use oracle_segmenter::OracleSegmenter;
 pub use policies::PolicyFactory;
 pub use progress::{Progress, Silent};

@@ -11,6 +11,7 @@ use genmanip_rollout::Stage;
 use genmanip_rollout::images::Painter;
 
 use crate::error::RunError;
+use crate::pictures;
 
 /// Columns of pictures and films.
 const WIDTH: u32 = 960;
@@ -121,8 +122,7 @@ impl<'a> View<'a> {
         let height = (WIDTH * intrinsics.height / intrinsics.width) & !1;
         let camera = Camera { intrinsics: intrinsics.resized(WIDTH, height), ..camera.clone() };
         let stage = drawn.stage;
-        let painter = Painter::new(stage)
-            .map_err(|error| RunError::broken(format!("cannot draw {}", stage.scenario.id), error))?;
+        let painter = Painter::new(stage).map_err(|error| pictures::not_drawn(&stage.scenario.id, error))?;
         Ok(Self { drawn, painter, camera })
     }
 

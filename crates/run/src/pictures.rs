@@ -10,7 +10,7 @@ use genmanip_render::encode;
 use genmanip_rollout::{Stage, images::Painter};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
 
-use crate::error::RunError;
+use crate::error::{Cause, RunError};
 
 /// Colour of support surfaces other than the table in drawings, sRGB: a shade darker than the table's.
 const SURFACE_COLOR: [u8; 3] = [226, 218, 205];
@@ -48,7 +48,14 @@ pub fn film_strip(stage: &Stage, episode: &Episode, count: usize) -> Result<Vec<
 /// # Errors
 /// When a mesh is broken.
 pub fn painter(stage: &Stage) -> Result<Painter, RunError> {
-    Painter::new(stage).map_err(|error| RunError::broken(format!("cannot draw {}", stage.scenario.id), error))
+    Painter::new(stage).map_err(|error| not_drawn(&stage.scenario.id, error))
+}
+
+/// An episode or scenario that cannot be drawn.
+pub(crate) fn not_drawn(id: &str, error: impl Into<Cause>) -> RunError {
+    RunError::broken(format!("cannot draw {id}"), error).with_hint(
+        "it was changed, or recorded with other objects or another robot; `genmanip replay --check` says what is sound",
+    )
 }
 
 fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> Result<Vec<RgbdImage>, RunError> {
@@ -66,7 +73,7 @@ fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> 
         .filter_map(|index| episode.frames.get(last * index / count.saturating_sub(1).max(1)))
         .map(|frame| {
             let drawn = painter.paint(frame, &camera, ImageChannels::RGB);
-            drawn.map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))
+            drawn.map_err(|error| not_drawn(&episode.result.id, error))
         })
         .collect()
 }

@@ -191,12 +191,12 @@ pub fn recorded(path: &Path) -> Result<Vec<(Stage, Episode)>, RunError> {
         .collect()
 }
 
-fn unreadable(id: &str, error: DataError) -> RunError {
+pub(crate) fn unreadable(id: &str, error: DataError) -> RunError {
     let hint = error.hint().unwrap_or_else(|| "collect again with --repair: it is set aside and made anew".into());
     RunError::broken(format!("cannot replay {id}"), error).with_hint(hint)
 }
 
-fn stage(episode: &Episode) -> Result<Stage, RunError> {
+pub(crate) fn stage(episode: &Episode) -> Result<Stage, RunError> {
     let failed = |error: Cause| RunError::broken(format!("cannot replay {}", episode.result.id), error);
     let scenario = Arc::new(episode.scenario.clone());
     let robot = inputs::robot(&scenario.world)?;
@@ -206,14 +206,14 @@ fn stage(episode: &Episode) -> Result<Stage, RunError> {
 }
 
 /// A store and the episodes in it that a path means.
-struct Located {
-    store: EpisodeStore,
+pub(crate) struct Located {
+    pub(crate) store: EpisodeStore,
     /// Recorded ones, and damaged ones of which nobody knows.
-    ids: Vec<String>,
+    pub(crate) ids: Vec<String>,
     strangers: Vec<String>,
 }
 
-fn locate(path: &Path) -> Result<Located, RunError> {
+pub(crate) fn locate(path: &Path) -> Result<Located, RunError> {
     let unusable = |error| {
         RunError::input(format!("no episodes at {}", path.display()))
             .because(error)

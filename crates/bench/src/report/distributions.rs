@@ -36,7 +36,8 @@ pub(super) fn distributions(input: &ReportInput, statistics: &StatisticsSettings
     let objects = by_group(&input.tasks, &rows, |task| task.objects.iter().map(String::as_str).collect(), statistics);
     let failing: Vec<GroupTotal> =
         objects.into_iter().filter(|total| !total.failures.is_empty()).take(OBJECTS).collect();
-    let successes = rows.iter().filter(|row| row.success).map(|row| row.duration_s);
+    let successes =
+        rows.iter().map(|row| &row.outcome).filter(|outcome| outcome.success).map(|outcome| outcome.duration_s);
     let mut html = causes(input, &rows);
     html += "<div class=\"two\">\n";
     html += &groups("Success by what the goal asks for", "Goal", &relations);
@@ -56,7 +57,7 @@ fn causes(input: &ReportInput, rows: &[&EpisodeRow]) -> String {
             known.push(format!("<a href=\"#task-{number}\">{}</a>", known.len() + 1));
         }
     }
-    let counts = failure_counts(rows.iter().filter_map(|row| row.cause));
+    let counts = failure_counts(rows.iter().filter_map(|row| row.outcome.cause));
     let most = counts.iter().map(|entry| entry.count).max().unwrap_or(0);
     let line = |entry: &crate::statistics::FailureCount| {
         let share = format!("{:.1} % of episodes", 100.0 * entry.count as f64 / rows.len().max(1) as f64);

@@ -19,7 +19,7 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
         input.cases.iter().enumerate().rev().filter_map(|(index, case)| Some((case.episode?, index + 1))).collect();
     let (mut body, mut left_out) = (String::new(), [0_usize; 2]);
     let mut order: Vec<usize> = (0..input.episodes.len()).collect();
-    order.sort_by_key(|&index| input.episodes[index].success);
+    order.sort_by_key(|&index| input.episodes[index].outcome.success);
     let mut rows: Vec<(usize, String)> = Vec::with_capacity(order.len());
     let mut bytes = 0;
     for index in order {
@@ -30,7 +30,7 @@ pub(super) fn episodes(input: &ReportInput, max_bytes: usize) -> String {
         };
         let row = row(episode, input.tasks.get(episode.task), link);
         if bytes + row.len() > max_bytes {
-            left_out[usize::from(episode.success)] += 1;
+            left_out[usize::from(episode.outcome.success)] += 1;
         } else {
             bytes += row.len();
             rows.push((index, row));
@@ -60,20 +60,20 @@ const HEADINGS: [&str; 8] =
 fn row(episode: &EpisodeRow, task: Option<&TaskRow>, link: Option<String>) -> String {
     let id = escape(&episode.id);
     let name = link.map_or(id.clone(), |link| format!("<a href=\"{}\">{id}</a>", escape(&link)));
-    let (class, outcome) = match (episode.success, episode.cause) {
+    let (class, outcome) = match (episode.outcome.success, episode.outcome.cause) {
         (true, _) if episode.is_attempt() => ("met", "verified".into()),
         (true, _) => ("met", "success".into()),
         (false, Some(cause)) => ("missed", words(cause.name())),
         (false, None) => ("missed", "no success".into()),
     };
-    let evidence = escape(&shortened(&episode.evidence));
+    let evidence = escape(&shortened(&episode.outcome.evidence));
     let wall = episode.wall_s.map_or(String::new(), |seconds| format!("{seconds:.1}"));
     format!(
         "<tr><th>{name}</th><td>{kind}</td><td>{by}</td><td class=\"{class}\">{outcome}</td><td>{evidence}</td><td>{score:.2}</td><td>{length:.1}</td><td>{wall}</td></tr>\n",
         kind = escape(&task.map_or(String::new(), |task| words(task.kind.name()))),
         by = escape(&words(episode.evaluation.as_deref().unwrap_or("collect"))),
-        score = episode.score,
-        length = episode.duration_s,
+        score = episode.outcome.score,
+        length = episode.outcome.duration_s,
     )
 }
 

@@ -336,14 +336,14 @@ fn attempts(input: &ReportInput) -> impl Iterator<Item = &EpisodeRow> {
 /// Whether each task has a verified demonstration.
 fn solved(input: &ReportInput) -> Vec<bool> {
     let mut solved = vec![false; input.tasks.len()];
-    for row in attempts(input).filter(|row| row.success) {
+    for row in attempts(input).filter(|row| row.outcome.success) {
         solved[row.task] = true;
     }
     solved
 }
 
 fn total_yield(input: &ReportInput, statistics: &StatisticsSettings) -> Rate {
-    Rate::of(attempts(input).map(|row| row.success), statistics)
+    Rate::of(attempts(input).map(|row| row.outcome.success), statistics)
 }
 
 fn plural(count: usize, noun: &str) -> String {

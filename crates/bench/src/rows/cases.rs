@@ -63,7 +63,7 @@ pub fn choose(tasks: &[TaskRow], rows: &[EpisodeRow], control: Option<&str>, mos
     let mut groups: BTreeMap<Shows, Vec<usize>> = BTreeMap::new();
     let is_control = |row: &EpisodeRow| row.evaluation.is_some() && row.evaluation.as_deref() == control;
     for (index, row) in rows.iter().enumerate().filter(|(_, row)| !is_control(row)) {
-        match (row.success, row.cause, tasks.get(row.task)) {
+        match (row.outcome.success, row.outcome.cause, tasks.get(row.task)) {
             (true, _, Some(task)) => groups.entry(Shows::Success(task.kind)).or_default().push(index),
             (false, Some(cause), Some(_)) => groups.entry(Shows::Failure(cause)).or_default().push(index),
             _ => {}
@@ -83,7 +83,7 @@ pub fn choose(tasks: &[TaskRow], rows: &[EpisodeRow], control: Option<&str>, mos
 
 /// Index of the row that is shown of each task, see [`choose`].
 fn best_of_each_task(tasks: usize, rows: &[EpisodeRow]) -> Vec<Option<usize>> {
-    let rank = |row: &EpisodeRow| (!row.is_attempt(), row.success != row.is_attempt());
+    let rank = |row: &EpisodeRow| (!row.is_attempt(), row.outcome.success != row.is_attempt());
     let mut best: Vec<Option<usize>> = vec![None; tasks];
     for (index, row) in rows.iter().enumerate().filter(|(_, row)| row.recorded && row.task < tasks) {
         if best[row.task].is_none_or(|known| rank(row) < rank(&rows[known])) {
@@ -107,8 +107,8 @@ impl Group {
         members.sort_by(|&a, &b| {
             let (a, b) = (&rows[a], &rows[b]);
             (b.recorded.cmp(&a.recorded))
-                .then(b.score.total_cmp(&a.score))
-                .then(b.missed_by.total_cmp(&a.missed_by))
+                .then(b.outcome.score.total_cmp(&a.outcome.score))
+                .then(b.outcome.missed_by.total_cmp(&a.outcome.missed_by))
                 .then(a.is_attempt().cmp(&b.is_attempt()).reverse())
                 .then_with(|| (&a.evaluation, &a.id).cmp(&(&b.evaluation, &b.id)))
         });
@@ -162,19 +162,22 @@ fn take_turns(groups: &mut [Group], most: usize, rows: &[EpisodeRow], known: &mu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rows::Outcome;
 
     fn row(id: usize, task: usize, cause: Option<FailureCause>, recorded: bool, score: f64) -> EpisodeRow {
         EpisodeRow {
             id: format!("e{id}"),
             task,
             evaluation: None,
-            success: cause.is_none(),
-            cause,
-            evidence: String::new(),
-            score,
-            missed_by: 0.0,
+            outcome: Outcome {
+                success: cause.is_none(),
+                cause,
+                evidence: String::new(),
+                score,
+                missed_by: 0.0,
+                duration_s: 1.0,
+            },
             recorded,
-            duration_s: 1.0,
             wall_s: None,
         }
     }

@@ -5,8 +5,8 @@
 pub mod cases;
 pub mod totals;
 
-use genmanip_core::{Atom, EpisodeResult, FailureCause, Task, TaskKind};
-use serde::Serialize;
+use genmanip_core::{Atom, EpisodeResult, Failure, FailureCause, Task, TaskKind};
+use serde::{Deserialize, Serialize};
 
 /// A task, as far as tables and totals need it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -30,6 +30,18 @@ pub struct EpisodeRow {
     pub task: usize,
     /// Label of the evaluation; `None` for an attempt to collect a demonstration.
     pub evaluation: Option<String>,
+    /// How it went.
+    #[serde(flatten)]
+    pub outcome: Outcome,
+    /// Whether frames were kept, so that it can be drawn.
+    pub recorded: bool,
+    /// Wall-clock time it took, s, where that is known.
+    pub wall_s: Option<f64>,
+}
+
+/// How an episode went, in few words and numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
     /// Whether the goal held at the end.
     pub success: bool,
     /// The most decisive cause of failure.
@@ -40,12 +52,8 @@ pub struct EpisodeRow {
     pub score: f64,
     /// How far the best alternative of the goal is missed: the sum of its missed conditions' normalised margins, ≤ 0.
     pub missed_by: f64,
-    /// Whether frames were kept, so that it can be drawn.
-    pub recorded: bool,
     /// Simulated length, s.
     pub duration_s: f64,
-    /// Wall-clock time it took, s, where that is known.
-    pub wall_s: Option<f64>,
 }
 
 impl TaskRow {
@@ -73,6 +81,27 @@ impl TaskRow {
     }
 }
 
+impl Outcome {
+    /// The outcome of a result.
+    pub fn of(result: &EpisodeResult) -> Self {
+        let missed = result.verdict.best().unwrap_or_default().iter().filter(|atom| !atom.holds);
+        let failure = result.failure();
+        Self {
+            success: result.success,
+            cause: failure.as_ref().map(|failure| failure.cause),
+            evidence: failure.map(|failure| failure.evidence).unwrap_or_default(),
+            score: result.verdict.score,
+            missed_by: missed.map(|atom| atom.normalised_margin().min(0.0)).filter(|margin| margin.is_finite()).sum(),
+            duration_s: result.duration_s,
+        }
+    }
+
+    /// The most decisive cause, with the evidence of all causes; `None` after a success.
+    pub fn failure(&self) -> Option<Failure> {
+        self.cause.map(|cause| Failure { cause, evidence: self.evidence.clone() })
+    }
+}
+
 impl EpisodeRow {
     /// The row of a result.
     pub fn of(
@@ -82,21 +111,8 @@ impl EpisodeRow {
         recorded: bool,
         wall_s: Option<f64>,
     ) -> Self {
-        let missed = result.verdict.best().unwrap_or_default().iter().filter(|atom| !atom.holds);
-        let failure = result.failure();
-        Self {
-            id: result.id.clone(),
-            task,
-            evaluation: evaluation.map(str::to_owned),
-            success: result.success,
-            cause: failure.as_ref().map(|failure| failure.cause),
-            evidence: failure.map(|failure| failure.evidence).unwrap_or_default(),
-            score: result.verdict.score,
-            missed_by: missed.map(|atom| atom.normalised_margin().min(0.0)).filter(|margin| margin.is_finite()).sum(),
-            recorded,
-            duration_s: result.duration_s,
-            wall_s,
-        }
+        let evaluation = evaluation.map(str::to_owned);
+        Self { id: result.id.clone(), task, evaluation, outcome: Outcome::of(result), recorded, wall_s }
     }
 
     /// Where its page lies in the folder of a full report; `None` for an evaluated episode that was not kept.

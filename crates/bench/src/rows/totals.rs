@@ -22,8 +22,8 @@ impl GroupTotal {
         let rows: Vec<&EpisodeRow> = rows.into_iter().collect();
         Self {
             name: name.into(),
-            rate: Rate::of(rows.iter().map(|row| row.success), statistics),
-            failures: failure_counts(rows.iter().filter_map(|row| row.cause)),
+            rate: Rate::of(rows.iter().map(|row| row.outcome.success), statistics),
+            failures: failure_counts(rows.iter().filter_map(|row| row.outcome.cause)),
         }
     }
 }

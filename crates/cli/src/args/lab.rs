@@ -85,7 +85,7 @@ pub enum LabCommand {
     #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
                       One thread, processor time, medians over the frames of the episode; the static camera is drawn \
                       first and draws the shadows, which the wrist camera shares.")]
-    Render(RenderArguments),
+    Render(LabRenderArguments),
     /// Fit the weights of the score of grasps from points to trials, and say how true its chances are on others
     #[command(after_help = "Example:\n  genmanip lab fit dev-1.jsonl dev-2.jsonl --test fresh.jsonl\n\n\
                       The files are written by lab grasp --out; docs/concepts/grasps.md says which.")]
@@ -98,7 +98,7 @@ pub enum LabCommand {
     /// Copy a run's episodes to any number, and measure what the report, opening and resuming cost
     #[command(after_help = "Example:\n  genmanip lab scale --run out/run --episodes 10000 --out out/scaled --json\n\n\
                       The copies are further attempts at the same tasks, under ids of their own; synthetic.json marks \
-                      the folder.\nKeys of what is not there yet are null.")]
+                      the folder.")]
     Scale(ScaleArguments),
 }
 
@@ -258,7 +258,7 @@ pub struct EnvironmentArguments {
 
 /// Arguments of `lab render`.
 #[derive(Debug, Args)]
-pub struct RenderArguments {
+pub struct LabRenderArguments {
     /// Seed of objects, layout and episode
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
@@ -432,9 +432,9 @@ pub struct MotionArguments {
     /// Make problems instead: picking and placing on a table, hard ones with a shelf and taller things
     #[arg(long, value_parser = ["easy", "hard"], conflicts_with = "problems")]
     pub generate: Option<String>,
-    /// Problems to make
-    #[arg(long, default_value_t = 100, value_parser = super::parse_count, requires = "generate")]
-    pub count: usize,
+    /// Problems to make, 100 without it; or how many of the file are planned, from its first on, all without it
+    #[arg(long, value_parser = super::parse_count)]
+    pub count: Option<usize>,
     /// Also write the problems that were made to this file
     #[arg(long, value_name = "FILE", requires = "generate")]
     pub out: Option<PathBuf>,

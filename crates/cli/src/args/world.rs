@@ -124,7 +124,7 @@ pub struct CameraPreviewArguments {
     pub size: Option<[u32; 2]>,
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let sides = text.split_once(['x', 'X', '×']).ok_or("expected WIDTHxHEIGHT, e.g. 640x360")?;
     let side = |text: &str| match text.trim().parse::<u32>() {
         Ok(pixels) if (1..=8192).contains(&pixels) => Ok(pixels),

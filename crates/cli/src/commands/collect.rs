@@ -7,6 +7,7 @@ use genmanip_core::Seed;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_run::collect::{CollectOptions, Collected, collect};
+use genmanip_run::render::Vary;
 use genmanip_run::{Run, inputs};
 
 use crate::args::CollectArguments;
@@ -15,7 +16,9 @@ use crate::printer::Printer;
 
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
-    let images = (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
+    let vary = if arguments.variation.is_some() { vary(&arguments.vary) } else { Vec::new() };
+    let images =
+        (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, vary, ..ImageSettings::default() });
     let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let settings = CollectSettings { images, keep_failed: arguments.keep_failed, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
@@ -24,6 +27,11 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     let collected = collect_run(&arguments.out, &run, options, printer, &stop)?;
     printer.data(&collected.rows, &collected.table(arguments.each));
     Ok(status(&collected))
+}
+
+/// What is varied: the parts that are named, in the order of all, or all of them.
+pub fn vary(named: &[Vary]) -> Vec<Vary> {
+    Vary::ALL.into_iter().filter(|part| named.is_empty() || named.contains(part)).collect()
 }
 
 /// Collects a run and says what came of it; also used by the demo.

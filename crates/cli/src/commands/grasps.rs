@@ -44,10 +44,14 @@ pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitSt
         .map_err(|error| Failed::because(format!("no object {}", arguments.uid), &error))?;
     let own = arguments.file.as_deref().map(grasps::read).transpose()?;
     let file = own.as_ref().unwrap_or_else(|| GraspFile::builtin());
-    let grasps =
-        file.of(&model).map_err(|error| Failed::because("the grasps cannot be used", &error))?.ok_or_else(|| {
-            Failed::new(format!("no tried grasps of object {} ({})", model.card.uid, model.card.name))
-                .hint("only rigid things that fit the hand have some; `genmanip grasps bake` makes them")
+    let from = arguments.file.as_deref().map_or("the built-in grasps".into(), |path| path.display().to_string());
+    let help = "only rigid things that fit the hand have some; `genmanip grasps bake` makes them";
+    let grasps = file
+        .of(&model)
+        .map_err(|error| Failed::because(format!("{from}: cannot be used"), &error).hint(help))?
+        .ok_or_else(|| {
+            let (uid, name) = (&model.card.uid, &model.card.name);
+            Failed::new(format!("{from}: holds no tried grasps of object {uid} ({name})")).hint(help)
         })?;
     let pad_height_m = panda().gripper.pad_size.y;
     let object_id = model.card.uid.parse().unwrap_or(-1);

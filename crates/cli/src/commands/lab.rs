@@ -241,15 +241,16 @@ fn grasp_arguments(arguments: &args::GraspArguments) -> Result<GraspArguments, F
 fn motion_arguments(arguments: &args::MotionArguments) -> Result<MotionArguments, Failed> {
     let generated = || Source::Generated {
         is_hard: arguments.generate.as_deref() == Some("hard"),
-        count: arguments.count,
+        count: arguments.count.unwrap_or(100),
         out: arguments.out.clone(),
     };
+    let of_file = |path| Source::File { path, count: arguments.count.unwrap_or(usize::MAX) };
     Ok(MotionArguments {
         robot: match &arguments.robot {
             Some(path) => robots::read(path, arguments.tip.as_deref())?.into(),
             None => panda(),
         },
-        problems: arguments.problems.clone().map_or_else(generated, Source::File),
+        problems: arguments.problems.clone().map_or_else(generated, of_file),
         rrt_range: arguments.rrt_range,
         ik_poses: arguments.ik_poses,
         paths: arguments.paths.clone(),

@@ -12,6 +12,7 @@ pub mod grasps;
 pub mod lab;
 pub mod layout;
 pub mod plan;
+pub mod render;
 pub mod replay;
 pub mod report;
 pub mod serve;

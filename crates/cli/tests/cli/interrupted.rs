@@ -1,5 +1,6 @@
 //! Killed and interrupted runs: what was finished stays, and the end is the same as without the interruption.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -13,12 +14,25 @@ use crate::{
 
 /// Waits until something is there; the run must still be going on then.
 fn wait_for(run: &mut Child, path: &Path) {
+    wait_until(run, &format!("{} was there", path.display()), || path.exists().then_some(()));
+}
+
+fn wait_until<T>(run: &mut Child, what: &str, is_so: impl Fn() -> Option<T>) -> T {
     let deadline = Instant::now() + Duration::from_secs(120);
-    while !path.exists() {
-        assert!(run.try_wait().unwrap().is_none(), "ended before {} was there", path.display());
-        assert!(Instant::now() < deadline, "no {} after two minutes", path.display());
+    loop {
+        if let Some(found) = is_so() {
+            return found;
+        }
+        assert!(run.try_wait().unwrap().is_none(), "ended before {what}");
+        assert!(Instant::now() < deadline, "two minutes before {what}");
         sleep(Duration::from_millis(3));
     }
+}
+
+/// What a program calls its unfinished files: the end of the name of one in a folder.
+fn mark_of_unfinished(folder: &Path) -> Option<String> {
+    let names = fs::read_dir(folder).ok()?.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    names.filter_map(|name| Some(name[name.find(".partial-")?..].to_owned())).next()
 }
 
 fn start(folder: &Path, arguments: &[&str]) -> Child {
@@ -39,9 +53,17 @@ fn a_killed_run_continues_and_ends_with_the_same_bytes() {
         child.wait().unwrap();
     };
 
-    kill_once_there(&first.join("episode.json"));
+    let mut child = start(folder.path(), &arguments);
+    let mark = wait_until(&mut child, "pictures were begun", || mark_of_unfinished(&first));
+    child.kill().unwrap();
+    child.wait().unwrap();
     let recorded = times(&first);
     assert!(!first.join("images_10hz").exists(), "the kill came too late to test anything");
+    // It may as well have been killed while it wrote in one of these.
+    for inside in ["scenarios", "evaluation"] {
+        fs::create_dir_all(run.join(inside)).unwrap();
+        fs::write(run.join(inside).join(format!(".x.json{mark}")), "{").unwrap();
+    }
 
     kill_once_there(&second.join("episode.json"));
     let drawn = times(&first);
@@ -87,4 +109,69 @@ fn an_interrupted_run_says_so_and_continues() {
     let [left, right] = ["interrupted", "straight"].map(|run| without_timings(tree(&folder.path().join(run))));
     assert_same_tree(&left, &right);
     assert!(fs::exists(folder.path().join("straight/episodes/024_appearance-007/frames.parquet")).unwrap());
+}
+
+/// The verbs that work through many episodes, each killed at random moments of its work: it continues, with another
+/// number of workers, to the bytes of a call in one go.
+///
+/// `GENMANIP_KILLS=10` kills each ten times instead of twice.
+#[test]
+fn killed_verbs_continue_to_the_same_bytes() {
+    let kills: u32 = std::env::var("GENMANIP_KILLS").map_or(2, |count| count.parse().unwrap());
+    let examples = quick_examples();
+    let layout = ["layout", &examples[0], &examples[1], "--count", "4", "--seed", "5", "--explain", "--out", "made"];
+    let expert =
+        ["evaluate", "made", "--policy", "expert", "--policy", "do_nothing", "--keep-episodes", "--out", "run"];
+    let report = ["report", "run", "--full"];
+    // What each leaves behind, and in which folder.
+    for (verb, made) in [(&layout[..], "made"), (&expert, "run"), (&report, "run/report")] {
+        let folder = tempfile::tempdir().unwrap();
+        let prepared = |name: &str| {
+            let into = folder.path().join(name);
+            fs::create_dir_all(&into).unwrap();
+            if verb[0] == "evaluate" {
+                assert_eq!(genmanip(&into, &layout).code, Some(0));
+            }
+            if verb[0] == "report" {
+                copy(finished_run(), &into.join("run"));
+            }
+            into
+        };
+        let straight = prepared("straight");
+        let since = Instant::now();
+        let outcome = genmanip(&straight, &[verb, &["--workers", "2"]].concat());
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        let takes = since.elapsed();
+        let expected = without_clock(tree(&straight.join(made)));
+        let mut early = 0;
+        for kill in 0..kills {
+            let killed = prepared(&format!("killed{kill}"));
+            // Moments that spread evenly over the work, whatever their number.
+            let moment = (f64::from(kill) + 0.5) * 0.618_034 % 1.0;
+            let mut child = start(&killed, &[verb, &["--workers", "2"]].concat());
+            sleep(takes.mul_f64(moment));
+            early += u32::from(child.try_wait().unwrap().is_none());
+            child.kill().unwrap();
+            child.wait().unwrap();
+            let outcome = genmanip(&killed, &[verb, &["--workers", "1"]].concat());
+            assert_eq!(outcome.code, Some(0), "{} killed after {moment:.2} of its work: {outcome:?}", verb[0]);
+            assert_same_tree(&expected, &without_clock(tree(&killed.join(made))));
+            fs::remove_dir_all(killed).unwrap();
+        }
+        assert!(early > 0, "{}: every kill came too late", verb[0]);
+        println!("{}: {kills} of {kills} the same bytes, {early} killed before the end", verb[0]);
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    for (name, bytes) in tree(from) {
+        let path = to.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+}
+
+fn without_clock(mut tree: BTreeMap<String, Vec<u8>>) -> BTreeMap<String, Vec<u8>> {
+    tree.remove("timings.json");
+    tree
 }

@@ -12,6 +12,7 @@ mod messages;
 mod motion;
 mod planning;
 mod refusals;
+mod render;
 mod runs;
 
 use std::collections::BTreeMap;

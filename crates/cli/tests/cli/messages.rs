@@ -2,6 +2,8 @@
 
 use std::fs;
 
+use genmanip_assets::GraspFile;
+use genmanip_core::Document;
 use serde_json::{Value, json};
 
 use crate::{copy_of_finished_run, example, genmanip, quick_examples};
@@ -9,7 +11,7 @@ use crate::{copy_of_finished_run, example, genmanip, quick_examples};
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
 
-const CASES: [Case; 52] = [
+const CASES: [Case; 59] = [
     // Seeds are kept in JSON, exact to 53 bits.
     ("layout task.json --out out --seed 9007199254740992", 2, &["from 0 to 9007199254740991"]),
     ("lab design --seed 18446744073709551615", 2, &["from 0 to 9007199254740991"]),
@@ -65,7 +67,7 @@ const CASES: [Case; 52] = [
     (
         "lab motion --generate easy --count 2 --robot short.urdf",
         1,
-        &["got only 0 of 2 problems", "robot short", "reaches a table 0.3-0.75 m"],
+        &["got only 0 of 2 problems", "robot `short`", "reaches a table 0.3-0.75 m"],
     ),
     // A file that is too large is named as what it should be.
     ("task show large.json", 1, &["large.json is larger than a task or recorded answer may be: 4 MiB"]),
@@ -85,6 +87,26 @@ const CASES: [Case; 52] = [
     ("collect --out run 021 024 --episodes 1 --fps 15", 1, &["holds another run (settings.images.fps is 10, not 15)"]),
     ("collect --out run 021 --episodes 1 --fps 10", 1, &["its tasks are 021_spatial, 024_appearance, not 021_spatial"]),
     ("collect --out run 021 024 --episodes 1 --fps 10 --no-dataset", 1, &["settings.images is set, not none"]),
+    // Files that hold something else than they should name themselves.
+    ("grasps show 001 --file stale.json", 1, &["stale.json: cannot be used", "expected physics hash v2:0", "bake"]),
+    ("grasps show 001 --file other.json", 1, &["other.json: holds no tried grasps of object 001", "bake"]),
+    (
+        "evaluate odd_knob.json --policy do_nothing",
+        1,
+        &["odd_knob.json cannot be set up", "contact_solref", "expected two numbers", "lay its task out again"],
+    ),
+    (
+        "evaluate odd_robot.json --policy do_nothing",
+        1,
+        &["odd_robot.json cannot be set up", "physics_hash", "expected v2:0", "lay its task out again"],
+    ),
+    (
+        "evaluate odd_object.json --policy do_nothing",
+        1,
+        &["evaluating do_nothing stopped", "episode 021_spatial-000", "expected physics hash v2:0"],
+    ),
+    ("lab fit alike.jsonl", 1, &["alike.jsonl: found 0 trials", "expected held and lost grasps"]),
+    ("task show crowd.json", 1, &["crowd.json: at $.scene_graph.nodes", "expected at most 64 entries, got 65"]),
     // A picture in a format that nobody writes.
     ("replay run --strip film.bmp", 1, &["cannot write a film strip as film.bmp", ".jpg"]),
     ("replay run --strip film", 1, &["cannot write a film strip as film", ".jpg"]),
@@ -139,6 +161,27 @@ fn workplace() -> tempfile::TempDir {
         "twice_problem.json",
         b"{\"problems\": [{\"start\": [0], \"start\": [0], \"goal\": [0], \"obstacles\": []}]}",
     );
+    let with = |place: &str, value: Value| {
+        let mut scenario: Value = serde_json::from_slice(&scenario).unwrap();
+        *scenario.pointer_mut(place).unwrap() = value;
+        scenario.to_string()
+    };
+    write("odd_knob.json", with("/world/physics/engine/contact_solref", json!([0.02])).as_bytes());
+    write("odd_robot.json", with("/world/robot/physics_hash", "v2:0".into()).as_bytes());
+    write("odd_object.json", with("/objects/0/physics_hash", "v2:0".into()).as_bytes());
+    write("alike.jsonl", b"");
+    let mut crowd: Value = serde_json::from_slice(&read("run/run.json")).unwrap();
+    let mut crowd = crowd["tasks"][0].take();
+    crowd["schema"] = "genmanip.task/2".into();
+    crowd["scene_graph"]["nodes"] = vec![crowd["scene_graph"]["nodes"][0].clone(); 65].into();
+    write("crowd.json", crowd.to_string().as_bytes());
+    let grasps = |uid: &str| {
+        let mut file = GraspFile::builtin().to_value();
+        file["objects"] = json!({uid: {"physics_hash": "v2:0", "grasps": []}});
+        file.to_string()
+    };
+    write("stale.json", grasps("001").as_bytes());
+    write("other.json", grasps("002").as_bytes());
     let mut cameras = changed["world"]["cameras"].clone();
     cameras[0]["intrinsics"]["width"] = 0.into();
     write("flat.json", cameras.to_string().as_bytes());

@@ -48,6 +48,9 @@ fn lab_motion_plans_and_tests_again() {
     assert!(length > 1.81 && length < 8.0 && measured["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{measured}");
     let paths: serde_json::Value = serde_json::from_slice(&std::fs::read(at("paths.json")).unwrap()).unwrap();
     assert!(paths[0].as_array().unwrap().len() > 90 && paths[1].is_null(), "{paths}");
+    // Only the first of them.
+    let first = genmanip(folder.path(), &[&arguments[..], &["--count", "1"]].concat()).json(0);
+    assert_eq!((&first["problems"], &first["solved"]), (&1.into(), &1.into()), "{first}");
 
     std::fs::create_dir(at("robot")).unwrap();
     std::fs::write(at("robot/turntable.urdf"), TURNTABLE).unwrap();

@@ -27,6 +27,6 @@ pub(crate) fn depth_rows(source: &Source, settings: &LerobotSettings) -> Result<
         features: Vec::new(),
         images: source.tracks.iter().map(image).collect::<Result<_, _>>()?,
         videos: Vec::new(),
-        facts: EpisodeFacts::of(source),
+        facts: EpisodeFacts::of(source, settings),
     })
 }

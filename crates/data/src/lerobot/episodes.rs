@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use arrow_array::types::{Float64Type, Int64Type};
-use genmanip_core::{Document, EpisodeResult};
+use genmanip_core::{Document, EpisodeResult, Seed};
 use serde_json::json;
 
-use super::Source;
 use super::stats::Stats;
+use super::{LerobotSettings, Source};
+use crate::images::variation_seed;
 use crate::table::{self, Columns, Purpose};
 use crate::{CameraTrack, DataError};
 
@@ -34,6 +35,8 @@ pub(crate) struct EpisodeFacts {
     pub(crate) scenario_json: String,
     /// Name, and fx, fy, cx, cy in pixels.
     pub(crate) cameras: Vec<(String, [f64; 4])>,
+    /// Of the look of its pictures, if it has one of its own.
+    pub(crate) variation_seed: Option<Seed>,
 }
 
 /// Where an episode lies in a video file, and what its colours are.
@@ -45,7 +48,7 @@ pub(crate) struct VideoSpan {
 }
 
 impl EpisodeFacts {
-    pub(crate) fn of(source: &Source) -> Self {
+    pub(crate) fn of(source: &Source, settings: &LerobotSettings) -> Self {
         let scenario = &source.episode.scenario;
         let intrinsics = |track: &CameraTrack| {
             let k = &track.camera.intrinsics;
@@ -57,6 +60,7 @@ impl EpisodeFacts {
             kind: scenario.task.kind.name(),
             scenario_json: scenario.to_value().to_string(),
             cameras: source.tracks.iter().map(intrinsics).collect(),
+            variation_seed: settings.is_varied.then(|| variation_seed(source.episode.result.seed)),
         }
     }
 }
@@ -124,6 +128,11 @@ fn own_columns(columns: &mut Columns, entries: &[EpisodeEntry]) {
     let failure = |result: &EpisodeResult| result.failure().map_or(String::new(), |failure| failure.to_string());
     columns.text("failure", results().map(failure));
     columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
+    if facts().any(|facts| facts.variation_seed.is_some()) {
+        let seed =
+            |facts: &EpisodeFacts| facts.variation_seed.map_or(-1, |seed| i64::try_from(seed.value()).unwrap_or(-1));
+        columns.i64("variation_seed", facts().map(seed));
+    }
     columns.text("scenario_id", results().map(|result| &result.scenario_id));
     columns.text("task_id", results().map(|result| &result.task_id));
     columns.text("task_kind", facts().map(|facts| facts.kind));

@@ -43,6 +43,9 @@ pub struct LerobotSettings {
     pub episodes_per_file: usize,
     /// Episodes per file of the depth data set, whose pictures are larger. Default 10.
     pub episodes_per_depth_file: usize,
+    /// Whether each episode is drawn in a look of its own; its seed is then a column, `variation_seed`. Default false.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_varied: bool,
     /// The run that it is made for: only a data set of the same run is ever replaced. Default none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
@@ -57,6 +60,7 @@ impl Default for LerobotSettings {
             record: true,
             episodes_per_file: 100,
             episodes_per_depth_file: 10,
+            is_varied: false,
             run: None,
         }
     }

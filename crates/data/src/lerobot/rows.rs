@@ -65,7 +65,7 @@ pub(crate) fn color_rows(
         features,
         images: Vec::new(),
         videos: source.tracks.iter().map(video).collect(),
-        facts: EpisodeFacts::of(source),
+        facts: EpisodeFacts::of(source, settings),
     })
 }
 

@@ -192,7 +192,9 @@ impl Corpus {
                     _ => &["evaluate run --policy do_nothing:seconds=0.1 --keep-episodes", "report run"],
                 },
             ),
-            "problems" => (one("problems.json", &self.problems), &["lab motion --problems problems.json --ik-poses 1"]),
+            "problems" => {
+                (one("problems.json", &self.problems), &["lab motion --problems problems.json --count 10 --ik-poses 1"])
+            }
             "robots" => {
                 let file = |name: &str, bytes: &[u8]| (format!("six/{name}"), Content::Bytes(bytes.to_vec()));
                 let mut files =
@@ -343,7 +345,19 @@ impl Case {
         let names = self.targets.iter().map(|&index| self.files[index].0.as_str());
         let mut places: Vec<String> = names.flat_map(|name| name.rsplit('/').next()).map(String::from).collect();
         places.extend(
-            ["run/", "run holds", "six", "cassettes", "021_spatial", "024_appearance", "'--"].map(String::from),
+            [
+                "run/",
+                "run holds",
+                "run at run",
+                "robot `",
+                "six",
+                "cassettes",
+                "cases.npz",
+                "021_spatial",
+                "024_appearance",
+                "'--",
+            ]
+            .map(String::from),
         );
         places
     }

@@ -31,7 +31,7 @@ const fn filling(
 const TASK: &str = "task show task.json";
 const SCENARIO: &str = "export --mjcf scenario.json";
 const WORLD: &str = "world check world.toml";
-const PROBLEMS: &str = "lab motion --problems problems.json --ik-poses 1";
+const PROBLEMS: &str = "lab motion --problems problems.json --count 10 --ik-poses 1";
 const ROBOT: &str = "lab motion --problems none.json --ik-poses 1 --robot six";
 const GRASPS: &str = "grasps show 001 --file grasps.json";
 const SETTINGS: &str =

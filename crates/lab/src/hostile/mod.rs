@@ -238,6 +238,7 @@ fn lacks(ended: &Ended, case: &Case) -> Option<&'static str> {
         "invalid",
         "missing",
         "holds",
+        "has ",
     ];
     if !found.iter().any(|word| before.contains(word)) {
         return Some("nothing that was found");

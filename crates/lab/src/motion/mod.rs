@@ -48,7 +48,12 @@ pub struct MotionArguments {
 #[derive(Clone, Debug)]
 pub enum Source {
     /// A file.
-    File(PathBuf),
+    File {
+        /// Which.
+        path: PathBuf,
+        /// Only the first of its problems; all when it holds fewer.
+        count: usize,
+    },
     /// They are made: picking and placing on a table.
     Generated {
         /// With a shelf and taller things.
@@ -182,7 +187,7 @@ pub fn measure(arguments: &MotionArguments, seed: Seed, progress: &dyn Progress)
 /// The problems of the user's file, or fresh ones.
 fn problems(source: &Source, planner: &Planner, seed: Seed) -> Result<Vec<Problem>, LabError> {
     let (is_hard, count, out) = match source {
-        Source::File(file) => return problems::read(file, planner.robot().arm_dof()),
+        Source::File { path, count } => return problems::read(path, planner.robot().arm_dof(), *count),
         Source::Generated { is_hard, count, out } => (*is_hard, *count, out),
     };
     let made = generate::generate(planner, is_hard, count, seed.fork("problems"))?;

@@ -64,8 +64,8 @@ const MOST_OBSTACLES: usize = 1_000;
 const LARGEST_M: f64 = 20.0;
 const FARTHEST: f64 = 100.0;
 
-/// The problems of a file for an arm of `dof` joints.
-pub fn read(path: &Path, dof: usize) -> Result<Vec<Problem>, LabError> {
+/// The first `count` problems of a file for an arm of `dof` joints; all of them are checked.
+pub fn read(path: &Path, dof: usize, count: usize) -> Result<Vec<Problem>, LabError> {
     let no_problems = |error: Cause| {
         LabError::input(format!("{} is no file of motion problems", path.display())).because(error).with_hint(
             "expected {\"problems\": [{\"start\": [rad], \"goal\": [rad], \"obstacles\": [{\"type\": \"box\", \
@@ -78,11 +78,12 @@ pub fn read(path: &Path, dof: usize) -> Result<Vec<Problem>, LabError> {
         let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
         no_problems(error.into()).with_hint(hint)
     })?;
-    let file: File = serde_json::from_str(&text).map_err(|error| no_problems(error.into()))?;
+    let mut file: File = serde_json::from_str(&text).map_err(|error| no_problems(error.into()))?;
     if let Some(fault) = file.fault(dof) {
         return Err(LabError::input(format!("{}: at $.{fault}", path.display()))
             .with_hint("lengths are metres, joint positions radians, one for each joint of the arm that moves"));
     }
+    file.problems.truncate(count);
     file.compile().map_err(|error| no_problems(error.into()))
 }
 

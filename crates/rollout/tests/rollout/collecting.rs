@@ -34,7 +34,7 @@ fn collect_all(
     settings: &CollectSettings,
     workers: usize,
     stop: &AtomicBool,
-    heard: &(dyn Fn(&EpisodeResult, f64) + Sync),
+    heard: &(dyn Fn(EpisodeResult, f64) -> Result<EpisodeResult, RolloutError> + Sync),
 ) -> Result<Vec<EpisodeResult>, RolloutError> {
     let tasks = tasks();
     let attempts = Attempt::all(&tasks, 1, Seed::new(21));
@@ -65,12 +65,19 @@ fn one_worker_and_two_make_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
     let (never, stop) = (AtomicBool::new(false), AtomicBool::new(false));
-    let silent = |_: &EpisodeResult, _: f64| {};
+    let silent = |result: EpisodeResult, _: f64| Ok::<_, RolloutError>(result);
 
-    let first = collect_all(&one, &with_images(), 1, &stop, &|_, _| stop.store(true, Ordering::Relaxed)).unwrap();
+    let interrupt = |result: EpisodeResult, _: f64| {
+        stop.store(true, Ordering::Relaxed);
+        Ok(result)
+    };
+    let first = collect_all(&one, &with_images(), 1, &stop, &interrupt).unwrap();
     assert_eq!(first.len(), 1, "the attempt under way is finished, no other is begun");
     let seconds = Mutex::new(Vec::new());
-    let hear = |result: &EpisodeResult, took: f64| seconds.lock().unwrap().push((result.id.clone(), took));
+    let hear = |result: EpisodeResult, took: f64| {
+        seconds.lock().unwrap().push((result.id.clone(), took));
+        Ok(result)
+    };
     let continued = collect_all(&one, &with_images(), 1, &never, &hear).unwrap();
     let seconds = seconds.into_inner().unwrap();
     assert_eq!(seconds[0], (first[0].id.clone(), 0.0), "the finished attempt is heard of and costs nothing");
@@ -97,7 +104,7 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
     let settings = CollectSettings::in_world((*default_world()).clone());
     let cramped = LayoutSettings { x_m: [0.4, 0.41], y_m: [0.0, 0.01], max_restarts: 3, ..LayoutSettings::default() };
     let hopeless = CollectSettings { layout: cramped, ..settings.clone() };
-    let silent = |_: &EpisodeResult, _: f64| {};
+    let silent = |result: EpisodeResult, _: f64| Ok::<_, RolloutError>(result);
     let failed = collect(&attempts[..1], resources(), &store, &hopeless, 1, &never, &silent).unwrap();
     let [failure] = &failed[0].failures[..] else { panic!("{:?}", failed[0]) };
     assert_eq!((failure.cause, failed[0].ending), (FailureCause::Layout, None));

@@ -23,7 +23,7 @@ use genmanip_rollout::collect::Resources;
 use genmanip_rollout::evaluate::Case;
 use genmanip_rollout::{Cores, RolloutError};
 
-use crate::error::RunError;
+use crate::error::{RunError, Stopped};
 use crate::folder::RunFolder;
 use crate::inputs;
 use crate::policies::{PolicyContext, PolicyFactory};
@@ -196,29 +196,15 @@ fn one(
         &suite.reference_paths_m,
         &StatisticsSettings::default(),
     )
-    .map_err(|error| RunError::broken(format!("cannot summarise {label}"), error))?;
+    .map_err(|error| {
+        let kept = stream.as_ref().map_or_else(String::new, |stream| format!(" from {}", stream.folder().display()));
+        RunError::broken(format!("cannot summarise {label}{kept}"), error)
+            .with_hint("move what was kept of this evaluation away; it then starts again")
+    })?;
     if let (Some(stream), true) = (stream, evaluated.not_run.is_empty()) {
         stream.close()?;
     }
     Ok(Some(EvaluationReport { label, cameras: suite.cameras.clone(), ..report }.leaving(evaluated.not_run)))
-}
-
-/// Why an evaluation stopped before its end.
-enum Stopped {
-    Run(RunError),
-    Episode(RolloutError),
-}
-
-impl From<RolloutError> for Stopped {
-    fn from(error: RolloutError) -> Self {
-        Self::Episode(error)
-    }
-}
-
-impl From<RunError> for Stopped {
-    fn from(error: RunError) -> Self {
-        Self::Run(error)
-    }
 }
 
 /// A table of success rates with their intervals.

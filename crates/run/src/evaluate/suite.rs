@@ -1,6 +1,6 @@
 //! What is evaluated on: the scenarios of a run, or any that are named.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -50,7 +50,7 @@ impl Suite {
         let survey = folder.survey(&store)?;
         let mut left_out = survey.notes();
         let (mut scenarios, mut cases, mut results) = (Vec::new(), Vec::new(), Vec::new());
-        for id in survey.sound {
+        for id in survey.sound.into_iter().map(|known| known.id) {
             let (result, is_recorded) = store.read_attempt(&id).map_err(unreadable)?;
             match store.read_scenario(&id) {
                 Err(error) if error.is_damage() => {
@@ -94,9 +94,10 @@ impl Suite {
     /// When a file cannot be read, or two scenarios have one id.
     pub fn of_scenarios(paths: &[PathBuf]) -> Result<Self, RunError> {
         let mut scenarios: Vec<Scenario> = Vec::new();
+        let mut known = BTreeSet::new();
         for path in inputs::expand(paths)? {
-            let scenario: Scenario = inputs::read_document(&path, limits::SCENARIO)?;
-            if scenarios.iter().any(|other| other.id == scenario.id) {
+            let scenario = inputs::read_scenario(&path)?;
+            if !known.insert(scenario.id.clone()) {
                 let twin = format!("two scenarios are called `{}` (the second: {})", scenario.id, path.display());
                 return Err(RunError::input(twin).with_hint("scenario ids name episodes, so they must differ"));
             }
@@ -191,13 +192,15 @@ impl Suite {
             return Ok(RunFolder::open(out)?.0);
         }
         let mut tasks: Vec<Task> = Vec::new();
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
         for scenario in &self.scenarios {
-            if tasks.iter().all(|task| task.id != scenario.task.id) {
+            let count = counts.entry(&scenario.task.id).or_default();
+            if *count == 0 {
                 tasks.push(scenario.task.clone());
             }
+            *count += 1;
         }
-        let of_task = |task: &Task| self.scenarios.iter().filter(|scenario| scenario.task.id == task.id).count();
-        let most = tasks.iter().map(of_task).max().unwrap_or_default();
+        let most = counts.into_values().max().unwrap_or_default();
         let seed = self.scenarios.first().map_or(genmanip_core::Seed::new(0), |scenario| scenario.seed);
         let folder = RunFolder::begin(out, &Run::new(tasks, most, self.settings.clone(), seed))?;
         for scenario in &self.scenarios {

@@ -37,7 +37,7 @@ pub fn report(
 
 /// Everything the page shows, from a run folder.
 ///
-/// The record of each attempt is read once and kept as a row; only of the chosen cases, a bounded number, are frames
+/// Of each attempt a row is kept, from the run's index where it knows the attempt; only of the chosen cases, a bounded number, are frames
 /// read and pictures made, one episode at a time.
 ///
 /// # Errors
@@ -85,7 +85,7 @@ impl Opened {
         let timings = folder.timings();
         let evaluations = rows::evaluations(&folder, progress)?;
         let control = evaluations.iter().find(|report| report.label == CONTROL).map(|report| report.label.clone());
-        let (rows, left_out) = rows::read(&run, &folder, &store, &evaluations, &timings, progress)?;
+        let (rows, left_out) = rows::read(&run, &folder, &store, &evaluations, &timings)?;
         Ok(Self { path: path.to_owned(), folder, run, store, timings, evaluations, control, rows, left_out })
     }
 

@@ -11,6 +11,7 @@ use genmanip_data::{DataError, EpisodeStore};
 use crate::error::RunError;
 use crate::evaluate::kept_episodes;
 use crate::folder::{Run, RunFolder, Timings};
+use crate::index::Known;
 use crate::inputs;
 use crate::policies::POLICIES;
 use crate::progress::Progress;
@@ -23,17 +24,16 @@ pub(super) struct Rows {
     pub episodes: Vec<EpisodeRow>,
 }
 
-/// Reads the result of every attempt once, and adds those of the evaluations; also says what was left out.
+/// A row for every attempt, and for every episode of the evaluations; also says what was left out.
 ///
 /// # Errors
-/// When the store cannot be listed or an attempt cannot be read.
+/// When the store cannot be listed.
 pub(super) fn read(
     run: &Run,
     folder: &RunFolder,
     store: &EpisodeStore,
     evaluations: &[EvaluationReport],
     timings: &Timings,
-    progress: &dyn Progress,
 ) -> Result<(Rows, Vec<String>), RunError> {
     let survey = folder.survey(store)?;
     let mut left_out = survey.notes();
@@ -42,20 +42,15 @@ pub(super) fn read(
     let mut rows =
         Rows { tasks: run.tasks.iter().map(TaskRow::of).collect(), episodes: Vec::with_capacity(survey.sound.len()) };
     let mut foreign = 0;
-    progress.begin("reading", survey.sound.len());
-    for id in &survey.sound {
-        let read = store.read_attempt(id).map_err(|error| RunError::broken("cannot read the episodes", error))?;
-        let (result, is_recorded) = read;
-        match index.get(result.task_id.as_str()) {
+    for Known { id, task_id, recorded, outcome, .. } in survey.sound {
+        match index.get(task_id.as_str()) {
             Some(&task) => {
-                let wall_s = timings.attempts.get(id).copied();
-                rows.episodes.push(EpisodeRow::of(&result, task, None, is_recorded, wall_s));
+                let wall_s = timings.attempts.get(&id).copied();
+                rows.episodes.push(EpisodeRow { id, task, evaluation: None, outcome, recorded, wall_s });
             }
             None => foreign += 1,
         }
-        progress.advance();
     }
-    progress.end();
     if foreign > 0 {
         left_out.push(format!("{foreign} episodes are of tasks that are not in the run; they are left out"));
     }

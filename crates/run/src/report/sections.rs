@@ -142,10 +142,12 @@ impl From<RunError> for Unshown {
 }
 
 fn attempt(row: &EpisodeRow) -> AttemptRow {
-    let failure = || Failure { cause: row.cause.unwrap_or(FailureCause::GoalMissed), evidence: row.evidence.clone() };
+    let outcome = &row.outcome;
+    let failure =
+        || Failure { cause: outcome.cause.unwrap_or(FailureCause::GoalMissed), evidence: outcome.evidence.clone() };
     AttemptRow {
         id: row.id.clone(),
-        outcome: if row.success { AttemptOutcome::Verified } else { AttemptOutcome::Failed(failure()) },
+        outcome: if outcome.success { AttemptOutcome::Verified } else { AttemptOutcome::Failed(failure()) },
         seconds: row.wall_s.unwrap_or(0.0),
     }
 }
@@ -181,7 +183,7 @@ fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow
 fn stage(episode: &Episode) -> Result<Stage, RunError> {
     let robot = inputs::robot(&episode.scenario.world)?;
     Stage::open(Arc::new(episode.scenario.clone()), Catalogue::builtin(), &robot)
-        .map_err(|error| RunError::broken(format!("cannot draw {}", episode.result.id), error))
+        .map_err(|error| pictures::not_drawn(&episode.result.id, error))
 }
 
 fn add_pictures(section: &mut TaskSection, episode: &Episode) -> Result<(), RunError> {

@@ -1,0 +1,59 @@
+//! Arguments of `render`, and how looks are named.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use genmanip_run::render::{LookSeed, Vary};
+
+/// Arguments of `render`.
+#[derive(Debug, Args)]
+pub struct RenderArguments {
+    /// Scenario file, episode folder, folder of episodes, or run
+    pub source: PathBuf,
+    /// Folder for the pictures; each episode gets a folder of its own in it
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Cameras of the scenario [default: all]
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub cameras: Vec<String>,
+    /// Size of the pictures [default: each camera's own]
+    #[arg(long, value_name = "WxH", value_parser = super::world::parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Draw in another look: a seed, or `episode` for that of `collect --variation per-episode`
+    #[arg(long, value_name = "SEED", value_parser = parse_look_seed)]
+    pub variation: Option<LookSeed>,
+    /// What differs from the usual look [default: all]
+    #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = parse_vary, requires = "variation")]
+    pub vary: Vec<Vary>,
+    /// What the pictures hold
+    #[arg(
+        long,
+        value_name = "CHANNEL,…",
+        value_delimiter = ',',
+        default_value = "rgb",
+        value_parser = ["rgb", "depth", "ids", "normals"]
+    )]
+    pub channels: Vec<String>,
+    /// Pictures per second of an episode
+    #[arg(long, default_value_t = 15, value_parser = super::parse_fps)]
+    pub fps: u32,
+    /// Worker threads; pictures do not depend on it [default: all cores]
+    #[arg(long, value_parser = super::parse_count)]
+    pub workers: Option<usize>,
+}
+
+/// A part of the look by its name.
+pub(super) fn parse_vary(text: &str) -> Result<Vary, String> {
+    let names = Vary::ALL.map(Vary::name);
+    let found = Vary::ALL.into_iter().find(|part| part.name() == text);
+    found.ok_or_else(|| format!("expected one of {}", names.join(", ")))
+}
+
+fn parse_look_seed(text: &str) -> Result<LookSeed, String> {
+    match text {
+        "episode" => Ok(LookSeed::Episode),
+        number => super::parse_seed(number)
+            .map(|seed| LookSeed::Number(genmanip_core::Seed::new(seed)))
+            .map_err(|expected| format!("{expected}, or `episode`")),
+    }
+}

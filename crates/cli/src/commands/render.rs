@@ -1,0 +1,33 @@
+//! `genmanip render`.
+
+use genmanip_core::ImageChannels;
+use genmanip_run::inputs;
+use genmanip_run::render::{self, Look, RenderOptions};
+
+use super::collect::vary;
+use crate::args::RenderArguments;
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+pub fn run(arguments: &RenderArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let holds = |channel: &str| arguments.channels.iter().any(|named| named == channel);
+    let options = RenderOptions {
+        cameras: arguments.cameras.clone(),
+        size_px: arguments.size,
+        channels: ImageChannels {
+            rgb: holds("rgb"),
+            depth: holds("depth"),
+            ids: holds("ids"),
+            normals: holds("normals"),
+            points: false,
+        },
+        fps: arguments.fps,
+        look: arguments.variation.map(|seed| Look { seed, vary: vary(&arguments.vary) }),
+        workers: inputs::workers(arguments.workers),
+    };
+    let stop = crate::stop::on_interrupt();
+    let rendered = render::render(&arguments.source, &arguments.out, &options, printer, &stop)?;
+    printer.data(&rendered, &render::table(&rendered));
+    let is_whole = !stop.load(std::sync::atomic::Ordering::Relaxed);
+    Ok(if is_whole { ExitStatus::Done } else { ExitStatus::NotMet })
+}

@@ -1,0 +1,75 @@
+//! `render`: pictures of scenarios and episodes, as they were and in another look.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::{assert_same_tree, finished_run, genmanip, tree};
+
+fn draw(folder: &std::path::Path, source: &str, out: &str, more: &[&str]) -> Value {
+    let usual = ["render", source, "--out", out, "--size", "96x54", "--json"];
+    genmanip(folder, &[&usual[..], more].concat()).json(0)
+}
+
+#[test]
+fn a_scenario_is_drawn_as_its_cameras_see_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = finished_run().join("scenarios/021_spatial-000.json");
+    let scenario = scenario.to_str().unwrap();
+    let channels = ["--cameras", "static,wrist", "--channels", "rgb,depth,ids,normals"];
+    let rows = draw(folder.path(), scenario, "usual", &channels);
+    assert_eq!((&rows[0]["id"], &rows[0]["frames"]), (&"021_spatial-000".into(), &1.into()));
+    let drawn = tree(&folder.path().join("usual/021_spatial-000"));
+    let names: Vec<&str> = drawn.keys().map(String::as_str).collect();
+    let of = |camera: &str| ["", "_depth", "_ids", "_normals"].map(|channel| format!("{camera}{channel}.png"));
+    let mut expected = [of("static").to_vec(), of("wrist").to_vec(), vec!["render.json".into()]].concat();
+    expected.sort();
+    assert_eq!(names, expected);
+    let previewed = ["camera", "preview", scenario, "static", "--size", "96x54", "--out", "preview"];
+    assert_eq!(genmanip(folder.path(), &previewed).code, Some(0));
+    assert_eq!(drawn["static.png"], fs::read(folder.path().join("preview/static.png")).unwrap());
+
+    // Another look: other colours, the same geometry as long as the cameras stay where they are.
+    let varied = |out: &str, seed: &str, vary: &str| {
+        draw(folder.path(), scenario, out, &[&channels[..], &["--variation", seed, "--vary", vary]].concat());
+        tree(&folder.path().join(out).join("021_spatial-000"))
+    };
+    let light = varied("light", "7", "light,material,objects,background");
+    assert_ne!(light["static.png"], drawn["static.png"]);
+    for name in ["static_depth.png", "static_ids.png", "static_normals.png"] {
+        assert_eq!(light[name], drawn[name], "{name}");
+    }
+    assert_eq!(varied("again", "7", "background,objects,material,light"), light, "the same seed, the same bytes");
+    assert_ne!(varied("other", "8", "light")["static.png"], light["static.png"]);
+    let moved = varied("moved", "7", "camera");
+    assert_ne!(moved["static_depth.png"], drawn["static_depth.png"]);
+    let card: Value = serde_json::from_slice(&moved["render.json"]).unwrap();
+    let usual: Value = serde_json::from_slice(&drawn["render.json"]).unwrap();
+    assert_eq!(card["vary"], serde_json::json!(["camera"]));
+    assert_ne!(card["cameras"][0]["mount_from_camera"], usual["cameras"][0]["mount_from_camera"]);
+    assert_eq!((&usual["ids"]["1"], &usual["variation_seed"]), (&"table".into(), &Value::Null));
+}
+
+/// The films of the run itself, drawn again: the same, for any number of workers.
+#[test]
+fn episodes_are_drawn_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = finished_run().to_str().unwrap();
+    let more = ["--cameras", "wrist", "--fps", "10", "--variation", "episode"];
+    let rows = draw(folder.path(), run, "one", &[&more[..], &["--workers", "1"]].concat());
+    draw(folder.path(), run, "two", &[&more[..], &["--workers", "2"]].concat());
+    let one = tree(&folder.path().join("one"));
+    assert_same_tree(&one, &tree(&folder.path().join("two")));
+    assert_eq!(rows.as_array().unwrap().len(), 2);
+    assert_ne!(rows[0]["variation_seed"], rows[1]["variation_seed"]);
+    assert!(one.keys().any(|name| name == "021_spatial-000/wrist.mp4"), "{:?}", one.keys());
+
+    let refused = |arguments: &[&str], wanted: &[&str]| {
+        let usual = ["render", run, "--out", "refused"];
+        genmanip(folder.path(), &[&usual[..], arguments].concat()).assert_refused(wanted);
+    };
+    refused(&["--cameras", "ceiling"], &["unknown camera `ceiling`", "static"]);
+    refused(&["--cameras", "wrist", "--size", "95x54"], &["camera wrist has 95x54 pixels", "even"]);
+    genmanip(folder.path(), &["render", "nowhere", "--out", "refused"]).assert_refused(&["no episodes at nowhere"]);
+    assert!(!folder.path().join("refused").exists());
+}

@@ -1,0 +1,166 @@
+//! Variations drawn by chance: the same seed gives the same picture, whatever else is varied.
+
+use genmanip_core::glam::{DQuat, DVec3, EulerRot};
+use genmanip_core::{Camera, CameraMount, Pose, Seed};
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+
+use crate::table_tops::TableTop;
+use crate::variation::{ObjectVariation, RenderVariation};
+
+/// What a drawing may vary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Vary {
+    /// Direction, colour, strength and size of the key light, the light of the sky, exposure.
+    Light,
+    /// Colour where nothing is seen.
+    Background,
+    /// What the table's top is made of.
+    Material,
+    /// Tint and roughness of the objects, so little that every colour word stays true.
+    Objects,
+    /// Where the cameras stand, by a hand's tremble.
+    Camera,
+}
+
+impl Vary {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Light, Self::Background, Self::Material, Self::Objects, Self::Camera];
+
+    /// The name in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Light => "light",
+            Self::Background => "background",
+            Self::Material => "material",
+            Self::Objects => "objects",
+            Self::Camera => "camera",
+        }
+    }
+}
+
+/// Largest displacement of a camera along each axis, m, and turn about each, rad, by its mount. Chosen: a tripod that was
+/// put up again by eye, and a bracket with some play.
+const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
+/// Largest change of an object's colour channels and of its roughness, shares; chosen so that pictures beside each other
+/// show it and no colour gets another name.
+const PAINT: (f32, f32) = (0.10, 0.15);
+
+/// A variation of what is named, drawn from a seed; the rest is as usual.
+///
+/// Light comes from 35 to 80 degrees above the table, from any side, with the colour of lamps between 3000 K and 7500 K.
+/// All ranges are chosen around the usual picture so that everything in it can still be told.
+pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
+    let mut variation = RenderVariation::default();
+    for &part in vary {
+        // A stream for each part: what is varied beside it changes nothing.
+        let own = seed.fork(part.name());
+        let rng = &mut own.rng();
+        match part {
+            Vary::Light => light(&mut variation, rng),
+            Vary::Background => variation.background = background(rng),
+            Vary::Material => {
+                let index = rng.random_range(0..TableTop::all().len());
+                variation.table_top = TableTop::all().nth(index).unwrap_or_default();
+                variation.table_color = [(); 3].map(|()| between(rng, 0.9, 1.0));
+            }
+            Vary::Objects => {
+                let (tint, roughness) = PAINT;
+                variation.objects = Some(ObjectVariation { seed: own, tint, roughness });
+            }
+            Vary::Camera => {}
+        }
+    }
+    variation
+}
+
+/// The camera as it stands in a drawing from that seed; where it was when cameras are not varied.
+#[must_use]
+pub fn moved(camera: &Camera, seed: Seed, vary: &[Vary]) -> Camera {
+    let tremble = TREMBLE.iter().find(|(mount, ..)| *mount == camera.mount).filter(|_| vary.contains(&Vary::Camera));
+    let Some(&(_, shift_m, turn_rad)) = tremble else { return camera.clone() };
+    let rng = &mut seed.fork(Vary::Camera.name()).fork(&camera.name).rng();
+    let mut within = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
+    let shift = DVec3::new(within(shift_m), within(shift_m), within(shift_m));
+    let turn = DQuat::from_euler(EulerRot::XYZ, within(turn_rad), within(turn_rad), within(turn_rad));
+    Camera { mount_from_camera: camera.mount_from_camera * Pose::new(shift, turn), ..camera.clone() }
+}
+
+fn light(variation: &mut RenderVariation, rng: &mut impl Rng) {
+    let (azimuth, elevation) = (between(rng, 0.0, std::f32::consts::TAU), between(rng, 0.61, 1.40));
+    variation.light_direction = [azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin()];
+    variation.light_color = lamp(between(rng, 3000.0, 7500.0));
+    variation.light_intensity = between(rng, 0.40, 0.72);
+    variation.light_angular_radius = between(rng, 0.02, 0.16);
+    variation.sky_color = lamp(between(rng, 4500.0, 9000.0));
+    variation.ambient_intensity = between(rng, 0.28, 0.52);
+    variation.exposure = between(rng, 0.9, 1.2);
+}
+
+/// A wall of a room: any hue, hardly saturated, rarely dark.
+fn background(rng: &mut impl Rng) -> [u8; 3] {
+    let (hue, saturation, value) = (between(rng, 0.0, 6.0), between(rng, 0.0, 0.3), between(rng, 0.45, 1.0));
+    [5.0, 3.0, 1.0].map(|offset: f32| {
+        let k = (offset + hue) % 6.0;
+        let channel = value * (1.0 - saturation * k.min(4.0 - k).clamp(0.0, 1.0));
+        (channel * 255.0) as u8
+    })
+}
+
+/// sRGB of a black body, brightest channel 1: the fit by T. Helland, "How to convert temperature (K) to RGB" (2012).
+fn lamp(kelvin: f32) -> [f32; 3] {
+    let t = kelvin / 100.0;
+    let red = if t <= 66.0 { 255.0 } else { 329.7 * (t - 60.0).powf(-0.133_2) };
+    let green = if t <= 66.0 { 99.47 * t.ln() - 161.12 } else { 288.12 * (t - 60.0).powf(-0.075_5) };
+    let blue = if t >= 66.0 { 255.0 } else { 138.52 * (t - 10.0).ln() - 305.04 };
+    let color = [red, green, blue].map(|channel| (channel / 255.0).clamp(0.0, 1.0));
+    let brightest = color.into_iter().fold(0.0, f32::max);
+    color.map(|channel| channel / brightest)
+}
+
+fn between(rng: &mut impl Rng, low: f32, high: f32) -> f32 {
+    low + (high - low) * rng.random::<f32>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use genmanip_core::Intrinsics;
+
+    #[test]
+    fn each_part_has_its_own_chance() {
+        let all = sampled(Seed::new(7), &Vary::ALL);
+        assert_eq!(all, sampled(Seed::new(7), &Vary::ALL));
+        assert_ne!(all, sampled(Seed::new(8), &Vary::ALL));
+        let light = sampled(Seed::new(7), &[Vary::Light]);
+        assert_eq!(light.light_direction, all.light_direction);
+        assert_eq!(light.table_top, TableTop::default());
+        assert_eq!(sampled(Seed::new(7), &[]), RenderVariation::default());
+        assert_eq!(sampled(Seed::new(7), &[Vary::Camera]), RenderVariation::default());
+    }
+
+    #[test]
+    fn lamps_are_warm_white_and_cold() {
+        let [warm, white, cold] = [3000.0, 6600.0, 9000.0].map(lamp);
+        assert!(warm[0] > warm[1] && warm[1] > warm[2], "{warm:?}");
+        assert!(white.iter().all(|channel| *channel > 0.97), "{white:?}");
+        assert!(cold[2] > cold[1] && cold[1] > cold[0], "{cold:?}");
+    }
+
+    #[test]
+    fn cameras_stay_near_where_they_were() {
+        let intrinsics = Intrinsics::from_vertical_fov(64, 36, 0.7);
+        for (mount, shift_m, turn_rad) in TREMBLE {
+            let usual = Camera::looking_at("eye", DVec3::new(0.4, 0.3, 1.0), DVec3::ZERO, intrinsics);
+            let (camera, pose) = (Camera { mount, ..usual.clone() }, usual.mount_from_camera);
+            assert_eq!(moved(&camera, Seed::new(3), &[Vary::Light]), camera);
+            for seed in 0..100 {
+                let moved = moved(&camera, Seed::new(seed), &[Vary::Camera]).mount_from_camera;
+                let (shift, turn) =
+                    (moved.position - pose.position, (pose.rotation.inverse() * moved.rotation).to_axis_angle().1);
+                assert!(shift.length() > 0.0 && shift.length() < 1.8 * shift_m && turn < 1.8 * turn_rad);
+            }
+        }
+    }
+}
