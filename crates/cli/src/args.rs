@@ -8,12 +8,14 @@ use genmanip_core::Seed;
 use genmanip_run::policies;
 use genmanip_run::render::Vary;
 
+pub use agent::*;
 pub use assets::*;
 pub use lab::*;
 pub use render::*;
 pub use serve::*;
 pub use world::*;
 
+mod agent;
 mod assets;
 mod lab;
 mod render;
@@ -32,6 +34,9 @@ pub struct Arguments {
     /// No progress, no talk; errors only
     #[arg(long, short, global = true)]
     pub quiet: bool,
+    /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
+    #[arg(long, value_name = "DIR", global = true)]
+    pub packs: Option<PathBuf>,
     /// What to do
     #[command(subcommand)]
     pub command: Command,
@@ -68,6 +73,19 @@ pub enum Command {
     /// Evaluate policies on the scenarios of a run, or on any scenario files
     #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),
+    /// Let the agent plan from images of files, without a simulator
+    Agent {
+        /// What to do
+        #[command(subcommand)]
+        command: AgentCommand,
+    },
+    /// Compare the agent as it is with itself, one setting changed at a time, on the scenarios of a run
+    #[command(after_help = "Examples:\n  \
+                      genmanip ablate out/run --agent vlm=model.toml,masks=rgbd --at-once 16\n  \
+                      genmanip ablate out/run --vary path,loop --json\n\n\
+                      Settings: ctof, path (grid), loop (open), reasoning, camera (left, right), preset (paper). The \
+                      evaluations are kept in the run like any other, and are not run again.")]
+    Ablate(AblateArguments),
     /// Replay a recorded episode, or check that its commands lead to the identical final state
     #[command(after_help = "Example:\n  genmanip replay --check out/run/episodes")]
     Replay(ReplayArguments),
@@ -174,7 +192,7 @@ pub struct BakeArguments {
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub trials: u32,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
     /// Uids, comma separated, instead of all objects that can be grasped
     #[arg(long, value_delimiter = ',')]
@@ -231,7 +249,7 @@ pub struct NewArguments {
     #[arg(long, value_name = "DIR")]
     pub folder: Option<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
     /// Only objects that are found by these words and filters, as with `assets search`
     #[arg(long, value_name = "QUERY")]
@@ -420,6 +438,13 @@ fn parse_count(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 1..=1_000_000) => Ok(count),
         _ => Err("expected a whole number from 1 to 1000000".into()),
+    }
+}
+
+fn parse_scale(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
+        _ => Err("expected metres per unit, 1e-6 to 1e6".into()),
     }
 }
 
