@@ -6,6 +6,7 @@
 //! ```
 //!
 //! - [`Agent`] is the whole pipeline as a [`Policy`](genmanip_core::Policy).
+//! - [`act_once`] plans one pick and one placement from a single image, for a real camera and arm.
 //! - [`ask`] puts questions to a vision-language model and takes only answers that name drawn marks.
 //! - [`picture`] draws the marks; [`grid`] names cells.
 //! - [`segmentation`] finds the things in an image; [`sight`] says where they are.
@@ -13,6 +14,7 @@
 //!
 //! It never sees the simulator or the catalogue: the manifest forbids both.
 
+mod act;
 pub mod ask;
 pub mod grid;
 pub mod picture;
@@ -22,5 +24,6 @@ pub mod services;
 mod settings;
 pub mod sight;
 
+pub use act::{ActQuestion, Acted, ActedStep, Waypoint, act_once};
 pub use pipeline::{Agent, Services};
 pub use settings::{AgentSettings, MotionSettings, PathKind, Preset};

@@ -19,6 +19,8 @@ pub struct AgentSettings {
     pub ctof: bool,
     /// Whether pictures show the robot's directions.
     pub arrows: bool,
+    /// Whether answers begin with what the model sees and why it decides so.
+    pub reasoning: bool,
     /// Cameras whose depth is used; the first is the one that models are shown.
     pub cameras: Vec<String>,
     /// Pixels per row and rows of their images; `None` for each camera's own.
@@ -105,6 +107,8 @@ impl AgentSettings {
             path: PathKind::P2p,
             ctof: false,
             arrows: true,
+            // As published: the answer alone.
+            reasoning: false,
             cameras: ["overview", "left", "right"].map(String::from).to_vec(),
             size: None,
             // The published number.
@@ -136,6 +140,22 @@ impl AgentSettings {
                 ..full
             },
         }
+    }
+}
+
+impl AgentSettings {
+    /// The same, but models are shown the image of this camera; the others' depth is used all the same.
+    #[must_use]
+    pub fn shown_by(mut self, camera: &str) -> Self {
+        self.cameras.retain(|other| other != camera);
+        self.cameras.insert(0, camera.to_owned());
+        self
+    }
+
+    /// The same without a closed loop: the task is split once, each thing is picked once, and nothing is looked at again.
+    #[must_use]
+    pub fn open_loop(self) -> Self {
+        Self { rounds: 1, picks: 1, look_again: false, ..self }
     }
 }
 

@@ -7,10 +7,12 @@
 //! - [`evaluation`]: the results of one policy on one suite as a versioned file.
 //! - [`rows`]: every episode of a run as a row, totals over rows, and which episodes are worth a picture.
 //! - [`report`]: one self-contained HTML page.
+//! - [`failure_page`]: why a policy that asks failed, with what it was shown.
 //! - [`text_table`]: a table for people who read a terminal.
 
 pub mod drawing;
 pub mod evaluation;
+mod failure_page;
 mod markup;
 pub mod report;
 pub mod rows;
@@ -21,6 +23,7 @@ pub use drawing::{
     DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg, graph_svg, layout_svg,
 };
 pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
+pub use failure_page::{CaseMoment, FailureCase, FailurePage, KindFailures, failure_page};
 pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
 pub use rows::{EpisodeRow, Outcome, TaskRow};
 pub use statistics::{

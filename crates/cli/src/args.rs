@@ -8,12 +8,14 @@ use genmanip_core::Seed;
 use genmanip_run::policies;
 use genmanip_run::render::Vary;
 
+pub use agent::*;
 pub use assets::*;
 pub use lab::*;
 pub use render::*;
 pub use serve::*;
 pub use world::*;
 
+mod agent;
 mod assets;
 mod lab;
 mod render;
@@ -71,6 +73,19 @@ pub enum Command {
     /// Evaluate policies on the scenarios of a run, or on any scenario files
     #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),
+    /// Let the agent plan from images of files, without a simulator
+    Agent {
+        /// What to do
+        #[command(subcommand)]
+        command: AgentCommand,
+    },
+    /// Compare the agent as it is with itself, one setting changed at a time, on the scenarios of a run
+    #[command(after_help = "Examples:\n  \
+                      genmanip ablate out/run --agent vlm=model.toml,masks=rgbd --at-once 16\n  \
+                      genmanip ablate out/run --vary path,loop --json\n\n\
+                      Settings: ctof, path (grid), loop (open), reasoning, camera (left, right), preset (paper). The \
+                      evaluations are kept in the run like any other, and are not run again.")]
+    Ablate(AblateArguments),
     /// Replay a recorded episode, or check that its commands lead to the identical final state
     #[command(after_help = "Example:\n  genmanip replay --check out/run/episodes")]
     Replay(ReplayArguments),

@@ -3,6 +3,7 @@
 mod args;
 mod commands;
 mod error;
+mod memory;
 mod printer;
 mod stop;
 
@@ -12,6 +13,7 @@ use args::{Arguments, Command, GraspsCommand, TaskCommand};
 use error::{ExitStatus, Failed};
 
 fn main() -> std::process::ExitCode {
+    memory::keep_little();
     let command = args::taking_negative_numbers(Arguments::command());
     let matches = command.try_get_matches().and_then(|matches| Arguments::from_arg_matches(&matches));
     let arguments = match matches {
@@ -68,6 +70,8 @@ fn run(arguments: &Arguments, printer: &printer::Printer) -> Result<ExitStatus, 
         Command::Layout(arguments) => commands::layout::run(arguments, printer),
         Command::Plan(arguments) => commands::plan::run(arguments, printer),
         Command::Collect(arguments) => commands::collect::run(arguments, printer),
+        Command::Agent { command } => commands::agent::run(command, printer),
+        Command::Ablate(arguments) => commands::ablate::run(arguments, printer),
         Command::Evaluate(arguments) => commands::evaluate::run(arguments, printer),
         Command::Replay(arguments) => commands::replay::run(arguments, printer),
         Command::Render(arguments) => commands::render::run(arguments, printer),

@@ -4,23 +4,21 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
-use genmanip_agent::ask::{Moment, Stage};
+use genmanip_agent::ask::Moment;
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
-use genmanip_bench::text_table;
-use genmanip_core::{EpisodeResult, Seed, Task, TaskKind, World};
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_bench::{failure_page, text_table};
+use genmanip_core::{Episode, EpisodeResult, Seed, Task, TaskKind, World};
+use genmanip_rollout::collect::{CollectSettings, Resources};
 use genmanip_rollout::{RolloutError, Stage as Scene, run_episode};
-use genmanip_run::agents::{AgentChoice, FailureClass, Injection, classify, keep};
+use genmanip_run::agents::{AgentChoice, Blamed, classify, keep};
 use genmanip_run::{Progress, inputs};
-use genmanip_scene::designer::{DesignSettings, design_many};
 use serde::Serialize;
 
-use crate::LabError;
+use crate::agent_page::Gathered;
 use crate::clock::cpu_clock;
+use crate::{LabError, episodes};
 
-/// Layouts tried per task; a task that cannot be laid out is no episode.
-const LAYOUTS: u64 = 5;
 /// Failed episodes of each class of which the evidence is kept.
 const SAMPLES: usize = 12;
 
@@ -49,8 +47,6 @@ pub struct Measured {
     pub not_laid_out: usize,
     /// Episodes in which the model could not be reached, which have no result.
     pub not_run: usize,
-    /// Failed episodes with an injected error, by its stage.
-    pub injected: BTreeMap<&'static str, Injected>,
 }
 
 /// Episodes of some kind.
@@ -94,34 +90,15 @@ pub struct AgentArguments {
     pub count: usize,
     /// Folder for transcripts and pictures of every episode.
     pub transcripts: Option<PathBuf>,
+    /// File for the page about what failed.
+    pub page: Option<PathBuf>,
 }
 
 struct Played {
     result: EpisodeResult,
     asks: usize,
     cpu_s: f64,
-    blame: Option<Blame>,
-    /// The first wrong answer that was given on purpose.
-    injected: Option<Injection>,
-}
-
-/// Why an episode failed.
-struct Blame {
-    class: FailureClass,
-    evidence: String,
-}
-
-/// Failed episodes with a wrong answer that was given on purpose.
-#[derive(Default, Serialize)]
-pub struct Injected {
-    /// Failed episodes.
-    pub failed: usize,
-    /// Of these, how many the analysis labelled with what was injected; it never sees the injection.
-    pub labelled: usize,
-    /// What else it said, by class.
-    pub labels: BTreeMap<&'static str, usize>,
-    /// Of those that failed, how many succeed when only the injected answer is replaced by the right one.
-    pub flips: usize,
+    blame: Option<Blamed>,
 }
 
 /// Lets the agent do each task once; one thread.
@@ -134,9 +111,7 @@ pub fn measure(
     seed: Seed,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let cards = Catalogue::builtin().cards();
-    let batch = design_many(&arguments.kinds, arguments.count, cards, seed, &DesignSettings::default());
-    let tasks = batch.map_err(|error| LabError::broken("the designer gave up", error))?.tasks;
+    let tasks = episodes::tasks(&arguments.kinds, arguments.count, seed)?;
     let settings = CollectSettings::in_world(world.clone());
     let planner = inputs::planner(world, &settings.planner)?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
@@ -154,11 +129,11 @@ pub fn measure(
         total: Counted::default(),
         not_laid_out: 0,
         not_run: 0,
-        injected: BTreeMap::new(),
     };
+    let mut gathered = Gathered::default();
     progress.begin("episodes", tasks.len());
     for task in &tasks {
-        match play(arguments, &arguments.choice, task, resources, &settings, seed)? {
+        match play(arguments, task, resources, (&settings, seed), &mut gathered)? {
             Err(Left::NotLaidOut) => measured.not_laid_out += 1,
             Err(Left::NotRun(reason)) => {
                 measured.not_run += 1;
@@ -170,23 +145,18 @@ pub fn measure(
                 }
                 measured.kinds.entry(task.kind.name()).or_default().add(&played);
                 measured.total.add(&played);
-                if let Some(Blame { class, evidence }) = &played.blame {
+                if let Some(Blamed { class, evidence, .. }) = &played.blame {
                     progress.note(&format!("{} {}: {evidence}", played.result.id, class.name()));
-                    if let Some(injection) = played.injected {
-                        let flipped = AgentChoice { forgiven: Some(injection.ask), ..arguments.choice.clone() };
-                        let again = play(arguments, &flipped, task, resources, &settings, seed)?;
-                        let counted = measured.injected.entry(injection.stage.name()).or_default();
-                        counted.failed += 1;
-                        counted.labelled += usize::from(is_label_of(*class, injection.stage));
-                        *counted.labels.entry(class.name()).or_default() += 1;
-                        counted.flips += usize::from(again.is_ok_and(|again| again.result.success));
-                    }
                 }
             }
         }
         progress.advance();
     }
     progress.end();
+    if let Some(page) = &arguments.page {
+        let page_of = gathered.page(&arguments.choice.name(), measured.oracle);
+        inputs::write_file(page, failure_page(&page_of).as_bytes())?;
+    }
     Ok(measured)
 }
 
@@ -199,61 +169,40 @@ enum Left {
 /// One episode, or why there is none.
 fn play(
     arguments: &AgentArguments,
-    choice: &AgentChoice,
     task: &Task,
     resources: Resources,
-    settings: &CollectSettings,
-    seed: Seed,
+    (settings, seed): (&CollectSettings, Seed),
+    gathered: &mut Gathered,
 ) -> Result<Result<Played, Left>, LabError> {
     let stream = seed.fork("agent").fork(&task.id);
     let broke = |what: &str, error| LabError::broken(format!("episode {} {what}", task.id), error);
-    for number in 0..LAYOUTS {
-        let attempt = Attempt { task, number, seed: stream.fork_index(number) };
-        let scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
-            Ok(scenario) => scenario,
-            Err(error) if error.is_defect() => return Err(LabError::broken("the layout broke", error)),
-            Err(_) => continue,
-        };
-        let stage = Scene::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
-        let stage = stage.map_err(|error| broke("cannot be opened", error))?;
-        let mut clock = cpu_clock();
-        let mut made = choice.make(&stage, resources.planner, resources.grasps, None)?;
-        let episode = run_episode(&stage, made.policy.as_mut(), &attempt.id(), attempt.seed, &settings.rollout);
-        let result = match episode {
-            Err(RolloutError::NotRun { reason, .. }) => return Ok(Err(Left::NotRun(reason))),
-            episode => episode.map_err(|error| broke("broke", error))?.result,
-        };
-        let cpu_s = clock();
-        let transcript = made.transcribed.transcript();
-        if let Some(folder) = &arguments.transcripts {
-            keep(&made.transcribed, 0, &folder.join(&result.id))?;
-        }
-        let asks = transcript.moments.iter().filter(|moment| matches!(moment, Moment::Asked(_))).count();
-        let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let injected = made.truth.as_ref().and_then(|truth| truth.injected().first().copied());
-        let blame = (!result.success).then(|| {
-            let (class, blamed) = classify(&heard, transcript.failure.as_ref());
-            let said = transcript.failure.as_ref().map(ToString::to_string);
-            let judged = result.failure().map(|failure| failure.to_string()).unwrap_or_default();
-            Blame { class, evidence: format!("{blamed}; {}", said.unwrap_or(judged)) }
-        });
-        return Ok(Ok(Played { result, asks, cpu_s, blame, injected }));
+    let Some((attempt, scenario)) = episodes::laid_out(task, resources, settings, stream)? else {
+        return Ok(Err(Left::NotLaidOut));
+    };
+    let stage = Scene::open(Arc::new(scenario), resources.catalogue, resources.planner.robot());
+    let stage = stage.map_err(|error| broke("cannot be opened", error))?;
+    let mut clock = cpu_clock();
+    let mut made = arguments.choice.make(&stage, resources.planner, resources.grasps, None)?;
+    let episode = run_episode(&stage, made.policy.as_mut(), &attempt.id(), attempt.seed, &settings.rollout);
+    let Episode { result, frames, .. } = match episode {
+        Err(RolloutError::NotRun { reason, .. }) => return Ok(Err(Left::NotRun(reason))),
+        episode => episode.map_err(|error| broke("broke", error))?,
+    };
+    let cpu_s = clock();
+    let transcript = made.transcribed.transcript();
+    if let Some(folder) = &arguments.transcripts {
+        keep(&made.transcribed, 0, &folder.join(&result.id))?;
     }
-    Ok(Err(Left::NotLaidOut))
-}
-
-/// Whether a label says what was injected in a stage.
-fn is_label_of(class: FailureClass, stage: Stage) -> bool {
-    match stage {
-        Stage::Decompose => class == FailureClass::Decomposition,
-        Stage::Object => class == FailureClass::GraspGrounding,
-        Stage::Part | Stage::GrabPoint => class == FailureClass::GraspProposal,
-        // A random cell may hold another reference, or none.
-        Stage::GridPath | Stage::PointToPoint => {
-            matches!(class, FailureClass::PlanGrounding | FailureClass::PlanLocation)
-        }
-        Stage::Check => class == FailureClass::Checker,
-    }
+    let asks = transcript.moments.iter().filter(|moment| matches!(moment, Moment::Asked(_))).count();
+    let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let blame = (!result.success).then(|| {
+        let blamed = classify(&heard, transcript.failure.as_ref(), &frames);
+        let said = transcript.failure.as_ref().map(ToString::to_string);
+        let judged = result.failure().map(|failure| failure.to_string()).unwrap_or_default();
+        Blamed { evidence: format!("{}; {}", blamed.evidence, said.unwrap_or(judged)), ..blamed }
+    });
+    gathered.add(task.kind, &result, (&heard, blame.as_ref()), &made.transcribed);
+    Ok(Ok(Played { result, asks, cpu_s, blame }))
 }
 
 impl Counted {
@@ -269,7 +218,7 @@ impl Counted {
         self.score = self.scores / count;
         self.asks_per_episode = self.asks as f64 / count;
         self.cpu_s_per_episode = self.cpu_s / count;
-        if let Some(Blame { class, evidence }) = &played.blame {
+        if let Some(Blamed { class, evidence, .. }) = &played.blame {
             *self.failures.entry(class.name().into()).or_default() += 1;
             let samples = self.evidence.entry(class.name().into()).or_default();
             if samples.len() < SAMPLES {
@@ -300,11 +249,5 @@ pub fn in_words(measured: &Measured) -> String {
         ]);
     }
     let oracle = if *oracle { " (oracle)" } else { "" };
-    let mut text = format!("model {vlm}, masks {masks}, path {path}, preset {preset}{oracle}\n{}", text_table(&rows));
-    for (stage, injected) in &measured.injected {
-        let Injected { failed, labelled, flips, .. } = injected;
-        text +=
-            &format!("\nerrors in {stage}: {failed} episodes failed, {labelled} labelled so, {flips} succeed without");
-    }
-    text
+    format!("model {vlm}, masks {masks}, path {path}, preset {preset}{oracle}\n{}", text_table(&rows))
 }

@@ -15,21 +15,18 @@ use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_chat::fake::{Behaviour, FakeServer, SeenRequest};
 use genmanip_chat::{ServerSettings, Structure};
 use genmanip_core::{NotRun, Seed, TaskKind, World};
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_rollout::collect::{CollectSettings, Resources};
 use genmanip_rollout::evaluate::{Case, Outcome, evaluate};
 use genmanip_rollout::{Cores, RolloutError, Stage as Scene};
 use genmanip_run::agents::{AgentChoice, ModelFile, Oracle, SharedModel, Truth};
 use genmanip_run::{Progress, inputs};
-use genmanip_scene::designer::{DesignSettings, design_many};
 use rand::RngExt;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use crate::LabError;
 use crate::clock::{cpu_clock, forget_peak_memory, peak_memory_mb, process_clock};
+use crate::{LabError, episodes};
 
-/// Layouts tried per task; a task that cannot be laid out is no episode.
-const LAYOUTS: u64 = 5;
 /// A request without an answer is given up after this time, s.
 const TIMEOUT_S: f64 = 5.0;
 
@@ -194,22 +191,13 @@ fn lay_out(
     progress: &dyn Progress,
 ) -> Result<Vec<Case>, LabError> {
     let kinds: Vec<TaskKind> = TaskKind::ALL.into_iter().filter(|kind| *kind != TaskKind::Articulated).collect();
-    let cards = Catalogue::builtin().cards();
-    let batch = design_many(&kinds, count, cards, seed, &DesignSettings::default());
-    let tasks = batch.map_err(|error| LabError::broken("the designer gave up", error))?.tasks;
+    let tasks = episodes::tasks(&kinds, count, seed)?;
     let mut cases = Vec::new();
     progress.begin("layouts", tasks.len());
     for task in &tasks {
-        for number in 0..LAYOUTS {
-            let attempt = Attempt { task, number, seed: seed.fork("batch").fork(&task.id).fork_index(number) };
-            match attempt.scenario(resources, &settings.world, &settings.layout) {
-                Ok(scenario) => {
-                    cases.push(Case { id: attempt.id(), scenario: Arc::new(scenario), seed: attempt.seed });
-                    break;
-                }
-                Err(error) if error.is_defect() => return Err(LabError::broken("the layout broke", error)),
-                Err(_) => {}
-            }
+        let stream = seed.fork("batch").fork(&task.id);
+        if let Some((attempt, scenario)) = episodes::laid_out(task, resources, settings, stream)? {
+            cases.push(Case { id: attempt.id(), scenario: Arc::new(scenario), seed: attempt.seed });
         }
         progress.advance();
     }

@@ -4,13 +4,16 @@
 //! Figures are of one thread and in processor time; nothing is printed.
 
 pub mod agent;
+mod agent_page;
 pub mod answers;
 pub mod assets;
 pub mod batch;
+pub mod blame;
 pub mod calibration;
 mod clock;
 pub mod design;
 pub mod environment;
+mod episodes;
 pub mod expert;
 pub mod fit;
 pub mod grasp;

@@ -31,6 +31,8 @@ pub(crate) struct Context<'a> {
     pub goal_betweens: Vec<Vec<[usize; 3]>>,
     /// The alternatives of the goal that only say how things stand beside each other, with the indices of their objects.
     pub goal_sides: Vec<(Vec<Atom>, Vec<usize>)>,
+    /// Smallest gap between a distractor and anything else in the draws at hand, metres.
+    pub distractor_gap_m: f64,
     /// The robot, which the cameras see too.
     pub robot: &'a Arc<RobotModel>,
     pub settings: &'a LayoutSettings,
@@ -121,7 +123,7 @@ impl Context<'_> {
     /// Smallest distance in the plane between two objects of which neither carries the other, metres.
     pub fn gap(&self, a: usize, b: usize) -> f64 {
         match (self.support_of(a), self.support_of(b)) {
-            (None, None) if self.is_distractor(a) || self.is_distractor(b) => self.settings.distractor_gap_m,
+            (None, None) if self.is_distractor(a) || self.is_distractor(b) => self.distractor_gap_m,
             (None, None) => self.settings.min_gap_m,
             _ => self.settings.min_gap_on_carrier_m,
         }

@@ -51,8 +51,8 @@ use placement::Partial;
 use reach::ReachCheck;
 use refusal::Refusal;
 
-/// Whole layouts after which things stand parallel to the table's edges, which takes less room; chosen, since
-/// things turned anyhow look more natural.
+/// Whole layouts after which things stand parallel to the table's edges, and distractors no farther from others than
+/// those are, which takes less room; chosen, since things turned anyhow look more natural.
 const ALIGNED_AFTER: usize = 10;
 
 /// Layouts of a task that were given up because what holds an object hides it, before the task is refused; chosen: each
@@ -138,6 +138,7 @@ pub fn lay_out_observed(
         goal_rooms: goal_rooms(task, &goal, world),
         goal_betweens: goal_betweens(task, &goal),
         goal_sides: goal_sides(task, &goal),
+        distractor_gap_m: settings.distractor_gap_m,
         robot: planner.robot(),
         grounds: grounds(&edges, models.len(), world),
         steps: order::steps(&edges, models.len(), id)?,
@@ -161,6 +162,9 @@ pub fn lay_out_observed(
         let drawn = distractors::draw(task, assets.cards(), settings.distractors, attempt);
         let models = drawn.iter().map(|asset| assets.model(asset)).collect::<Result<Vec<_>, _>>()?;
         context.set_distractors(models);
+        if aligned {
+            context.distractor_gap_m = settings.min_gap_m.min(settings.distractor_gap_m);
+        }
         match placement::place_all(&context, attempt, aligned, &mut shapes, &mut rejections) {
             Ok(mut scene) => match accept(&context, &mut scene, planner, &tried, attempt, &mut rejections, begin) {
                 Ok(()) => return scenario(task, seed, &scene, assets, world),

@@ -23,7 +23,7 @@ pub struct LayoutSettings {
     pub min_gap_on_carrier_m: f64,
     /// Objects that the task does not mention, put on the table beside it.
     pub distractors: usize,
-    /// Smallest gap between a distractor and anything else, metres.
+    /// Smallest gap between a distractor and anything else, metres; where that leaves no room, `min_gap_m`.
     pub distractor_gap_m: f64,
     /// How far inside its threshold a relation must hold when an object is placed, metres, and what weighs the same in
     /// other units (see [`genmanip_core::Unit::normalise`]); settling may eat some of it.

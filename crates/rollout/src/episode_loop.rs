@@ -25,10 +25,26 @@ pub fn run_episode(
     seed: Seed,
     settings: &RolloutSettings,
 ) -> Result<Episode, RolloutError> {
+    run_watched(stage, policy, id, seed, settings, &mut |_| Ok(()))
+}
+
+/// What is told of the environment before each turn of a policy.
+pub type Watch<'a> = dyn FnMut(&Environment) -> Result<(), RolloutError> + 'a;
+
+/// [`run_episode`], where `watch` sees the environment before each turn of the policy, for example to save it.
+///
+/// # Errors
+/// As [`run_episode`], and those of `watch`.
+pub fn run_watched(
+    stage: &Stage,
+    policy: &mut dyn Policy,
+    id: &str,
+    seed: Seed,
+    settings: &RolloutSettings,
+    watch: &mut Watch,
+) -> Result<Episode, RolloutError> {
     let spec = policy.spec();
-    let repeat = check_spec(&spec, stage)?;
-    let adapter = Adapter::new(spec.action, &stage.robot, &settings.ik, 1.0 / stage.control_rate_hz(), repeat)
-        .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), reason: error.to_string() })?;
+    let adapter = adapter(&spec, stage, settings)?;
     let mut environment = Environment::new(settings.clone());
     environment.reset(stage, seed);
     let start = EpisodeStart {
@@ -38,10 +54,32 @@ pub fn run_episode(
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
     let (ending, word) = match policy.reset(&start) {
-        Ok(()) => drive(&mut environment, policy, &spec, &adapter)?,
+        Ok(()) => drive(&mut environment, policy, &spec, &adapter, watch)?,
         Err(error) => gave_up(error, &spec)?,
     };
     environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
+}
+
+/// Runs the rest of an episode that was restored to the moment before a turn of its policy, and judges it.
+///
+/// # Errors
+/// As [`run_episode`].
+pub fn resume_episode(
+    environment: &mut Environment,
+    stage: &Stage,
+    policy: &mut dyn Policy,
+    id: &str,
+) -> Result<Episode, RolloutError> {
+    let spec = policy.spec();
+    let adapter = adapter(&spec, stage, environment.settings())?;
+    let (ending, word) = drive(environment, policy, &spec, &adapter, &mut |_| Ok(()))?;
+    environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
+}
+
+fn adapter(spec: &PolicySpec, stage: &Stage, settings: &RolloutSettings) -> Result<Adapter, RolloutError> {
+    let repeat = check_spec(spec, stage)?;
+    Adapter::new(spec.action, &stage.robot, &settings.ik, 1.0 / stage.control_rate_hz(), repeat)
+        .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), reason: error.to_string() })
 }
 
 /// Looks farther apart than this have little in common, s: the arm crosses a tenth of the picture.
@@ -53,6 +91,7 @@ fn drive(
     policy: &mut dyn Policy,
     spec: &PolicySpec,
     adapter: &Adapter,
+    watch: &mut Watch,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
     let mut looked_at = None;
     loop {
@@ -60,6 +99,7 @@ fn drive(
         if left == 0 {
             return Ok((Ending::Horizon, None));
         }
+        watch(environment)?;
         let mut observation = environment.observe(&spec.cameras)?;
         // A policy that looks seldom often thinks long, beside many others.
         let since = looked_at.replace(observation.time_s).map(|before| observation.time_s - before);

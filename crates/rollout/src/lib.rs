@@ -20,6 +20,6 @@ mod stage;
 
 pub use cores::{Cores, HeldCore};
 pub use environment::Environment;
-pub use episode_loop::run_episode;
+pub use episode_loop::{resume_episode, run_episode, run_watched};
 pub use settings::RolloutSettings;
 pub use stage::{RolloutError, Stage};

@@ -16,6 +16,8 @@
 //! Every stage is a function from input, settings and seed to a result or a [`RunError`];
 //! it tells a [`Progress`] how far it is and prints nothing.
 
+pub mod ablate;
+pub mod act;
 pub mod agents;
 pub mod assets;
 pub mod audit;

@@ -56,13 +56,22 @@ pub const POLICIES: [PolicyEntry; 4] = [
 ];
 
 /// What may be said about the agent.
-const AGENT_ARGUMENTS: [PolicyArgument; 14] = [
-    PolicyArgument { name: "vlm", default: "oracle", about: "who answers: oracle, or the settings file of a model" },
-    PolicyArgument { name: "masks", default: "rgbd", about: "where masks come from: rgbd, or oracle" },
+const AGENT_ARGUMENTS: [PolicyArgument; 19] = [
+    PolicyArgument {
+        name: "vlm",
+        default: "oracle",
+        about: "who answers: oracle, recorded, or the settings file of a model",
+    },
+    PolicyArgument { name: "answers", default: "", about: "folder where answers are recorded and given again from" },
+    PolicyArgument { name: "masks", default: "rgbd", about: "where masks come from: rgbd, oracle, or http:URL" },
+    PolicyArgument { name: "grasps", default: "rgbd", about: "where grasps come from: rgbd, or http:URL" },
     PolicyArgument { name: "path", default: "p2p", about: "p2p asks for one cell, grid for a path over the grid" },
     PolicyArgument { name: "preset", default: "full", about: "paper is as published, full is sturdier" },
     PolicyArgument { name: "ctof", default: "no", about: "yes asks for the part to hold, too" },
     PolicyArgument { name: "arrows", default: "yes", about: "no leaves out the robot's directions" },
+    PolicyArgument { name: "loop", default: "closed", about: "open splits the task once and picks each thing once" },
+    PolicyArgument { name: "reasoning", default: "no", about: "yes asks for reasons before each answer" },
+    PolicyArgument { name: "camera", default: "overview", about: "the camera whose image models are shown" },
     PolicyArgument { name: "prompts", default: "", about: "folder of prompt files that replace the built-in ones" },
     PolicyArgument { name: "transcripts", default: "", about: "folder for questions, pictures and answers" },
     PolicyArgument { name: "err_decompose", default: "0", about: "share of asks that the oracle answers wrongly" },
@@ -99,8 +108,17 @@ fn do_nothing(given: &Given) -> Result<Prepared, RunError> {
 
 fn agent(given: &Given) -> Result<Prepared, RunError> {
     let mut choice =
-        AgentChoice::named(given.text("vlm"), given.text("masks"), given.text("path"), given.text("preset"))?;
+        AgentChoice::named(given.text("vlm"), given.text("masks"), given.text("path"), given.text("preset"))?
+            .with_grasps(given.text("grasps"))?
+            .with_answers(given.folder("answers"))?;
     (choice.settings.ctof, choice.settings.arrows) = (given.is_yes("ctof")?, given.is_yes("arrows")?);
+    choice.settings.reasoning = given.is_yes("reasoning")?;
+    choice.settings = choice.settings.shown_by(given.text("camera"));
+    match given.text("loop") {
+        "closed" => {}
+        "open" => choice.settings = choice.settings.open_loop(),
+        other => return Err(RunError::unknown("loop", "loops", other, &["closed", "open"])),
+    }
     choice.prompts = given.folder("prompts");
     let transcripts = given.folder("transcripts");
     choice.keeps_pictures = transcripts.is_some();
@@ -114,11 +132,11 @@ fn agent(given: &Given) -> Result<Prepared, RunError> {
         ("err_check", Stage::Check),
     ];
     for (name, stage) in rates {
-        choice.errors.insert(stage, given.number(name, 0.0..=1.0)?);
+        choice.dials.rates.insert(stage, given.number(name, 0.0..=1.0)?);
     }
     let account = match &choice.model {
         ModelChoice::Chat(shared) => Some(Arc::clone(shared.account())),
-        ModelChoice::Oracle => None,
+        ModelChoice::Oracle | ModelChoice::Recorded => None,
     };
     let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
         let made = choice.make(episode.stage, episode.planner, episode.grasps, episode.cores)?;
@@ -365,8 +383,10 @@ mod tests {
             ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
             ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),
             ("do_nothing:seconds=-1", "seconds=-1 is not possible", "from 0 to 600"),
-            ("agent:masks=none", "unknown source of masks `none`", "sources of masks are oracle, rgbd"),
+            ("agent:masks=none", "unknown source of masks `none`", "sources of masks are oracle, rgbd, http:URL"),
             ("agent:vlm=none.toml", "cannot read none.toml", ""),
+            ("agent:vlm=recorded", "recorded answers lie in a folder", "vlm=recorded,answers=FOLDER"),
+            ("agent:loop=half", "unknown loop `half`", "loops are closed, open"),
             ("agent:ctof=1", "ctof=1 is not possible", "yes or no"),
             ("agent:err_check=2", "err_check=2 is not possible", "from 0 to 1"),
             ("do_nothing:seconds=-0.0", "seconds=-0.0 is not possible", "from 0 to 600"),

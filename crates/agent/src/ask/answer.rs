@@ -4,7 +4,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::complaint::Complaint;
-use super::question::{Marks, Question};
+use super::question::{Marks, Question, REASONING};
 use super::stage::Stage;
 use crate::grid::{Cell, Grid};
 
@@ -101,6 +101,8 @@ pub struct CheckAnswer {
 /// What is wrong, in words for the model.
 pub fn parse(question: &Question, text: &str) -> Result<Answer, Complaint> {
     let object = bare_object(text)?;
+    let without = question.reasoning.then(|| without_reasoning(object)).flatten();
+    let object = without.as_deref().unwrap_or(object);
     match question.stage {
         Stage::Decompose => decompose(object).map(Answer::Decompose),
         Stage::Object => {
@@ -195,6 +197,13 @@ fn bare_object(text: &str) -> Result<&str, Complaint> {
         return Ok(text);
     }
     Err(Complaint::Format("expected one JSON object and nothing around it".into()))
+}
+
+/// The object without the reasons that were asked for; `None` where it is no object, which is then said elsewhere.
+fn without_reasoning(object: &str) -> Option<String> {
+    let mut fields: serde_json::Map<String, serde_json::Value> = serde_json::from_str(object).ok()?;
+    fields.remove(REASONING);
+    Some(serde_json::Value::Object(fields).to_string())
 }
 
 fn read<T: DeserializeOwned>(text: &str) -> Result<T, Complaint> {

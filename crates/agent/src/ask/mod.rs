@@ -9,6 +9,7 @@ mod complaint;
 mod model;
 mod prompt;
 mod question;
+mod recorded;
 mod stage;
 mod transcript;
 
@@ -20,6 +21,7 @@ pub use model::{Answered, ChatService, ServiceError, VisionModel};
 pub(crate) use prompt::Inputs;
 pub use prompt::{PromptError, PromptSet};
 pub use question::{Marks, Question, Shown};
+pub use recorded::{Mismatch, RecordedAnswer, RecordedAnswers, Thumbnail, Tolerance};
 pub use stage::{PromptStamp, Stage};
 pub use transcript::{Exchange, FailedStage, Moment, Transcribed, Transcript};
 

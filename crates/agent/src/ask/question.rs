@@ -33,9 +33,17 @@ pub struct Question {
     pub marks: Marks,
     /// The picture with its depth and its place in space; a model is not shown it.
     pub view: Arc<RgbdImage>,
+    /// Whether the answer begins with its reasons.
+    pub reasoning: bool,
     /// Answers that did not fit, with what was wrong with them.
     pub refused: Vec<Refused>,
 }
+
+/// Name of the field in which a model reasons.
+pub(super) const REASONING: &str = "reasoning";
+/// What is asked for where a model is to reason before it answers.
+const REASON: &str = "\n\nPut one more field first into the JSON object: `reasoning`, a text of at most five sentences that \
+                      says what you see and why you decide so. Decide only after it.";
 
 /// A picture that is shown.
 #[derive(Clone, Debug)]
@@ -73,7 +81,8 @@ impl Question {
     /// When a picture cannot be encoded.
     pub fn request(&self, model: &str, parameters: &Map<String, Value>) -> Result<ChatRequest, ImageError> {
         let unreadable = || ImageError { size_bytes: 0, beginning: String::new() };
-        let mut parts = vec![Part::Text(self.text.clone())];
+        let words = if self.reasoning { format!("{}{REASON}", self.text) } else { self.text.clone() };
+        let mut parts = vec![Part::Text(words)];
         for shown in &self.pictures {
             let bytes = shown.picture.png().map_err(|_| unreadable())?;
             parts.push(Part::Image(Image::new(bytes)?));
@@ -95,10 +104,18 @@ impl Question {
             let first: Option<i64> = none.then_some(-1);
             json!({"type": "integer", "enum": first.into_iter().chain(1..=count as i64).collect::<Vec<_>>()})
         };
-        let object = |properties: Value| {
+        let strict = |properties: Value| {
             let names: Vec<String> =
                 properties.as_object().map(|fields| fields.keys().cloned().collect()).unwrap_or_default();
             json!({"type": "object", "properties": properties, "required": names, "additionalProperties": false})
+        };
+        // Of the answer itself, not of the objects in it.
+        let object = |properties: Value| match (self.reasoning, properties) {
+            (true, Value::Object(fields)) => {
+                let first = [(REASONING.to_owned(), json!({"type": "string"}))];
+                strict(Value::Object(first.into_iter().chain(fields).collect()))
+            }
+            (_, properties) => strict(properties),
         };
         let text = json!({"type": "string"});
         let count = match &self.marks {
@@ -113,12 +130,12 @@ impl Question {
             Stage::GrabPoint => object(json!({"selected_point": numbers(count, false), "reason": text})),
             Stage::GridPath => {
                 let number = json!({"type": "number"});
-                let item = object(json!({"grid_number": text, "height_m": number, "claw_orientation": number}));
+                let item = strict(json!({"grid_number": text, "height_m": number, "claw_orientation": number}));
                 object(json!({"path": {"type": "array", "items": item}}))
             }
             Stage::PointToPoint => {
                 let kind = json!({"type": "string", "enum": ["grid"]});
-                object(json!({"selected_point": object(json!({"type": kind, "label": text}))}))
+                object(json!({"selected_point": strict(json!({"type": kind, "label": text}))}))
             }
             Stage::Check => object(json!({"scene_description": text, "finished": {"type": "boolean"}})),
         }

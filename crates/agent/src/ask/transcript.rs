@@ -28,6 +28,16 @@ impl Document for Transcript {
     const SCHEMA: &'static str = "genmanip.agent_transcript/1";
 }
 
+impl Transcript {
+    /// What the hand did last, in words.
+    pub fn last_act(&self) -> Option<String> {
+        self.moments.iter().rev().find_map(|moment| match moment {
+            Moment::Acted { what, .. } => Some(what.clone()),
+            Moment::Asked(_) => None,
+        })
+    }
+}
+
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -94,7 +104,7 @@ impl FailedStage {
 #[derive(Clone, Debug, Default)]
 pub struct Transcribed(Arc<Mutex<Kept>>);
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Kept {
     transcript: Transcript,
     pictures: Vec<(String, Arc<Picture>)>,
@@ -116,6 +126,16 @@ impl Transcribed {
     /// The pictures so far, with the names of their files.
     pub fn pictures(&self) -> Vec<(String, Arc<Picture>)> {
         self.lock().pictures.clone()
+    }
+
+    /// One of its own, with everything so far.
+    pub(crate) fn copied(&self) -> Self {
+        Self(Arc::new(Mutex::new(self.lock().clone())))
+    }
+
+    /// Questions asked so far, repeated ones included: the number of the next.
+    pub fn asks(&self) -> usize {
+        self.lock().asks
     }
 
     /// Begins afresh.

@@ -14,6 +14,9 @@ pub struct Picture {
     pub rgb: Vec<u8>,
 }
 
+/// Largest picture that is read, pixels each way.
+pub const MAX_SIDE: u32 = 8192;
+
 /// An sRGB colour.
 pub type Color = [u8; 3];
 
@@ -31,6 +34,30 @@ impl Picture {
     /// A picture from pixels; `None` when there are not as many as its size needs.
     pub fn new(width: u32, height: u32, rgb: Vec<u8>) -> Option<Self> {
         (rgb.len() == width as usize * height as usize * 3).then_some(Self { width, height, rgb })
+    }
+
+    /// The picture in a PNG file; transparency is left out.
+    ///
+    /// # Errors
+    /// Says what it is, where it is no RGB or RGBA with 8 bits of at most [`MAX_SIDE`] pixels each way.
+    pub fn of_png(file: &[u8]) -> Result<Self, String> {
+        let broken = |error: png::DecodingError| error.to_string();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().map_err(broken)?;
+        let (width, height) = (reader.info().width, reader.info().height);
+        if width > MAX_SIDE || height > MAX_SIDE {
+            return Err(format!("{width} x {height} pixels, expected at most {MAX_SIDE} each way"));
+        }
+        let mut data = vec![0; reader.output_buffer_size().unwrap_or(0)];
+        let info = reader.next_frame(&mut data).map_err(broken)?;
+        data.truncate(info.buffer_size());
+        let rgb = match (info.color_type, info.bit_depth) {
+            (png::ColorType::Rgb, png::BitDepth::Eight) => data,
+            (png::ColorType::Rgba, png::BitDepth::Eight) => {
+                data.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
+            }
+            (color, depth) => return Err(format!("{color:?} with {depth:?} bits, expected RGB or RGBA with 8 bits")),
+        };
+        Self::new(width, height, rgb).ok_or_else(|| "fewer pixels than its size says".into())
     }
 
     /// As a PNG file.

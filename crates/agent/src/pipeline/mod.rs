@@ -19,6 +19,7 @@ use self::put::Held;
 use crate::ask::{Answer, FailedStage, Marks, PromptSet, Question, Shown, Stage, Transcribed, VisionModel, ask};
 use crate::picture::marks;
 use crate::segmentation::{RobotSilhouette, Segmenter};
+use crate::services::GraspSource;
 use crate::settings::AgentSettings;
 use crate::sight::{Sight, View};
 
@@ -29,18 +30,23 @@ pub struct Services {
     pub model: Arc<dyn VisionModel>,
     /// The source of masks.
     pub segmenter: Arc<dyn Segmenter>,
+    /// The source of grasps.
+    pub grasps: Arc<dyn GraspSource>,
     /// The words of the questions.
     pub prompts: Arc<PromptSet>,
 }
 
 /// The modular manipulation system as a policy: it needs RGB-D images of fixed cameras and the robot's own state.
+///
+/// A clone shares the transcript; see [`Agent::branch`].
+#[derive(Clone)]
 pub struct Agent {
     /// In results.
     name: String,
     settings: AgentSettings,
     services: Services,
     planner: Arc<Planner>,
-    silhouette: RobotSilhouette,
+    silhouette: Arc<RobotSilhouette>,
     transcribed: Transcribed,
     seed: Seed,
     instruction: String,
@@ -54,6 +60,7 @@ pub struct Agent {
     phase: Phase,
 }
 
+#[derive(Clone)]
 enum Phase {
     /// Nothing in the hand, and the next thing is to be taken.
     Free,
@@ -80,7 +87,7 @@ impl Agent {
             name: "agent".into(),
             settings,
             services,
-            silhouette: RobotSilhouette::new(planner.robot())?,
+            silhouette: Arc::new(RobotSilhouette::new(planner.robot())?),
             planner: Arc::clone(planner),
             transcribed,
             seed: Seed::new(0),
@@ -92,6 +99,29 @@ impl Agent {
             all_picks: 0,
             phase: Phase::Free,
         })
+    }
+
+    /// The agent as it is at this moment, with services that may be others, and a transcript of its own that begins
+    /// with what was asked and done so far: what would become of the episode from here on.
+    #[must_use]
+    pub fn branch(&self, services: Services) -> (Self, Transcribed) {
+        let transcribed = self.transcribed.copied();
+        (Self { services, transcribed: transcribed.clone(), ..self.clone() }, transcribed)
+    }
+
+    /// Questions asked so far in the episode, repeated ones included.
+    pub fn asks(&self) -> usize {
+        self.transcribed.asks()
+    }
+
+    /// How it works.
+    pub fn settings(&self) -> &AgentSettings {
+        &self.settings
+    }
+
+    /// What it asks.
+    pub fn services(&self) -> &Services {
+        &self.services
     }
 
     /// The same agent under another name in results, which says what serves it.
@@ -134,6 +164,7 @@ impl Agent {
             pictures,
             marks,
             view: Arc::clone(&view.image),
+            reasoning: self.settings.reasoning,
             refused: Vec::new(),
         };
         ask(self.services.model.as_ref(), &mut question, self.settings.reasks, &self.transcribed)
@@ -193,7 +224,8 @@ impl Agent {
                         self.picks -= 1;
                         continue;
                     }
-                    let asked_enough = Stage::ALL.iter().any(|stage| stage.name() == failure.stage);
+                    let asked_enough = failure.cause == FailedStage::SERVICE
+                        || Stage::ALL.iter().any(|stage| stage.name() == failure.stage);
                     if asked_enough || self.picks >= self.settings.picks {
                         return Err(failure.into());
                     }

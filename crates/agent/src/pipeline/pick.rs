@@ -1,9 +1,9 @@
 //! Taking hold: grasps from the points of the thing near the grab point, and the motions to take it.
 
-use genmanip_core::{Grasp, Seed};
+use genmanip_core::{Grasp, Pose, Seed};
 use genmanip_motion::{
-    Allowed, CloudTarget, FeasibilitySettings, FeasibleGrasp, GraspRejections, Path, PickQuery, PickedObject,
-    PlaceGoal, PlanningScene, commands,
+    Allowed, FeasibilitySettings, FeasibleGrasp, GraspRejections, Path, PickQuery, PickedObject, PlaceGoal,
+    PlanningScene, commands,
 };
 use glam::DVec3;
 
@@ -11,6 +11,7 @@ use super::hand::{self, Hand, THING};
 use super::job::Job;
 use super::{Agent, put};
 use crate::ask::FailedStage;
+use crate::services::{GraspError, GraspQuestion};
 use crate::sight::Sight;
 
 /// A planned pick.
@@ -83,19 +84,26 @@ pub(super) fn plan(agent: &Agent, sight: &Sight, job: &Job, hand: &Hand, seed: S
 fn near_grab_point(agent: &Agent, sight: &Sight, job: &Job) -> Result<Vec<Grasp>, FailedStage> {
     let settings = &agent.settings;
     let eyes = sight.eyes();
-    let target =
-        CloudTarget { points: &job.thing.points, cameras: &eyes, scene: &job.around, table_height: settings.table_m };
-    let unsuited = |error| FailedStage::new("grasp", "unsuited", format!("{}: {error}", job.name));
+    let question = GraspQuestion {
+        points: &job.thing.points,
+        scene: &job.around,
+        world_from_camera: sight.shown().map_or(Pose::IDENTITY, |view| view.image.world_from_camera),
+        eyes: &eyes,
+        table_height: settings.table_m,
+    };
+    let failed = |error| match error {
+        GraspError::Unsuited(why) => FailedStage::new("grasp", "unsuited", format!("{}: {why}", job.name)),
+        GraspError::Service(_) => FailedStage::new("grasp", FailedStage::SERVICE, error.to_string()),
+    };
     let thing_from_world = job.thing.pose.inverse();
     let (mut count, mut near) = (0, Vec::new());
     // Deep in a container, walls hide the sides of a thing from all cameras and everything counts as taken: then only
     // what is seen is in the way, and the motions are tested against that.
-    for target in [target, CloudTarget { scene: &[], ..target }] {
-        let found = agent.planner.cloud_grasps(&target).map_err(unsuited)?;
+    for question in [question, GraspQuestion { scene: &[], ..question }] {
+        let found = agent.services.grasps.grasps(&question).map_err(failed)?;
         count += found.len();
         near = found
             .into_iter()
-            .map(|found| found.grasp)
             .filter(|grasp| grasp.pose.position.distance(job.grab) <= settings.grasp_radius_m)
             .map(|grasp| Grasp { pose: thing_from_world * grasp.pose, ..grasp })
             .take(settings.grasps)
@@ -123,7 +131,7 @@ fn lift(query: &PickQuery, grasp: &FeasibleGrasp) -> Result<Path, genmanip_motio
             allowed: &allowed,
             gripper_width: grasp.object_from_tcp.width,
         };
-        let to = genmanip_core::Pose { position: lifted, ..from };
+        let to = Pose { position: lifted, ..from };
         query.planner.straight(&around, &grasp.config, &to).map_err(|_| problem)
     })
 }

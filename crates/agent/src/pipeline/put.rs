@@ -15,6 +15,7 @@ use crate::settings::MotionSettings;
 use crate::sight::Placing;
 
 /// What was taken, and how.
+#[derive(Clone)]
 pub(super) struct Held {
     pub job: Job,
     /// The grasp, in the thing's frame.

@@ -28,6 +28,8 @@ pub struct GraspQuestion<'a> {
     pub scene: &'a [DVec3],
     /// The camera that saw most of it; x right, y down, z forward.
     pub world_from_camera: Pose,
+    /// Where all cameras were that saw it, that one included.
+    pub eyes: &'a [DVec3],
     /// Height of what it stands on (world z), m.
     pub table_height: f64,
 }
@@ -69,7 +71,7 @@ impl GraspSource for SampledGrasps {
     fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
         let target = CloudTarget {
             points: question.points,
-            cameras: &[question.world_from_camera.position],
+            cameras: question.eyes,
             scene: question.scene,
             table_height: question.table_height,
         };
@@ -212,7 +214,13 @@ mod tests {
 
     fn asked(answer: Value) -> Result<Vec<Grasp>, GraspError> {
         let points = [DVec3::new(0.4, 0.0, 0.02)];
-        let question = GraspQuestion { points: &points, scene: &[], world_from_camera: camera(), table_height: 0.0 };
+        let question = GraspQuestion {
+            points: &points,
+            scene: &[],
+            world_from_camera: camera(),
+            eyes: &[camera().position],
+            table_height: 0.0,
+        };
         ServiceGrasps::new(Fixed(answer)).grasps(&question)
     }
 
@@ -235,8 +243,13 @@ mod tests {
     #[test]
     fn points_come_back() {
         let points = [DVec3::new(0.4, 0.1, 0.02), DVec3::new(0.5, -0.2, 0.3)];
-        let question =
-            GraspQuestion { points: &points, scene: &points[..1], world_from_camera: camera(), table_height: 0.0 };
+        let question = GraspQuestion {
+            points: &points,
+            scene: &points[..1],
+            world_from_camera: camera(),
+            eyes: &[],
+            table_height: 0.0,
+        };
         let [target, scene] = GraspRequest::of(&question).read().unwrap();
         assert_eq!((target.len(), scene.len()), (2, 1));
         assert!(target.iter().zip(&points).all(|(one, other)| one.distance(*other) < 1e-6));

@@ -15,7 +15,7 @@ use proptest::prelude::*;
 
 const REASKS: usize = 2;
 
-fn question(stage: Stage) -> Question {
+pub fn question(stage: Stage) -> Question {
     let mask = || Mask { width: 16, height: 9, pixels: vec![true; 144] };
     let grid = Grid::usual(16, 9);
     let marks = match stage {
@@ -39,6 +39,7 @@ fn question(stage: Stage) -> Question {
         pictures: Vec::new(),
         marks,
         view: Arc::new(image),
+        reasoning: false,
         refused: Vec::new(),
     }
 }
@@ -47,6 +48,18 @@ fn service(answers: &[&str]) -> (Arc<ScriptedChat>, ChatService) {
     let script = Arc::new(ScriptedChat::new(answers.iter().copied()));
     let chat: Arc<dyn genmanip_chat::ChatModel> = script.clone();
     (script, ChatService { chat, model: "script".into(), parameters: Default::default() })
+}
+
+#[test]
+fn reasons_are_taken_where_they_were_asked_for() {
+    let answer = r#"{"reasoning": "The cup is red.", "number": 2, "object_name": "cup", "color": "red"}"#;
+    let mut asked = question(Stage::Object);
+    assert!(genmanip_agent::ask::parse(&asked, answer).is_err());
+    asked.reasoning = true;
+    assert!(matches!(genmanip_agent::ask::parse(&asked, answer), Ok(Answer::Mark(mark)) if mark.mask == 1));
+    assert!(asked.schema()["required"].as_array().unwrap().contains(&"reasoning".into()));
+    let request = asked.request("m", &Default::default()).unwrap();
+    assert!(format!("{:?}", request.messages).contains("`reasoning`"));
 }
 
 #[test]

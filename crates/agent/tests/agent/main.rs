@@ -4,3 +4,4 @@
 
 mod answers;
 mod marks;
+mod recorded;

@@ -28,6 +28,14 @@ pub enum LabCommand {
                       genmanip lab agent --seed 7 --count 40 --kinds spatial,long_horizon --path grid --preset paper\n\n\
                       One thread; processor time covers looking, asking, planning and physics, not the layout.")]
     Agent(AgentArguments),
+    /// Make one mistake per episode, and see whether the failure analysis, which is not told, finds it
+    #[command(after_help = "Examples:\n  \
+                      genmanip lab blame --seed 7 --per-class 30 --json\n  \
+                      genmanip lab blame --seed 7 --classes plan_location --per-class 10 --natural 0\n\n\
+                      Each failed episode is restored to the moment before the blamed answer, only that answer is replaced by the \
+                      oracle's, and the episode runs on: the share that then succeeds is reported. A mistake without an \
+                      answer, such as jammed fingers, cannot be replaced.")]
+    Blame(BlameArguments),
     /// Let many agents at once ask one slow model server on this machine, with faults, answered by the oracle
     #[command(
         after_help = "Example:\n  genmanip lab batch --seed 7 --count 64 --at-once 64 --latency 2 --faults 0.05 --json\n\n\
@@ -121,7 +129,7 @@ pub struct SegmentArguments {
     #[arg(long, value_parser = ["d435"])]
     pub noise: Option<String>,
     /// Where masks come from; `oracle` is the renderer's truth
-    #[arg(long, default_value = "rgbd", value_parser = ["rgbd", "oracle"])]
+    #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
     pub masks: String,
     /// Fit the weights by which regions are joined to these scenes, instead of measuring
     #[arg(long, conflicts_with_all = ["masks", "out"])]
@@ -355,7 +363,7 @@ pub struct AgentArguments {
     #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
     pub vlm: String,
     /// Where masks come from
-    #[arg(long, default_value = "rgbd", value_parser = ["rgbd", "oracle"])]
+    #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
     pub masks: String,
     /// One cell for the placement, or a path over the grid
     #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
@@ -372,6 +380,47 @@ pub struct AgentArguments {
     /// Write each episode's transcript and pictures into this folder
     #[arg(long, value_name = "FOLDER")]
     pub transcripts: Option<PathBuf>,
+    /// Write a page about what failed: causes by kind, an episode with its pictures per cause, relations meant and resulting
+    #[arg(long, value_name = "FILE")]
+    pub page: Option<PathBuf>,
+}
+
+/// Arguments of `lab blame`.
+#[derive(Debug, Args)]
+pub struct BlameArguments {
+    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<PathBuf>,
+    /// Seed of tasks, layouts and episodes
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Failed episodes of each class
+    #[arg(long, default_value_t = 30, value_parser = super::parse_count)]
+    pub per_class: usize,
+    /// What the mistakes are to make fail [default: all but `service`]
+    #[arg(long, value_delimiter = ',', value_name = "CLASS")]
+    pub classes: Vec<String>,
+    /// Episodes without a mistake on purpose, of which those that fail are taken up again too
+    #[arg(long, default_value_t = 60)]
+    pub natural: usize,
+    /// Kinds of tasks; `articulated` cannot be done by picking and placing
+    #[arg(long, value_delimiter = ',', default_value = "pick_and_place,spatial,appearance,common_sense,long_horizon")]
+    pub kinds: Vec<String>,
+    /// Who answers: `oracle`, or the settings file of a model, which then makes its own mistakes
+    #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
+    pub vlm: String,
+    /// Where masks come from
+    #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
+    pub masks: String,
+    /// One cell for the placement, or a path over the grid
+    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
+    pub path: String,
+    /// As published, or with everything that makes it sturdier
+    #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
+    pub preset: String,
+    /// `open` splits the task and picks each thing once, so that a mistake is seldom made good
+    #[arg(long = "loop", default_value = "open", value_name = "open|closed", value_parser = ["open", "closed"])]
+    pub closed_loop: String,
 }
 
 /// Arguments of `lab motion`.

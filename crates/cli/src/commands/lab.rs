@@ -9,15 +9,16 @@ use genmanip_core::{Seed, Task};
 use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::batch::BatchArguments;
+use genmanip_lab::blame::BlameArguments;
 use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
-    agent, answers, assets, batch, design, environment, expert, fit, grasp, hostile, layout, motion, relations, render,
-    rendered, scale, segment,
+    agent, answers, assets, batch, blame, design, environment, expert, fit, grasp, hostile, layout, motion, relations,
+    render, rendered, scale, segment,
 };
-use genmanip_run::agents::AgentChoice;
-use genmanip_run::{OracleSegmenter, inputs, robots};
+use genmanip_run::agents::{AgentChoice, FailureClass, ModelChoice};
+use genmanip_run::{OracleSegmenter, RunError, inputs, robots};
 
 use crate::args::{self, LabCommand};
 use crate::commands::assets::catalogue;
@@ -27,6 +28,11 @@ use crate::printer::Printer;
 pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
         LabCommand::Relations(arguments) => relations_of(arguments, printer)?,
+        LabCommand::Blame(arguments) => {
+            let world = inputs::read_world(arguments.world.as_deref())?;
+            let measured = blame::measure(&blame_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
+            printer.data(&measured, &blame::in_words(&measured));
+        }
         LabCommand::Agent(arguments) => {
             let world = inputs::read_world(arguments.world.as_deref())?;
             let measured = agent::measure(&agent_arguments(arguments)?, &world, Seed::new(arguments.seed), printer)?;
@@ -177,7 +183,8 @@ fn hostile_arguments(arguments: &args::HostileArguments) -> Result<HostileArgume
 
 fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, Failed> {
     let choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
-    let mut choice = AgentChoice { keeps_pictures: arguments.transcripts.is_some(), ..choice };
+    let mut choice =
+        AgentChoice { keeps_pictures: arguments.transcripts.is_some() || arguments.page.is_some(), ..choice };
     choice.settings.ctof = arguments.ctof;
     for error in &arguments.error {
         choice.add_error(error)?;
@@ -187,6 +194,37 @@ fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, F
         kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,
         count: arguments.count,
         transcripts: arguments.transcripts.clone(),
+        page: arguments.page.clone(),
+        choice,
+    })
+}
+
+fn blame_arguments(arguments: &args::BlameArguments) -> Result<BlameArguments, Failed> {
+    let mut choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
+    if arguments.closed_loop == "open" {
+        choice.settings = choice.settings.open_loop();
+    }
+    let known: Vec<FailureClass> =
+        FailureClass::ALL.into_iter().filter(|class| *class != FailureClass::Service).collect();
+    let named = |name: &String| {
+        let class = known.iter().copied().find(|class| class.name() == name);
+        let names: Vec<&str> = known.iter().map(|class| class.name()).collect();
+        class.ok_or_else(|| RunError::unknown("class", "classes", name, &names))
+    };
+    let classes = arguments.classes.iter().map(named).collect::<Result<Vec<_>, _>>()?;
+    let is_oracle = matches!(choice.model, ModelChoice::Oracle);
+    Ok(BlameArguments {
+        kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,
+        // Only the oracle makes mistakes on purpose.
+        classes: if !is_oracle {
+            Vec::new()
+        } else if classes.is_empty() {
+            known
+        } else {
+            classes
+        },
+        per_class: arguments.per_class,
+        natural: arguments.natural,
         choice,
     })
 }

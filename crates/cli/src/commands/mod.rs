@@ -1,5 +1,7 @@
 //! One module per verb.
 
+pub mod ablate;
+pub mod agent;
 pub mod assets;
 pub mod collect;
 pub mod demo;

@@ -1,19 +1,22 @@
 //! Which agent: its settings and its services, by name.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use genmanip_agent::ask::{PromptSet, Stage, Transcribed, VisionModel};
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
+use genmanip_agent::services::{GraspSource, SampledGrasps, ServiceGrasps, ServiceMasks};
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
+use genmanip_chat::{HttpService, ServiceSettings};
 use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
 use genmanip_motion::Planner;
 use genmanip_rollout::{Cores, Stage as Scene};
 
+use super::failure::{FailureClass, Heard};
+use super::grasps::FlawedGrasps;
 use super::model::{ModelFile, SharedModel};
-use super::{ErrorRates, Heard, Oracle, OracleMasks, Truth, WithTruth, Witness};
+use super::{Dials, Oracle, OracleMasks, Recording, Truth, Turns, WithTruth, Witness};
 use crate::error::RunError;
 use crate::inputs;
 
@@ -26,11 +29,17 @@ pub struct AgentChoice {
     pub model: ModelChoice,
     /// Where its masks come from.
     pub masks: MaskChoice,
-    /// How often the oracle errs on purpose.
-    pub errors: ErrorRates,
-    /// The ask that the oracle answers right whatever the rates say: a counterfactual, since everything before it is
-    /// the same.
-    pub forgiven: Option<usize>,
+    /// Where its grasps come from.
+    pub grasps: GraspChoice,
+    /// What the oracle does wrong on purpose.
+    pub dials: Dials,
+    /// Whether answers are judged by the simulator's truth also where no oracle serves the agent; results then say
+    /// oracle. With an oracle they always are.
+    pub is_analysed: bool,
+    /// Whether the agent before each of its turns is kept, so that an episode can be taken up again.
+    pub keeps_turns: bool,
+    /// Folder in which answers are recorded, one file per scenario, and from which they are given again.
+    pub answers: Option<PathBuf>,
     /// Folder of prompt files that replace the built-in ones.
     pub prompts: Option<PathBuf>,
     /// Whether pictures are kept with the transcript.
@@ -44,15 +53,28 @@ pub enum ModelChoice {
     Oracle,
     /// A chat server, a person or recorded answers, as a settings file says.
     Chat(Arc<SharedModel>),
+    /// Nobody: what was recorded of each episode is answered again, see [`Recording`].
+    Recorded,
 }
 
 /// Where the agent's masks come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone)]
 pub enum MaskChoice {
     /// Colour and depth alone.
     Rgbd,
     /// The renderer's ids; results say oracle.
     Oracle,
+    /// A server, see `genmanip_agent::services::masks`.
+    Http(Arc<ServiceMasks<HttpService>>),
+}
+
+/// Where the agent's grasps come from.
+#[derive(Clone)]
+pub enum GraspChoice {
+    /// Our sampler, on the points of the thing.
+    Rgbd,
+    /// A server, see `genmanip_agent::services::grasps`.
+    Http(Arc<ServiceGrasps<HttpService>>),
 }
 
 /// An agent made for one episode.
@@ -65,6 +87,8 @@ pub struct MadeAgent {
     pub truth: Option<Truth>,
     /// What its answers were worth, where the truth is known.
     pub heard: Arc<Mutex<Heard>>,
+    /// The agent before each of its turns, where they are kept.
+    pub turns: Option<Turns>,
 }
 
 impl AgentChoice {
@@ -74,15 +98,18 @@ impl AgentChoice {
             settings: AgentSettings { path, ..AgentSettings::preset(preset) },
             model: ModelChoice::Oracle,
             masks: MaskChoice::Oracle,
-            errors: BTreeMap::new(),
-            forgiven: None,
+            grasps: GraspChoice::Rgbd,
+            dials: Dials::default(),
+            is_analysed: false,
+            keeps_turns: false,
+            answers: None,
             prompts: None,
             keeps_pictures: false,
         }
     }
 
-    /// From names: `oracle` or a settings file for the model, `rgbd` or `oracle` for the masks, `p2p` or `grid`, `full` or
-    /// `paper`.
+    /// From names: `oracle`, `recorded` or a settings file for the model, `rgbd`, `oracle` or `http:URL` for the masks, `p2p` or
+    /// `grid`, `full` or `paper`.
     ///
     /// # Errors
     /// A name that nobody knows, and a settings file that cannot be used.
@@ -99,14 +126,52 @@ impl AgentChoice {
         };
         let model = match model {
             "oracle" => ModelChoice::Oracle,
+            "recorded" => ModelChoice::Recorded,
             file => ModelChoice::Chat(Arc::new(SharedModel::open(&ModelFile::read(Path::new(file))?)?)),
         };
-        let masks = match masks {
-            "rgbd" => MaskChoice::Rgbd,
-            "oracle" => MaskChoice::Oracle,
-            _ => return Err(RunError::unknown("source of masks", "sources of masks", masks, &["oracle", "rgbd"])),
+        let masks = match (masks, masks.strip_prefix("http:")) {
+            ("rgbd", _) => MaskChoice::Rgbd,
+            ("oracle", _) => MaskChoice::Oracle,
+            (_, Some(url)) => MaskChoice::Http(Arc::new(ServiceMasks::new(http(url)?))),
+            _ => {
+                let known = ["oracle", "rgbd", "http:URL"];
+                return Err(RunError::unknown("source of masks", "sources of masks", masks, &known));
+            }
         };
         Ok(Self { model, masks, ..Self::oracle(preset, path) })
+    }
+
+    /// The same with grasps from `rgbd` or `http:URL`.
+    ///
+    /// # Errors
+    /// A name that nobody knows, and an address that cannot be used.
+    pub fn with_grasps(self, name: &str) -> Result<Self, RunError> {
+        let grasps = match (name, name.strip_prefix("http:")) {
+            ("rgbd", _) => GraspChoice::Rgbd,
+            (_, Some(url)) => GraspChoice::Http(Arc::new(ServiceGrasps::new(http(url)?))),
+            _ => return Err(RunError::unknown("source of grasps", "sources of grasps", name, &["rgbd", "http:URL"])),
+        };
+        Ok(Self { grasps, ..self })
+    }
+
+    /// The same with answers recorded in a folder, and given again from it.
+    ///
+    /// # Errors
+    /// Without a folder where nobody else answers.
+    pub fn with_answers(self, folder: Option<PathBuf>) -> Result<Self, RunError> {
+        if folder.is_none() && matches!(self.model, ModelChoice::Recorded) {
+            return Err(RunError::input("recorded answers lie in a folder, and none is named")
+                .with_hint("expected agent:vlm=recorded,answers=FOLDER"));
+        }
+        Ok(Self { answers: folder, ..self })
+    }
+
+    /// What proposes grasps for the robot of a planner.
+    pub fn grasp_source(&self, planner: &Arc<Planner>) -> Arc<dyn GraspSource> {
+        match &self.grasps {
+            GraspChoice::Rgbd => Arc::new(SampledGrasps::new(Arc::clone(planner))),
+            GraspChoice::Http(service) => Arc::clone(service) as Arc<dyn GraspSource>,
+        }
     }
 
     /// Lets the oracle err: `STAGE=SHARE`, e.g. `object=0.2`.
@@ -121,19 +186,33 @@ impl AgentChoice {
         let share = share.parse().ok().filter(|share| (0.0..=1.0).contains(share)).ok_or_else(|| {
             RunError::input(format!("`{text}` is no share of errors")).with_hint("expected STAGE=SHARE, 0 to 1")
         })?;
-        self.errors.insert(stage, share);
+        self.dials.rates.insert(stage, share);
         Ok(())
     }
 
     /// The name in results: what serves the agent, and how it works.
     pub fn name(&self) -> String {
-        let AgentSettings { preset, path, ctof, arrows, .. } = &self.settings;
+        let AgentSettings { preset, path, ctof, arrows, reasoning, .. } = &self.settings;
         let path = if *path == PathKind::Grid { "grid" } else { "p2p" };
         let mut name =
             format!("agent vlm={} masks={} path={path} preset={}", self.model.name(), self.masks.name(), preset.name());
+        if let GraspChoice::Http(_) = self.grasps {
+            name += " grasps=http";
+        }
         name += if *ctof { " ctof" } else { "" };
         name += if *arrows { "" } else { " no arrows" };
-        for (stage, rate) in self.errors.iter().filter(|(_, rate)| **rate > 0.0) {
+        name += if *reasoning { " reasoning" } else { "" };
+        name += if self.settings.rounds == 1 { " open loop" } else { "" };
+        match self.settings.cameras.first() {
+            Some(camera) if *camera != AgentSettings::preset(*preset).cameras[0] => {
+                name += &format!(" camera={camera}")
+            }
+            _ => {}
+        }
+        if let Some(class) = self.dials.once {
+            name += &format!(" flaw={}", class.name());
+        }
+        for (stage, rate) in self.dials.rates.iter().filter(|(_, rate)| **rate > 0.0) {
             name += &format!(" err_{}={rate}", stage.name());
         }
         name
@@ -151,11 +230,34 @@ impl AgentChoice {
         cores: Option<&Arc<Cores>>,
     ) -> Result<MadeAgent, RunError> {
         let truth = Truth::new(stage);
-        let model: Arc<dyn VisionModel> = match &self.model {
-            ModelChoice::Oracle => Arc::new(self.oracle_of(&truth, planner, grasps)?),
-            ModelChoice::Chat(shared) => Arc::new(shared.service(cores)),
+        let oracle = match self.model {
+            ModelChoice::Oracle => Some(Arc::new(self.oracle_of(&truth, planner, grasps)?)),
+            _ => None,
         };
+        let model = self.answering(oracle, &stage.scenario.id, cores)?;
         self.make_asking(model, truth, planner)
+    }
+
+    /// Who answers the questions of an episode; `oracle` where it is the oracle.
+    ///
+    /// # Errors
+    /// Recorded answers that cannot be read.
+    pub fn answering(
+        &self,
+        oracle: Option<Arc<Oracle>>,
+        scenario: &str,
+        cores: Option<&Arc<Cores>>,
+    ) -> Result<Arc<dyn VisionModel>, RunError> {
+        let model: Option<Arc<dyn VisionModel>> = match &self.model {
+            ModelChoice::Oracle => oracle.map(|oracle| oracle as Arc<dyn VisionModel>),
+            ModelChoice::Chat(shared) => Some(Arc::new(shared.service(cores))),
+            ModelChoice::Recorded => None,
+        };
+        match (&self.answers, model) {
+            (Some(folder), model) => Ok(Arc::new(Recording::open(folder, scenario, model)?)),
+            (None, Some(model)) => Ok(model),
+            (None, None) => Err(RunError::input("nobody answers the agent's questions")),
+        }
     }
 
     /// The oracle of one episode.
@@ -166,7 +268,37 @@ impl AgentChoice {
         let tried = truth.stage().models.iter().map(|model| Ok(grasps.of(planner.robot(), model)?.to_vec()));
         let tried: Result<Vec<_>, genmanip_assets::AssetError> = tried.collect();
         let tried = tried.map_err(|error| RunError::broken("the oracle cannot be made", error))?;
-        Ok(Oracle::new(truth.clone(), planner, tried, self.errors.clone()).forgiving(self.forgiven))
+        Ok(Oracle::new(truth.clone(), planner, tried, self.dials.clone()))
+    }
+
+    /// The agent for one image, which needs no simulator.
+    ///
+    /// # Errors
+    /// Oracle services, which do; a prompt file or a setting that cannot be used.
+    pub fn for_one_image(&self, planner: &Arc<Planner>) -> Result<(Agent, Transcribed), RunError> {
+        let needs_simulator = |what: &str| {
+            let hint = "expected --vlm FILE, and --masks rgbd or http:URL";
+            Err(RunError::input(format!("{what} are the simulator's, and here is none")).with_hint(hint))
+        };
+        let model: Arc<dyn VisionModel> = match &self.model {
+            ModelChoice::Chat(shared) => Arc::new(shared.service(None)),
+            ModelChoice::Oracle | ModelChoice::Recorded => return needs_simulator("the oracle's answers"),
+        };
+        let segmenter: Arc<dyn Segmenter> = match &self.masks {
+            MaskChoice::Rgbd => Arc::new(RgbdSegmenter::default()),
+            MaskChoice::Http(service) => Arc::clone(service) as Arc<dyn Segmenter>,
+            MaskChoice::Oracle => return needs_simulator("the oracle's masks"),
+        };
+        let prompts = Arc::new(self.prompt_set()?);
+        let transcribed = Transcribed::new(true);
+        let services = Services { model, segmenter, grasps: self.grasp_source(planner), prompts };
+        let agent = Agent::new(self.settings.clone().for_one_image(), services, planner, transcribed.clone());
+        Ok((agent.map_err(|error| RunError::broken("the agent cannot be made", error))?, transcribed))
+    }
+
+    fn prompt_set(&self) -> Result<PromptSet, RunError> {
+        PromptSet::load(self.prompts.as_deref())
+            .map_err(|error| RunError::input("the agent's prompts cannot be used").because(error))
     }
 
     /// The agent for one episode with any other model.
@@ -179,30 +311,38 @@ impl AgentChoice {
         truth: Truth,
         planner: &Arc<Planner>,
     ) -> Result<MadeAgent, RunError> {
-        let knows = matches!(self.model, ModelChoice::Oracle) || self.masks == MaskChoice::Oracle;
-        let segmenter: Arc<dyn Segmenter> = match self.masks {
+        let is_served = matches!(self.model, ModelChoice::Oracle) || matches!(self.masks, MaskChoice::Oracle);
+        let knows = is_served || self.is_analysed;
+        let segmenter: Arc<dyn Segmenter> = match &self.masks {
             MaskChoice::Rgbd => Arc::new(RgbdSegmenter::default()),
             MaskChoice::Oracle => Arc::new(OracleMasks::new(truth.clone())),
+            MaskChoice::Http(service) => Arc::clone(service) as Arc<dyn Segmenter>,
         };
-        let heard = Arc::new(Mutex::new(Heard::default()));
-        let model = match knows {
-            true => Arc::new(Witness::new(model, truth.clone(), Arc::clone(&heard))) as Arc<dyn VisionModel>,
-            false => model,
-        };
-        let prompts = PromptSet::load(self.prompts.as_deref())
-            .map_err(|error| RunError::input("the agent's prompts cannot be used").because(error))?;
         let transcribed = Transcribed::new(self.keeps_pictures);
-        let services = Services { model, segmenter, prompts: Arc::new(prompts) };
+        let mut grasps = self.grasp_source(planner);
+        if self.dials.once == Some(FailureClass::GraspProposal) {
+            let (truth, asks) = (truth.clone(), transcribed.clone());
+            grasps = Arc::new(FlawedGrasps { source: grasps, truth, asks });
+        }
+        let heard = Arc::new(Mutex::new(Heard::default()));
+        let (mut model, mut grasps) = (model, grasps);
+        if knows {
+            let witness = Witness::new(model, truth.clone(), planner, Arc::clone(&heard));
+            grasps = Arc::new(witness.of_grasps(grasps));
+            model = Arc::new(witness);
+        }
+        let prompts = self.prompt_set()?;
+        let services = Services { model, segmenter, grasps, prompts: Arc::new(prompts) };
         let agent = Agent::new(self.settings.clone(), services, planner, transcribed.clone())
             .map_err(|error| RunError::broken("the agent cannot be made", error))?
             .named(self.name());
-        Ok(match knows {
-            true => {
-                let policy = Box::new(WithTruth::new(agent, truth.clone()));
-                MadeAgent { policy, transcribed, truth: Some(truth), heard }
-            }
-            false => MadeAgent { policy: Box::new(agent), transcribed, truth: None, heard },
-        })
+        if !knows {
+            return Ok(MadeAgent { policy: Box::new(agent), transcribed, truth: None, heard, turns: None });
+        }
+        let turns = self.keeps_turns.then(Turns::default);
+        let jams = self.dials.once == Some(FailureClass::GraspExecution);
+        let policy = WithTruth::new(agent, truth.clone()).jamming(jams).remembered_in(turns.clone());
+        Ok(MadeAgent { policy: Box::new(policy), transcribed, truth: Some(truth), heard, turns })
     }
 }
 
@@ -212,18 +352,28 @@ impl ModelChoice {
         match self {
             Self::Oracle => "oracle",
             Self::Chat(_) => "chat",
+            Self::Recorded => "recorded",
         }
     }
 }
 
 impl MaskChoice {
     /// Its name in results.
-    pub fn name(self) -> &'static str {
+    pub fn name(&self) -> &'static str {
         match self {
             Self::Rgbd => "rgbd",
             Self::Oracle => "oracle",
+            Self::Http(_) => "http",
         }
     }
+}
+
+/// A client of a service; the address is checked, and nothing is sent.
+fn http(url: &str) -> Result<HttpService, RunError> {
+    // `http:URL`, and also just `http://…`.
+    let url = if url.starts_with("//") { format!("http:{url}") } else { url.to_owned() };
+    HttpService::new(ServiceSettings::at(&url))
+        .map_err(|error| RunError::input(format!("the service {url} cannot be asked")).because(error))
 }
 
 /// A policy whose agent's transcript is written after each of its turns.

@@ -5,15 +5,23 @@
 //! then privileged, so that every result made with it says `oracle`.
 
 mod choice;
+mod counterfactual;
+mod failure;
+mod grasps;
 mod masks;
 mod model;
 mod oracle;
+mod recording;
 mod truth;
 mod witness;
+mod words;
 
-pub use choice::{AgentChoice, MadeAgent, MaskChoice, ModelChoice, Transcribing, keep};
+pub use choice::{AgentChoice, GraspChoice, MadeAgent, MaskChoice, ModelChoice, Transcribing, keep};
+pub use counterfactual::Counterfactual;
+pub use failure::{Blamed, FailureClass, GRASPS, Heard, Testimony, classify};
 pub use masks::OracleMasks;
 pub use model::{Account, ModelFile, SharedModel};
-pub use oracle::{ErrorRates, Oracle};
-pub use truth::{Injection, Truth, WithTruth};
-pub use witness::{FailureClass, Heard, Testimony, Witness, classify};
+pub use oracle::{Dials, ErrorRates, Oracle};
+pub use recording::Recording;
+pub use truth::{Planted, Truth, Turns, WithTruth};
+pub use witness::{GraspWitness, Witness};

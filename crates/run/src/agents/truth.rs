@@ -5,11 +5,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use genmanip_agent::Agent;
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::{
-    ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState, RgbdImage, Seed,
+    ActionChunk, Atom, EpisodeStart, GoalVerdict, Observation, Policy, PolicyError, PolicySpec, PrivilegedState,
+    RgbdImage, Seed,
 };
+use genmanip_layout::{Move, moves};
 use genmanip_render::object_of_instance;
-use genmanip_rollout::Stage;
-use genmanip_scene::relations::PosedScene;
+use genmanip_rollout::{RolloutSettings, Stage};
+use genmanip_scene::relations::{PosedScene, judge_atom, judge_goal};
+
+use super::failure::FailureClass;
 
 /// What is true at the moment, shared by the oracle services of one episode.
 #[derive(Clone)]
@@ -24,16 +28,16 @@ pub(super) struct Now {
     pub state: Option<PrivilegedState>,
     images: Vec<RgbdImage>,
     pub seed: Option<Seed>,
-    pub injected: Vec<Injection>,
+    pub planted: Vec<Planted>,
 }
 
-/// A wrong answer that the oracle gave on purpose.
+/// Something that was done wrong on purpose; the failure analysis is not told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Injection {
-    /// Number of the ask.
+pub struct Planted {
+    /// Number of the ask; of what is no answer, the number of the ask before it.
     pub ask: usize,
-    /// Stage of the ask.
-    pub stage: genmanip_agent::ask::Stage,
+    /// What it is to make fail.
+    pub class: FailureClass,
 }
 
 impl Truth {
@@ -42,9 +46,13 @@ impl Truth {
         Self { stage: stage.clone(), now: Arc::default() }
     }
 
-    /// Wrong answers that were given on purpose so far.
-    pub fn injected(&self) -> Vec<Injection> {
-        self.now().injected.clone()
+    /// What was done wrong on purpose so far.
+    pub fn planted(&self) -> Vec<Planted> {
+        self.now().planted.clone()
+    }
+
+    pub(super) fn plant(&self, ask: usize, class: FailureClass) {
+        self.now().planted.push(Planted { ask, class });
     }
 
     pub(super) fn stage(&self) -> &Stage {
@@ -65,6 +73,36 @@ impl Truth {
             Some(state) => self.stage.posed(&state.objects),
             None => self.stage.start().clone(),
         }
+    }
+
+    /// Moves of each alternative of the goal that are not done, of what can be carried.
+    pub(super) fn undone(&self, scene: &PosedScene) -> Vec<Vec<Move>> {
+        let stage = &self.stage;
+        let holds = |atom: &Atom| judge_atom(scene, atom, &stage.relations).holds;
+        let is_open = |step: &Move| step.state().is_none() && !step.atoms.iter().all(holds);
+        moves(&stage.goal, scene).into_iter().map(|plan| plan.into_iter().filter(is_open).collect()).collect()
+    }
+
+    /// The same move of another object.
+    pub(super) fn about(&self, step: &Move, object: usize) -> Move {
+        let id = self.stage.start().objects().nth(object).map(|posed| posed.id.clone());
+        let Some(id) = id.filter(|_| object != step.object) else { return step.clone() };
+        let atom = |atom: &Atom| match atom {
+            Atom::Relation { relation, reference, second_reference, .. } => Atom::Relation {
+                subject: id.clone(),
+                relation: *relation,
+                reference: reference.clone(),
+                second_reference: second_reference.clone(),
+            },
+            state @ Atom::State { .. } => state.clone(),
+        };
+        Move { object, atoms: step.atoms.iter().map(atom).collect() }
+    }
+
+    /// Whether the goal holds now, with what moves and what is held.
+    pub(super) fn verdict(&self) -> GoalVerdict {
+        let rest = self.state().map(|state| Stage::rest(&state.objects, state.grasped, &RolloutSettings::default()));
+        judge_goal(&self.scene(), &self.stage.goal, &rest.unwrap_or_default(), &self.stage.relations)
     }
 
     /// A shown image as the renderer made it, with ids; `None` for an image that is not known.
@@ -96,12 +134,50 @@ impl Truth {
 pub struct WithTruth {
     agent: Agent,
     truth: Truth,
+    /// Whether the fingers are still to jam once.
+    jams: bool,
+    /// The agent before each of its turns, where they are remembered.
+    turns: Option<Turns>,
 }
+
+/// The agent before each of its turns, in their order.
+pub type Turns = Arc<Mutex<Vec<Agent>>>;
+
+/// Widths that differ less are the same, m.
+const SAME_WIDTH_M: f32 = 1e-4;
 
 impl WithTruth {
     /// An agent whose services know `truth`.
     pub fn new(agent: Agent, truth: Truth) -> Self {
-        Self { agent, truth }
+        Self { agent, truth, jams: false, turns: None }
+    }
+
+    /// The same, but at the first grasp the fingers stay open: trouble that no answer is to blame for.
+    #[must_use]
+    pub fn jamming(self, jams: bool) -> Self {
+        Self { jams, ..self }
+    }
+
+    /// The same, and the agent as it is before each turn is kept in `turns`.
+    #[must_use]
+    pub fn remembered_in(self, turns: Option<Turns>) -> Self {
+        Self { turns, ..self }
+    }
+
+    /// Keeps the fingers open from where they would begin to close for good; says whether they would.
+    fn jam(actions: &mut [Vec<f32>]) -> bool {
+        let width = |action: &Vec<f32>| action.last().copied().unwrap_or_default();
+        let Some(held) = actions.last().map(width) else { return false };
+        let is_rest = |pair: &[Vec<f32>]| (width(&pair[0]) - width(&pair[1])).abs() < SAME_WIDTH_M;
+        let open = actions.windows(2).rposition(|pair| is_rest(pair) && width(&pair[0]) > held + SAME_WIDTH_M);
+        let Some(open) = open else { return false };
+        let stuck = width(&actions[open]);
+        for action in &mut actions[open..] {
+            if let Some(width) = action.last_mut() {
+                *width = width.max(stuck);
+            }
+        }
+        true
     }
 }
 
@@ -130,6 +206,15 @@ impl Policy for WithTruth {
         for image in seen.images.values_mut() {
             image.ids = Vec::new();
         }
-        self.agent.act(&seen)
+        if let Some(turns) = &self.turns {
+            let (before, _) = self.agent.branch(self.agent.services().clone());
+            turns.lock().unwrap_or_else(PoisonError::into_inner).push(before);
+        }
+        let mut chunk = self.agent.act(&seen)?;
+        if self.jams && Self::jam(&mut chunk.actions) {
+            self.jams = false;
+            self.truth.plant(self.agent.asks(), FailureClass::GraspExecution);
+        }
+        Ok(chunk)
     }
 }

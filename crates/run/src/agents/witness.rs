@@ -4,132 +4,130 @@
 //! whether it was right as things stood. It knows nothing of errors that an oracle makes on purpose, so that its labels
 //! can be tested against those.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use genmanip_agent::ask::{Answer, Answered, FailedStage, Marks, Question, ServiceError, Stage, VisionModel, parse};
-use genmanip_core::Atom;
+use genmanip_agent::ask::{Answer, Answered, Marks, PathCell, Question, ServiceError, Stage, VisionModel, parse};
+use genmanip_agent::services::{GraspError, GraspQuestion, GraspSource};
+use genmanip_agent::sight::on_plane;
 use genmanip_core::glam::DVec3;
-use genmanip_layout::{Move, moves};
-use genmanip_rollout::{RolloutSettings, Stage as Scene};
-use genmanip_scene::relations::{PosedScene, judge_atom, judge_goal};
-use serde::Serialize;
+use genmanip_core::{Aabb, Atom, Grasp, Relation};
+use genmanip_layout::Move;
+use genmanip_motion::Planner;
+use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use super::Truth;
-
-/// Why an episode failed: the six classes of the paper, and those of a closed loop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FailureClass {
-    /// The task was split into the wrong sub-tasks.
-    Decomposition,
-    /// The wrong thing was chosen to be taken.
-    GraspGrounding,
-    /// The chosen part or point, or the detector, gave no grasp that fits.
-    GraspProposal,
-    /// The grasp could not be carried out, or did not hold.
-    GraspExecution,
-    /// The thing was sent to the wrong reference.
-    PlanGrounding,
-    /// The reference was right, the place was not.
-    PlanLocation,
-    /// The way could not be gone, or the thing did not end where it was sent.
-    PlanMotion,
-    /// The check said finished too soon, or not finished too late.
-    Checker,
-    /// Answers were not in the form that was asked for, or named what was not drawn.
-    Format,
-    /// A service did not answer.
-    Service,
-}
-
-impl FailureClass {
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Decomposition => "decomposition",
-            Self::GraspGrounding => "grasp_grounding",
-            Self::GraspProposal => "grasp_proposal",
-            Self::GraspExecution => "grasp_execution",
-            Self::PlanGrounding => "plan_grounding",
-            Self::PlanLocation => "plan_location",
-            Self::PlanMotion => "plan_motion",
-            Self::Checker => "checker",
-            Self::Format => "format",
-            Self::Service => "service",
-        }
-    }
-}
-
-/// What an answer was worth.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Testimony {
-    /// Number of the ask.
-    pub ask: usize,
-    /// Stage of the ask.
-    pub stage: Stage,
-    /// What the answer would make fail; `None` for a right one.
-    pub wrong: Option<FailureClass>,
-    /// What was seen.
-    pub evidence: String,
-}
+use super::failure::{FailureClass, GRASPS, Heard, Testimony};
+use super::words;
 
 /// Passes questions on and notes what the answers are worth.
 pub struct Witness {
     model: Arc<dyn VisionModel>,
     truth: Truth,
+    planner: Arc<Planner>,
     heard: Arc<Mutex<Heard>>,
+    memory: Arc<Mutex<Memory>>,
 }
 
-/// What was noted in one episode.
+/// What the witness remembers of the questions before.
 #[derive(Clone, Debug, Default)]
-pub struct Heard {
-    /// In the order of the asks.
-    pub testimonies: Vec<Testimony>,
-    /// Objects to be moved when the task was split last.
-    pending: Vec<Move>,
-    /// The object that was chosen last.
+struct Memory {
+    /// Times that the task was split, and the ask that split it last.
+    rounds: usize,
+    split: Option<usize>,
+    /// The object that was chosen last, and the sub-task.
     taken: Option<usize>,
+    subtask: String,
+    ask: usize,
 }
 
 impl Witness {
     /// Between an agent and a model; `heard` is filled as they talk.
-    pub fn new(model: Arc<dyn VisionModel>, truth: Truth, heard: Arc<Mutex<Heard>>) -> Self {
-        Self { model, truth, heard }
+    pub fn new(model: Arc<dyn VisionModel>, truth: Truth, planner: &Arc<Planner>, heard: Arc<Mutex<Heard>>) -> Self {
+        Self { model, truth, planner: Arc::clone(planner), heard, memory: Arc::default() }
+    }
+
+    /// The same between the agent and its source of grasps.
+    pub fn of_grasps(&self, source: Arc<dyn GraspSource>) -> GraspWitness {
+        let (truth, heard, memory) = (self.truth.clone(), Arc::clone(&self.heard), Arc::clone(&self.memory));
+        GraspWitness { source, truth, heard, memory }
     }
 
     fn testify(&self, question: &Question, answer: &Answer) -> (Option<FailureClass>, String) {
         let scene = self.truth.scene();
         match answer {
-            Answer::Decompose(_) => {
-                self.heard().pending = self.undone(&scene);
-                // Words cannot be judged here; what comes of them can.
-                (None, String::new())
+            Answer::Decompose(answer) => {
+                let mut memory = lock(&self.memory);
+                memory.split = Some(question.ask);
+                self.split(&answer.subtasks, &scene)
             }
             Answer::Mark(answer) if question.stage == Stage::Object => self.object(question, answer.mask, &scene),
             Answer::Point(answer) => self.place(question, answer.cell, &scene),
-            Answer::Path(answer) => match answer.cells.last() {
-                Some(last) => self.place(question, last.cell, &scene),
+            Answer::Path(answer) => match answer.cells.split_last() {
+                Some((last, way)) => match self.place(question, last.cell, &scene) {
+                    (None, right) => self
+                        .way(question, way)
+                        .map_or((None, right), |blocked| (Some(FailureClass::PlanMotion), blocked)),
+                    wrong => wrong,
+                },
                 None => (None, String::new()),
             },
             Answer::Check(answer) => {
-                let stage = self.truth.stage();
-                let state = self.truth.state();
-                let rest = state.map(|state| Scene::rest(&state.objects, state.grasped, &RolloutSettings::default()));
-                let verdict = judge_goal(&scene, &stage.goal, &rest.unwrap_or_default(), &stage.relations);
-                let wrong = (verdict.success != answer.finished).then_some(FailureClass::Checker);
-                (wrong, format!("said finished: {}, the goal holds: {}", answer.finished, verdict.success))
+                let holds = self.truth.verdict().success;
+                lock(&self.heard).checks[usize::from(holds)][usize::from(answer.finished)] += 1;
+                let wrong = (holds != answer.finished).then_some(FailureClass::Checker);
+                (wrong, format!("said finished: {}, the goal holds: {holds}", answer.finished))
             }
             Answer::Mark(_) | Answer::GrabPoint(_) => (None, String::new()),
         }
     }
 
+    /// Whether each sub-task names a thing that must move and what it must stand to; words that name nothing are not
+    /// judged here, but what comes of them is.
+    fn split(&self, subtasks: &[String], scene: &PosedScene) -> (Option<FailureClass>, String) {
+        let stage = self.truth.stage();
+        let names: Vec<String> = (0..scene.objects().len()).map(|object| stage.name(object).to_owned()).collect();
+        let undone = self.undone(scene);
+        for subtask in subtasks {
+            let named = words::named(subtask, &names);
+            let Some((thing, references)) = named.split_first() else { continue };
+            let steps: Vec<&Move> = undone.iter().filter(|step| names[step.object] == names[*thing]).collect();
+            if steps.is_empty() {
+                return (
+                    Some(FailureClass::Decomposition),
+                    format!("{}, which need not move, is named", names[*thing]),
+                );
+            }
+            let fits = |step: &&Move| {
+                let wanted: Vec<&String> = (step.atoms.iter().flat_map(genmanip_layout::references))
+                    .filter_map(|id| Some(&names[scene.index_of(id)?]))
+                    .collect();
+                references.iter().all(|reference| wanted.contains(&&names[*reference]))
+            };
+            if !steps.iter().any(fits) {
+                let said: Vec<&str> = references.iter().map(|reference| names[*reference].as_str()).collect();
+                let evidence = format!("{} has no place at {}", names[*thing], said.join(" and "));
+                return (Some(FailureClass::Decomposition), evidence);
+            }
+        }
+        (None, String::new())
+    }
+
+    /// The first cell on the way over which the arm cannot be at the height that was answered.
+    fn way(&self, question: &Question, way: &[PathCell]) -> Option<String> {
+        let Marks::Grid { grid, .. } = &question.marks else { return None };
+        let over = |step: &PathCell| {
+            let table_m = 0.0; // the world's z is 0 on the table
+            Some(on_plane(&question.view, grid.center(step.cell), table_m)? + DVec3::Z * step.height_m)
+        };
+        // The first cell is where the thing is.
+        let beyond =
+            way.iter().skip(1).find(|step| over(step).is_some_and(|point| !self.planner.reaches_from_above(point)));
+        beyond.map(|step| format!("the arm is not over {} at {} m", step.cell, step.height_m))
+    }
+
     /// Moves of every alternative that are not done.
     fn undone(&self, scene: &PosedScene) -> Vec<Move> {
-        let stage = self.truth.stage();
-        let holds = |atom: &Atom| judge_atom(scene, atom, &stage.relations).holds;
-        let all = moves(&stage.goal, scene).into_iter().flatten();
-        all.filter(|step| !step.atoms.iter().all(holds)).collect()
+        self.truth.undone(scene).into_iter().flatten().collect()
     }
 
     fn object(&self, question: &Question, mask: usize, scene: &PosedScene) -> (Option<FailureClass>, String) {
@@ -141,7 +139,7 @@ impl Witness {
             overlaps.max_by(|a, b| a.0.total_cmp(&b.0))
         });
         let taken = covered.map(|(_, object)| object);
-        self.heard().taken = taken;
+        lock(&self.memory).taken = taken;
         let name = taken.map_or("nothing", |object| self.truth.stage().name(object));
         let wanted: Vec<usize> = self.undone(scene).iter().map(|step| step.object).collect();
         if taken.is_some_and(|object| wanted.contains(&object)) {
@@ -150,8 +148,21 @@ impl Witness {
         // What the sub-task names was chosen; then the sub-task is wrong.
         let is_named = question.instruction.to_lowercase().contains(&format!("pick up the {}", name.to_lowercase()));
         match taken.is_some() && is_named {
-            true => (Some(FailureClass::Decomposition), format!("the sub-task names {name}, which need not move")),
+            true => {
+                self.blame_split(format!("the sub-task names {name}, which need not move"));
+                (None, format!("the mask is that of {name}, as the sub-task says"))
+            }
             false => (Some(FailureClass::GraspGrounding), format!("the mask is that of {name}")),
+        }
+    }
+
+    /// Says of the answer that split the task that it was wrong.
+    fn blame_split(&self, evidence: String) {
+        let split = lock(&self.memory).split;
+        let mut heard = lock(&self.heard);
+        let testimony = heard.testimonies.iter_mut().find(|testimony| Some(testimony.ask) == split);
+        if let Some(testimony) = testimony.filter(|testimony| testimony.wrong.is_none()) {
+            (testimony.wrong, testimony.evidence) = (Some(FailureClass::Decomposition), evidence);
         }
     }
 
@@ -163,7 +174,8 @@ impl Witness {
         scene: &PosedScene,
     ) -> (Option<FailureClass>, String) {
         let Marks::Grid { targets, .. } = &question.marks else { return (None, String::new()) };
-        let taken = self.heard().taken;
+        let taken = lock(&self.memory).taken;
+        lock(&self.heard).sent.extend(taken.map(|object| (question.ask, object)));
         let (Some(point), Some(object)) = (targets.get(&cell), taken) else { return (None, String::new()) };
         let steps: Vec<Move> = self.undone(scene).into_iter().filter(|step| step.object == object).collect();
         if steps.is_empty() {
@@ -173,11 +185,18 @@ impl Witness {
             let after = put(scene, object, *point);
             atoms.iter().all(|atom| is_met(&after, atom, *point, &self.truth))
         };
-        if steps.iter().any(|step| would_hold(&step.atoms)) {
+        let is_right = steps.iter().any(|step| would_hold(&step.atoms));
+        if let Some((meant, came)) = came_to(&steps, is_right, &would_hold) {
+            lock(&self.heard).placed.push((meant, came));
+        }
+        if is_right {
             return (None, format!("{} would serve in {cell}", self.truth.stage().name(object)));
         }
-        // The same relation to another thing: the wrong reference.
-        let others = (0..scene.objects().len()).filter(|other| *other != object);
+        // The same relation to another thing that is nearer than the right one: the wrong reference.
+        let apart = |other: usize| scene.bounds(other).map_or(f64::INFINITY, |bounds| distance(&bounds, *point));
+        let right = steps.iter().flat_map(|step| &step.atoms).flat_map(genmanip_layout::references);
+        let right = right.filter_map(|id| scene.index_of(id)).map(apart).fold(f64::INFINITY, f64::min);
+        let others = (0..scene.objects().len()).filter(|other| *other != object && apart(*other) < right);
         for other in others {
             let id = scene.objects().nth(other).map(|posed| posed.id.clone()).unwrap_or_default();
             let to_other = |step: &Move| -> Vec<Atom> { step.atoms.iter().map(|atom| aimed_at(atom, &id)).collect() };
@@ -188,10 +207,26 @@ impl Witness {
         }
         (Some(FailureClass::PlanLocation), format!("in {cell} no condition on it would hold"))
     }
+}
 
-    fn heard(&self) -> std::sync::MutexGuard<'_, Heard> {
-        self.heard.lock().unwrap_or_else(PoisonError::into_inner)
+/// The relation that is meant, and the one to the same reference that a place comes to: that one where the move would be
+/// done, else the first other that would hold.
+fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> Option<(Relation, Option<Relation>)> {
+    let Some(Atom::Relation { subject, relation, reference, .. }) = steps.first()?.atoms.first() else { return None };
+    if is_right {
+        return Some((*relation, Some(*relation)));
     }
+    let other = |other: &Relation| {
+        let (subject, reference) = (subject.clone(), reference.clone());
+        holds(&[Atom::Relation { subject, relation: *other, reference, second_reference: None }])
+    };
+    let others = Relation::OF_PAIRS.into_iter().filter(|other| other != relation);
+    Some((*relation, others.into_iter().find(|relation| other(relation))))
+}
+
+/// Distance in the plane between a point and a box, m.
+fn distance(bounds: &Aabb, point: DVec3) -> f64 {
+    (point.clamp(bounds.min, bounds.max) - point).truncate().length()
 }
 
 /// The scene with a thing moved over a point.
@@ -236,50 +271,69 @@ fn aimed_at(atom: &Atom, id: &str) -> Atom {
 impl VisionModel for Witness {
     fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
         let answered = self.model.answer(question)?;
+        let round = {
+            let mut memory = lock(&self.memory);
+            if question.stage == Stage::Decompose && question.refused.is_empty() {
+                memory.rounds += 1;
+            }
+            if question.stage == Stage::Object {
+                memory.subtask.clone_from(&question.instruction);
+            }
+            memory.ask = question.ask;
+            memory.rounds
+        };
         let (wrong, evidence) = match parse(question, &answered.text) {
             Ok(answer) => self.testify(question, &answer),
             Err(complaint) => (Some(FailureClass::Format), complaint.to_string()),
         };
-        let testimony = Testimony { ask: question.ask, stage: question.stage, wrong, evidence };
-        self.heard().testimonies.push(testimony);
+        let (stage, subtask) = (question.stage.name(), question.instruction.clone());
+        let mut heard = lock(&self.heard);
+        heard.answers.insert(question.ask, answered.text.clone());
+        heard.testimonies.push(Testimony { ask: question.ask, round, stage, subtask, wrong, evidence });
         Ok(answered)
     }
 }
 
-/// The class of a failed episode: the answer that was wrong and stayed so, or else what the hand did not manage.
-///
-/// `failure` is what the agent says of its own failure. A later right answer of a stage takes back an earlier wrong
-/// one, since the loop then had its chance; of several that are left the first is blamed.
-pub fn classify(heard: &Heard, failure: Option<&FailedStage>) -> (FailureClass, String) {
-    let said = failure.map(|failure| (failure.stage.as_str(), failure.cause.as_str()));
-    if let Some((_, "service")) = said {
-        return (FailureClass::Service, String::new());
-    }
-    let mut last: BTreeMap<Stage, &Testimony> = BTreeMap::new();
-    for testimony in &heard.testimonies {
-        last.insert(testimony.stage, testimony);
-    }
-    let ended_in = |stage: Stage| said.is_some_and(|(said, _)| said == stage.name());
-    let wrong = last.values().filter(|testimony| testimony.wrong.is_some()).filter(|testimony| {
-        // An answer that did not fit counts only where the episode ended with it.
-        testimony.wrong != Some(FailureClass::Format) || ended_in(testimony.stage)
-    });
-    if let Some(testimony) = wrong.min_by_key(|testimony| testimony.ask)
-        && let Some(class) = testimony.wrong
-    {
-        let class = match (class, said) {
-            // That no mask fits is no lack of form.
-            (FailureClass::Format, Some(("object", "not_found"))) => FailureClass::GraspGrounding,
-            (class, _) => class,
+/// Notes what proposed grasps are worth.
+pub struct GraspWitness {
+    source: Arc<dyn GraspSource>,
+    truth: Truth,
+    heard: Arc<Mutex<Heard>>,
+    memory: Arc<Mutex<Memory>>,
+}
+
+/// Half of what closes on a thing at a grasp: across the fingers, and along them, m; the pads of the built-in hand are
+/// 2 cm wide and reach that far.
+const CLOSING_HALF_M: [f64; 2] = [0.011, 0.011];
+
+impl GraspSource for GraspWitness {
+    fn grasps(&self, question: &GraspQuestion) -> Result<Vec<Grasp>, GraspError> {
+        let grasps = self.source.grasps(question)?;
+        let Memory { rounds, taken, subtask, ask, .. } = lock(&self.memory).clone();
+        let Some(object) = taken.filter(|_| !grasps.is_empty()) else { return Ok(grasps) };
+        let surface = self.truth.scene().surface_points(object);
+        let holds = |grasp: &Grasp| {
+            let tcp_from_world = grasp.pose.inverse();
+            surface.iter().any(|point| {
+                let inside = tcp_from_world.transform_point(*point).abs();
+                let [across, along] = CLOSING_HALF_M;
+                inside.x <= across && inside.y <= 0.5 * grasp.width.max(0.01) && inside.z <= along
+            })
         };
-        return (class, format!("ask {} ({}): {}", testimony.ask, testimony.stage.name(), testimony.evidence));
+        let sound = grasps.iter().filter(|grasp| holds(grasp)).count();
+        let testimony = Testimony {
+            ask,
+            round: rounds,
+            stage: GRASPS,
+            subtask,
+            wrong: (sound == 0).then_some(FailureClass::GraspProposal),
+            evidence: format!("{sound} of {} proposed grasps have the thing between the fingers", grasps.len()),
+        };
+        lock(&self.heard).testimonies.push(testimony);
+        Ok(grasps)
     }
-    let class = match said {
-        Some(("object", _)) => FailureClass::GraspGrounding,
-        Some(("grasp", "none" | "unsuited")) => FailureClass::GraspProposal,
-        Some(("grasp" | "execute", _)) => FailureClass::GraspExecution,
-        Some(("segmentation" | "look", _)) => FailureClass::Service,
-        _ => FailureClass::PlanMotion,
-    };
-    (class, failure.map_or_else(String::new, ToString::to_string))
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -2,11 +2,15 @@
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
+mod act;
+
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use genmanip_core::{Document, Seed};
+use genmanip_agent::ask::RecordedAnswers;
+use genmanip_bench::EvaluationReport;
+use genmanip_core::{Document, EpisodeResult, Seed};
 use genmanip_motion::FeasibilitySettings;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::expert::ExpertSettings;
@@ -121,6 +125,31 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let limited = EvaluateOptions { max_cost: Some(1.0), ..options.clone() };
     let unpriced = evaluate(&suite, &agent, &limited, &Silent, &never).unwrap_err();
     assert!(unpriced.to_string().contains("say no price"), "{unpriced}");
+
+    act::an_image_becomes_motions(&suite.scenarios[0].clone().into(), folder.parent().unwrap());
+
+    // What is answered is kept, and given again: the same verdicts, byte for byte. A lost answer is named.
+    let answers = folder.with_file_name("answers");
+    let nowhere = EvaluateOptions { out: None, ..options.clone() };
+    let agent = |model: &str| {
+        let text = format!("agent:vlm={model},masks=oracle,answers={}", answers.display());
+        evaluate(&suite, &[PolicyFactory::resolve(&text).unwrap()], &nowhere, &Silent, &never)
+    };
+    let told = |report: &EvaluationReport| -> Vec<EpisodeResult> {
+        report.results.iter().map(|result| EpisodeResult { policy: String::new(), ..result.clone() }).collect()
+    };
+    let (asked, again) = (agent("oracle").unwrap(), agent("recorded").unwrap());
+    let text = |reports: &[EvaluationReport]| serde_json::to_string(&told(&reports[0])).unwrap();
+    assert_eq!(text(&asked), text(&again));
+    assert_eq!(asked[0].results.len(), 2);
+    for entry in std::fs::read_dir(&answers).unwrap() {
+        let path = entry.unwrap().path();
+        let mut recorded = RecordedAnswers::from_json(&std::fs::read_to_string(&path).unwrap()).unwrap();
+        recorded.answers.truncate(1);
+        std::fs::write(&path, recorded.to_json()).unwrap();
+    }
+    let lost = agent("recorded").unwrap_err().to_string();
+    assert!(lost.contains("could not be reached for any episode"), "{lost}");
 
     let replayed = replay::check(&folder, true, None, 2, &Silent).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");

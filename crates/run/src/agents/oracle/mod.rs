@@ -3,6 +3,8 @@
 //! It answers only with marks that were drawn: no mask that covers the thing by half, then -1.
 //! It does not tell the agent anything else.
 
+mod flaws;
+
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,14 +13,14 @@ use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Atom, AtomVerdict, Relation, TriedGrasp};
-use genmanip_layout::{GoalPoseSettings, GoalSearch, Move, moves};
+use genmanip_layout::{GoalPoseSettings, GoalSearch, Move};
 use genmanip_motion::Planner;
-use genmanip_rollout::{RolloutSettings, Stage as Scene};
-use genmanip_scene::relations::{PosedScene, judge_atom, judge_goal, planar_gap};
+use genmanip_scene::relations::{PosedScene, judge_atom, planar_gap};
 use rand::RngExt;
 use serde_json::json;
 
-use super::{Injection, Truth};
+use super::Truth;
+use super::failure::FailureClass;
 
 /// A mask must cover the thing by this much (intersection over union) to be its mask.
 const SAME_MASK: f64 = 0.5;
@@ -31,11 +33,22 @@ const NEAR_POINT_M: f64 = 0.03;
 /// Height of a grid path over the table, m, and at its ends.
 const CARRY_M: f64 = 0.28;
 const END_M: f64 = 0.2;
+/// Greatest height of a path that may be answered, m.
+const HIGHEST_M: f64 = 0.5;
 /// Share of a cell's pixels that must be of a thing for the cell to be on it.
 const ON_THING: f64 = 0.3;
 
 /// How often the oracle answers wrongly on purpose, by stage, 0 to 1.
 pub type ErrorRates = BTreeMap<Stage, f64>;
+
+/// What the oracle does wrong on purpose.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Dials {
+    /// How often it answers wrongly, by stage.
+    pub rates: ErrorRates,
+    /// What one wrong answer of the episode is to make fail, the first that can be given.
+    pub once: Option<FailureClass>,
+}
 
 /// The oracle of one episode.
 pub struct Oracle {
@@ -43,37 +56,52 @@ pub struct Oracle {
     planner: Arc<Planner>,
     /// Per object, its grasps that were tried beforehand.
     grasps: Vec<Vec<TriedGrasp>>,
-    errors: ErrorRates,
-    /// The ask that it answers right whatever the rates say.
-    forgiven: Option<usize>,
+    dials: Dials,
     /// What each sub-task that it worded is about.
-    subtasks: Mutex<BTreeMap<String, Move>>,
+    subtasks: Arc<Mutex<BTreeMap<String, Move>>>,
 }
 
 impl Oracle {
     /// For one episode; `grasps` are those that were tried beforehand, per object.
-    pub fn new(truth: Truth, planner: &Arc<Planner>, grasps: Vec<Vec<TriedGrasp>>, errors: ErrorRates) -> Self {
-        Self { truth, planner: Arc::clone(planner), grasps, errors, forgiven: None, subtasks: Mutex::default() }
+    pub fn new(truth: Truth, planner: &Arc<Planner>, grasps: Vec<Vec<TriedGrasp>>, dials: Dials) -> Self {
+        Self { truth, planner: Arc::clone(planner), grasps, dials, subtasks: Arc::default() }
     }
 
-    /// The same, but right in one ask: what would have come of it.
+    /// The same without mistakes, which knows what the sub-tasks are about that this one worded.
     #[must_use]
-    pub fn forgiving(self, ask: Option<usize>) -> Self {
-        Self { forgiven: ask, ..self }
+    pub fn honest(&self) -> Self {
+        Self {
+            truth: self.truth.clone(),
+            planner: Arc::clone(&self.planner),
+            grasps: self.grasps.clone(),
+            dials: Dials::default(),
+            subtasks: Arc::clone(&self.subtasks),
+        }
     }
 
-    /// Whether this answer is to be wrong, decided by the episode's seed and the number of the ask.
-    fn errs(&self, question: &Question) -> bool {
-        let rate = self.errors.get(&question.stage).copied().unwrap_or(0.0);
-        let seed = self.truth.now().seed;
-        let draw = |seed: genmanip_core::Seed| {
-            seed.fork("oracle error").fork_index(question.ask as u64).rng().random::<f64>() < rate
-        };
-        let errs = rate > 0.0 && self.forgiven != Some(question.ask) && seed.is_some_and(draw);
-        if errs {
-            self.truth.now().injected.push(Injection { ask: question.ask, stage: question.stage });
+    /// What this answer is to get wrong: once per episode, or by the episode's seed and the number of the ask.
+    fn flaw(&self, question: &Question) -> Option<FailureClass> {
+        if let Some(class) = self.dials.once {
+            // Wrong grasps are the detector's.
+            if class == FailureClass::GraspProposal {
+                return None;
+            }
+            // What does not fit is asked for again; one such question is one mistake.
+            let goes_on = class == FailureClass::Format && !question.refused.is_empty();
+            return (goes_on || self.truth.planted().is_empty()).then_some(class);
         }
-        errs
+        let rate = self.dials.rates.get(&question.stage).copied().unwrap_or(0.0);
+        let seed = self.truth.now().seed.filter(|_| rate > 0.0)?;
+        let errs = seed.fork("oracle error").fork_index(question.ask as u64).rng().random::<f64>() < rate;
+        errs.then(|| match question.stage {
+            Stage::Decompose => FailureClass::Decomposition,
+            Stage::Object => FailureClass::GraspGrounding,
+            Stage::Part | Stage::GrabPoint => FailureClass::GraspProposal,
+            Stage::GridPath | Stage::PointToPoint => {
+                [FailureClass::PlanGrounding, FailureClass::PlanLocation][self.draw(question, 2)]
+            }
+            Stage::Check => FailureClass::Checker,
+        })
     }
 
     /// A number below a bound, of this ask's own.
@@ -87,23 +115,17 @@ impl Oracle {
         self.subtasks.lock().unwrap_or_else(PoisonError::into_inner).get(subtask).cloned()
     }
 
-    fn decompose(&self, question: &Question) -> serde_json::Value {
-        let stage = self.truth.stage();
-        let scene = self.truth.scene();
-        let holds = |atom: &Atom| judge_atom(&scene, atom, &stage.relations).holds;
-        let undone = |plan: Vec<Move>| -> Vec<Move> {
-            plan.into_iter().filter(|step| step.state().is_none() && !step.atoms.iter().all(holds)).collect()
-        };
-        let plans: Vec<Vec<Move>> = moves(&stage.goal, &scene).into_iter().map(undone).collect();
-        let plan = plans.into_iter().filter(|plan| !plan.is_empty()).min_by_key(Vec::len).unwrap_or_default();
-        let errs = self.errs(question);
+    /// What is still to be done: the shortest of the alternatives.
+    fn plan(&self, scene: &PosedScene) -> Vec<Move> {
+        let plans = self.truth.undone(scene);
+        plans.into_iter().filter(|plan| !plan.is_empty()).min_by_key(Vec::len).unwrap_or_default()
+    }
+
+    /// The sub-tasks of a plan in words, and it will know them again.
+    fn worded(&self, plan: Vec<Move>) -> serde_json::Value {
         let mut known = self.subtasks.lock().unwrap_or_else(PoisonError::into_inner);
         let mut subtasks = Vec::new();
-        for mut step in plan {
-            if errs {
-                // Another thing is named than the one that should move.
-                step.object = (step.object + 1) % scene.objects().len().max(1);
-            }
+        for step in plan {
             let mut words = self.words(&step);
             while known.get(&words).is_some_and(|other| *other != step) {
                 words.push_str(" (the other one)");
@@ -113,7 +135,7 @@ impl Oracle {
         }
         if subtasks.is_empty() {
             // Nothing can be carried any more: a sub-task has to be named all the same.
-            subtasks.push(stage.scenario.task.instruction.clone());
+            subtasks.push(self.truth.stage().scenario.task.instruction.clone());
         }
         json!({ "subtasks": subtasks })
     }
@@ -155,33 +177,35 @@ impl Oracle {
         let known = self.truth.masks(&question.view).unwrap_or_default();
         let Some((_, mask)) = known.iter().find(|(object, _)| *object == step.object) else { return not_found };
         let best = best_mask(drawn, mask);
-        let Some(mut number) = best else { return not_found };
-        if self.errs(question) && drawn.len() > 1 {
-            number = (number + 1 + self.draw(question, drawn.len() - 1)) % drawn.len();
-        }
-        let card = &self.truth.stage().models[step.object].card;
+        let Some(number) = best else { return not_found };
+        self.named(number, step.object)
+    }
+
+    /// A mask, with what an object is called.
+    fn named(&self, mask: usize, object: usize) -> serde_json::Value {
+        let card = &self.truth.stage().models[object].card;
         let color = card.colors.first().cloned().unwrap_or_default();
-        json!({"number": number + 1, "object_name": self.truth.stage().name(step.object), "color": color})
+        json!({"number": mask + 1, "object_name": self.truth.stage().name(object), "color": color})
     }
 
     fn part(&self, question: &Question) -> serde_json::Value {
-        let Marks::Masks(parts) = &question.marks else {
-            return json!({"number": -1, "part_name": "not_found", "color": "not_found"});
-        };
-        let step = self.step(&question.instruction);
-        let speaks = |part: &Mask| {
-            step.as_ref().map_or(0.0, |step| {
-                part.indices()
-                    .filter_map(|index| question.view.point(index))
-                    .map(|point| self.grasps_near(step.object, point))
-                    .sum()
-            })
-        };
-        let mut number = (0..parts.len()).max_by(|a, b| speaks(&parts[*a]).total_cmp(&speaks(&parts[*b]))).unwrap_or(0);
-        if self.errs(question) && parts.len() > 1 {
-            number = (number + 1 + self.draw(question, parts.len() - 1)) % parts.len();
+        let best = self.parts(question).into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((_, part)) => part_named(part),
+            None => json!({"number": -1, "part_name": "not_found", "color": "not_found"}),
         }
-        json!({"number": number + 1, "part_name": format!("part {}", number + 1), "color": "unknown"})
+    }
+
+    /// How much tried grasps speak for each part.
+    fn parts(&self, question: &Question) -> Vec<(f64, usize)> {
+        let (Marks::Masks(parts), Some(step)) = (&question.marks, self.step(&question.instruction)) else {
+            return Vec::new();
+        };
+        let speaks = |part: &Mask| {
+            let seen = part.indices().filter_map(|index| question.view.point(index));
+            seen.map(|point| self.grasps_near(step.object, point)).sum()
+        };
+        parts.iter().map(speaks).zip(0..).collect()
     }
 
     /// How much tried grasps speak for holding an object at a point.
@@ -194,7 +218,17 @@ impl Oracle {
     }
 
     fn grab_point(&self, question: &Question) -> serde_json::Value {
-        let Marks::Points(points) = &question.marks else { return json!({"selected_point": 0, "reason": ""}) };
+        let better = |a: &((f64, f64), usize), b: &((f64, f64), usize)| {
+            let (a, b) = (a.0, b.0);
+            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
+        };
+        let best = self.points(question).into_iter().max_by(better).map_or(0, |(_, point)| point);
+        json!({"selected_point": best + 1, "reason": "most tried grasps are near it"})
+    }
+
+    /// How good each point is: by how much tried grasps speak for it, and by how near it is to the middle.
+    fn points(&self, question: &Question) -> Vec<((f64, f64), usize)> {
+        let Marks::Points(points) = &question.marks else { return Vec::new() };
         let known = self.truth.masks(&question.view).unwrap_or_default();
         let of = |pixel: &usize| known.iter().find(|(_, mask)| mask.pixels[*pixel]).map(|(object, _)| *object);
         let object = points.iter().find_map(of);
@@ -204,81 +238,101 @@ impl Oracle {
             let middle = scene.bounds(object).map_or(point, |bounds| bounds.center());
             (self.grasps_near(object, point), -middle.distance(point))
         };
-        let better = |a: &usize, b: &usize| {
-            let (a, b) = (worth(points[*a]), worth(points[*b]));
-            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
-        };
-        let mut best = (0..points.len()).max_by(better).unwrap_or(0);
-        if self.errs(question) {
-            best = self.draw(question, points.len());
-        }
-        json!({"selected_point": best + 1, "reason": "most tried grasps are near it"})
+        points.iter().map(|&pixel| worth(pixel)).zip(0..).collect()
     }
 
-    /// The best cell for a move; any cell where none is good.
+    /// The best cell for the sub-task of a question.
     fn cell(&self, question: &Question) -> Option<Cell> {
-        let Marks::Grid { grid, targets, moved } = &question.marks else { return None };
-        if self.errs(question) {
-            let cells: Vec<Cell> = targets.keys().copied().collect();
-            return cells.get(self.draw(question, cells.len())).copied();
-        }
+        let Marks::Grid { moved, .. } = &question.marks else { return None };
         let step = self.step(&question.instruction)?;
-        let scene = self.truth.scene();
-        let known = self.truth.masks(&question.view).unwrap_or_default();
         // Of what was taken by mistake the place is asked all the same.
-        let taken = known.iter().max_by(|a, b| a.1.iou(moved).total_cmp(&b.1.iou(moved))).map(|(object, _)| *object);
-        let object = taken.unwrap_or(step.object);
-        let placed = Placed { oracle: self, scene: &scene, step: &step, object };
+        let object = self.taken(question, moved).unwrap_or(step.object);
+        let rooms = [Room::Ample, Room::Little, Room::Any];
+        self.cell_for(question, &self.truth.about(&step, object), &rooms)
+    }
+
+    /// The object that a mask covers best.
+    fn taken(&self, question: &Question, moved: &Mask) -> Option<usize> {
+        let known = self.truth.masks(&question.view).unwrap_or_default();
+        known.iter().max_by(|a, b| a.1.iou(moved).total_cmp(&b.1.iou(moved))).map(|(object, _)| *object)
+    }
+
+    /// The best cell for a move; rather a place with little room than none.
+    fn cell_for(&self, question: &Question, step: &Move, rooms: &[Room]) -> Option<Cell> {
+        let Marks::Grid { grid, targets, .. } = &question.marks else { return None };
+        let scene = self.truth.scene();
+        let placed = Placed { oracle: self, scene: &scene, step, object: step.object };
         let support = step.atoms.iter().find_map(|atom| match atom {
             Atom::Relation { relation, reference, .. } if relation.is_support() => scene.index_of(reference),
             _ => None,
         });
         let worth: Vec<(f64, Cell)> = match support {
             Some(support) => {
+                let known = self.truth.masks(&question.view).unwrap_or_default();
                 let mask = known.iter().find(|(object, _)| *object == support).map(|(_, mask)| mask);
                 placed.on(grid, targets, mask)
             }
             None => {
-                // Rather a place with little room than none.
-                let at = |room: Room| -> Vec<(f64, Cell)> {
-                    targets.iter().filter_map(|(cell, point)| Some((placed.worth(*point, room)?, *cell))).collect()
+                let at = |room: &Room| -> Vec<(f64, Cell)> {
+                    targets.iter().filter_map(|(cell, point)| Some((placed.worth(*point, *room)?, *cell))).collect()
                 };
-                [Room::Ample, Room::Little, Room::Any]
-                    .into_iter()
-                    .map(at)
-                    .find(|worth| !worth.is_empty())
-                    .unwrap_or_default()
+                rooms.iter().map(at).find(|worth| !worth.is_empty()).unwrap_or_default()
             }
         };
         worth.into_iter().max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, cell)| cell)
     }
 
-    fn path(&self, question: &Question, grid: &Grid, moved: &Mask, goal: Cell) -> serde_json::Value {
-        let width = moved.width as usize;
-        let count = moved.indices().count().max(1) as f64;
-        let sum = moved.indices().fold([0.0, 0.0], |sum, index| {
-            [sum[0] + (index % width) as f64 / count, sum[1] + (index / width) as f64 / count]
-        });
-        let _ = question;
-        let start = grid.cell_at(sum[0], sum[1]).unwrap_or(goal);
-        let middle = Cell { row: (start.row + goal.row) / 2, column: (start.column + goal.column) / 2 };
-        let step = |cell: Cell, height_m: f64| json!({"grid_number": cell.to_string(), "height_m": height_m, "claw_orientation": 0.0});
-        let is_far = start.row.abs_diff(goal.row) + start.column.abs_diff(goal.column) > 3;
-        let mut path = vec![step(start, END_M)];
-        path.extend(is_far.then(|| step(middle, CARRY_M)));
-        path.push(step(goal, END_M));
-        json!({ "path": path })
+    /// The answer that sends what was taken into a cell.
+    fn sent_to(&self, question: &Question, goal: Cell, detour: Option<Cell>) -> serde_json::Value {
+        match &question.marks {
+            Marks::Grid { grid, moved, .. } if question.stage == Stage::GridPath => path(grid, moved, goal, detour),
+            _ => json!({"selected_point": {"type": "grid", "label": goal.to_string()}}),
+        }
     }
 
-    fn finished(&self, question: &Question) -> serde_json::Value {
-        let stage = self.truth.stage();
-        let scene = self.truth.scene();
-        let state = self.truth.now().state.clone();
-        let rest = state.map(|state| Scene::rest(&state.objects, state.grasped, &RolloutSettings::default()));
-        let verdict = judge_goal(&scene, &stage.goal, &rest.unwrap_or_default(), &stage.relations);
-        let finished = verdict.success != self.errs(question);
-        json!({"scene_description": format!("score {:.2}", verdict.score), "finished": finished})
+    fn right_answer(&self, question: &Question) -> serde_json::Value {
+        match question.stage {
+            Stage::Decompose => self.worded(self.plan(&self.truth.scene())),
+            Stage::Object => self.object(question),
+            Stage::Part => self.part(question),
+            Stage::GrabPoint => self.grab_point(question),
+            Stage::PointToPoint | Stage::GridPath => match self.cell(question) {
+                Some(cell) => self.sent_to(question, cell, None),
+                // It knows no cell that serves, and says so in a form that is refused.
+                None => json!({"selected_point": {"type": "grid", "label": "none"}}),
+            },
+            Stage::Check => {
+                let verdict = self.truth.verdict();
+                checked(verdict.success, verdict.score)
+            }
+        }
     }
+}
+
+fn part_named(part: usize) -> serde_json::Value {
+    json!({"number": part + 1, "part_name": format!("part {}", part + 1), "color": "unknown"})
+}
+
+fn checked(finished: bool, score: f64) -> serde_json::Value {
+    json!({"scene_description": format!("score {score:.2}"), "finished": finished})
+}
+
+/// From where a thing is to a cell, over the cells between where these are many, and over a detour.
+fn path(grid: &Grid, moved: &Mask, goal: Cell, detour: Option<Cell>) -> serde_json::Value {
+    let width = moved.width as usize;
+    let count = moved.indices().count().max(1) as f64;
+    let sum = moved.indices().fold([0.0, 0.0], |sum, index| {
+        [sum[0] + (index % width) as f64 / count, sum[1] + (index / width) as f64 / count]
+    });
+    let start = grid.cell_at(sum[0], sum[1]).unwrap_or(goal);
+    let middle = Cell { row: (start.row + goal.row) / 2, column: (start.column + goal.column) / 2 };
+    let step = |cell: Cell, height_m: f64| json!({"grid_number": cell.to_string(), "height_m": height_m, "claw_orientation": 0.0});
+    let is_far = start.row.abs_diff(goal.row) + start.column.abs_diff(goal.column) > 3;
+    let mut path = vec![step(start, END_M)];
+    path.extend(is_far.then(|| step(middle, CARRY_M)));
+    path.extend(detour.map(|cell| step(cell, HIGHEST_M)));
+    path.push(step(goal, END_M));
+    json!({ "path": path })
 }
 
 /// The drawn mask that covers a thing best, if any covers it by half.
@@ -378,24 +432,14 @@ impl Placed<'_> {
 
 impl VisionModel for Oracle {
     fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
-        let answer = match question.stage {
-            Stage::Decompose => self.decompose(question),
-            Stage::Object => self.object(question),
-            Stage::Part => self.part(question),
-            Stage::GrabPoint => self.grab_point(question),
-            Stage::PointToPoint | Stage::GridPath => {
-                let cell = self.cell(question);
-                match (&question.marks, cell) {
-                    (Marks::Grid { grid, moved, .. }, Some(cell)) if question.stage == Stage::GridPath => {
-                        self.path(question, grid, moved, cell)
-                    }
-                    (_, Some(cell)) => json!({"selected_point": {"type": "grid", "label": cell.to_string()}}),
-                    // It knows no cell that serves, and says so in a form that is refused.
-                    (_, None) => json!({"selected_point": {"type": "grid", "label": "none"}}),
-                }
+        let wrong = self.flaw(question).and_then(|class| Some((class, flaws::answer(self, class, question)?)));
+        let text = match wrong {
+            Some((class, text)) => {
+                self.truth.plant(question.ask, class);
+                text
             }
-            Stage::Check => self.finished(question),
+            None => self.right_answer(question).to_string(),
         };
-        Ok(Answered { text: answer.to_string(), usage: None })
+        Ok(Answered { text, usage: None })
     }
 }

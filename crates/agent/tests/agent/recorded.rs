@@ -1,0 +1,63 @@
+//! Recorded answers are given to the questions they were recorded for, and to no others.
+
+use std::sync::Arc;
+
+use genmanip_agent::ask::{
+    Answered, Complaint, Marks, Question, RecordedAnswer, RecordedAnswers, Refused, Shown, Stage, Tolerance,
+};
+use genmanip_agent::picture::Picture;
+use genmanip_agent::segmentation::Mask;
+use genmanip_core::Document;
+
+use crate::answers;
+
+/// A picture of 64 x 36 pixels with a bright square.
+fn picture(left: usize, shade: u8) -> Arc<Picture> {
+    let mut picture = Picture::plain(64, 36, [shade; 3]);
+    picture.rectangle([left as f64, 10.0], [left as f64 + 12.0, 22.0], [250; 3], 1.0);
+    Arc::new(picture)
+}
+
+fn question(left: usize, shade: u8) -> Question {
+    let shown = Shown { name: "masks", picture: picture(left, shade) };
+    Question { ask: 3, pictures: vec![shown], ..answers::question(Stage::Object) }
+}
+
+fn moved(pixels: usize) -> Marks {
+    let inside = |index: usize| (index % 16) >= pixels && (index % 16) < pixels + 8;
+    Marks::Masks(vec![Mask { width: 16, height: 9, pixels: (0..144).map(inside).collect() }].into())
+}
+
+#[test]
+fn a_question_that_differs_is_reported_and_never_answered() {
+    let asked = Question { marks: moved(0), ..question(8, 40) };
+    let answered = Answered { text: "{}".into(), usage: None };
+    let recorded = RecordedAnswers { scenario: "s-1".into(), answers: vec![RecordedAnswer::new(&asked, &answered)] };
+    let recorded = RecordedAnswers::from_json(&recorded.to_json()).unwrap();
+    let tolerance = Tolerance::default();
+    assert_eq!(recorded.answer(&asked, &tolerance).unwrap(), answered);
+    // The last digit of a colour differs from machine to machine.
+    let mut near = asked.clone();
+    let mut pixels = (*picture(8, 40)).clone();
+    pixels.rgb.iter_mut().step_by(7).for_each(|value| *value += 1);
+    near.pictures[0].picture = Arc::new(pixels);
+    assert_eq!(recorded.answer(&near, &tolerance).unwrap(), answered);
+
+    let refused = Refused { answer: "x".into(), complaint: Complaint::Format("no".into()) };
+    let prompt = genmanip_agent::ask::PromptStamp { version: 2, ..asked.prompt.clone() };
+    let cases: [(Question, &str); 9] = [
+        (Question { ask: 4, ..asked.clone() }, "ask 4 (object) of s-1 is not recorded"),
+        (Question { stage: Stage::Part, ..asked.clone() }, "another stage: object, not part"),
+        (Question { prompt, ..asked.clone() }, "another prompt: test version 1 (), not test version 2 ()"),
+        (Question { text: "Which?".into(), ..asked.clone() }, "another text: ?, not Which?"),
+        (Question { refused: vec![refused], ..asked.clone() }, "another conversation: 0 refused answers, not 1"),
+        (Question { marks: moved(4), ..asked.clone() }, "another mark: "),
+        (Question { marks: Marks::None, ..asked.clone() }, "another number of marks: 1, not 0"),
+        (Question { marks: moved(0), ..question(30, 40) }, "another picture: masks, not one that differs by"),
+        (Question { marks: moved(0), ..question(8, 44) }, "at most 0.5 and 8 are tolerated"),
+    ];
+    for (other, expected) in cases {
+        let error = recorded.answer(&other, &tolerance).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}, expected {expected}");
+    }
+}

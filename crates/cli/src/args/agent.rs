@@ -1,0 +1,89 @@
+//! What the user may type after `agent` and `ablate`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use super::{parse_count, parse_seed, parse_sum};
+
+/// What the agent does outside of evaluations.
+#[derive(Debug, Subcommand)]
+pub enum AgentCommand {
+    /// Plan one pick and one placement from an image; nothing moves
+    #[command(
+        override_usage = "genmanip agent act --rgb FILE --depth FILE --camera FILE --joints Q1,Q2,… \\\n         \
+                                --instruction TEXT --vlm FILE --out DIR [OPTIONS]"
+    )]
+    #[command(after_help = "Example:\n  \
+                      genmanip agent act --rgb rgb.png --depth depth.png --camera camera.json \\\n    \
+                      --joints 0,-0.785,0,-2.356,0,1.571,0.785 --instruction \"Put the cup on the plate.\" \\\n    \
+                      --vlm model.toml --out out/act\n\n\
+                      Depth is 16-bit grey, millimetres; the camera is {\"intrinsics\": {…}, \"world_from_camera\": {…}}\n\
+                      in the frame of the robot's base. The folder gets a picture of each stage,\n\
+                      transcript.json and motions.json.")]
+    Act(ActArguments),
+}
+
+/// Arguments of `agent act`.
+#[derive(Debug, Args)]
+pub struct ActArguments {
+    /// Colour: PNG with 8 bits
+    #[arg(long, value_name = "FILE")]
+    pub rgb: PathBuf,
+    /// Depth: grey PNG with 16 bits, millimetres along the optical axis, 0 for none
+    #[arg(long, value_name = "FILE")]
+    pub depth: PathBuf,
+    /// Intrinsics and place of the camera: JSON
+    #[arg(long, value_name = "FILE")]
+    pub camera: PathBuf,
+    /// Arm joint positions, rad
+    #[arg(long, value_delimiter = ',', value_name = "Q1,Q2,…", allow_hyphen_values = true, required = true)]
+    pub joints: Vec<f64>,
+    /// Opening of the gripper, m
+    #[arg(long, value_name = "M", default_value_t = 0.08)]
+    pub gripper: f64,
+    /// What is to be done
+    #[arg(long, value_name = "TEXT")]
+    pub instruction: String,
+    /// Settings file of the model that answers
+    #[arg(long, value_name = "FILE")]
+    pub vlm: String,
+    /// Where masks come from
+    #[arg(long, default_value = "rgbd", value_name = "rgbd|http:URL")]
+    pub masks: String,
+    /// Where grasps come from
+    #[arg(long, default_value = "rgbd", value_name = "rgbd|http:URL")]
+    pub grasps: String,
+    /// One cell for the placement, or a path over the grid
+    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
+    pub path: String,
+    /// Seed of the searches
+    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
+    pub seed: u64,
+    /// Folder for pictures, transcript and motions
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// Arguments of `ablate`.
+#[derive(Debug, Args)]
+pub struct AblateArguments {
+    /// Folder of a run made by `collect`
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// The agent as it is: arguments of the policy `agent`, see `genmanip evaluate --help`
+    #[arg(long, value_name = "KEY=VALUE,…", default_value = "vlm=oracle,masks=rgbd")]
+    pub agent: String,
+    /// Settings to change, one at a time [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "SETTING")]
+    pub vary: Vec<String>,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
+    /// Episodes under way at once [default: 16 where a model is asked, else the workers]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
+    pub at_once: Option<usize>,
+    /// Ask no more once the model's answers have cost so much, in the currency of its settings
+    #[arg(long, value_name = "SUM", value_parser = parse_sum)]
+    pub max_cost: Option<f64>,
+}

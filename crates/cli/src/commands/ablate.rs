@@ -1,0 +1,25 @@
+//! `genmanip ablate`.
+
+use genmanip_run::ablate::{ablate, in_words};
+use genmanip_run::evaluate::{EvaluateOptions, Suite};
+use genmanip_run::inputs;
+
+use crate::args::AblateArguments;
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let suite = Suite::of_run(&arguments.run)?;
+    let options = EvaluateOptions {
+        keep_episodes: false,
+        out: Some(arguments.run.clone()),
+        workers: inputs::workers(arguments.workers),
+        at_once: arguments.at_once,
+        max_cost: arguments.max_cost,
+    };
+    let stop = crate::stop::on_interrupt();
+    let ablation = ablate(&suite, &arguments.agent, &arguments.vary, &options, printer, &stop)?;
+    let Some(ablation) = ablation else { return Ok(ExitStatus::NotMet) };
+    printer.data(&ablation, &in_words(&ablation));
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,401 @@
+//! Whether the failure analysis finds the cause: one mistake is made per episode, the analysis, which is not told, labels
+//! the episodes that fail, and each is taken up again with only the blamed answer replaced.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, PoisonError};
+
+use genmanip_agent::PathKind;
+use genmanip_agent::ask::VisionModel;
+use genmanip_agent::services::GraspSource;
+use genmanip_assets::{Catalogue, GraspLibrary};
+use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
+use genmanip_bench::text_table;
+use genmanip_core::{Seed, Task, TaskKind, World};
+use genmanip_rollout::collect::{CollectSettings, Resources};
+use genmanip_rollout::{Environment, RolloutError, Stage as Scene, resume_episode, run_episode, run_watched};
+use genmanip_run::agents::{AgentChoice, Dials, FailureClass, ModelChoice, classify};
+use genmanip_run::{Progress, inputs};
+use serde::Serialize;
+
+use crate::clock::cpu_clock;
+use crate::{LabError, episodes};
+
+/// Tasks designed at a time.
+const BATCH: usize = 20;
+/// Episodes tried per failed one that is wanted.
+const MOST_PER_FAILURE: usize = 12;
+
+/// What is to be measured.
+pub struct BlameArguments {
+    /// The agent; its dials are set here.
+    pub choice: AgentChoice,
+    /// Kinds of tasks.
+    pub kinds: Vec<TaskKind>,
+    /// What the mistakes are to make fail.
+    pub classes: Vec<FailureClass>,
+    /// Failed episodes of each class.
+    pub per_class: usize,
+    /// Episodes without a mistake on purpose, of which those that fail are taken up again too.
+    pub natural: usize,
+}
+
+/// What came of it.
+#[derive(Serialize)]
+pub struct Measured {
+    /// Seed of tasks, layouts and episodes.
+    pub seed: u64,
+    /// Name of the agent.
+    pub agent: String,
+    /// Times that the task may be split, and picks per sub-task: 1 and 1 is an open loop.
+    pub rounds_and_picks: [usize; 2],
+    /// By the class of the mistake that was made.
+    pub injected: BTreeMap<&'static str, Injected>,
+    /// Labels that are right, of all failed episodes with a mistake.
+    pub labels_right: Share,
+    /// Failed episodes without a mistake on purpose, by label.
+    pub natural: BTreeMap<&'static str, Replaced>,
+    /// Episodes without a mistake on purpose, and how many failed.
+    pub natural_failed: Share,
+    /// Processor time, s.
+    pub cpu_s: f64,
+}
+
+/// Episodes with a mistake of one class.
+#[derive(Default, Serialize)]
+pub struct Injected {
+    /// Episodes in which the mistake could be made.
+    pub episodes: usize,
+    /// Of these, how many succeeded all the same.
+    pub recovered: usize,
+    /// Of those that failed, how many the analysis labels with the class of the mistake.
+    pub labelled: Share,
+    /// All labels.
+    pub labels: BTreeMap<&'static str, usize>,
+    /// What came of replacing the blamed answer.
+    pub replaced: Replaced,
+    /// Evidence of the episodes that were labelled otherwise.
+    pub mislabelled: Vec<String>,
+}
+
+/// Failed episodes that were taken up again with the blamed answer replaced by the oracle's.
+#[derive(Default, Serialize)]
+pub struct Replaced {
+    /// Failed episodes.
+    pub failed: usize,
+    /// Of these, those in which no answer is to blame: the hand is.
+    pub no_answer: usize,
+    /// Those in which the blamed answer was the oracle's already.
+    pub same_answer: usize,
+    /// Of those in which an answer was replaced, how many then succeed.
+    pub flips: Share,
+    /// Where cells are plain centres: how many succeed when everything is done again with cells that resolve to the
+    /// surface seen in them.
+    pub snapped: Share,
+}
+
+/// A share with its interval.
+#[derive(Clone, Copy, Default, Serialize)]
+pub struct Share {
+    /// How many.
+    pub count: usize,
+    /// Of how many.
+    pub of: usize,
+    /// The share; 0 of nothing.
+    pub share: f64,
+    /// 95 % interval (Wilson).
+    pub interval: [f64; 2],
+}
+
+impl Share {
+    fn add(&mut self, counts: bool) {
+        self.count += usize::from(counts);
+        self.of += 1;
+        self.share = self.count as f64 / self.of as f64;
+        self.interval = wilson_interval(self.count, self.of, StatisticsSettings::default().z);
+    }
+}
+
+/// One episode, and what came of taking it up again.
+struct Played {
+    /// Whether a mistake was made on purpose.
+    is_flawed: bool,
+    /// Label, evidence, and the outcome of the replacement; `None` for a success.
+    failure: Option<(FailureClass, String, Outcome)>,
+    /// Whether a failed episode succeeds when cells snap, where they do not.
+    snapped: Option<bool>,
+}
+
+enum Outcome {
+    NoAnswer,
+    SameAnswer,
+    Replaced { success: bool },
+}
+
+/// Makes mistakes, class by class, until enough episodes failed of each; one thread.
+///
+/// # Errors
+/// When an episode broke, and when the model could not be reached.
+pub fn measure(
+    arguments: &BlameArguments,
+    world: &World,
+    seed: Seed,
+    progress: &dyn Progress,
+) -> Result<Measured, LabError> {
+    let settings = CollectSettings::in_world(world.clone());
+    let planner = inputs::planner(world, &settings.planner)?;
+    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let mut clock = cpu_clock();
+    let agent = &arguments.choice.settings;
+    let mut measured = Measured {
+        seed: seed.value(),
+        agent: arguments.choice.name(),
+        rounds_and_picks: [agent.rounds, agent.picks],
+        injected: BTreeMap::new(),
+        labels_right: Share::default(),
+        natural: BTreeMap::new(),
+        natural_failed: Share::default(),
+        cpu_s: 0.0,
+    };
+    for &class in &arguments.classes {
+        let mut injected = Injected::default();
+        let choice = flawed(&arguments.choice, class);
+        let kinds = kinds_for(class, &arguments.kinds);
+        progress.begin(class.name(), arguments.per_class);
+        let most = arguments.per_class * MOST_PER_FAILURE;
+        let mut tried = 0;
+        while injected.replaced.failed < arguments.per_class && tried < most {
+            let batch = seed.fork(class.name()).fork_index(tried as u64);
+            for task in episodes::tasks(&kinds, BATCH, batch)? {
+                if injected.replaced.failed >= arguments.per_class {
+                    break;
+                }
+                tried += 1;
+                let Some(played) = play(&choice, &task, resources, (&settings, batch), progress)? else { continue };
+                if !played.is_flawed {
+                    continue;
+                }
+                injected.episodes += 1;
+                injected.recovered += usize::from(played.failure.is_none());
+                let Some((label, evidence, outcome)) = played.failure else { continue };
+                let is_right = label == class;
+                injected.labelled.add(is_right);
+                measured.labels_right.add(is_right);
+                *injected.labels.entry(label.name()).or_default() += 1;
+                injected.replaced.add(&outcome);
+                if !is_right {
+                    let words = format!("{} {}: {evidence}", task.id, label.name());
+                    progress.note(&format!("{} was taken for {words}", class.name()));
+                    injected.mislabelled.push(words);
+                }
+                progress.advance();
+            }
+        }
+        progress.end();
+        measured.injected.insert(class.name(), injected);
+    }
+    progress.begin("natural", arguments.natural);
+    let natural = match arguments.natural {
+        0 => Vec::new(),
+        count => episodes::tasks(&arguments.kinds, count, seed.fork("natural"))?,
+    };
+    for task in natural {
+        if let Some(played) = play(&arguments.choice, &task, resources, (&settings, seed.fork("natural")), progress)? {
+            measured.natural_failed.add(played.failure.is_some());
+            if let Some((label, _, outcome)) = &played.failure {
+                let replaced = measured.natural.entry(label.name()).or_default();
+                replaced.add(outcome);
+                if let Some(success) = played.snapped {
+                    replaced.snapped.add(success);
+                }
+            }
+        }
+        progress.advance();
+    }
+    progress.end();
+    measured.cpu_s = clock();
+    Ok(measured)
+}
+
+impl Replaced {
+    fn add(&mut self, outcome: &Outcome) {
+        self.failed += 1;
+        match outcome {
+            Outcome::NoAnswer => self.no_answer += 1,
+            Outcome::SameAnswer => self.same_answer += 1,
+            Outcome::Replaced { success } => self.flips.add(*success),
+        }
+    }
+}
+
+/// The agent with one mistake per episode.
+fn flawed(choice: &AgentChoice, class: FailureClass) -> AgentChoice {
+    let mut choice = AgentChoice { dials: Dials { once: Some(class), ..Dials::default() }, ..choice.clone() };
+    if class == FailureClass::PlanMotion {
+        // Only a path over the grid says how to get somewhere.
+        choice.settings.path = PathKind::Grid;
+    }
+    choice
+}
+
+/// Kinds of tasks in which a mistake can be made: a check that is wrong too soon needs a second step that is left out.
+fn kinds_for(class: FailureClass, kinds: &[TaskKind]) -> Vec<TaskKind> {
+    match class {
+        FailureClass::Checker => vec![TaskKind::LongHorizon],
+        _ => kinds.to_vec(),
+    }
+}
+
+/// One episode, labelled and taken up again if it failed; `None` where the task cannot be laid out, or the model not be
+/// reached.
+fn play(
+    choice: &AgentChoice,
+    task: &Task,
+    resources: Resources,
+    (settings, seed): (&CollectSettings, Seed),
+    progress: &dyn Progress,
+) -> Result<Option<Played>, LabError> {
+    let broke = |error: RolloutError| LabError::broken(format!("episode {} broke", task.id), error);
+    let stream = seed.fork("blame").fork(&task.id);
+    let Some((attempt, scenario)) = episodes::laid_out(task, resources, settings, stream)? else { return Ok(None) };
+    let stage = Scene::open(Arc::new(scenario), resources.catalogue, resources.planner.robot()).map_err(broke)?;
+    let choice = AgentChoice { is_analysed: true, keeps_turns: true, ..choice.clone() };
+    let truth = genmanip_run::agents::Truth::new(&stage);
+    let oracle = Arc::new(choice.oracle_of(&truth, resources.planner, resources.grasps)?);
+    let model = choice.answering(Some(Arc::clone(&oracle)), &stage.scenario.id, None)?;
+    let mut made = choice.make_asking(Arc::clone(&model), truth.clone(), resources.planner)?;
+    let mut moments = Vec::new();
+    let mut watch = |environment: &Environment| {
+        moments.push(environment.save()?);
+        Ok(())
+    };
+    let id = attempt.id();
+    let policy = made.policy.as_mut();
+    let episode = run_watched(&stage, policy, &id, attempt.seed, &settings.rollout, &mut watch);
+    let episode = match episode {
+        Err(RolloutError::NotRun { reason, .. }) => {
+            progress.note(&format!("{id} was not run: {reason}"));
+            return Ok(None);
+        }
+        episode => episode.map_err(broke)?,
+    };
+    let is_flawed = !truth.planted().is_empty();
+    if episode.result.success {
+        return Ok(Some(Played { is_flawed, failure: None, snapped: None }));
+    }
+    let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let blamed = classify(&heard, made.transcribed.transcript().failure.as_ref(), &episode.frames);
+    let honest = Arc::new(oracle.honest());
+    // What was recorded goes no farther than the episode did.
+    let then = match &choice.model {
+        ModelChoice::Oracle | ModelChoice::Recorded => Arc::clone(&honest) as Arc<dyn VisionModel>,
+        ModelChoice::Chat(_) => model,
+    };
+    let source: Arc<dyn GraspSource> = choice.grasp_source(resources.planner);
+    let outcome = match made.corrected(&blamed, &honest, then, source) {
+        None => Outcome::NoAnswer,
+        Some(mut counterfactual) => {
+            let mut environment = Environment::new(settings.rollout.clone());
+            let moment = moments.get(counterfactual.turn);
+            let moment = moment.ok_or_else(|| LabError::input("a turn was not saved, which is a defect"))?;
+            environment.restore(moment).map_err(broke)?;
+            let again = resume_episode(&mut environment, &stage, &mut counterfactual.policy, &id).map_err(broke)?;
+            match counterfactual.is_same() {
+                true => Outcome::SameAnswer,
+                false => Outcome::Replaced { success: again.result.success },
+            }
+        }
+    };
+    let mut snapped = None;
+    if !is_flawed && !choice.settings.cells.snap {
+        let mut other = AgentChoice { keeps_turns: false, ..choice.clone() };
+        other.settings.cells.snap = true;
+        let mut made = other.make(&stage, resources.planner, resources.grasps, None)?;
+        let again = run_episode(&stage, made.policy.as_mut(), &id, attempt.seed, &settings.rollout).map_err(broke)?;
+        snapped = Some(again.result.success);
+    }
+    Ok(Some(Played { is_flawed, failure: Some((blamed.class, blamed.evidence, outcome)), snapped }))
+}
+
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
+    let share = |share: &Share| match share.of {
+        0 => "–".to_owned(),
+        of => {
+            let [low, high] = share.interval.map(|bound| 100.0 * bound);
+            format!("{} of {of}, {:.0} % ({low:.0}–{high:.0})", share.count, 100.0 * share.share)
+        }
+    };
+    let head = ["mistake", "episodes", "recovered", "labelled so", "labelled otherwise", "succeed when replaced"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for (class, injected) in &measured.injected {
+        let others = injected.labels.iter().filter(|(label, _)| *label != class);
+        let others: Vec<String> = others.map(|(label, count)| format!("{label} {count}")).collect();
+        rows.push(vec![
+            (*class).to_owned(),
+            injected.episodes.to_string(),
+            injected.recovered.to_string(),
+            share(&injected.labelled),
+            others.join(", "),
+            share(&injected.replaced.flips),
+        ]);
+    }
+    let [rounds, picks] = measured.rounds_and_picks;
+    let mut text = format!(
+        "{} (oracle), {rounds} rounds, {picks} picks\n{}\nlabels right: {}\n",
+        measured.agent,
+        text_table(&rows),
+        share(&measured.labels_right)
+    );
+    let head = [
+        "natural failure",
+        "failed",
+        "no answer to blame",
+        "oracle's already",
+        "succeed when replaced",
+        "succeed when cells snap",
+    ];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for (label, replaced) in &measured.natural {
+        let Replaced { failed, no_answer, same_answer, flips, snapped } = replaced;
+        rows.push(vec![
+            (*label).to_owned(),
+            failed.to_string(),
+            no_answer.to_string(),
+            same_answer.to_string(),
+            share(flips),
+            share(snapped),
+        ]);
+    }
+    if measured.natural_failed.of > 0 {
+        text +=
+            &format!("without a mistake on purpose {} failed\n{}", share(&measured.natural_failed), text_table(&rows));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use genmanip_assets::worlds::default_world;
+    use genmanip_run::Silent;
+
+    use super::*;
+
+    #[test]
+    fn a_mistake_is_found_and_replacing_it_alone_saves_the_episode() {
+        let mut choice = AgentChoice::named("oracle", "oracle", "p2p", "full").unwrap();
+        choice.settings = choice.settings.open_loop();
+        let classes = vec![FailureClass::GraspGrounding, FailureClass::GraspExecution, FailureClass::PlanLocation];
+        let kinds = vec![TaskKind::Spatial];
+        let arguments = BlameArguments { choice, kinds, classes, per_class: 1, natural: 0 };
+        let measured = measure(&arguments, &default_world(), Seed::new(7), &Silent).unwrap();
+        assert_eq!((measured.labels_right.count, measured.labels_right.of), (3, 3), "{}", in_words(&measured));
+        let outcome = |class: FailureClass| {
+            let replaced = &measured.injected[class.name()].replaced;
+            (replaced.no_answer, replaced.same_answer, replaced.flips.count)
+        };
+        assert_eq!(outcome(FailureClass::GraspGrounding), (0, 0, 1));
+        assert_eq!(outcome(FailureClass::PlanLocation), (0, 0, 1));
+        // Fingers that jam are no answer.
+        assert_eq!(outcome(FailureClass::GraspExecution), (1, 0, 0));
+    }
+}

@@ -1,0 +1,295 @@
+//! Why an episode failed: what was noted of its answers and of its hand, and the one class that follows from it.
+
+use std::collections::BTreeMap;
+
+use genmanip_agent::ask::{FailedStage, Stage};
+use genmanip_core::{Frame, Relation};
+use serde::Serialize;
+
+/// Why an episode failed: the six classes of the paper, and those of a closed loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FailureClass {
+    /// The task was split into the wrong sub-tasks.
+    Decomposition,
+    /// The wrong thing was chosen to be taken.
+    GraspGrounding,
+    /// The chosen part or point, or the detector, gave no grasp that fits.
+    GraspProposal,
+    /// The grasp could not be carried out, or did not hold.
+    GraspExecution,
+    /// The thing was sent to the wrong reference.
+    PlanGrounding,
+    /// The reference was right, the place was not.
+    PlanLocation,
+    /// The way could not be gone, or the thing did not end where it was sent.
+    PlanMotion,
+    /// The check said finished too soon, or not finished too late.
+    Checker,
+    /// Answers were not in the form that was asked for, or named what was not drawn.
+    Format,
+    /// A service did not answer.
+    Service,
+}
+
+impl FailureClass {
+    /// All classes.
+    pub const ALL: [Self; 10] = [
+        Self::Decomposition,
+        Self::GraspGrounding,
+        Self::GraspProposal,
+        Self::GraspExecution,
+        Self::PlanGrounding,
+        Self::PlanLocation,
+        Self::PlanMotion,
+        Self::Checker,
+        Self::Format,
+        Self::Service,
+    ];
+
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Decomposition => "decomposition",
+            Self::GraspGrounding => "grasp_grounding",
+            Self::GraspProposal => "grasp_proposal",
+            Self::GraspExecution => "grasp_execution",
+            Self::PlanGrounding => "plan_grounding",
+            Self::PlanLocation => "plan_location",
+            Self::PlanMotion => "plan_motion",
+            Self::Checker => "checker",
+            Self::Format => "format",
+            Self::Service => "service",
+        }
+    }
+}
+
+/// The stage of a [`Testimony`] about proposed grasps, which no model answers.
+pub const GRASPS: &str = "grasp";
+
+/// What an answer was worth.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Testimony {
+    /// Number of the ask; of proposed grasps, that of the ask before them.
+    pub ask: usize,
+    /// How often the task had been split before, from 0.
+    pub round: usize,
+    /// Stage of the ask, or [`GRASPS`].
+    pub stage: &'static str,
+    /// The instruction of the stage, or the sub-task that the grasps are for.
+    pub subtask: String,
+    /// What the answer would make fail; `None` for a right one.
+    pub wrong: Option<FailureClass>,
+    /// What was seen.
+    pub evidence: String,
+}
+
+/// What was noted in one episode.
+#[derive(Clone, Debug, Default)]
+pub struct Heard {
+    /// In the order of the asks.
+    pub testimonies: Vec<Testimony>,
+    /// Every answer, by the number of its ask.
+    pub answers: BTreeMap<usize, String>,
+    /// Objects that were sent somewhere, by the number of the ask that said where.
+    pub sent: BTreeMap<usize, usize>,
+    /// For each placement of what must be moved: the relation that was meant, and the one to the same reference that the
+    /// chosen place comes to.
+    pub placed: Vec<(Relation, Option<Relation>)>,
+    /// Answers of the check: whether the goal did not hold or did, and whether it said not finished or finished.
+    pub checks: [[usize; 2]; 2],
+}
+
+/// Why an episode failed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Blamed {
+    /// The class.
+    pub class: FailureClass,
+    /// The ask whose answer is to blame, where one is.
+    pub ask: Option<usize>,
+    /// What was seen.
+    pub evidence: String,
+}
+
+impl Heard {
+    /// Objects that were sent somewhere since the task was split last.
+    fn sent_last(&self) -> impl Iterator<Item = usize> + '_ {
+        let split = self.testimonies.iter().rev().find(|testimony| testimony.stage == Stage::Decompose.name());
+        self.sent.range(split.map_or(0, |split| split.ask)..).map(|(_, &object)| object)
+    }
+
+    /// What the last answers of each stage were worth, sub-task by sub-task: an answer that was given anew, or in a later
+    /// round, takes back the one before, since the loop then had its chance.
+    fn last(&self) -> Vec<&Testimony> {
+        let mut rounds: BTreeMap<&str, usize> = BTreeMap::new();
+        for testimony in &self.testimonies {
+            rounds.insert(testimony.stage, testimony.round);
+        }
+        let mut last: BTreeMap<(&str, &str), &Testimony> = BTreeMap::new();
+        for testimony in
+            self.testimonies.iter().filter(|testimony| rounds.get(testimony.stage) == Some(&testimony.round))
+        {
+            last.insert((testimony.stage, &testimony.subtask), testimony);
+        }
+        last.into_values().collect()
+    }
+}
+
+/// The class of a failed episode: the answer that was wrong and stayed so, or else what the hand did not manage.
+///
+/// `failure` is what the agent says of its own failure; `frames` are what was recorded. Of several wrong answers the
+/// first is blamed.
+pub fn classify(heard: &Heard, failure: Option<&FailedStage>, frames: &[Frame]) -> Blamed {
+    let said = failure.map(|failure| (failure.stage.as_str(), failure.cause.as_str()));
+    let words = failure.map_or_else(String::new, ToString::to_string);
+    if let Some((_, FailedStage::SERVICE)) = said {
+        return Blamed { class: FailureClass::Service, ask: None, evidence: words };
+    }
+    let ended_in = |stage: &str| said.is_some_and(|(said, _)| said == stage);
+    let wrong = heard.last().into_iter().filter_map(|testimony| Some((testimony.wrong?, testimony)));
+    // Where a thing should have gone does not matter when it was lost before.
+    let was_carried = |ask: usize| heard.sent.get(&ask).is_none_or(|&object| lost(object, frames).is_none());
+    let is_plan = |class: FailureClass| {
+        matches!(class, FailureClass::PlanGrounding | FailureClass::PlanLocation | FailureClass::PlanMotion)
+    };
+    let has_tried = !frames.is_empty() && said.is_none_or(|(stage, _)| stage == "check");
+    let wrong = wrong.filter(|(class, testimony)| !has_tried || !is_plan(*class) || was_carried(testimony.ask));
+    // An answer that did not fit counts only where the episode ended with it.
+    let wrong = wrong.filter(|(class, testimony)| *class != FailureClass::Format || ended_in(testimony.stage));
+    if let Some((class, testimony)) = wrong.min_by_key(|(_, testimony)| testimony.ask) {
+        let class = match (class, said) {
+            // That no mask fits is no lack of form.
+            (FailureClass::Format, Some(("object", "not_found"))) => FailureClass::GraspGrounding,
+            (class, _) => class,
+        };
+        let evidence = format!("ask {} ({}): {}", testimony.ask, testimony.stage, testimony.evidence);
+        return Blamed { class, ask: Some(testimony.ask), evidence };
+    }
+    let (class, evidence) = match said {
+        Some(("object", _)) => (FailureClass::GraspGrounding, words),
+        Some((GRASPS, "none" | "unsuited")) => (FailureClass::GraspProposal, words),
+        Some((GRASPS | "execute", _)) => (FailureClass::GraspExecution, words),
+        _ => match heard.sent_last().find_map(|object| lost(object, frames)) {
+            Some(how) => (FailureClass::GraspExecution, how),
+            None => (FailureClass::PlanMotion, words),
+        },
+    };
+    Blamed { class, ask: None, evidence }
+}
+
+/// Between the fingers for fewer frames than this was not held; half a second at 60 Hz.
+const HELD_FRAMES: usize = 30;
+/// The fingers open when they are told to be this much wider within [`OPENING_FRAMES`], m.
+const OPENING_M: f32 = 0.001;
+/// So many frames after the last touch the fingers must have been told to open, else the thing was lost.
+const OPENING_FRAMES: usize = 12;
+
+/// How an object was lost from the hand, if it was ever to be in it and was lost.
+fn lost(object: usize, frames: &[Frame]) -> Option<String> {
+    let is_held = |frame: &&Frame| frame.grasped == Some(object);
+    if frames.iter().filter(is_held).count() < HELD_FRAMES {
+        return Some("it was never between the fingers for long".into());
+    }
+    let last = frames.iter().rposition(|frame| frame.grasped == Some(object))?;
+    let width = |frame: &Frame| frame.command.last().copied().unwrap_or_default();
+    let after = &frames[last..frames.len().min(last + OPENING_FRAMES)];
+    let before = &frames[last.saturating_sub(OPENING_FRAMES)..=last];
+    let narrowest = before.iter().map(width).fold(f32::INFINITY, f32::min);
+    let is_let_go = after.iter().any(|frame| width(frame) > narrowest + OPENING_M);
+    (!is_let_go).then(|| format!("it left the fingers at {:.1} s, which held on", frames[last].time_s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn said(ask: usize, round: usize, stage: Stage, subtask: &str, wrong: Option<FailureClass>) -> Testimony {
+        let (stage, subtask) = (stage.name(), subtask.to_owned());
+        Testimony { ask, round, stage, subtask, wrong, evidence: String::new() }
+    }
+
+    #[test]
+    fn the_first_wrong_answer_that_stood_is_blamed() {
+        let object = |ask, round, subtask, is_wrong: bool| {
+            said(ask, round, Stage::Object, subtask, is_wrong.then_some(FailureClass::GraspGrounding))
+        };
+        let format = |ask| said(ask, 0, Stage::Check, "", Some(FailureClass::Format));
+        let rounds = FailedStage::new("check", "rounds", String::new());
+        let cases: [(&str, Vec<Testimony>, Option<&FailedStage>, FailureClass, Option<usize>); 7] = [
+            ("a wrong one", vec![object(1, 0, "a", true)], None, FailureClass::GraspGrounding, Some(1)),
+            (
+                "another sub-task's right one takes nothing back",
+                vec![object(1, 0, "a", true), object(5, 0, "b", false)],
+                None,
+                FailureClass::GraspGrounding,
+                Some(1),
+            ),
+            (
+                "the same sub-task's does",
+                vec![object(1, 0, "a", true), object(5, 0, "a", false)],
+                None,
+                FailureClass::PlanMotion,
+                None,
+            ),
+            (
+                "so does a later round's",
+                vec![object(1, 0, "a", true), object(9, 1, "c", false)],
+                None,
+                FailureClass::PlanMotion,
+                None,
+            ),
+            (
+                "of two the first",
+                vec![object(1, 0, "a", true), said(3, 0, Stage::PointToPoint, "a", Some(FailureClass::PlanLocation))],
+                None,
+                FailureClass::GraspGrounding,
+                Some(1),
+            ),
+            ("form counts where it ended the episode", vec![format(4)], Some(&rounds), FailureClass::Format, Some(4)),
+            ("and nowhere else", vec![format(4)], None, FailureClass::PlanMotion, None),
+        ];
+        for (what, testimonies, failure, class, ask) in cases {
+            let heard = Heard { testimonies, ..Heard::default() };
+            let blamed = classify(&heard, failure, &[]);
+            assert_eq!((blamed.class, blamed.ask), (class, ask), "{what}");
+        }
+    }
+
+    #[test]
+    fn a_thing_that_leaves_fingers_that_hold_on_was_lost() {
+        let frame = |grasped: bool, width: f32| Frame {
+            time_s: 0.0,
+            command: vec![0.0, width],
+            joint_position: Vec::new(),
+            joint_velocity: Vec::new(),
+            joint_torque: Vec::new(),
+            gripper_width: 0.0,
+            grip_force: 0.0,
+            tcp: genmanip_core::Pose::IDENTITY,
+            objects: Vec::new(),
+            grasped: grasped.then_some(2),
+            stray_contact_n: 0.0,
+        };
+        let run = |held: usize, after: f32| -> Vec<Frame> {
+            let held = (0..held).map(|_| frame(true, 0.02));
+            held.chain((0..60).map(|_| frame(false, after))).collect()
+        };
+        let sent = Heard { sent: [(3, 2)].into(), ..Heard::default() };
+        let cases = [
+            (run(100, 0.08), FailureClass::PlanMotion),
+            (run(100, 0.02), FailureClass::GraspExecution),
+            (run(3, 0.08), FailureClass::GraspExecution),
+        ];
+        for (frames, class) in cases {
+            assert_eq!(classify(&sent, None, &frames).class, class, "{}", frames.len());
+        }
+        // What was sent before the task was split anew is no more to the point.
+        let anew = Heard { testimonies: vec![said(9, 1, Stage::Decompose, "", None)], ..sent.clone() };
+        assert_eq!(classify(&anew, None, &run(3, 0.08)).class, FailureClass::PlanMotion);
+        // A wrong place is to blame only for what came there.
+        let wrong = said(3, 0, Stage::PointToPoint, "a", Some(FailureClass::PlanLocation));
+        let misplaced = Heard { testimonies: vec![wrong], ..sent };
+        assert_eq!(classify(&misplaced, None, &run(100, 0.08)).class, FailureClass::PlanLocation);
+        assert_eq!(classify(&misplaced, None, &run(3, 0.08)).class, FailureClass::GraspExecution);
+    }
+}
