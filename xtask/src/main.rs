@@ -11,6 +11,7 @@
 mod demo;
 mod mujoco;
 mod offline;
+mod packs;
 mod problem;
 mod process;
 mod python;
@@ -29,6 +30,7 @@ Usage: cargo xtask <verb>
   setup            download and verify the simulator library, make the Python environment of the tests
   demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
   test [PHASE…]    everything CI runs, or only the named phases
+  test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
   tidy             check the rules that the compiler does not know
 
 Example: cargo xtask test fmt clippy";
@@ -50,6 +52,7 @@ fn run(args: &[String]) -> Result {
     match args.first().map(String::as_str) {
         Some("setup") => setup::run(&workspace),
         Some("demo") => demo::run(&workspace, rest),
+        Some("test") if rest == ["--packs"] => packs::run(&workspace),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root),
         Some("help" | "--help" | "-h") => {

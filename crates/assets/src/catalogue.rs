@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use genmanip_core::{AssetHashes, AssetRef, ObjectCard, ObjectModel, Seed};
 
 use crate::data_file::read;
+use crate::imported;
 use crate::listed::listed;
 use crate::notes::Split;
 use crate::parts::Part;
@@ -54,11 +55,40 @@ impl Catalogue {
         })
     }
 
-    /// A catalogue by its name: `builtin` or `full`.
+    /// The objects of the opened packs, see [`imported::open`]; none before a pack was opened.
+    ///
+    /// # Panics
+    /// As [`Catalogue::builtin`].
+    pub fn imported() -> &'static Self {
+        static IMPORTED: OnceLock<Catalogue> = OnceLock::new();
+        IMPORTED.get_or_init(|| {
+            let mut own = Self::from_json("[]").expect("an empty list is a list");
+            own.cards.extend_from_slice(imported::cards());
+            own
+        })
+    }
+
+    /// [`Catalogue::full`] and [`Catalogue::imported`] together.
+    ///
+    /// # Panics
+    /// As [`Catalogue::builtin`].
+    pub fn all() -> &'static Self {
+        static ALL: OnceLock<Catalogue> = OnceLock::new();
+        ALL.get_or_init(|| {
+            let mut all = Self::from_json(RECORDS).expect("built-in data files are tested");
+            all.cards.extend(listed().iter().map(|one| one.card.clone()));
+            all.cards.extend_from_slice(imported::cards());
+            all
+        })
+    }
+
+    /// A catalogue by its name: `builtin`, `full`, `imported` or `all`.
     pub fn named(name: &str) -> Option<&'static Self> {
         match name {
             "builtin" => Some(Self::builtin()),
             "full" => Some(Self::full()),
+            "imported" => Some(Self::imported()),
+            "all" => Some(Self::all()),
             _ => None,
         }
     }
@@ -123,7 +153,7 @@ impl Catalogue {
         let card = self
             .card(uid)
             .ok_or_else(|| AssetError::UnknownUid { got: uid.to_owned(), near: self.near_misses(uid) })?;
-        if let AssetRef::Generated { .. } = card.asset {
+        if !matches!(card.asset, AssetRef::Builtin { .. }) {
             return self.model(&card.asset);
         }
         let recipe = self.recipes.get(uid).ok_or_else(|| AssetError::NotYetGenerated {
@@ -208,7 +238,10 @@ impl AssetSource for Catalogue {
                 generated.insert(asset.clone(), Arc::clone(&model));
                 Ok(model)
             }
-            AssetRef::Imported { hash } => Err(AssetError::NotImported { hash: hash.clone() }),
+            AssetRef::Imported { hash } => match imported::source() {
+                Some(source) => source.model(asset),
+                None => Err(AssetError::NotImported { hash: hash.clone() }),
+            },
         }
     }
 

@@ -61,8 +61,8 @@ pub enum AssetError {
         /// Which parameter is missing or wrong.
         reason: String,
     },
-    /// Nothing reads objects from files yet.
-    #[error("no importer knows the files with hash {hash}; only built-in and generated objects can be used")]
+    /// No opened pack holds the object.
+    #[error("no pack holds the imported object {hash}; open packs with --packs DIR, or import its files again")]
     NotImported {
         /// Hash of the files.
         hash: String,

@@ -4,7 +4,7 @@
 //! grasps of an object that has changed since are not given out.
 
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use genmanip_core::{
     AssetRef, Document, DocumentError, Grasp, ObjectModel, Pose, RobotModel, Seed, TriedGrasp, Upgrade,
@@ -91,7 +91,7 @@ impl GraspLibrary {
     }
 
     /// The grasps that a robot's hand tried on an object, or on another one with the same physics, those that held most
-    /// often first; none of what it never tried.
+    /// often first; none of what it never tried. Objects of no file have what was [`remember`]ed of them.
     ///
     /// # Errors
     /// [`AssetError::StaleGrasps`] when the robot tried an object of this uid with other physics, or has changed itself.
@@ -112,10 +112,33 @@ impl GraspLibrary {
         let known = match own {
             Some(own) if !model.has_physics(&own.physics_hash) => return Err(stale(model, &own.physics_hash)),
             Some(own) => Some(own),
-            None => self.alike.get(&(robot.name.clone(), model.physics_hash())).and_then(|uid| of_uid(uid)),
+            None => {
+                let physics_hash = model.physics_hash();
+                let alike = self.alike.get(&(robot.name.clone(), physics_hash.clone())).and_then(|uid| of_uid(uid));
+                if alike.is_none() {
+                    return Ok(remembered(&robot.physics_hash(), &physics_hash).unwrap_or_default());
+                }
+                alike
+            }
         };
         Ok(known.map_or(&[], |known| &known.grasps))
     }
+}
+
+/// Grasps that were tried while the program runs, by the physics hashes of robot and object.
+static REMEMBERED: Mutex<BTreeMap<(String, String), &'static [TriedGrasp]>> = Mutex::new(BTreeMap::new());
+
+/// Makes grasps that were tried on demand known to every [`GraspLibrary`], for objects that its files do not know;
+/// what is known already stays. They are kept as long as the program runs: at most a list per object that it meets.
+pub fn remember(robot_hash: &str, physics_hash: &str, grasps: Vec<TriedGrasp>) {
+    let mut known = REMEMBERED.lock().unwrap_or_else(PoisonError::into_inner);
+    known.entry((robot_hash.to_owned(), physics_hash.to_owned())).or_insert_with(|| grasps.leak());
+}
+
+/// What [`remember`] was told; `None` of what was never tried.
+pub fn remembered(robot_hash: &str, physics_hash: &str) -> Option<&'static [TriedGrasp]> {
+    let known = REMEMBERED.lock().unwrap_or_else(PoisonError::into_inner);
+    known.get(&(robot_hash.to_owned(), physics_hash.to_owned())).copied()
 }
 
 fn stale(model: &ObjectModel, expected: &str) -> AssetError {

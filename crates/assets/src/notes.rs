@@ -6,7 +6,11 @@ use genmanip_core::{Aabb, AssetRef, ObjectCard, ObjectModel};
 use serde::{Deserialize, Serialize};
 
 use crate::families::{Families, Family};
+use crate::imported;
 use crate::standing::{StablePose, stable_poses};
+
+/// Licence of everything that this project makes.
+const OWN_LICENCE: &str = "CC0-1.0";
 
 /// What may be trained on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -44,9 +48,9 @@ pub struct Notes {
     /// What counts as its right name when somebody names it from a picture.
     pub accepted_names: Vec<String>,
     /// Licence of its geometry and looks.
-    pub licence: &'static str,
+    pub licence: String,
     /// Where it comes from.
-    pub source: &'static str,
+    pub source: String,
 }
 
 /// A named part of an object.
@@ -79,10 +83,15 @@ pub struct GeometryNotes {
 pub fn notes(card: &ObjectCard) -> Notes {
     let families = Families::builtin();
     let family = families.of(&card.asset).or_else(|| families.of_category(&card.category));
-    let source = match card.asset {
-        AssetRef::Builtin { .. } => "made by hand for this project",
-        AssetRef::Generated { .. } => "made by a parametric family of this project",
-        AssetRef::Imported { .. } => "imported",
+    let (source, licence) = match &card.asset {
+        AssetRef::Builtin { .. } => ("made by hand for this project".to_owned(), OWN_LICENCE.to_owned()),
+        AssetRef::Generated { .. } => {
+            ("made by a parametric family of this project".to_owned(), OWN_LICENCE.to_owned())
+        }
+        AssetRef::Imported { hash } => imported::origin(hash).map_or_else(
+            || ("imported".to_owned(), "unknown".to_owned()),
+            |origin| (format!("imported from {}", origin.source), origin.licence),
+        ),
     };
     let path =
         family.map_or_else(|| vec![card.general_category.clone(), card.category.clone()], |family| family.path.clone());
@@ -95,7 +104,7 @@ pub fn notes(card: &ObjectCard) -> Notes {
         synonyms,
         uses: family.map_or_else(Vec::new, |family| family.uses.clone()),
         accepted_names: accepted,
-        licence: "CC0-1.0",
+        licence,
         source,
     }
 }

@@ -146,6 +146,7 @@ fn a_large_report_is_thinned_until_it_fits_and_says_so() {
 /// -- --ignored --nocapture`.
 #[test]
 #[ignore = "needs a browser, named by GENMANIP_BROWSER"]
+#[expect(clippy::print_stdout, reason = "the figures are what it is for")]
 fn ten_thousand_rows_show_and_filter_quickly() {
     let mut input = support::report_input(support::tasks());
     let made = input.episodes.clone();

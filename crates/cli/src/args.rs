@@ -34,6 +34,9 @@ pub struct Arguments {
     /// No progress, no talk; errors only
     #[arg(long, short, global = true)]
     pub quiet: bool,
+    /// Folder with packs of imported objects; without: GENMANIP_PACKS, or `packs` in the current folder if it is there
+    #[arg(long, value_name = "DIR", global = true)]
+    pub packs: Option<PathBuf>,
     /// What to do
     #[command(subcommand)]
     pub command: Command,
@@ -189,7 +192,7 @@ pub struct BakeArguments {
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub trials: u32,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
     /// Uids, comma separated, instead of all objects that can be grasped
     #[arg(long, value_delimiter = ',')]
@@ -246,7 +249,7 @@ pub struct NewArguments {
     #[arg(long, value_name = "DIR")]
     pub folder: Option<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = CATALOGUES)]
     pub catalog: String,
     /// Only objects that are found by these words and filters, as with `assets search`
     #[arg(long, value_name = "QUERY")]
@@ -435,6 +438,13 @@ fn parse_count(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(count @ 1..=1_000_000) => Ok(count),
         _ => Err("expected a whole number from 1 to 1000000".into()),
+    }
+}
+
+fn parse_scale(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
+        _ => Err("expected metres per unit, 1e-6 to 1e6".into()),
     }
 }
 

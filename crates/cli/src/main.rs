@@ -21,7 +21,7 @@ fn main() -> std::process::ExitCode {
         Err(told) => return tell(&told),
     };
     let printer = printer::Printer::new(arguments.json, arguments.quiet);
-    let outcome = run(&arguments.command, &printer);
+    let outcome = open_packs(&arguments).and_then(|()| run(&arguments, &printer));
     match outcome.and_then(|status| printer.finish().map(|()| status)) {
         Ok(status) => status.into(),
         Err(failed) => {
@@ -43,8 +43,26 @@ fn tell(told: &clap::Error) -> std::process::ExitCode {
     }
 }
 
-fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Failed> {
-    match command {
+/// Makes imported objects known before anything asks for one; importing itself starts from what its own pack holds.
+fn open_packs(arguments: &Arguments) -> Result<(), Failed> {
+    let is_importing = matches!(&arguments.command, Command::Assets { command: args::AssetsCommand::Import(_) });
+    let folder = packs_folder(arguments);
+    if is_importing || (arguments.packs.is_none() && !folder.is_dir()) {
+        return Ok(());
+    }
+    genmanip_run::packs::open(&folder)?;
+    Ok(())
+}
+
+/// The folder of the packs: as named, as the environment says, or `packs` here.
+fn packs_folder(arguments: &Arguments) -> std::path::PathBuf {
+    let named = arguments.packs.clone().or_else(|| std::env::var_os("GENMANIP_PACKS").map(Into::into));
+    named.unwrap_or_else(|| "packs".into())
+}
+
+fn run(arguments: &Arguments, printer: &printer::Printer) -> Result<ExitStatus, Failed> {
+    let packs = packs_folder(arguments);
+    match &arguments.command {
         Command::Demo(arguments) => commands::demo::run(arguments, printer),
         Command::Task { command: TaskCommand::New(arguments) } => commands::task_new::run(arguments, printer),
         Command::Task { command: TaskCommand::Check(arguments) } => commands::task::check(arguments, printer),
@@ -61,7 +79,7 @@ fn run(command: &Command, printer: &printer::Printer) -> Result<ExitStatus, Fail
         Command::Export(arguments) => commands::export::run(arguments, printer),
         Command::Grasps { command: GraspsCommand::Bake(arguments) } => commands::grasps::bake(arguments, printer),
         Command::Grasps { command: GraspsCommand::Show(arguments) } => commands::grasps::show(arguments, printer),
-        Command::Assets { command } => commands::assets::run(command, printer),
+        Command::Assets { command } => commands::assets::run(command, &packs, printer),
         Command::World { command } => commands::world::run(command, printer),
         Command::Camera { command } => commands::world::run_camera(command, printer),
         Command::Lab { command } => commands::lab::run(command, printer),

@@ -81,6 +81,16 @@ pub const FAMILIES: Limit = Limit::mib("a file of families", 4);
 pub const ROBOT: Limit = Limit::mib("a robot description", 8);
 /// A mesh of a robot, STL or OBJ.
 pub const MESH: Limit = Limit::mib("a mesh", 32);
+/// URDF or MJCF text of an object to import, or a GLB's or OBJ's list of materials.
+pub const IMPORTED_DESCRIPTION: Limit = Limit::mib("a description of an object to import", 8);
+/// A mesh to import: OBJ text takes 60 bytes per triangle, so a million of them.
+pub const IMPORTED_MESH: Limit = Limit::mib("a mesh to import", 64);
+/// A texture to import, as the picture file that it is.
+pub const IMPORTED_PICTURE: Limit = Limit::mib("a picture to import", 32);
+/// The list of a pack of imported objects, 1 to 4 KiB each.
+pub const PACK: Limit = Limit::mib("the list of a pack", 64);
+/// An imported object of a pack: at most 16 textures of 512 x 512 and 24,000 corners.
+pub const PACK_OBJECT: Limit = Limit::mib("an object of a pack", 32);
 /// `store.json`.
 pub const STORE_MARK: Limit = Limit::kib("the mark of an episode store", 64);
 /// `episode.json` and `files.json` in a store.

@@ -1,6 +1,7 @@
-//! New objects of the families, tried: do they stand, can they be held, do containers contain, do states stay?
+//! New objects of the families or imported ones, tried: do they stand, can they be held, do containers contain, do states stay?
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -8,16 +9,17 @@ use std::time::Instant;
 use genmanip_assets::search::{Filter, Index};
 use genmanip_assets::standing::stable_poses;
 use genmanip_assets::worlds::default_world;
-use genmanip_assets::{Catalogue, Families, Family};
+use genmanip_assets::{AssetSource, Catalogue, Families, Family};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{
     Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape, World,
 };
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, sound_grasp};
+use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, sound_grasps};
+use genmanip_run::packs::{Packs, at_rest};
 use genmanip_run::{Progress, inputs};
-use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
+use genmanip_sim::{Scene, SceneObject, Sim, SimError};
 use serde::Serialize;
 
 use crate::LabError;
@@ -27,8 +29,7 @@ use crate::clock::cpu_clock;
 const PLACE: DVec3 = DVec3::new(0.5, 0.0, 0.0);
 /// How far above its place it is let go, m.
 const DROP_M: f64 = 0.0005;
-/// Longest settling and the time during which drift counts, simulated seconds.
-const SETTLE_S: f64 = 3.0;
+/// How long a state must last, simulated seconds.
 const WATCH_S: f64 = 2.0;
 /// Physics steps a second.
 const STEPS_HZ: f64 = 480.0;
@@ -117,39 +118,38 @@ struct Tried {
     problems: Vec<String>,
 }
 
-/// Makes `count` objects, the families (or the one that was chosen) in turn, and tries each.
+/// Where the objects that are tried come from.
+pub enum Objects<'a> {
+    /// So many new ones: the families, or the one that was chosen, in turn.
+    New {
+        /// The families.
+        families: &'a Families,
+        /// Name of the only one that counts.
+        chosen: Option<&'a str>,
+        /// Objects to make.
+        count: usize,
+    },
+    /// Those of the packs in a folder.
+    Imported(&'a Path),
+}
+
+/// Makes or reads objects, and tries each.
 ///
 /// # Errors
-/// When the chosen family is unknown or the robot cannot be had; what is wrong with an object is a result.
+/// When the chosen family is unknown, packs cannot be read or the robot cannot be had; what is wrong with an object is a
+/// result.
 pub fn measure(
-    families: &Families,
-    chosen: Option<&str>,
-    count: usize,
+    objects: &Objects<'_>,
     seed: Seed,
     workers: usize,
     progress: &dyn Progress,
 ) -> Result<Measured, LabError> {
-    let wanted: Vec<&Family> =
-        families.all().filter(|family| chosen.is_none_or(|name| family.family == name)).collect();
-    if wanted.is_empty() {
-        return Err(LabError::input(format!("there is no family `{}`", chosen.unwrap_or_default())));
-    }
     let mut problems = Vec::new();
     let mut clock = cpu_clock();
-    let mut models = Vec::new();
-    progress.begin("making", count);
-    for index in 0..count {
-        let family = wanted[index % wanted.len()];
-        let seed = seed.fork("assets").fork_index(index as u64);
-        match families.instance(&family.family, &Default::default(), seed) {
-            Ok(model) => models.push(Arc::new(model)),
-            Err(error) => {
-                problems.push(Problem { uid: format!("{}-{}", family.family, seed.value()), what: error.to_string() });
-            }
-        }
-        progress.advance();
-    }
-    progress.end();
+    let models = match objects {
+        Objects::New { families, chosen, count } => made(families, *chosen, *count, seed, &mut problems, progress)?,
+        Objects::Imported(folder) => imported(folder, &mut problems)?,
+    };
     let build_cpu_s = clock();
     let descriptions: BTreeSet<&str> = models.iter().map(|model| model.card.description.as_str()).collect();
     let world = default_world();
@@ -197,12 +197,59 @@ pub fn measure(
     })
 }
 
+/// New objects of families in turn.
+fn made(
+    families: &Families,
+    chosen: Option<&str>,
+    count: usize,
+    seed: Seed,
+    problems: &mut Vec<Problem>,
+    progress: &dyn Progress,
+) -> Result<Vec<Arc<ObjectModel>>, LabError> {
+    let wanted: Vec<&Family> =
+        families.all().filter(|family| chosen.is_none_or(|name| family.family == name)).collect();
+    if wanted.is_empty() {
+        return Err(LabError::input(format!("there is no family `{}`", chosen.unwrap_or_default())));
+    }
+    let mut models = Vec::new();
+    progress.begin("making", count);
+    for index in 0..count {
+        let family = wanted[index % wanted.len()];
+        let seed = seed.fork("assets").fork_index(index as u64);
+        match families.instance(&family.family, &Default::default(), seed) {
+            Ok(model) => models.push(Arc::new(model)),
+            Err(error) => {
+                problems.push(Problem { uid: format!("{}-{}", family.family, seed.value()), what: error.to_string() });
+            }
+        }
+        progress.advance();
+    }
+    progress.end();
+    Ok(models)
+}
+
+/// All objects of the packs in a folder.
+fn imported(folder: &Path, problems: &mut Vec<Problem>) -> Result<Vec<Arc<ObjectModel>>, LabError> {
+    let packs = Packs::read(folder)?;
+    let mut models = Vec::new();
+    for card in packs.cards() {
+        match packs.model(&card.asset) {
+            Ok(model) => models.push(model),
+            Err(error) => problems.push(Problem { uid: card.uid.clone(), what: error.to_string() }),
+        }
+    }
+    if models.is_empty() {
+        return Err(LabError::input(format!("no pack in {} holds an object that can be read", folder.display())));
+    }
+    Ok(models)
+}
+
 fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tried {
     let world = &*trials.world;
     let mut tried = Tried::default();
     for pose in stable_poses(model) {
         let joints = model.joint_states.first().map_or_else(Vec::new, |state| state.nominal.clone());
-        match rest(model, &pose.world_from_object, &joints, world) {
+        match at_rest(model, &pose.world_from_object, &joints, world) {
             Ok(at_rest) => {
                 tried.drift_mm = tried.drift_mm.max(at_rest.drift_mm);
                 tried.penetration_mm = tried.penetration_mm.max(at_rest.penetration_mm);
@@ -237,11 +284,11 @@ fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tri
             mass_spread: 0.2,
             ..TryingSettings::default()
         };
-        let found = sound_grasp(trials, model, &settings, GRASPS, seed.fork("grasp"));
-        tried.grasp = Some(matches!(found, Ok(Some(_))));
+        let found = sound_grasps(trials, model, &settings, 1, GRASPS, seed.fork("grasp"));
+        tried.grasp = Some(found.as_ref().is_ok_and(|found| !found.is_empty()));
         match found {
-            Ok(Some(_)) => {}
-            Ok(None) => tried.problems.push("no grasp held in every trial".into()),
+            Ok(found) if found.is_empty() => tried.problems.push("no grasp held in every trial".into()),
+            Ok(_) => {}
             Err(error) => tried.problems.push(format!("grasps cannot be tried: {error}")),
         }
     }
@@ -263,38 +310,6 @@ fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tri
         }
     }
     tried
-}
-
-/// An object that has come to rest.
-struct AtRest {
-    settled: bool,
-    drift_mm: f64,
-    penetration_mm: f64,
-    /// By which angle it turned against its pose.
-    tilt_rad: f64,
-}
-
-fn rest(model: &Arc<ObjectModel>, pose: &Pose, joints: &[f64], world: &World) -> Result<AtRest, SimError> {
-    let start = Pose { position: pose.position + PLACE + DVec3::Z * DROP_M, ..*pose };
-    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &[placed("0", model, start, joints)])?));
-    let settings = SettleSettings { max_seconds: SETTLE_S, ..SettleSettings::default() };
-    let report = sim.settle(&settings)?;
-    let before = sim.object_states()[0].pose;
-    let mut drift = 0.0_f64;
-    let steps = (WATCH_S * STEPS_HZ) as u32;
-    for _ in 0..8 {
-        sim.advance(steps / 8)?;
-        let now = sim.object_states()[0].pose;
-        // Of the bounds' middle, so that turning on the spot about a far origin does not count twice.
-        let middle = |pose: &Pose| pose.transform_point(DVec3::Z * model.card.size_m.z / 2.0);
-        drift = drift.max(middle(&now).distance(middle(&before)));
-    }
-    Ok(AtRest {
-        settled: report.settled,
-        drift_mm: drift * 1e3,
-        penetration_mm: sim.penetration() * 1e3,
-        tilt_rad: (sim.object_states()[0].pose.rotation * DVec3::Z).angle_between(start.rotation * DVec3::Z),
-    })
 }
 
 fn placed(name: &str, model: &Arc<ObjectModel>, pose: Pose, joints: &[f64]) -> SceneObject {

@@ -128,13 +128,17 @@ impl RunFolder {
         if known != *run {
             return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run) });
         }
-        // A kill may leave something unfinished wherever files are written.
-        for folder in [path.to_owned(), path.join("scenarios"), path.join("evaluation")] {
-            if folder.is_dir() {
-                files::sweep(&folder).map_err(|error| unwritable(&folder, error))?;
-            }
-        }
-        Ok(Self::at(path))
+        let folder = Self::at(path);
+        folder.sweep()?;
+        Ok(folder)
+    }
+
+    /// Removes what a kill left unfinished wherever files are written, the episodes apart.
+    ///
+    /// # Errors
+    /// When it cannot be removed.
+    pub(crate) fn sweep(&self) -> Result<(), RunError> {
+        ["", "scenarios", "evaluation"].iter().try_for_each(|name| sweep(&self.path.join(name)))
     }
 
     /// Opens a run made before.
@@ -229,6 +233,17 @@ const OWN: [&str; 10] = [
     "report.html",
     "report",
 ];
+
+/// Removes what a kill left unfinished in a folder, if there is one.
+///
+/// # Errors
+/// When it cannot be removed.
+pub(crate) fn sweep(folder: &Path) -> Result<(), RunError> {
+    if folder.is_dir() {
+        files::sweep(folder).map_err(|error| unwritable(folder, error))?;
+    }
+    Ok(())
+}
 
 fn is_there(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok()

@@ -265,7 +265,7 @@ pub fn task_kind(name: &str) -> Result<TaskKind, RunError> {
 fn offered(uids: &[String], place: &str) -> Result<Vec<ObjectCard>, RunError> {
     let catalogue = Catalogue::builtin();
     uids.iter()
-        .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::full().card(uid_of(uid))) {
+        .map(|uid| match catalogue.card(uid_of(uid)).or_else(|| Catalogue::all().card(uid_of(uid))) {
             Some(card) => Ok(card.clone()),
             // Asking for the model of an object without a card says which ones look alike.
             None => catalogue.build(uid).map(|model| model.card.clone()).map_err(|error| {

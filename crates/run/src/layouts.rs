@@ -14,6 +14,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::error::RunError;
+use crate::folder::sweep;
 use crate::inputs;
 use crate::ledger::{Entry, Ledger};
 use crate::pictures;
@@ -64,6 +65,7 @@ pub fn lay_out(
     let planner = inputs::planner(world, &PlannerSettings::default())?;
     let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
     let attempts = Attempt::all(tasks, count, seed);
+    sweep(&output.folder)?;
     let ledger = Ledger::open(&output.folder.join("layouts.jsonl"))?;
     let shared = serde_json::to_string(&(world, settings, env!("CARGO_PKG_VERSION"))).unwrap_or_default();
     progress.begin("laying out", attempts.len());

@@ -8,6 +8,7 @@
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
 //! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
+//! - [`packs`]: objects from files into packs, and packs opened for the whole program.
 //! - [`render`]: pictures of scenarios and recorded episodes, as they were or in another look.
 //! - [`OracleSegmenter`]: masks from truth, for the modular system to be measured against.
 //! - [`inputs`] and [`robots`]: tasks, answers, scenarios and robots from files that anybody may have written.
@@ -34,6 +35,7 @@ pub mod layouts;
 mod ledger;
 pub mod motion_pictures;
 mod oracle_segmenter;
+pub mod packs;
 pub mod pictures;
 pub mod plan;
 pub mod policies;

@@ -40,7 +40,7 @@ for (const film of document.querySelectorAll(".film")) {
 // match are in the page, so that it stays quick with any number.
 const table = document.querySelector("#episodes table");
 if (table !== null) {
-  const first = 200;
+  const first = 100;
   const body = table.tBodies[0];
   const collator = new Intl.Collator("en", { numeric: true });
   const rows = Array.from(body.rows, (row) => {

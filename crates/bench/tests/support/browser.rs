@@ -1,4 +1,5 @@
 //! The page in a real browser.
+#![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 use std::fs;
 use std::process::Command;

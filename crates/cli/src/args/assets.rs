@@ -31,16 +31,27 @@ pub enum AssetsCommand {
     /// Look for implausible density, friction, size, texture, roughness and reflectivity
     #[command(after_help = "Example:\n  genmanip assets audit --catalog full --json\n\nExit 1 when anything is found.")]
     Audit(AuditArguments),
+    /// Import objects from files into a pack: GLB, glTF, OBJ, STL, MSH, URDF, MJCF
+    #[command(after_help = "Examples:\n  genmanip assets import mug.glb --pack kitchen\n  \
+                      genmanip assets import scans/ --pack scans --scale 0.001 --up z --licence CC-BY-4.0\n  \
+                      genmanip assets list --catalog imported\n\n\
+                      Every guess and every repair is listed. Each object is put on a table, and tried in the hand. \
+                      Exit 1 when a file is refused; the others are imported.")]
+    Import(ImportArguments),
     /// Choose the list of generated objects anew: for whoever changes the families
     #[command(hide = true)]
     Freeze(FreezeArguments),
 }
 
+/// Names of the catalogues.
+pub const CATALOGUES: [&str; 4] = ["builtin", "full", "imported", "all"];
+
 /// Which objects there are.
 #[derive(Debug, Args)]
 pub struct CatalogArguments {
-    /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "full", value_parser = ["builtin", "full"])]
+    /// Objects: `builtin` (64 made by hand), `full` (with those that families make, 1,120 in all), `imported` (of
+    /// --packs) or `all`
+    #[arg(long, value_name = "NAME", default_value = "full", value_parser = CATALOGUES)]
     pub catalog: String,
 }
 
@@ -116,6 +127,41 @@ pub struct AuditArguments {
     /// Which objects there are
     #[command(flatten)]
     pub catalog: CatalogArguments,
+}
+
+/// Arguments of `assets import`.
+#[derive(Debug, Args)]
+pub struct ImportArguments {
+    /// Files, or folders of them
+    #[arg(value_name = "PATH", required = true)]
+    pub paths: Vec<PathBuf>,
+    /// Folder that the files may name others in; without: the folder that is named, or that of the file
+    #[arg(long, value_name = "DIR")]
+    pub root: Option<PathBuf>,
+    /// Pack to put the objects into
+    #[arg(long, value_name = "NAME", default_value = "imported")]
+    pub pack: String,
+    /// Metres per unit of the files, instead of a guess
+    #[arg(long, value_name = "METRES", value_parser = super::parse_scale)]
+    pub scale: Option<f64>,
+    /// Which way is up in the files, instead of a guess
+    #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]
+    pub up: Option<String>,
+    /// Licence of the files where they do not say it
+    #[arg(long, value_name = "TEXT")]
+    pub licence: Option<String>,
+    /// Try no grasps
+    #[arg(long)]
+    pub no_grasps: bool,
+    /// Robot whose hand tries the objects
+    #[arg(long, value_name = "NAME", default_value = "panda")]
+    pub robot: String,
+    /// Seed of the trials
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Threads
+    #[arg(long, value_name = "N")]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `assets freeze`.

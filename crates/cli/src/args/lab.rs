@@ -252,7 +252,7 @@ pub struct EnvironmentArguments {
     #[arg(long, value_name = "DIR")]
     pub store: Option<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
     pub catalog: String,
 }
 
@@ -274,7 +274,7 @@ pub struct DesignArguments {
     #[arg(long, default_value_t = 300, value_parser = super::parse_count)]
     pub count: usize,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
     pub catalog: String,
 }
 
@@ -340,7 +340,7 @@ pub struct ExpertArguments {
     #[arg(long, value_name = "PATH")]
     pub tasks: Vec<PathBuf>,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
     pub catalog: String,
 }
 
@@ -480,7 +480,7 @@ pub struct LabLayoutArguments {
     #[arg(long, default_value_t = 0)]
     pub distractors: usize,
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
-    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = ["builtin", "full"])]
+    #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
     pub catalog: String,
 }
 
@@ -499,6 +499,9 @@ pub struct LabAssetsArguments {
     /// Take the families from the data files of this folder
     #[arg(long, value_name = "DIR")]
     pub families: Option<PathBuf>,
+    /// Try the imported objects of the packs in this folder instead
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["count", "family", "families"])]
+    pub imported: Option<PathBuf>,
     /// Threads; the figures in processor time are of one
     #[arg(long, value_name = "N")]
     pub workers: Option<usize>,

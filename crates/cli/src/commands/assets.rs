@@ -10,12 +10,15 @@ use genmanip_assets::{Catalogue, Families, GraspLibrary, panda};
 use genmanip_bench::text_table;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed};
+use genmanip_import::Given;
+use genmanip_import::raw::Up;
+use genmanip_run::packs::{self, ImportRow, ImportSettings};
 use genmanip_run::{Progress, RunError, assets, audit, inputs};
 use serde_json::json;
 
 use crate::args::{
-    AssetsCommand, AuditArguments, ExportAssetArguments, FreezeArguments, SearchArguments, SheetArguments,
-    ShowAssetArguments,
+    AssetsCommand, AuditArguments, ExportAssetArguments, FreezeArguments, ImportArguments, SearchArguments,
+    SheetArguments, ShowAssetArguments,
 };
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -25,7 +28,7 @@ const FOUND: usize = 20;
 /// Pixels per side of the views of `show`.
 const VIEW_PX: u32 = 320;
 
-pub fn run(command: &AssetsCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
+pub fn run(command: &AssetsCommand, packs: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
         AssetsCommand::List(arguments) => search(arguments, usize::MAX, printer),
         AssetsCommand::Search(arguments) => search(arguments, FOUND, printer),
@@ -33,6 +36,7 @@ pub fn run(command: &AssetsCommand, printer: &Printer) -> Result<ExitStatus, Fai
         AssetsCommand::Sheet(arguments) => sheet(arguments, printer),
         AssetsCommand::Export(arguments) => export(arguments, printer),
         AssetsCommand::Audit(arguments) => audit(arguments, printer),
+        AssetsCommand::Import(arguments) => import(arguments, packs, printer),
         AssetsCommand::Freeze(arguments) => freeze(arguments, printer),
     }
 }
@@ -62,7 +66,7 @@ fn search(arguments: &SearchArguments, limit: usize, printer: &Printer) -> Resul
 }
 
 fn show(arguments: &ShowAssetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let catalogue = Catalogue::full();
+    let catalogue = Catalogue::all();
     let model = assets::model(catalogue, &arguments.uid)?;
     let (card, geometry, known) = (&model.card, geometry_notes(&model), notes(&model.card));
     let joints: Vec<_> = model.links.iter().filter_map(|link| link.joint.as_ref()).collect();
@@ -188,8 +192,44 @@ fn new_objects(families: &Families, name: &str, seed: u64, count: usize) -> Resu
     Ok(models)
 }
 
+fn import(arguments: &ImportArguments, folder: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let fits = |name: &str| {
+        !name.is_empty() && !name.starts_with('.') && name.chars().all(genmanip_core::names::fits_file_name)
+    };
+    if !fits(&arguments.pack) {
+        return Err(Failed::misused(format!("--pack {} cannot name a folder", arguments.pack))
+            .hint("use ASCII letters, digits and any of -_.+=@, no dot in front"));
+    }
+    let up = arguments.up.as_deref().map(|up| if up == "y" { Up::Y } else { Up::Z });
+    let settings = ImportSettings {
+        folder: folder.to_owned(),
+        pack: arguments.pack.clone(),
+        given: Given { scale: arguments.scale, up },
+        licence: arguments.licence.clone(),
+        without_grasps: arguments.no_grasps,
+        seed: Seed::new(arguments.seed),
+    };
+    let world = inputs::read_world_with(None, Some(&arguments.robot))?;
+    let stop = crate::stop::on_interrupt();
+    let found = packs::candidates(&arguments.paths, arguments.root.as_deref())?;
+    let rows = packs::import(&found, &world, &settings, inputs::workers(arguments.workers), printer, &stop)?;
+    printer.data(&rows, &packs::table(&rows));
+    let count = |of: &dyn Fn(&&ImportRow) -> bool| rows.iter().filter(of).count();
+    let imported = count(&|row| row.error.is_none());
+    printer.say(format!(
+        "{imported} of {} imported into {}; {} rest on a table, {} of {} that the hand could hold were held",
+        found.len(),
+        folder.join(&arguments.pack).display(),
+        count(&|row| row.rests),
+        count(&|row| row.grasps > 0),
+        count(&|row| row.can_grasp),
+    ));
+    let refused = found.len() - imported;
+    Ok(if refused == 0 { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
 fn export(arguments: &ExportAssetArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let model = assets::model(Catalogue::full(), &arguments.uid)?;
+    let model = assets::model(Catalogue::all(), &arguments.uid)?;
     let write = |name: &str, text: &str| inputs::write_file(&arguments.out.join(name), text.as_bytes());
     let mtl = format!("{}.mtl", model.card.uid);
     let (geometry, materials) = assets::obj(&model, &mtl);

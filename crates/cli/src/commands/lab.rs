@@ -93,8 +93,11 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let own = arguments.families.as_deref().map(genmanip_run::assets::read_families).transpose()?;
             let families = own.as_ref().unwrap_or_else(|| Families::builtin());
             let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
-            let chosen = arguments.family.as_deref();
-            let measured = assets::measure(families, chosen, arguments.count, seed, workers, printer)?;
+            let objects = match &arguments.imported {
+                Some(folder) => assets::Objects::Imported(folder),
+                None => assets::Objects::New { families, chosen: arguments.family.as_deref(), count: arguments.count },
+            };
+            let measured = assets::measure(&objects, seed, workers, printer)?;
             printer.data(&measured, &assets::in_words(&measured));
         }
         LabCommand::Layout(arguments) => {

@@ -116,6 +116,7 @@ fn an_interrupted_run_says_so_and_continues() {
 ///
 /// `GENMANIP_KILLS=10` kills each ten times instead of twice.
 #[test]
+#[expect(clippy::print_stdout, reason = "says how many kills came in time")]
 fn killed_verbs_continue_to_the_same_bytes() {
     let kills: u32 = std::env::var("GENMANIP_KILLS").map_or(2, |count| count.parse().unwrap());
     let examples = quick_examples();

@@ -7,6 +7,7 @@ mod cameras;
 mod designing;
 mod help;
 mod hostile;
+mod importing;
 mod interrupted;
 mod messages;
 mod motion;

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use arm::Ending;
 pub use table::Table;
-pub use tried::{TryingSettings, sound_grasp, tried_grasps, try_all};
+pub use tried::{TryingSettings, sound_grasps, tried_grasps, try_all};
 pub use view::{Cloud, ViewSettings};
 
 /// What is grasped, and among what.

@@ -97,31 +97,33 @@ pub fn tried_grasps(
     Ok(tried)
 }
 
-/// The first of the best `most` candidates that held in every trial; `None` when none did.
+/// Of the best candidates those that held in every trial: at most `enough`, and at most `most` others are tried for them.
 ///
 /// # Errors
 /// As [`tried_grasps`].
-pub fn sound_grasp(
+pub fn sound_grasps(
     trials: &GraspTrials,
     model: &Arc<ObjectModel>,
     settings: &TryingSettings,
+    enough: usize,
     most: usize,
     seed: Seed,
-) -> Result<Option<TriedGrasp>, TrialError> {
+) -> Result<Vec<TriedGrasp>, TrialError> {
     let (table, candidates) = candidates(trials, model, seed)?;
-    let mut tried = 0;
+    let (mut sound, mut lost) = (Vec::new(), 0);
     for (index, grasp) in candidates.into_iter().enumerate() {
-        if tried == most {
+        if lost == most || sound.len() == enough {
             break;
         }
         let seed = seed.fork("trials").fork_index(index as u64);
         let Some(grasp) = try_out(trials, &table, grasp, settings, seed)? else { continue };
         if grasp.held == settings.trials {
-            return Ok(Some(grasp));
+            sound.push(grasp);
+        } else {
+            lost += 1;
         }
-        tried += 1;
     }
-    Ok(None)
+    Ok(sound)
 }
 
 /// The object upright on the table, and the candidates of the planner's exact generator, best first.

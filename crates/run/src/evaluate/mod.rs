@@ -67,6 +67,7 @@ pub fn evaluate(
     stop: &AtomicBool,
 ) -> Result<Vec<EvaluationReport>, RunError> {
     let folder = options.out.as_deref().map(|out| suite.folder(out)).transpose()?;
+    folder.as_ref().map_or(Ok(()), RunFolder::sweep)?;
     suite.left_out.iter().for_each(|note| progress.note(note));
     if let Some(limit) = options.max_cost {
         policies.iter().filter_map(PolicyFactory::account).try_for_each(|account| account.set_limit(limit))?;

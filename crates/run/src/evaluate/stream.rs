@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Suite;
 use crate::error::RunError;
-use crate::folder::first_difference;
+use crate::folder::{first_difference, sweep};
 use crate::inputs;
 use crate::policies::PolicyFactory;
 
@@ -63,6 +63,7 @@ impl Stream {
     /// [`RunError::AnotherEvaluation`] when results or episodes of another one lie there; when a line of the results
     /// cannot be read, or another program is evaluating the same.
     pub(super) fn open(folder: &Path, identity: &Identity) -> Result<Self, RunError> {
+        sweep(folder)?;
         let (name, path) = (folder.join("identity.json"), folder.join("results.jsonl"));
         let is_there = |path: &Path| fs::symlink_metadata(path).is_ok();
         let fresh = || -> Result<bool, RunError> {

@@ -24,6 +24,7 @@ use sha2::{Digest, Sha256};
 
 use super::Opened;
 use crate::error::RunError;
+use crate::folder::sweep;
 use crate::inputs;
 use crate::ledger::{Entry, Ledger};
 use crate::progress::Progress;
@@ -59,6 +60,7 @@ pub fn report_full(
     let opened = Opened::new(run, progress)?;
     let rows: Vec<&EpisodeRow> = opened.rows.episodes.iter().filter(|row| row.page().is_some()).collect();
     let keys = keys(&opened, &rows, workers)?;
+    sweep(out)?;
     let ledger = Ledger::open(&out.join(LIST))?;
     let pages: Vec<(&EpisodeRow, String, &String)> =
         rows.iter().zip(&keys).filter_map(|(row, key)| Some((*row, row.page()?, key))).collect();

@@ -1,0 +1,81 @@
+//! Objects from files: into a pack, into tasks and layouts, and what is said when the pack is not there.
+
+use std::fs;
+
+use crate::{genmanip, program};
+
+/// A box standing on z = 0, metres.
+fn cuboid([x, y, z]: [f64; 3]) -> String {
+    let at = |bit: usize, size: f64| if bit == 1 { size } else { 0.0 };
+    let corners = (0..8).map(|i| format!("v {} {} {}\n", at(i & 1, x), at(i >> 1 & 1, y), at(i >> 2 & 1, z)));
+    corners.collect::<String>() + "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
+}
+
+#[test]
+fn imported_objects_take_part_in_tasks_and_layouts() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    for (name, size) in
+        [("sponge.obj", [0.06, 0.09, 0.04]), ("domino.obj", [0.03, 0.05, 0.02]), ("eraser.obj", [0.02, 0.05, 0.03])]
+    {
+        fs::create_dir_all(here.join("files")).unwrap();
+        fs::write(here.join("files").join(name), cuboid(size)).unwrap();
+    }
+    fs::write(here.join("files/broken.glb"), "glTF").unwrap();
+    let import =
+        ["--json", "assets", "import", "files", "--pack", "own", "--scale", "1", "--up", "z", "--workers", "2"];
+    // One of four is refused, which the exit code says.
+    let rows = genmanip(here, &import).json(1);
+    let row =
+        |name: &str| rows.as_array().unwrap().iter().find(|row| row["file"].as_str().unwrap().contains(name)).unwrap();
+    assert!(row("broken")["error"].as_str().unwrap().contains("bytes"), "{rows}");
+    for name in ["sponge", "domino", "eraser"] {
+        let row = row(name);
+        assert!(row["rests"] == true && row["grasps"].as_u64().unwrap() > 0 && row["pieces"] == 1, "{row}");
+        assert!(row["guesses"].as_array().unwrap().iter().any(|guess| guess["what"] == "mass"), "{row}");
+    }
+    for file in ["pack.json", "grasps-panda.json"] {
+        assert!(here.join("packs/own").join(file).is_file(), "{file}");
+    }
+    let listed = genmanip(here, &["--json", "assets", "list", "--catalog", "imported"]).json(0);
+    assert_eq!(listed.as_array().unwrap().len(), 3, "packs in the current folder are opened: {listed}");
+    let uid = row("sponge")["uid"].as_str().unwrap();
+    let shown = genmanip(here, &["--json", "assets", "show", uid]).json(0);
+    assert!(shown["grasps"]["tried"].as_u64().unwrap() > 0 && shown["notes"]["licence"] == "unknown", "{shown}");
+    assert!(shown["notes"]["source"].as_str().unwrap().contains("sponge.obj"), "{shown}");
+
+    let new = [
+        "--json",
+        "task",
+        "new",
+        "--kind",
+        "pick_and_place",
+        "--count",
+        "1",
+        "--catalog",
+        "imported",
+        "--out",
+        "tasks",
+    ];
+    assert_eq!(genmanip(here, &new).code, Some(0));
+    let laid_out = genmanip(here, &["layout", "tasks", "--count", "1", "--out", "scenarios"]);
+    assert_eq!(laid_out.code, Some(0), "{laid_out:?}");
+    fs::rename(here.join("packs"), here.join("elsewhere")).unwrap();
+    genmanip(here, &["layout", "tasks", "--count", "1", "--out", "again"]).assert_refused(&["imported", "pack"]);
+    let again = program(here, &["layout", "tasks", "--count", "1", "--out", "again"])
+        .env("GENMANIP_PACKS", "elsewhere")
+        .output();
+    assert!(again.unwrap().status.success());
+    let of = |folder: &str| {
+        fs::read(
+            fs::read_dir(here.join(folder))
+                .unwrap()
+                .flatten()
+                .find(|entry| entry.path().extension().is_some_and(|e| e == "json"))
+                .unwrap()
+                .path(),
+        )
+        .unwrap()
+    };
+    assert!(of("scenarios") == of("again"), "the same pack makes the same layout");
+}

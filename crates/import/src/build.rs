@@ -1,0 +1,274 @@
+//! From a raw object to a model of the catalogue, by one automatic pipeline.
+
+use std::sync::Arc;
+
+use genmanip_assets::surface;
+use genmanip_core::{
+    Aabb, Annotations, AssetRef, JointState, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Room, VisualPart,
+};
+use glam::{DVec2, DVec3, Vec2};
+
+use crate::collision::{self, Body};
+use crate::place::{self, Given};
+use crate::prior::{self, Prior};
+use crate::raw::{RawLink, RawObject};
+use crate::report::{Guess, Report};
+use crate::{ImportError, clean, mass, simplify, words};
+
+/// Friction of what no file speaks of: between wood and rubber on dry surfaces.
+const FRICTION: f64 = 0.6;
+/// Sliding friction coefficients of dry things; a file's is kept within.
+const FRICTION_RANGE: [f64; 2] = [0.2, 1.1];
+/// The hand opens so wide, less what it needs beside the thing, m.
+const GRASP_M: f64 = 0.074;
+/// Heavier things are not meant for the hand, kg.
+const GRASP_KG: f64 = 2.0;
+/// Shares of a joint's range up to which it is closed, and from which it is open.
+const CLOSED: f64 = 0.1;
+const OPEN: f64 = 0.7;
+/// Joints with states of their own.
+const MOST_STATES: usize = 6;
+
+/// Turns what a file says into an object, guessing what it does not say.
+///
+/// # Errors
+/// When nothing is left after cleaning, or it encloses no volume.
+pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Result<(ObjectModel, Report), ImportError> {
+    let mut guesses = Vec::new();
+    let name = words::name(file, &raw.name);
+    clean::clean(file, &mut raw)?;
+    raw.drop_empty_root();
+    let prior = prior::of_name(&name).or_else(|| prior::of_name(&raw.name));
+    guesses.push(match prior {
+        Some(prior) => Guess::new("category", &prior.category, format!("the name `{name}`")),
+        None => Guess::new("category", category(&name, None), "no category of the catalogue is in its name"),
+    });
+    place::to_metres(&mut raw, given.scale, prior, &mut guesses);
+    place::upright(&mut raw, given.up, prior, &mut guesses);
+    place::center(&mut raw);
+    simplify::simplify(&mut raw);
+    let bodies: Vec<Body> = raw.links.iter().map(collision::body).collect();
+    for (link, body) in raw.links.iter().zip(&bodies).filter(|(_, body)| !body.pieces.is_empty()) {
+        let what = if bodies.len() == 1 { "collision".to_owned() } else { format!("collision of {}", link.name) };
+        if link.collision.is_empty() || body.how.contains("mesh") {
+            guesses.push(Guess::new(what, &body.how, "what is drawn"));
+        }
+    }
+    if bodies[0].pieces.is_empty() && bodies.iter().all(|body| body.pieces.is_empty()) {
+        return Err(ImportError::new(file, "encloses no volume, so nothing can touch it"));
+    }
+    let (mut raw, bodies) = standing(raw, bodies);
+    let size = place::bounds(&raw).size().max(touching(&raw, &bodies).size());
+    let pieces: Vec<&[Piece]> = bodies.iter().map(|body| body.pieces.as_slice()).collect();
+    let masses = mass::masses(&raw.links, &pieces, size, prior, &mut guesses);
+    let friction = friction(&raw, &mut guesses);
+    let states = joint_states(&raw.links);
+    let links: Vec<ObjectLink> = raw
+        .links
+        .iter()
+        .zip(bodies)
+        .zip(&masses)
+        .map(|((link, body), mass)| ObjectLink {
+            name: link.name.clone(),
+            joint: link.joint.clone(),
+            visual: visual(link),
+            pieces: body.pieces,
+            cavity: body.cavity,
+            mass: *mass,
+        })
+        .collect();
+    let mut repairs = std::mem::take(&mut raw.notes);
+    repairs.dedup();
+    let card = card(&name, &raw, &links, size, hash, prior, &states, &mut guesses);
+    let model = ObjectModel {
+        asset: card.asset.clone(),
+        family: card.category.clone(),
+        card,
+        links,
+        friction,
+        joint_states: states,
+    };
+    Ok((model, Report { guesses, repairs }))
+}
+
+/// Bounds of what touches, joints at 0.
+fn touching(raw: &RawObject, bodies: &[Body]) -> Aabb {
+    raw.link_poses()
+        .iter()
+        .zip(bodies)
+        .fold(Aabb::EMPTY, |bounds, (pose, body)| bounds.union(&Aabb::from_pieces(pose, &body.pieces)))
+}
+
+/// Moves an object so that what touches, rather than what is drawn, stands at height 0.
+fn standing(mut raw: RawObject, mut bodies: Vec<Body>) -> (RawObject, Vec<Body>) {
+    let low = touching(&raw, &bodies).min.z;
+    let up = Pose::from_position(DVec3::Z * -low);
+    place::move_root(&mut raw, &up);
+    let Body { pieces, cavity, .. } = &mut bodies[0];
+    for piece in pieces.iter_mut().chain(cavity) {
+        piece.link_from_piece = up * piece.link_from_piece;
+    }
+    (raw, bodies)
+}
+
+fn friction(raw: &RawObject, guesses: &mut Vec<Guess>) -> f64 {
+    let said = raw.links.iter().filter_map(|link| link.friction).reduce(f64::max);
+    let Some(said) = said else {
+        guesses.push(Guess::new("friction", format!("{FRICTION}"), "usual between dry household surfaces"));
+        return FRICTION;
+    };
+    let kept = said.clamp(FRICTION_RANGE[0], FRICTION_RANGE[1]);
+    if kept != said {
+        guesses.push(Guess::new("friction", format!("{kept}"), format!("the files' {said} is implausible")));
+    }
+    kept
+}
+
+/// Drawn surfaces with smooth normals.
+fn visual(link: &RawLink) -> Vec<VisualPart> {
+    link.surfaces
+        .iter()
+        .map(|surface| {
+            let uv = |index: u32| {
+                surface.mesh.uvs.get(index as usize).map_or(DVec2::ZERO, |uv| Vec2::from_array(*uv).as_dvec2())
+            };
+            let corners: Vec<[(DVec3, DVec2); 3]> = surface
+                .mesh
+                .triangles
+                .iter()
+                .map(|triangle| triangle.map(|index| (surface.mesh.positions[index as usize], uv(index))))
+                .collect();
+            VisualPart {
+                name: surface.name.clone(),
+                mesh: Arc::new(surface::smooth(&corners)),
+                material: surface.material.clone(),
+                link_from_part: Pose::IDENTITY,
+            }
+        })
+        .collect()
+}
+
+/// `closed`, and for each of at most six joints `LINK open`: at most a tenth, and at least seven tenths of its range.
+fn joint_states(links: &[RawLink]) -> Vec<JointState> {
+    let joints: Vec<_> = links.iter().filter_map(|link| link.joint.as_ref()).collect();
+    if joints.is_empty() || joints.len() > MOST_STATES {
+        return Vec::new();
+    }
+    // Closed is the end of the range nearest to 0, where descriptions have doors and drawers shut.
+    let at = |range: [f64; 2], share: f64| {
+        let [closed, open] = if range[0].abs() <= range[1].abs() { range } else { [range[1], range[0]] };
+        closed + share * (open - closed)
+    };
+    let between = |range: [f64; 2], from: f64, to: f64| {
+        let (a, b) = (at(range, from), at(range, to));
+        [a.min(b) - 1e-4, a.max(b) + 1e-4]
+    };
+    let state = |name: String, opened: Option<usize>| JointState {
+        name,
+        intervals: joints
+            .iter()
+            .enumerate()
+            .map(|(index, joint)| {
+                let ends = if opened == Some(index) { (OPEN, 1.0) } else { (0.0, CLOSED) };
+                (joint.name.clone(), between(joint.range, ends.0, ends.1))
+            })
+            .collect(),
+        nominal: joints
+            .iter()
+            .enumerate()
+            .map(|(index, joint)| at(joint.range, if opened == Some(index) { 0.9 } else { 0.0 }))
+            .collect(),
+    };
+    let mut states = vec![state("closed".into(), None)];
+    for (index, joint) in joints.iter().enumerate() {
+        let name = if joints.len() == 1 { "open".to_owned() } else { format!("{} open", joint.name) };
+        states.push(state(name, Some(index)));
+    }
+    states
+}
+
+fn category(name: &str, prior: Option<&Prior>) -> String {
+    let last = || {
+        name.split_whitespace()
+            .rfind(|word| word.chars().filter(|c| c.is_alphabetic()).count() > 2)
+            .unwrap_or("thing")
+            .to_lowercase()
+    };
+    prior.map_or_else(last, |prior| prior.category.clone())
+}
+
+#[expect(clippy::too_many_arguments, reason = "what a card is made of")]
+fn card(
+    name: &str,
+    raw: &RawObject,
+    links: &[ObjectLink],
+    size: DVec3,
+    hash: &str,
+    prior: Option<&Prior>,
+    states: &[JointState],
+    guesses: &mut Vec<Guess>,
+) -> ObjectCard {
+    let is_articulated = links.len() > 1;
+    let rigid = if is_articulated { &[][..] } else { &links[0].pieces[..] };
+    let cavity = links.iter().flat_map(|link| &link.cavity).next();
+    let mass_kg = links.iter().map(|link| link.mass.mass_kg).sum::<f64>();
+    let colors = words::colors(raw);
+    let category = category(name, prior);
+    let is_metal = raw.links.iter().flat_map(|link| &link.surfaces).any(|surface| surface.material.metallic > 0.5);
+    let materials = match prior {
+        Some(prior) => prior.materials.clone(),
+        None => vec![if is_metal { "metal" } else { "plastic" }.to_owned()],
+    };
+    guesses.push(Guess::new(
+        "materials",
+        materials.join(", "),
+        if prior.is_some() { "usual for its category" } else { "how it reflects" },
+    ));
+    // The narrowest width of the whole; a rim or a handle may be narrower still, which trials find out.
+    let narrow = narrowest(rigid);
+    let can_grasp = !is_articulated && mass_kg <= GRASP_KG && (narrow <= GRASP_M || cavity.is_some());
+    guesses.push(Guess::new(
+        "can_grasp",
+        can_grasp.to_string(),
+        format!("{:.0} mm at its narrowest, {mass_kg:.2} kg", narrow * 1e3),
+    ));
+    let shape = words::shape(size, rigid, cavity.is_some());
+    let color = colors.first().cloned().unwrap_or_else(|| "grey".into());
+    let height = (size.max_element() * 100.0).round();
+    ObjectCard {
+        uid: format!("{}-{}", words::slug(name), &hash[..hash.len().min(6)]),
+        asset: AssetRef::Imported { hash: hash.to_owned() },
+        name: name.to_owned(),
+        description: format!("An imported {color} {}, {shape}, {height} cm long.", category),
+        general_category: prior.map_or_else(|| "imported".into(), |prior| prior.general_category.clone()),
+        category,
+        colors,
+        materials,
+        shape,
+        size_m: size,
+        mass_kg,
+        is_container: cavity.is_some(),
+        is_articulated,
+        states: states.iter().map(|state| state.name.clone()).collect(),
+        can_grasp,
+        annotations: Annotations {
+            room: cavity.filter(|_| !is_articulated).and_then(Room::of_cavity),
+            affordances: prior.map_or_else(Vec::new, |prior| prior.affordances.clone()),
+            ..Annotations::default()
+        },
+    }
+}
+
+/// Smallest width of pieces across level directions, and their height where that is smaller.
+fn narrowest(pieces: &[Piece]) -> f64 {
+    let width = |direction: DVec3| {
+        let reach = |d: DVec3| pieces.iter().map(|piece| piece.support(d).dot(d)).fold(f64::NEG_INFINITY, f64::max);
+        reach(direction) + reach(-direction)
+    };
+    let across = (0..18).map(|turn| {
+        let (sin, cos) = (std::f64::consts::PI * f64::from(turn) / 18.0).sin_cos();
+        width(DVec3::new(cos, sin, 0.0))
+    });
+    let least = across.fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
+}

@@ -1,0 +1,292 @@
+//! glTF 2.0, binary (GLB) or as text with its files: meshes of the default scene, materials, textures.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use genmanip_core::limits::{IMPORTED_MESH, IMPORTED_PICTURE};
+use genmanip_core::{Material, Texture};
+use glam::{DMat4, DVec3};
+use gltf::mesh::Mode;
+
+use crate::ImportError;
+use crate::files::{Files, beside, shortened};
+use crate::picture;
+use crate::raw::{MOST_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
+
+/// Deepest chain of nodes and most nodes with a mesh that are followed.
+const MOST_DEPTH: usize = 64;
+const MOST_NODES: usize = 10_000;
+/// Most materials with a picture.
+const MOST_TEXTURES: usize = 16;
+
+/// Reads an object of one GLB or glTF file.
+///
+/// # Errors
+/// When the file is cut off, breaks the standard, or needs an extension that is not read, such as Draco.
+pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
+    let bytes = files.bytes(path, IMPORTED_MESH)?;
+    check_header(path, &bytes)?;
+    let gltf = gltf::Gltf::from_slice(&bytes).map_err(|error| {
+        ImportError::new(path, format!("no glTF 2.0 that can be read: {error}"))
+            .hint("compressed meshes (Draco, meshopt) are not read: export without compression")
+    })?;
+    let mut reader = Reader { path, gltf: &gltf, buffers: Vec::new(), notes: Vec::new(), textures: BTreeMap::new() };
+    for buffer in gltf.buffers() {
+        let bytes = reader.buffer(&buffer, files)?;
+        if bytes.len() < buffer.length() {
+            let message = format!("buffer {} has {} bytes; expected {}", buffer.index(), bytes.len(), buffer.length());
+            return Err(ImportError::new(path, message).hint("the file may be cut off"));
+        }
+        reader.buffers.push(bytes);
+    }
+    let scene = gltf.default_scene().or_else(|| gltf.scenes().next());
+    let Some(scene) = scene else { return Err(ImportError::new(path, "holds no scene")) };
+    let (mut surfaces, mut nodes) = (Vec::new(), 0);
+    let mut open: Vec<(gltf::Node<'_>, DMat4, usize)> = scene.nodes().map(|node| (node, DMat4::IDENTITY, 0)).collect();
+    while let Some((node, world_from_parent, depth)) = open.pop() {
+        nodes += 1;
+        if depth > MOST_DEPTH || nodes > MOST_NODES {
+            return Err(ImportError::new(
+                path,
+                format!(
+                    "node {} is one of more than {MOST_NODES}, or deeper than {MOST_DEPTH}: do nodes hold each other?",
+                    node.index()
+                ),
+            ));
+        }
+        let own = DMat4::from_cols_array_2d(&node.transform().matrix().map(|column| column.map(f64::from)));
+        let world_from_node = world_from_parent * own;
+        if let Some(mesh) = node.mesh() {
+            if node.skin().is_some() {
+                reader.notes.push(format!("node {}: its skin is ignored, the mesh is in its rest pose", node.index()));
+            }
+            let name = node.name().or(mesh.name()).unwrap_or("surface").to_owned();
+            for primitive in mesh.primitives() {
+                let Some((mesh, material)) = reader.primitive(&primitive, files)? else { continue };
+                surfaces.push(Surface { name: name.clone(), mesh: mesh.transformed(&world_from_node), material });
+                let triangles: usize = surfaces.iter().map(|surface| surface.mesh.triangles.len()).sum();
+                if triangles > MOST_TRIANGLES {
+                    let message = format!("more than {MOST_TRIANGLES} triangles");
+                    return Err(ImportError::new(path, message).hint("reduce it in a modelling program first"));
+                }
+            }
+        }
+        open.extend(node.children().map(|child| (child, world_from_node, depth + 1)));
+    }
+    if surfaces.is_empty() {
+        return Err(ImportError::new(path, "its scene draws no triangles"));
+    }
+    let name = scene.nodes().next().and_then(|node| node.name().map(str::to_owned)).unwrap_or_default();
+    let copyright = gltf.as_json().asset.copyright.clone();
+    let link = RawLink { name: "body".into(), surfaces, ..RawLink::default() };
+    Ok(RawObject {
+        name,
+        links: vec![link],
+        unit: Unit::Metre,
+        up: Up::Y,
+        licence: copyright.as_deref().map(|text| shortened(text)),
+        creator: None,
+        notes: reader.notes,
+    })
+}
+
+/// A GLB says how long it is.
+fn check_header(path: &str, bytes: &[u8]) -> Result<(), ImportError> {
+    if !bytes.starts_with(b"glTF") {
+        return Ok(());
+    }
+    let length = bytes.get(8..12).and_then(|length| length.try_into().ok()).map_or(0, u32::from_le_bytes) as usize;
+    if length > bytes.len() || length < 20 {
+        let message = format!("{} bytes; its header says {length}", bytes.len());
+        return Err(ImportError::new(path, message).hint("the file is cut off: copy or export it again"));
+    }
+    Ok(())
+}
+
+struct Reader<'a> {
+    path: &'a str,
+    gltf: &'a gltf::Gltf,
+    buffers: Vec<Vec<u8>>,
+    notes: Vec<String>,
+    /// By number of the image, those that were read or given up.
+    textures: BTreeMap<usize, Option<Arc<Texture>>>,
+}
+
+impl Reader<'_> {
+    fn buffer(&self, buffer: &gltf::Buffer<'_>, files: &mut Files<'_>) -> Result<Vec<u8>, ImportError> {
+        match buffer.source() {
+            gltf::buffer::Source::Bin => self.gltf.blob.clone().ok_or_else(|| {
+                ImportError::new(self.path, format!("buffer {} is missing", buffer.index()))
+                    .hint("the file may be cut off")
+            }),
+            gltf::buffer::Source::Uri(uri) => self.uri(uri, IMPORTED_MESH, files),
+        }
+    }
+
+    fn uri(
+        &self,
+        uri: &str,
+        limit: genmanip_core::limits::Limit,
+        files: &mut Files<'_>,
+    ) -> Result<Vec<u8>, ImportError> {
+        if let Some(data) = uri.strip_prefix("data:") {
+            let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
+            let decoded = encoded.and_then(|encoded| STANDARD.decode(encoded).ok());
+            return decoded.ok_or_else(|| ImportError::new(self.path, "a data URI is not base64"));
+        }
+        let plain = uri.replace("%20", " ");
+        Ok(files.bytes(&beside(self.path, &plain)?, limit)?.to_vec())
+    }
+
+    /// The triangles of a primitive with its material; `None` for points and lines.
+    fn primitive(
+        &mut self,
+        primitive: &gltf::Primitive<'_>,
+        files: &mut Files<'_>,
+    ) -> Result<Option<(RawMesh, Material)>, ImportError> {
+        if !matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+            self.notes.push("points and lines are left out".into());
+            return Ok(None);
+        }
+        let material = self.material(&primitive.material(), files)?;
+        let set = primitive.material().pbr_metallic_roughness().base_color_texture().map_or(0, |info| info.tex_coord());
+        for (semantic, accessor) in primitive.attributes() {
+            if matches!(semantic, gltf::Semantic::Positions | gltf::Semantic::TexCoords(_)) {
+                self.check_accessor(&accessor)?;
+            }
+        }
+        if let Some(accessor) = primitive.indices() {
+            self.check_accessor(&accessor)?;
+        }
+        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
+        let wrong = |message: String| ImportError::new(self.path, message);
+        let positions: Vec<DVec3> = reader
+            .read_positions()
+            .ok_or_else(|| wrong("a primitive has no positions".into()))?
+            .map(|[x, y, z]| DVec3::new(x.into(), y.into(), z.into()))
+            .collect();
+        let uvs: Vec<[f32; 2]> = if material.texture.is_some() {
+            reader.read_tex_coords(set).map_or_else(Vec::new, |uvs| uvs.into_f32().collect())
+        } else {
+            Vec::new()
+        };
+        let uvs = if uvs.len() == positions.len() { self.moved(uvs, primitive) } else { Vec::new() };
+        let order: Vec<u32> = match reader.read_indices() {
+            Some(indices) => indices.into_u32().collect(),
+            None => (0..positions.len() as u32).collect(),
+        };
+        if let Some(index) = order.iter().find(|&&index| index as usize >= positions.len()) {
+            return Err(wrong(format!("a face names corner {index} of {}", positions.len())));
+        }
+        let triangles: Vec<[u32; 3]> = match primitive.mode() {
+            Mode::TriangleStrip => {
+                let turned =
+                    |(index, t): (usize, &[u32])| if index % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
+                order.windows(3).enumerate().map(turned).collect()
+            }
+            Mode::TriangleFan => order.windows(2).skip(1).map(|t| [order[0], t[0], t[1]]).collect(),
+            _ => order.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        };
+        Ok(Some((RawMesh { positions, uvs, triangles }, material)))
+    }
+
+    /// The library trusts what an accessor says about its place.
+    fn check_accessor(&self, accessor: &gltf::Accessor<'_>) -> Result<(), ImportError> {
+        let wrong =
+            |message: &str| Err(ImportError::new(self.path, format!("accessor {}: {message}", accessor.index())));
+        if accessor.sparse().is_some() {
+            return wrong("sparse accessors are not read");
+        }
+        let Some(view) = accessor.view() else { return wrong("has no buffer view: is the mesh compressed?") };
+        if accessor.count() == 0 || accessor.count() > 3 * MOST_TRIANGLES {
+            return wrong(&format!("{} elements; expected 1 to {}", accessor.count(), 3 * MOST_TRIANGLES));
+        }
+        let stride = view.stride().unwrap_or(accessor.size());
+        let needed = accessor
+            .offset()
+            .checked_add(stride.saturating_mul(accessor.count() - 1))
+            .and_then(|end| end.checked_add(accessor.size()));
+        let held = self.buffers.get(view.buffer().index()).map_or(0, Vec::len);
+        let end = view.offset().checked_add(view.length());
+        if needed.is_none_or(|needed| needed > view.length()) || end.is_none_or(|end| end > held) {
+            return wrong("reaches beyond its buffer");
+        }
+        Ok(())
+    }
+
+    /// Texture coordinates as KHR_texture_transform moves them.
+    fn moved(&self, mut uvs: Vec<[f32; 2]>, primitive: &gltf::Primitive<'_>) -> Vec<[f32; 2]> {
+        let info = primitive.material().pbr_metallic_roughness().base_color_texture();
+        if let Some(transform) = info.and_then(|info| info.texture_transform()) {
+            let ([du, dv], [su, sv], (sin, cos)) =
+                (transform.offset(), transform.scale(), transform.rotation().sin_cos());
+            for [u, v] in &mut uvs {
+                let (x, y) = (*u * su, *v * sv);
+                (*u, *v) = (cos * x + sin * y + du, cos * y - sin * x + dv);
+            }
+        }
+        uvs
+    }
+
+    fn material(&mut self, material: &gltf::Material<'_>, files: &mut Files<'_>) -> Result<Material, ImportError> {
+        let pbr = material.pbr_metallic_roughness();
+        let [r, g, b, alpha] = pbr.base_color_factor();
+        let texture = match pbr.base_color_texture() {
+            Some(info) => self.image(&info.texture().source(), files)?,
+            None => None,
+        };
+        let opacity = if material.alpha_mode() == gltf::material::AlphaMode::Opaque { 1.0 } else { alpha };
+        let clear = material.transmission().map_or(0.0, |transmission| transmission.transmission_factor());
+        Ok(Material {
+            roughness: pbr.roughness_factor().clamp(0.05, 1.0),
+            metallic: if texture.is_some() && pbr.metallic_roughness_texture().is_some() {
+                0.0
+            } else {
+                pbr.metallic_factor().clamp(0.0, 1.0)
+            },
+            opacity: opacity.min(1.0 - 0.8 * clear).clamp(0.05, 1.0),
+            ior: material.ior().filter(|ior| ior.is_finite()).unwrap_or(1.5).clamp(1.0, 2.5),
+            texture,
+            ..Material::plain([r, g, b].map(srgb), 0.5)
+        })
+    }
+
+    fn image(&mut self, image: &gltf::Image<'_>, files: &mut Files<'_>) -> Result<Option<Arc<Texture>>, ImportError> {
+        if let Some(known) = self.textures.get(&image.index()) {
+            return Ok(known.clone());
+        }
+        if self.textures.len() == MOST_TEXTURES {
+            self.notes.push(format!("image {}: left out, more than {MOST_TEXTURES} textures", image.index()));
+            return Ok(None);
+        }
+        let bytes = match image.source() {
+            gltf::image::Source::View { view, .. } => {
+                let held = self.buffers.get(view.buffer().index()).map_or(&[][..], Vec::as_slice);
+                let end = view.offset().saturating_add(view.length());
+                Ok(held.get(view.offset()..end).unwrap_or_default().to_vec())
+            }
+            gltf::image::Source::Uri { uri, .. } => self.uri(uri, IMPORTED_PICTURE, files),
+        };
+        let read = bytes.map_err(|error| error.to_string()).and_then(|bytes| picture::texture(&bytes));
+        let texture = match read {
+            Ok((texture, note)) => {
+                self.notes.extend(note);
+                Some(Arc::new(texture))
+            }
+            Err(message) => {
+                self.notes.push(format!("image {} left out: {message}", image.index()));
+                None
+            }
+        };
+        self.textures.insert(image.index(), texture.clone());
+        Ok(texture)
+    }
+}
+
+/// Of a linear value, IEC 61966-2-1.
+pub fn srgb(linear: f32) -> f32 {
+    let linear = if linear.is_finite() { linear.clamp(0.0, 1.0) } else { 0.5 };
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}

@@ -1,0 +1,265 @@
+//! Wavefront OBJ with its materials and textures.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use genmanip_core::Material;
+use genmanip_core::limits::{IMPORTED_DESCRIPTION, IMPORTED_MESH};
+use glam::DVec3;
+
+use crate::ImportError;
+use crate::files::{Files, beside, shortened};
+use crate::raw::{MOST_TRIANGLES, RawLink, RawMesh, RawObject, Surface, Unit, Up};
+
+/// Most surfaces: groups that change their material back and forth share one.
+const MOST_SURFACES: usize = 4096;
+/// Of surfaces without a material: light grey.
+const PLAIN: [f32; 3] = [0.7, 0.7, 0.7];
+
+/// Reads an object of one OBJ file.
+///
+/// # Errors
+/// With the line that cannot be read. Materials and textures that cannot be had are noted and left out.
+pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
+    let mut notes = Vec::new();
+    let surfaces = surfaces(path, files, &mut notes)?;
+    let link = RawLink { name: "body".into(), surfaces, ..RawLink::default() };
+    Ok(RawObject {
+        name: String::new(),
+        links: vec![link],
+        unit: Unit::Unknown,
+        up: Up::Unknown,
+        licence: None,
+        creator: None,
+        notes,
+    })
+}
+
+/// The surfaces of an OBJ file, one per group and material.
+///
+/// # Errors
+/// As [`read`].
+pub fn surfaces(path: &str, files: &mut Files<'_>, notes: &mut Vec<String>) -> Result<Vec<Surface>, ImportError> {
+    let bytes = files.bytes(path, IMPORTED_MESH)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let mut reader = Reader { path, ..Reader::default() };
+    let mut materials = BTreeMap::new();
+    for (index, line) in text.lines().enumerate() {
+        reader.line = index + 1;
+        let mut words = line.split_whitespace();
+        match words.next().unwrap_or_default() {
+            "v" => reader.corner(words)?,
+            "vt" => reader.place(words)?,
+            "f" => reader.face(words)?,
+            "o" | "g" => reader.group = words.collect::<Vec<_>>().join(" "),
+            "usemtl" => reader.material = words.collect::<Vec<_>>().join(" "),
+            "mtllib" => match library(path, line.trim_start()[6..].trim(), files, notes) {
+                Ok(found) => materials.extend(found),
+                Err(error) => notes.push(format!("materials left out: {error}")),
+            },
+            _ => {}
+        }
+    }
+    let plain = Material::plain(mean_color(&reader.colors), 0.5);
+    let surfaces: Vec<Surface> = reader
+        .surfaces
+        .into_iter()
+        .map(|((name, material), Part { mesh, .. })| Surface {
+            name,
+            mesh,
+            material: materials.get(&material).cloned().unwrap_or_else(|| plain.clone()),
+        })
+        .collect();
+    if surfaces.is_empty() {
+        return Err(ImportError::new(path, "holds no faces").hint("expected an OBJ with lines `f 1 2 3`"));
+    }
+    Ok(surfaces)
+}
+
+/// What was read so far.
+#[derive(Default)]
+struct Reader<'a> {
+    path: &'a str,
+    line: usize,
+    corners: Vec<DVec3>,
+    colors: Vec<[f32; 3]>,
+    places: Vec<[f32; 2]>,
+    group: String,
+    material: String,
+    triangles: usize,
+    /// By group and material.
+    surfaces: BTreeMap<(String, String), Part>,
+}
+
+/// A surface with the numbers of its corners by those of the file; the map is only looked up.
+#[derive(Default)]
+struct Part {
+    mesh: RawMesh,
+    known: HashMap<(usize, usize), u32>,
+}
+
+impl<'a> Reader<'a> {
+    fn wrong(&self, message: impl std::fmt::Display) -> ImportError {
+        ImportError::new(self.path, format!("line {}: {message}", self.line))
+    }
+
+    /// At least `least` numbers; what is no number is damage, but `nan` is one and is left to cleaning.
+    fn numbers(&self, words: std::str::SplitWhitespace<'_>, least: usize) -> Result<Vec<f64>, ImportError> {
+        let values: Option<Vec<f64>> = words.take(6).map(|word| word.parse().ok()).collect();
+        let values = values.ok_or_else(|| self.wrong("expected numbers"))?;
+        if values.len() < least {
+            return Err(self.wrong(format!("{} numbers; expected {least}", values.len())));
+        }
+        Ok(values)
+    }
+
+    fn corner(&mut self, words: std::str::SplitWhitespace<'_>) -> Result<(), ImportError> {
+        let values = self.numbers(words, 3)?;
+        self.corners.push(DVec3::from_slice(&values));
+        if let [_, _, _, r, g, b] = values[..] {
+            self.colors.push([r, g, b].map(|value| value as f32));
+        }
+        Ok(())
+    }
+
+    fn place(&mut self, words: std::str::SplitWhitespace<'_>) -> Result<(), ImportError> {
+        let values = self.numbers(words, 1)?;
+        self.places.push([values[0] as f32, 1.0 - values.get(1).copied().unwrap_or(0.0) as f32]);
+        Ok(())
+    }
+
+    /// A polygon as a fan of triangles.
+    fn face(&mut self, words: std::str::SplitWhitespace<'_>) -> Result<(), ImportError> {
+        let corners = words.map(|word| self.named(word)).collect::<Result<Vec<_>, _>>()?;
+        if corners.len() < 3 {
+            return Err(self.wrong(format!("a face of {} corners", corners.len())));
+        }
+        self.triangles += corners.len() - 2;
+        if self.triangles > MOST_TRIANGLES {
+            return Err(self
+                .wrong(format!("more than {MOST_TRIANGLES} triangles"))
+                .hint("reduce it in a modelling program first"));
+        }
+        let key = (self.group.clone(), self.material.clone());
+        if self.surfaces.len() == MOST_SURFACES && !self.surfaces.contains_key(&key) {
+            return Err(self.wrong(format!("more than {MOST_SURFACES} groups")));
+        }
+        let part = self.surfaces.entry(key).or_default();
+        let indices: Vec<u32> = corners
+            .into_iter()
+            .map(|(corner, place)| {
+                *part.known.entry((corner, place.unwrap_or(usize::MAX))).or_insert_with(|| {
+                    part.mesh.positions.push(self.corners[corner]);
+                    part.mesh.uvs.push(place.map_or([0.0; 2], |place| self.places[place]));
+                    part.mesh.positions.len() as u32 - 1
+                })
+            })
+            .collect();
+        part.mesh.triangles.extend(indices.windows(2).skip(1).map(|pair| [indices[0], pair[0], pair[1]]));
+        Ok(())
+    }
+
+    /// `corner/place/normal`, from 1, or from the end when negative.
+    fn named(&self, word: &str) -> Result<(usize, Option<usize>), ImportError> {
+        let mut parts = word.split('/');
+        let number = |part: Option<&str>, count: usize, what: &str| -> Result<Option<usize>, ImportError> {
+            let Some(part) = part.filter(|part| !part.is_empty()) else { return Ok(None) };
+            let wrong = || self.wrong(format!("names {what} `{}` of {count}", shortened(part)));
+            let index: i64 = part.parse().map_err(|_| wrong())?;
+            let index = if index < 0 { count as i64 + index } else { index - 1 };
+            usize::try_from(index).ok().filter(|index| *index < count).map(Some).ok_or_else(wrong)
+        };
+        let corner = number(parts.next(), self.corners.len(), "corner")?;
+        let place = number(parts.next(), self.places.len(), "texture coordinate")?;
+        Ok((corner.ok_or_else(|| self.wrong("a face without corners"))?, place))
+    }
+}
+
+/// A material as MTL says it.
+#[derive(Default)]
+struct Mtl {
+    color: Option<[f32; 3]>,
+    shininess: Option<f32>,
+    opacity: Option<f32>,
+    picture: Option<String>,
+}
+
+/// The materials of a library by name; what cannot be read of one is left out.
+fn library(
+    path: &str,
+    named: &str,
+    files: &mut Files<'_>,
+    notes: &mut Vec<String>,
+) -> Result<BTreeMap<String, Material>, ImportError> {
+    let mtl = beside(path, named)?;
+    let text = files.text(&mtl, IMPORTED_DESCRIPTION)?;
+    let mut read: BTreeMap<String, Mtl> = BTreeMap::new();
+    let mut current: Option<&mut Mtl> = None;
+    for line in text.lines() {
+        let (key, rest) = line.trim().split_once(char::is_whitespace).unwrap_or((line.trim(), ""));
+        if key == "newmtl" {
+            current = Some(read.entry(rest.trim().to_owned()).or_default());
+            continue;
+        }
+        let Some(material) = &mut current else { continue };
+        let numbers: Vec<f32> =
+            rest.split_whitespace().filter_map(|word| word.parse().ok()).filter(|v: &f32| v.is_finite()).collect();
+        match (key, numbers.as_slice()) {
+            ("Kd", &[r, g, b]) => material.color = Some([r, g, b]),
+            ("Ns", &[n]) => material.shininess = Some(n),
+            ("d", &[opacity]) => material.opacity = Some(opacity),
+            ("Tr", &[transparency]) => material.opacity = Some(1.0 - transparency),
+            ("map_Kd", _) => material.picture = Some(rest.trim().to_owned()),
+            _ => {}
+        }
+    }
+    Ok(read.into_iter().map(|(name, material)| (name, finish(&mtl, &material, files, notes))).collect())
+}
+
+/// A material of MTL as metallic-roughness: what the format does not say is dull plastic.
+fn finish(mtl: &str, material: &Mtl, files: &mut Files<'_>, notes: &mut Vec<String>) -> Material {
+    let mut color = material.color.unwrap_or(PLAIN).map(|value| value.clamp(0.0, 1.0));
+    let texture = material.picture.as_deref().and_then(|named| {
+        // Options such as `-s 1 1 1` stand before the name; names may hold blanks.
+        let name = if named.starts_with('-') { named.split_whitespace().last().unwrap_or(named) } else { named };
+        match load_texture(mtl, name, files, notes) {
+            Ok(texture) => Some(texture),
+            Err(error) => {
+                notes.push(format!("texture left out: {error}"));
+                None
+            }
+        }
+    });
+    // With a picture over it, black is what many exporters write for "not set".
+    if texture.is_some() && color.iter().all(|&value| value < 0.05) {
+        color = [1.0; 3];
+    }
+    // Phong's exponent as roughness, after Walter et al. 2007: alpha = sqrt(2 / (n + 2)).
+    let roughness = material.shininess.filter(|n| *n >= 0.0).map_or(0.5, |n| (2.0 / (n + 2.0)).sqrt());
+    let opacity = material.opacity.unwrap_or(1.0).clamp(0.05, 1.0);
+    Material { opacity, texture, ..Material::plain(color, roughness.sqrt().clamp(0.15, 0.95)) }
+}
+
+/// The picture that a file names.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn load_texture(
+    file: &str,
+    named: &str,
+    files: &mut Files<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Arc<genmanip_core::Texture>, ImportError> {
+    let path = beside(file, named)?;
+    let (texture, note) = files.picture(&path)?;
+    notes.extend(note);
+    Ok(texture)
+}
+
+fn mean_color(colors: &[[f32; 3]]) -> [f32; 3] {
+    let sound = colors.iter().filter(|color| color.iter().all(|value| value.is_finite()));
+    let (sum, count) = sound.fold(([0.0; 3], 0.0), |(sum, count), color| {
+        ([0, 1, 2].map(|channel| sum[channel] + color[channel].clamp(0.0, 1.0)), count + 1.0)
+    });
+    if count == 0.0 { PLAIN } else { sum.map(|sum: f32| sum / count) }
+}

@@ -1,0 +1,98 @@
+//! STL (binary or text) and the engine's own MSH: triangles without materials.
+
+use glam::DVec3;
+
+use crate::ImportError;
+use crate::raw::{MOST_TRIANGLES, RawMesh};
+
+/// Triangles of an STL file.
+///
+/// # Errors
+/// When it is neither binary nor text STL, or too large.
+pub fn read(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
+    let count = bytes.get(80..84).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
+    let is_binary = count.is_some_and(|count| bytes.len() as u64 >= 84 + 50 * u64::from(count) && count > 0);
+    let corners = if is_binary {
+        let count = count.unwrap_or(0) as usize;
+        check_count(path, count)?;
+        let triangles = bytes[84..].chunks_exact(50).take(count);
+        triangles.flat_map(|triangle| triangle[12..48].chunks_exact(12).map(corner)).collect()
+    } else if bytes.trim_ascii_start().starts_with(b"solid") {
+        text_corners(path, bytes)?
+    } else {
+        return Err(ImportError::new(
+            path,
+            "neither text nor binary STL: its length does not fit its number of triangles",
+        ));
+    };
+    if corners.is_empty() || corners.len() % 3 != 0 {
+        return Err(ImportError::new(path, format!("{} corners; expected three per triangle", corners.len())));
+    }
+    let triangles = (0..corners.len() as u32 / 3).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]).collect();
+    Ok(RawMesh { positions: corners, uvs: Vec::new(), triangles })
+}
+
+/// Triangles of an MSH file: four counts, then corners, normals, texture coordinates and faces.
+///
+/// # Errors
+/// When its length does not fit its counts.
+pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
+    let wrong = || ImportError::new(path, "no MSH: its length does not fit its counts");
+    let word = |index: usize| Some(i32::from_le_bytes(bytes.get(4 * index..4 * index + 4)?.try_into().ok()?));
+    let count = |index| word(index).and_then(|value| usize::try_from(value).ok()).ok_or_else(wrong);
+    let (corners, normals, uvs, faces) = (count(0)?, count(1)?, count(2)?, count(3)?);
+    check_count(path, faces.max(corners / 3))?;
+    let words = [3 * corners, 3 * normals.min(bytes.len()), 2 * uvs.min(bytes.len()), 3 * faces];
+    if bytes.len() != 4 * (4 + words.iter().sum::<usize>()) || corners == 0 || faces == 0 {
+        return Err(wrong());
+    }
+    let part = |index: usize| {
+        let start = 4 * (4 + words[..index].iter().sum::<usize>());
+        &bytes[start..start + 4 * words[index]]
+    };
+    let positions: Vec<DVec3> = part(0).chunks_exact(12).map(corner).collect();
+    let single = |bytes: &[u8]| bytes.try_into().map_or(f32::NAN, f32::from_le_bytes);
+    let mut texture: Vec<[f32; 2]> =
+        part(2).chunks_exact(8).map(|uv| [single(&uv[..4]), 1.0 - single(&uv[4..])]).collect();
+    if texture.len() != positions.len() {
+        texture.clear();
+    }
+    let mut triangles = Vec::with_capacity(faces);
+    for face in part(3).chunks_exact(12) {
+        let corner = |at: usize| face[4 * at..4 * at + 4].try_into().map_or(u32::MAX, u32::from_le_bytes);
+        let triangle = [corner(0), corner(1), corner(2)];
+        if triangle.iter().any(|&index| index as usize >= positions.len()) {
+            return Err(ImportError::new(path, format!("a face names corner {triangle:?} of {}", positions.len())));
+        }
+        triangles.push(triangle);
+    }
+    Ok(RawMesh { positions, uvs: texture, triangles })
+}
+
+fn check_count(path: &str, triangles: usize) -> Result<(), ImportError> {
+    if triangles > MOST_TRIANGLES {
+        return Err(ImportError::new(path, format!("{triangles} triangles; at most {MOST_TRIANGLES} are read"))
+            .hint("reduce it in a modelling program first"));
+    }
+    Ok(())
+}
+
+fn corner(bytes: &[u8]) -> DVec3 {
+    let number = |bytes: &[u8]| f64::from(bytes.try_into().map_or(f32::NAN, f32::from_le_bytes));
+    DVec3::new(number(&bytes[..4]), number(&bytes[4..8]), number(&bytes[8..12]))
+}
+
+fn text_corners(path: &str, bytes: &[u8]) -> Result<Vec<DVec3>, ImportError> {
+    let text = String::from_utf8_lossy(bytes);
+    let mut corners = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let Some(rest) = line.trim_start().strip_prefix("vertex") else { continue };
+        let values: Vec<f64> = rest.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        let &[x, y, z] = values.as_slice() else {
+            return Err(ImportError::new(path, format!("line {}: expected three numbers after `vertex`", index + 1)));
+        };
+        corners.push(DVec3::new(x, y, z));
+    }
+    check_count(path, corners.len() / 3)?;
+    Ok(corners)
+}

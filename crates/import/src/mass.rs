@@ -1,0 +1,124 @@
+//! Mass, its place and inertia: what the files say where it is plausible, else what things of that kind weigh.
+
+use genmanip_assets::solid::{Moments, Solid};
+use genmanip_core::{MassProperties, Piece, Shape};
+use glam::{DMat3, DVec3};
+
+use crate::collision::hull::convex_hull;
+use crate::collision::piece_volume;
+use crate::prior::Prior;
+use crate::raw::RawLink;
+use crate::report::Guess;
+
+/// Mean density of a household thing of no known kind, hollow ones included, kg/m³.
+const DENSITY: f64 = 450.0;
+/// Mass that a link may have, kg.
+const MASS_KG: [f64; 2] = [0.001, 60.0];
+/// A mass is at most so many times lighter or heavier than usual for its kind.
+const UNUSUAL: f64 = 3.0;
+/// An inertia is at most so many times off that of a body of even density.
+const INERTIA_OFF: f64 = 8.0;
+
+/// Mass properties of each link. `volume_m3` is the matter of a rigid object's surface, where it is known.
+pub fn masses(
+    links: &[RawLink],
+    bodies: &[&[Piece]],
+    size: DVec3,
+    prior: Option<&Prior>,
+    guesses: &mut Vec<Guess>,
+) -> Vec<MassProperties> {
+    let volumes: Vec<f64> =
+        bodies.iter().map(|pieces| pieces.iter().map(piece_volume).sum::<f64>().max(1e-9)).collect();
+    let whole: f64 = volumes.iter().sum();
+    let total = prior.map_or(DENSITY * whole, |prior| {
+        let by_size = prior.bounds_density * size.element_product();
+        by_size.clamp(prior.mass_kg / UNUSUAL, prior.mass_kg * UNUSUAL)
+    });
+    let mut masses = Vec::new();
+    for (index, link) in links.iter().enumerate() {
+        let even = moments(bodies[index]);
+        let name = if links.len() == 1 { "mass".to_owned() } else { format!("mass of {}", link.name) };
+        let guessed = (total * volumes[index] / whole).clamp(MASS_KG[0], MASS_KG[1]);
+        let (mass_kg, because) = match (&link.mass, link.density) {
+            (Some(mass), _) if (MASS_KG[0]..=MASS_KG[1]).contains(&mass.mass_kg) => (mass.mass_kg, None),
+            (None, Some(density)) if (MASS_KG[0]..=MASS_KG[1]).contains(&(density * volumes[index])) => {
+                (density * volumes[index], Some(format!("density of {density} kg/m³ as the files say")))
+            }
+            (Some(mass), _) => (guessed, Some(format!("the files' {} kg are implausible", mass.mass_kg))),
+            _ => match prior {
+                Some(prior) => (guessed, Some(format!("a {} usually weighs {:.3} kg", prior.category, prior.mass_kg))),
+                None => (guessed, Some(format!("{DENSITY} kg/m³, as household things have on average"))),
+            },
+        };
+        guesses.extend(because.map(|because| Guess::new(name.clone(), format!("{mass_kg:.3} kg"), because)));
+        let even = even.with_mass(mass_kg);
+        let own = link.mass.as_ref().filter(|mass| mass.mass_kg == mass_kg);
+        masses.push(match own {
+            Some(own) if is_plausible(own, &even) => *own,
+            Some(own) if own.inertia == DMat3::ZERO => even,
+            Some(_) => {
+                guesses.push(Guess::new(
+                    name.replace("mass", "inertia"),
+                    "that of even density",
+                    "the files' is implausible",
+                ));
+                even
+            }
+            None => even,
+        });
+    }
+    masses
+}
+
+/// Whether moments are those of a body about as large as the pieces.
+fn is_plausible(mass: &MassProperties, even: &MassProperties) -> bool {
+    let diagonal = |inertia: &DMat3| DVec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z);
+    let (own, usual) = (diagonal(&mass.inertia), diagonal(&even.inertia));
+    let ratio = own / usual;
+    let is_triangle = own.x <= own.y + own.z && own.y <= own.z + own.x && own.z <= own.x + own.y;
+    let reach = (usual.max_element() / even.mass_kg).sqrt();
+    is_triangle
+        && mass.inertia.determinant() > 0.0
+        && ratio.min_element() > 1.0 / INERTIA_OFF
+        && ratio.max_element() < INERTIA_OFF
+        && mass.center.distance(even.center) < 2.0 * reach
+}
+
+/// Moments of all pieces together.
+fn moments(pieces: &[Piece]) -> Moments {
+    let each: Vec<Moments> = pieces.iter().filter_map(of_piece).collect();
+    if each.is_empty() {
+        return Solid::cuboid(genmanip_core::Pose::IDENTITY, DVec3::splat(0.01)).moments;
+    }
+    Moments::sum(each.iter())
+}
+
+fn of_piece(piece: &Piece) -> Option<Moments> {
+    let pose = piece.link_from_piece;
+    let ellipsoid = |radii: DVec3| {
+        let volume = piece_volume(piece);
+        let rotation = DMat3::from_quat(pose.rotation);
+        let second = rotation * DMat3::from_diagonal(radii * radii * (volume / 5.0)) * rotation.transpose();
+        Moments { volume, center: pose.position, second }
+    };
+    let along = |half: f64| [pose.transform_point(DVec3::Z * -half), pose.transform_point(DVec3::Z * half)];
+    Some(match &piece.shape {
+        Shape::Box { half_extents } => Solid::cuboid(pose, *half_extents).moments,
+        Shape::Sphere { radius } => ellipsoid(DVec3::splat(*radius)),
+        Shape::Ellipsoid { radii } => ellipsoid(*radii),
+        Shape::Cylinder { radius, half_height } => {
+            let [from, to] = along(*half_height);
+            Solid::cylinder(from, to, *radius).moments
+        }
+        Shape::Capsule { radius, half_length } => {
+            let [from, to] = along(*half_length);
+            Solid::capsule(from, to, *radius).moments
+        }
+        Shape::Hull { points } => {
+            let (corners, triangles) = convex_hull(points)?;
+            let placed: Vec<DVec3> = corners.iter().map(|corner| pose.transform_point(*corner)).collect();
+            let loose: Vec<[DVec3; 3]> = triangles.iter().map(|t| t.map(|index| placed[index as usize])).collect();
+            Moments::of_surface(&loose)
+        }
+    })
+}

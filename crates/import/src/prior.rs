@@ -1,0 +1,109 @@
+//! What things of a name usually measure and weigh: the medians of the objects of the catalogue of that category.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use genmanip_assets::{Catalogue, Families};
+use genmanip_core::ObjectCard;
+
+/// What is usual in a category.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prior {
+    /// Kind of thing.
+    pub category: String,
+    /// Group of kinds.
+    pub general_category: String,
+    /// Usual longest side, m.
+    pub longest_m: f64,
+    /// Usual height as a share of the longest side.
+    pub height_share: f64,
+    /// Usual mass, kg.
+    pub mass_kg: f64,
+    /// Usual mass over the volume of the bounds, kg/m³.
+    pub bounds_density: f64,
+    /// Usual materials.
+    pub materials: Vec<String>,
+    /// What can be done with it.
+    pub affordances: Vec<String>,
+    /// Words that name the category besides its own.
+    synonyms: Vec<String>,
+}
+
+/// The category whose words a name holds: the one of most words, then of the last word, then by its own name rather
+/// than by a synonym, then first by name.
+pub fn of_name(name: &str) -> Option<&'static Prior> {
+    let words: Vec<String> = name.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(singular).collect();
+    let last = words.iter().rposition(|word| word.chars().any(char::is_alphabetic));
+    let rank = |prior: &Prior| {
+        let named = std::iter::once(&prior.category).chain(&prior.synonyms);
+        named
+            .map(|phrase| {
+                let phrase: Vec<String> = phrase.to_lowercase().split_whitespace().map(singular).collect();
+                let fits = !phrase.is_empty() && phrase.iter().all(|word| words.contains(word));
+                let ends = last.is_some_and(|last| phrase.last() == Some(&words[last]));
+                fits.then_some((phrase.len(), ends))
+            })
+            .zip(std::iter::once(true).chain(std::iter::repeat(false)))
+            .filter_map(|(found, is_own)| found.map(|(words, ends)| (words, ends, is_own)))
+            .max()
+    };
+    let ranked = priors().iter().filter_map(|prior| Some((rank(prior)?, prior)));
+    // Of several with one rank the first by name is kept.
+    ranked
+        .fold(None, |best: Option<((usize, bool, bool), &Prior)>, one| match best {
+            Some(kept) if kept.0 >= one.0 => Some(kept),
+            _ => Some(one),
+        })
+        .map(|(_, prior)| prior)
+}
+
+fn singular(word: &str) -> String {
+    let cut = if word.ends_with("ss") { word } else { word.strip_suffix('s').unwrap_or(word) };
+    cut.to_owned()
+}
+
+fn priors() -> &'static [Prior] {
+    static PRIORS: OnceLock<Vec<Prior>> = OnceLock::new();
+    PRIORS.get_or_init(|| {
+        let mut cards: BTreeMap<&str, Vec<&ObjectCard>> = BTreeMap::new();
+        for card in Catalogue::full().cards() {
+            cards.entry(&card.category).or_default().push(card);
+        }
+        cards.into_iter().map(|(category, cards)| of_cards(category, &cards)).collect()
+    })
+}
+
+fn of_cards(category: &str, cards: &[&ObjectCard]) -> Prior {
+    let median = |of: &dyn Fn(&ObjectCard) -> f64| {
+        let mut values: Vec<f64> = cards.iter().map(|card| of(card)).collect();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    Prior {
+        category: category.to_owned(),
+        general_category: cards[0].general_category.clone(),
+        longest_m: median(&|card| card.size_m.max_element()),
+        height_share: median(&|card| card.size_m.z / card.size_m.max_element()),
+        mass_kg: median(&|card| card.mass_kg),
+        bounds_density: median(&|card| card.mass_kg / card.size_m.element_product().max(1e-9)),
+        materials: cards[0].materials.clone(),
+        affordances: cards[0].annotations.affordances.clone(),
+        synonyms: Families::builtin().of_category(category).map_or_else(Vec::new, |family| family.synonyms.clone()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_find_their_category() {
+        for (name, category) in [("mug", "mug"), ("Bananas", "banana"), ("old red mug 3", "mug"), ("Hammer", "hammer")]
+        {
+            assert_eq!(of_name(name).map(|prior| prior.category.as_str()), Some(category), "{name}");
+        }
+        assert_eq!(of_name("xqzw 17"), None);
+        let mug = of_name("mug").unwrap();
+        assert!((0.06..0.2).contains(&mug.longest_m) && (0.1..0.8).contains(&mug.mass_kg));
+    }
+}

@@ -1,0 +1,120 @@
+//! Damaged and hostile files: one clear error or a stated repair, never a panic.
+
+use genmanip_import::{Given, ImportError};
+use proptest::prelude::*;
+
+use crate::described::{cabinet, drawer};
+use crate::rigid::{Disk, crate_obj, disk, glb, import_from, png, upright_box};
+
+fn refused(disk: &Disk, path: &str) -> ImportError {
+    let error = import_from(disk, path, &Given::default()).map(|object| object.report).expect_err(path);
+    assert!(!error.message.is_empty() && error.to_string().lines().count() == 1, "{error}");
+    error
+}
+
+#[test]
+fn every_broken_file_has_one_clear_error() {
+    let (corners, triangles) = upright_box([0.05, 0.2, 0.03]);
+    let good = glb(&corners, &triangles, "");
+    let mut nan = corners.clone();
+    nan.iter_mut().for_each(|corner| corner[0] = f32::NAN);
+    let mut beyond = triangles.clone();
+    beyond[0][0] = 99;
+    let mut many = String::from("v 0 0 0\nv 1 0 0\nv 0 1 0\n");
+    many.push_str(&"f 1 2 3\n".repeat(1_000_001));
+    let draco =
+        r#","extensionsRequired":["KHR_draco_mesh_compression"],"extensionsUsed":["KHR_draco_mesh_compression"]"#;
+    let cases: Vec<(&str, Vec<u8>, &str)> = vec![
+        ("cut.glb", good[..good.len() / 2].to_vec(), "its header says"),
+        ("empty.glb", Vec::new(), "no glTF"),
+        ("nan.glb", glb(&nan, &triangles, ""), "12 of 12 triangles"),
+        ("beyond.glb", glb(&corners, &beyond, ""), "corner 99 of 8"),
+        ("draco.glb", glb(&corners, &triangles, draco), "no glTF"),
+        ("words.obj", b"v 1 2\n".to_vec(), "line 1"),
+        ("face.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), "line 4"),
+        ("empty.obj", b"# nothing\n".to_vec(), "no faces"),
+        ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n".to_vec(), "no triangle"),
+        ("many.obj", many.into_bytes(), "more than 1000000 triangles"),
+        ("short.stl", vec![7; 100], "STL"),
+        ("short.msh", vec![0; 40], "MSH"),
+        ("thing.zip", b"PK\x03\x04".to_vec(), "unpack archives"),
+    ];
+    for (path, bytes, expected) in cases {
+        let error = refused(&disk(&[(path, &bytes)]), path);
+        assert!(format!("{error} {}", error.hint).contains(expected), "{path}: {error} ({})", error.hint);
+    }
+    assert!(refused(&disk(&[]), "missing.glb").message.contains("no such file"));
+}
+
+#[test]
+fn names_that_lead_elsewhere_are_left_out_and_said() {
+    for (named, expected) in
+        [("/etc/passwd", "absolute"), ("../../../secret.png", "outside"), ("missing.png", "no such file")]
+    {
+        let mut files = crate_obj();
+        files.insert("boxes/crate.mtl".into(), format!("newmtl card\nKd 0 1 0\nmap_Kd {named}\n").into_bytes());
+        let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
+        let repair = object.report.repairs.iter().find(|repair| repair.contains("texture left out"));
+        assert!(repair.is_some_and(|repair| repair.contains(expected)), "{named}: {:?}", object.report.repairs);
+        assert_eq!(object.model.card.colors, ["green"]);
+    }
+    let mut files = crate_obj();
+    let text = String::from_utf8(files["boxes/blorp.obj"].clone()).unwrap().replace("crate.mtl", "/etc/hosts");
+    files.insert("boxes/blorp.obj".into(), text.into_bytes());
+    let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
+    assert!(object.report.repairs.iter().any(|repair| repair.contains("materials left out")));
+}
+
+#[test]
+fn pictures_that_are_bombs_are_left_out_and_said() {
+    let mut bomb = png(4, 4, &[9; 48]);
+    bomb[16..24].copy_from_slice(&[0, 0, 0x90, 0, 0, 0, 0x90, 0]);
+    let mut files = crate_obj();
+    files.insert("pictures/card.png".into(), bomb);
+    let object = import_from(&files, "boxes/blorp.obj", &Given::default()).unwrap();
+    assert!(
+        object.report.repairs.iter().any(|repair| repair.contains("texture left out")),
+        "{:?}",
+        object.report.repairs
+    );
+}
+
+#[test]
+fn nodes_that_hold_each_other_end() {
+    let scene =
+        r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"children":[1]},{"children":[0]}]}"#;
+    let error = refused(&disk(&[("loop.gltf", scene.as_bytes())]), "loop.gltf");
+    assert!(error.message.contains("hold each other"), "{error}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 256, ..ProptestConfig::default() })]
+
+    #[test]
+    fn damaged_bytes_never_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..12), cut in any::<prop::sample::Index>(), is_cut in any::<bool>(), which in 0_usize..5) {
+        let (corners, triangles) = upright_box([0.05, 0.2, 0.03]);
+        let (path, mut files) = match which {
+            0 => ("a.glb", disk(&[("a.glb", &glb(&corners, &triangles, ""))])),
+            1 => ("boxes/blorp.obj", crate_obj()),
+            2 => ("boxes/blorp.obj", crate_obj()),
+            3 => ("45132/mobility.urdf", cabinet()),
+            _ => ("objects/drawer.xml", drawer()),
+        };
+        let damaged = match which {
+            2 => "boxes/crate.mtl",
+            4 => "objects/assets/drawer_dependencies.xml",
+            _ => path,
+        };
+        let bytes = files.get_mut(damaged).unwrap();
+        for (index, value) in &changes {
+            let index = index.index(bytes.len());
+            bytes[index] = *value;
+        }
+        if is_cut {
+            let cut = cut.index(bytes.len());
+            bytes.truncate(cut);
+        }
+        // Whatever comes of it, it comes back.
+        let _ = import_from(&files, path, &Given::default());
+    }
+}

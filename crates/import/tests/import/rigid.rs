@@ -1,0 +1,186 @@
+//! Objects of one body: OBJ with materials and pictures, GLB, STL.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::limits::Limit;
+use genmanip_core::{AssetRef, Shape};
+use genmanip_import::raw::Up;
+use genmanip_import::{Given, ImportError, Imported, import, pack};
+
+/// Files by name.
+pub type Disk = BTreeMap<String, Vec<u8>>;
+
+/// Imports a file of a disk.
+pub fn import_from(disk: &Disk, path: &str, given: &Given) -> Result<Imported, ImportError> {
+    let mut read = |path: &str, limit: Limit| {
+        let bytes = disk.get(path).ok_or("there is no such file")?;
+        if bytes.len() as u64 > limit.bytes {
+            Err(format!("larger than {}", limit.in_words()))
+        } else {
+            Ok(bytes.clone())
+        }
+    };
+    import(path, &mut read, given, None)
+}
+
+/// Files from names and texts.
+pub fn disk(files: &[(&str, &[u8])]) -> Disk {
+    files.iter().map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec())).collect()
+}
+
+/// A box in OBJ, centimetres, +y up, with a picture on it.
+pub fn crate_obj() -> Disk {
+    let mut obj = String::from("mtllib crate.mtl\no crate\n");
+    for (x, y, z) in
+        [(-4, 0, -3), (4, 0, -3), (-4, 10, -3), (4, 10, -3), (-4, 0, 3), (4, 0, 3), (-4, 10, 3), (4, 10, 3)]
+    {
+        obj += &format!("v {x} {y} {z}\n");
+    }
+    obj += "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl card\n";
+    for [a, b, c, d] in [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]] {
+        obj += &format!("f {a}/1 {b}/2 {c}/3 {d}/4\n");
+    }
+    disk(&[
+        ("boxes/blorp.obj", obj.as_bytes()),
+        ("boxes/crate.mtl", b"newmtl card\nKd 0 0 0\nNs 20\nmap_Kd ../pictures/card.png\n"),
+        ("pictures/card.png", &png(2, 2, &[200, 30, 30].repeat(4))),
+        ("LICENSE", b"Creative Commons Zero v1.0\n"),
+    ])
+}
+
+/// A PNG of RGB pixels.
+pub fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(rgb).unwrap();
+    bytes
+}
+
+/// A GLB of one triangle mesh: positions and indices.
+pub fn glb(positions: &[[f32; 3]], triangles: &[[u32; 3]], extra: &str) -> Vec<u8> {
+    let mut binary: Vec<u8> = positions.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+    let corners = binary.len();
+    binary.extend(triangles.iter().flatten().flat_map(|index| index.to_le_bytes()));
+    let bound = |pick: fn(f32, f32) -> f32| {
+        let values: Vec<f32> =
+            (0..3).map(|axis| positions.iter().map(|p| p[axis]).reduce(pick).unwrap_or(0.0)).collect();
+        format!("{values:?}").replace("inf", "1e30").replace("NaN", "0")
+    };
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0","copyright":"CC-BY 4.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
+"nodes":[{{"mesh":0,"name":"thing"}}],"materials":[{{"pbrMetallicRoughness":{{"baseColorFactor":[0.0,0.2,1.0,1.0],"metallicFactor":0.0}}}}],
+"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1,"material":0}}]}}],
+"accessors":[{{"bufferView":0,"componentType":5126,"count":{},"type":"VEC3","min":{},"max":{}}},
+{{"bufferView":1,"componentType":5125,"count":{},"type":"SCALAR"}}],
+"bufferViews":[{{"buffer":0,"byteOffset":0,"byteLength":{corners}}},{{"buffer":0,"byteOffset":{corners},"byteLength":{}}}],
+"buffers":[{{"byteLength":{}}}]{extra}}}"#,
+        positions.len(),
+        bound(f32::min),
+        bound(f32::max),
+        3 * triangles.len(),
+        binary.len() - corners,
+        binary.len()
+    );
+    let mut json = json.into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    binary.resize(binary.len().next_multiple_of(4), 0);
+    let mut bytes = b"glTF".to_vec();
+    bytes.extend(2_u32.to_le_bytes());
+    bytes.extend((12 + 8 + json.len() as u32 + 8 + binary.len() as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", &json), (b"BIN\0", &binary)] {
+        bytes.extend((chunk.len() as u32).to_le_bytes());
+        bytes.extend(kind);
+        bytes.extend(chunk);
+    }
+    bytes
+}
+
+/// Corners and triangles of a box standing on y = 0.
+pub fn upright_box(size: [f32; 3]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+    let at = |i: u32, axis: usize| if i >> axis & 1 == 1 { size[axis] } else { 0.0 };
+    let corners = (0..8).map(|i| [at(i, 0), at(i, 1), at(i, 2)]).collect();
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    (corners, faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
+}
+
+#[test]
+fn a_textured_obj_in_centimetres_comes_in_upright() {
+    let object = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
+    let card = &object.model.card;
+    assert_eq!(card.name, "Blorp");
+    assert!(card.size_m.abs_diff_eq(glam::DVec3::new(0.08, 0.06, 0.10), 1e-6), "{}", card.size_m);
+    let [piece] = object.model.links[0].pieces.as_slice() else { panic!("not one piece") };
+    assert!(matches!(piece.shape, Shape::Box { .. }));
+    assert_eq!(card.colors, ["red"], "from the picture");
+    assert!(object.model.links[0].visual[0].material.texture.is_some());
+    assert!(card.can_grasp && !card.is_container && card.mass_kg > 0.02 && card.mass_kg < 1.0, "{card:?}");
+    assert!(object.origin.licence.starts_with("Creative Commons Zero"), "{}", object.origin.licence);
+    assert!(object.origin.source.contains("pictures/card.png"), "{}", object.origin.source);
+    let AssetRef::Imported { hash } = &card.asset else { panic!("{}", card.asset) };
+    assert!(hash.len() == 16 && card.uid.starts_with("blorp-"));
+    for what in ["unit", "up", "category", "mass", "friction", "collision", "materials", "can_grasp"] {
+        assert!(object.report.guesses.iter().any(|guess| guess.what == what), "{what} is not said to be guessed");
+    }
+}
+
+#[test]
+fn what_is_given_is_not_guessed() {
+    let given = Given { scale: Some(0.005), up: Some(Up::Z) };
+    let object = import_from(&crate_obj(), "boxes/blorp.obj", &given).unwrap();
+    assert!(object.model.card.size_m.abs_diff_eq(glam::DVec3::new(0.04, 0.05, 0.03), 1e-6));
+    let guess = object.report.guesses.iter().find(|guess| guess.what == "unit").unwrap();
+    assert_eq!(guess.because, "given");
+    let other = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
+    assert_ne!(object.model.asset, other.model.asset, "other choices make another object");
+}
+
+#[test]
+fn a_glb_is_metric_with_y_up() {
+    let (corners, triangles) = upright_box([0.05, 0.2, 0.03]);
+    let disk = disk(&[("carton.glb", &glb(&corners, &triangles, ""))]);
+    let object = import_from(&disk, "carton.glb", &Given::default()).unwrap();
+    let size = object.model.card.size_m;
+    assert!((size.z - 0.2).abs() < 1e-6 && (size.x - 0.05).abs() < 1e-6, "{size}");
+    assert_eq!(
+        (object.model.card.colors.as_slice(), object.origin.licence.as_str()),
+        (&["blue".to_owned()][..], "CC-BY 4.0")
+    );
+}
+
+#[test]
+fn an_imported_object_is_kept_as_it_is() {
+    let object = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
+    let bytes = pack::to_bytes(&object);
+    let again = pack::from_bytes(&bytes).unwrap();
+    assert_eq!(again.model.hashes(), object.model.hashes());
+    assert_eq!((&again.model.card, &again.report, &again.origin), (&object.model.card, &object.report, &object.origin));
+    for length in [0, 7, 11, 300, bytes.len() - 1] {
+        assert!(pack::from_bytes(&bytes[..length]).is_err(), "cut off after {length} bytes");
+    }
+    let mut longer = bytes.clone();
+    longer.push(0);
+    assert!(pack::from_bytes(&longer).is_err());
+}
+
+#[test]
+fn stl_of_both_kinds_is_read() {
+    let (corners, triangles) = upright_box([0.05, 0.04, 0.03]);
+    let mut binary = vec![0; 80];
+    binary.extend((triangles.len() as u32).to_le_bytes());
+    let mut text = String::from("solid x\n");
+    for triangle in &triangles {
+        binary.extend([0; 12]);
+        for index in triangle {
+            let [x, y, z] = corners[*index as usize];
+            binary.extend([x, y, z].iter().flat_map(|value| value.to_le_bytes()));
+            text += &format!("vertex {x} {y} {z}\n");
+        }
+        binary.extend([0; 2]);
+    }
+    let disk = disk(&[("a.stl", &binary), ("b.stl", text.as_bytes())]);
+    for path in ["a.stl", "b.stl"] {
+        let object = import_from(&disk, path, &Given::default()).unwrap();
+        assert!((object.model.card.size_m.z - 0.03).abs() < 1e-6, "{path}");
+    }
+}
