@@ -100,7 +100,8 @@ fn read(files: &ActFiles) -> Result<RgbdImage, RunError> {
     let Pose { position, rotation } = camera.world_from_camera;
     let is_pose = position.is_finite() && (rotation.length() - 1.0).abs() < 1e-3;
     let Intrinsics { fx, fy, cx, cy, .. } = camera.intrinsics;
-    if !is_pose || !(fx > 0.0 && fy > 0.0 && cx.is_finite() && cy.is_finite()) {
+    let is_projection = fx > 0.0 && fy > 0.0 && cx.is_finite() && cy.is_finite();
+    if !(is_pose && is_projection) {
         return Err(RunError::input(format!("{} is no camera", files.camera.display()))
             .with_hint("expected a unit quaternion, finite numbers and positive focal lengths"));
     }

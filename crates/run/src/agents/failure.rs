@@ -203,6 +203,9 @@ fn lost(object: usize, frames: &[Frame]) -> Option<String> {
 mod tests {
     use super::*;
 
+    /// What it shows, what was heard and said, and the class and the ask that are to blame.
+    type Case<'a> = (&'a str, Vec<Testimony>, Option<&'a FailedStage>, FailureClass, Option<usize>);
+
     fn said(ask: usize, round: usize, stage: Stage, subtask: &str, wrong: Option<FailureClass>) -> Testimony {
         let (stage, subtask) = (stage.name(), subtask.to_owned());
         Testimony { ask, round, stage, subtask, wrong, evidence: String::new() }
@@ -215,7 +218,7 @@ mod tests {
         };
         let format = |ask| said(ask, 0, Stage::Check, "", Some(FailureClass::Format));
         let rounds = FailedStage::new("check", "rounds", String::new());
-        let cases: [(&str, Vec<Testimony>, Option<&FailedStage>, FailureClass, Option<usize>); 7] = [
+        let cases: [Case; 7] = [
             ("a wrong one", vec![object(1, 0, "a", true)], None, FailureClass::GraspGrounding, Some(1)),
             (
                 "another sub-task's right one takes nothing back",
