@@ -6,16 +6,17 @@
 /// eight arenas per core, once it has seen one: twelve episodes at once then hold 760 MB instead of 370
 /// (`genmanip lab batch --seed 675801 --count 12`).
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-const LARGE_BYTES: libc::c_int = 1 << 17;
+const LARGE_BYTES: libc::c_int = 1 << 20;
 
-/// Lets the C library keep no large blocks, in few arenas.
+/// Lets the C library keep no large blocks, in an arena per core.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[allow(unsafe_code)] // The one foreign call outside of `sim`: there is no other way to say this before memory is used.
 pub fn keep_little() {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     // SAFETY: mallopt takes two numbers and touches nothing but the allocator's settings, before other threads exist.
     unsafe {
         libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE_BYTES);
-        libc::mallopt(libc::M_ARENA_MAX, 2);
+        libc::mallopt(libc::M_ARENA_MAX, libc::c_int::try_from(cores).unwrap_or(1));
     }
 }
 
