@@ -181,7 +181,7 @@ mod tests {
         let empty = tempfile::tempdir().unwrap();
         assert!(candidates(&[empty.path().to_owned()], None).is_err());
         let can = root.path().join("can.xml");
-        let [one] = &candidates(&[can.clone()], Some(root.path())).unwrap()[..] else { panic!("not one") };
+        let [one] = &candidates(std::slice::from_ref(&can), Some(root.path())).unwrap()[..] else { panic!("not one") };
         assert_eq!((one.root.as_path(), one.path.as_str()), (root.path(), "can.xml"));
         assert!(candidates(&[can], Some(empty.path())).is_err());
     }
