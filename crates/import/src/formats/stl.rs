@@ -52,8 +52,8 @@ pub fn read_msh(path: &str, bytes: &[u8]) -> Result<RawMesh, ImportError> {
     };
     let positions: Vec<DVec3> = part(0).chunks_exact(12).map(corner).collect();
     let single = |bytes: &[u8]| bytes.try_into().map_or(f32::NAN, f32::from_le_bytes);
-    let mut texture: Vec<[f32; 2]> =
-        part(2).chunks_exact(8).map(|uv| [single(&uv[..4]), 1.0 - single(&uv[4..])]).collect();
+    // Rows count from the top of the picture, unlike in OBJ.
+    let mut texture: Vec<[f32; 2]> = part(2).chunks_exact(8).map(|uv| [single(&uv[..4]), single(&uv[4..])]).collect();
     if texture.len() != positions.len() {
         texture.clear();
     }
@@ -95,4 +95,22 @@ fn text_corners(path: &str, bytes: &[u8]) -> Result<Vec<DVec3>, ImportError> {
     }
     check_count(path, corners.len() / 3)?;
     Ok(corners)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn msh_is_read_as_it_is_written() {
+        let mut bytes: Vec<u8> = [3_i32, 0, 3, 1].into_iter().flat_map(i32::to_le_bytes).collect();
+        let numbers = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.25, 1.0, 0.25, 0.0, 0.75];
+        bytes.extend(numbers.into_iter().flat_map(f32::to_le_bytes));
+        bytes.extend([0_i32, 1, 2].into_iter().flat_map(i32::to_le_bytes));
+        let mesh = read_msh("a.msh", &bytes).unwrap();
+        assert_eq!(mesh.positions, [DVec3::ZERO, DVec3::X, 2.0 * DVec3::Y]);
+        assert_eq!((mesh.uvs, mesh.triangles), (vec![[0.0, 0.25], [1.0, 0.25], [0.0, 0.75]], vec![[0, 1, 2]]));
+        bytes.pop();
+        assert!(read_msh("a.msh", &bytes).is_err());
+    }
 }
