@@ -3,8 +3,9 @@
 use genmanip_core::{Joint, MassProperties, Material, Piece, Pose};
 use glam::{DMat4, DVec3};
 
-/// Most triangles of an object that are read: beyond, the file is refused.
-pub const MOST_TRIANGLES: usize = 1_000_000;
+/// Most triangles of an object that are read: beyond, the file is refused. As many without any order in them need 9 s of
+/// processor time.
+pub const MOST_TRIANGLES: usize = 400_000;
 /// Most links of an object.
 pub const MOST_LINKS: usize = 64;
 

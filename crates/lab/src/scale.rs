@@ -91,8 +91,10 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
     let page = report(out, None, &ReportSettings::default(), progress)?;
     inputs::write_file(&out.join("report.html"), page.as_bytes())?;
     let (report_cpu_s, report_bytes, report_rss_mb) = (clock(), page.len(), peak_memory_mb());
-    progress
-        .note(&format!("report: {report_cpu_s:.1} s of processor time, {report_bytes} bytes, {report_rss_mb:?} MiB"));
+    progress.note(&format!(
+        "report: {report_cpu_s:.1} s of processor time, {report_bytes} bytes, {}",
+        mebibytes(report_rss_mb)
+    ));
 
     let (workers, pages) = (inputs::workers(None), out.join("report"));
     forget_peak_memory();
@@ -174,14 +176,13 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
 
 /// The figures for people.
 pub fn in_words(measured: &Measured) -> String {
-    let megabytes = |figure: Option<f64>| figure.map_or("unknown".into(), |mb| format!("{mb:.0} MiB"));
     let rows = [
         ["episodes".into(), measured.episodes.to_string()],
         ["report, processor time".into(), format!("{:.1} s", measured.report_cpu_s)],
         ["report, size".into(), format!("{:.1} MB", measured.report_bytes as f64 / 1e6)],
-        ["report, memory".into(), megabytes(measured.report_rss_mb)],
+        ["report, memory".into(), mebibytes(measured.report_rss_mb)],
         ["full report, processor time".into(), format!("{:.1} s", measured.full_cpu_s)],
-        ["full report, memory".into(), megabytes(measured.full_rss_mb)],
+        ["full report, memory".into(), mebibytes(measured.full_rss_mb)],
         ["full report again, processor time".into(), format!("{:.1} s", measured.full_again_cpu_s)],
         ["open".into(), format!("{:.2} s", measured.open_s)],
         ["resume".into(), format!("{:.2} s", measured.resume_s)],
@@ -189,4 +190,8 @@ pub fn in_words(measured: &Measured) -> String {
     ];
     let head = ["what", "measured"].map(String::from).to_vec();
     text_table(&[head].into_iter().chain(rows.map(|row| row.to_vec())).collect::<Vec<_>>())
+}
+
+fn mebibytes(figure: Option<f64>) -> String {
+    figure.map_or("unknown".into(), |figure| format!("{figure:.0} MiB"))
 }
