@@ -45,7 +45,8 @@ impl Suite {
     pub fn of_run(path: &Path) -> Result<Self, RunError> {
         let (folder, run) = RunFolder::open(path)?;
         let store = folder.store()?;
-        let unreadable = |error: DataError| RunError::broken("cannot read the episodes", error);
+        let help = "collect again with --repair: what is damaged is set aside and made anew";
+        let unreadable = |error: DataError| RunError::broken("cannot read the episodes", error).with_hint(help);
         let name = name_of_folder(path);
         let survey = folder.survey(&store)?;
         let mut left_out = survey.notes();

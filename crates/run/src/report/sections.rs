@@ -156,7 +156,10 @@ fn attempt(row: &EpisodeRow) -> AttemptRow {
 fn add_episode(section: &mut TaskSection, store: &EpisodeStore, row: &EpisodeRow) -> Result<Option<Episode>, Unshown> {
     let unreadable = |error: genmanip_data::DataError| match error.is_damage() {
         true => Unshown::Damaged(error.to_string()),
-        false => Unshown::Broken(RunError::broken("cannot read the episodes", error)),
+        false => Unshown::Broken(
+            RunError::broken("cannot read the episodes", error)
+                .with_hint("collect again with --repair: what is damaged is set aside and made anew"),
+        ),
     };
     let by_label = |result: EpisodeResult| match &row.evaluation {
         Some(label) => EpisodeResult { policy: label.clone(), ..result },
