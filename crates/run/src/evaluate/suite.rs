@@ -52,17 +52,18 @@ impl Suite {
         let mut left_out = survey.notes();
         let (mut scenarios, mut cases, mut results) = (Vec::new(), Vec::new(), Vec::new());
         for id in survey.sound.into_iter().map(|known| known.id) {
-            let (result, is_recorded) = store.read_attempt(&id).map_err(unreadable)?;
-            match store.read_scenario(&id) {
+            // The index may know an attempt as sound that was damaged since without changing its size.
+            let read = store.read_attempt(&id).and_then(|attempt| Ok((attempt, store.read_scenario(&id)?)));
+            let ((result, is_recorded), scenario) = match read {
                 Err(error) if error.is_damage() => {
                     left_out.push(format!("episode {id} is damaged and left out: {error}"));
                     continue;
                 }
-                Ok(Some(scenario)) if is_recorded => {
-                    cases.push(Case { id, scenario: Arc::new(scenario.clone()), seed: result.seed });
-                    scenarios.push(scenario);
-                }
-                read => drop(read.map_err(unreadable)?),
+                read => read.map_err(unreadable)?,
+            };
+            if let Some(scenario) = scenario.filter(|_| is_recorded) {
+                cases.push(Case { id, scenario: Arc::new(scenario.clone()), seed: result.seed });
+                scenarios.push(scenario);
             }
             results.push(result);
         }
