@@ -515,6 +515,21 @@ pub struct DemoArguments {
     pub fps: u32,
 }
 
+/// How episodes are run that may ask a model.
+#[derive(Clone, Debug, Args)]
+pub struct AskingArguments {
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
+    /// Episodes under way at once, of which those that wait for a model need no core [default: 16 where a model is
+    /// asked, else the workers]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
+    pub at_once: Option<usize>,
+    /// Ask no more once the model's answers have cost so much, in the currency of its settings
+    #[arg(long, value_name = "SUM", value_parser = parse_sum)]
+    pub max_cost: Option<f64>,
+}
+
 /// Arguments of `evaluate`.
 #[derive(Clone, Debug, Args)]
 pub struct EvaluateArguments {
@@ -533,16 +548,8 @@ pub struct EvaluateArguments {
     /// Cameras to use instead of the scenarios': a JSON list; the results say so
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
-    /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
-    pub workers: Option<usize>,
-    /// Episodes under way at once, of which those that wait for a model need no core [default: 16 where a model is
-    /// asked, else the workers]
-    #[arg(long, value_name = "N", value_parser = parse_count)]
-    pub at_once: Option<usize>,
-    /// Ask no more once the model's answers have cost so much, in the currency of its settings
-    #[arg(long, value_name = "SUM", value_parser = parse_sum)]
-    pub max_cost: Option<f64>,
+    #[command(flatten)]
+    pub asking: AskingArguments,
     /// Refuse scenarios that were laid out for another robot than this
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
