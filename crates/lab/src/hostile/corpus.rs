@@ -53,14 +53,11 @@ pub(super) enum Content {
     Nothing,
 }
 
-/// A file's name in the folder of the call, and what lies there.
-pub(super) type NamedContent = (String, Content);
-
 /// One call and the files it meets.
 #[derive(Clone, Debug)]
 pub(super) struct Case {
     pub(super) kind: String,
-    pub(super) files: Vec<NamedContent>,
+    pub(super) files: Vec<(String, Content)>,
     /// Files that may be changed.
     targets: Vec<usize>,
     pub(super) call: Vec<String>,
@@ -156,6 +153,8 @@ impl Corpus {
             return self.full(rng);
         }
         if let Some((files, call)) = self.imports.case(kind, rng) {
+            let files: Vec<_> =
+                files.iter().map(|(name, bytes)| (name.clone(), Content::Bytes(bytes.clone()))).collect();
             let targets = (0..files.len()).collect();
             return Ok(Case { kind: kind.into(), files, targets, call, only_reads: false });
         }
@@ -163,7 +162,7 @@ impl Corpus {
         let task = || self.tasks.first().map(|(_, bytes)| bytes.clone()).unwrap_or_default();
         let answer = self.tasks.get(rng.random_range(0..self.tasks.len().max(1))).map(|(_, bytes)| bytes.clone());
         let document = self.run_file("run/run.json").and_then(|run| task_of(&run)).unwrap_or_else(task);
-        let (files, calls): (Vec<NamedContent>, &[&str]) = match kind {
+        let (files, calls): (Vec<(String, Content)>, &[&str]) = match kind {
             "tasks" => (
                 one("task.json", &document),
                 &["task show task.json --svg out.svg", "task show task.json", "task show task.json --json"],
@@ -404,7 +403,7 @@ impl Content {
 }
 
 /// The files of a folder, sorted by name.
-pub(super) fn read_all(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, LabError> {
+fn read_all(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, LabError> {
     let files: Vec<_> = listing(folder).into_iter().filter(|(name, _)| !name.ends_with('/')).collect();
     if files.is_empty() {
         return Err(LabError::input(format!("there is nothing in {}", folder.display()))

@@ -7,7 +7,7 @@ use std::path::Path;
 use rand::{Rng, RngExt};
 
 use super::child::Ended;
-use super::corpus::{Content, NamedContent, read_all};
+use super::listing;
 use crate::LabError;
 
 /// Where the files lie in the project.
@@ -23,10 +23,13 @@ const FORMATS: [(&str, &str); 7] = [
     ("import-mjcf", ".xml"),
 ];
 
+/// Names and bytes.
+type NamedFiles = Vec<(String, Vec<u8>)>;
+
 /// Sound files of every format.
 pub(super) struct Imports {
-    /// By [`FORMATS`]: name and bytes of the files.
-    files: Vec<Vec<(String, Vec<u8>)>>,
+    /// By [`FORMATS`].
+    files: Vec<NamedFiles>,
 }
 
 /// Whether a kind is one of objects to import.
@@ -37,22 +40,27 @@ pub(super) fn is_kind(kind: &str) -> bool {
 impl Imports {
     /// Reads the sound files.
     pub(super) fn read(project: &Path) -> Result<Self, LabError> {
-        let folder = project.join(FOLDER);
-        let format = |kind: &str| read_all(&folder.join(kind.trim_start_matches("import-")));
-        Ok(Self { files: FORMATS.iter().map(|(kind, _)| format(kind)).collect::<Result<_, _>>()? })
+        let format = |(kind, ending): &(&str, &str)| {
+            let folder = project.join(FOLDER).join(kind.trim_start_matches("import-"));
+            let files: NamedFiles = listing(&folder).into_iter().collect();
+            if files.iter().any(|(name, _)| name.ends_with(ending)) {
+                return Ok(files);
+            }
+            Err(LabError::input(format!("there is no file that ends in {ending} in {}", folder.display()))
+                .with_hint("run in the project's folder, or name it with --project"))
+        };
+        Ok(Self { files: FORMATS.iter().map(format).collect::<Result<_, _>>()? })
     }
 
     /// The files of a kind, and the call that imports one of them; `None` of other kinds.
-    pub(super) fn case(&self, kind: &str, rng: &mut impl Rng) -> Option<(Vec<NamedContent>, Vec<String>)> {
+    pub(super) fn case(&self, kind: &str, rng: &mut impl Rng) -> Option<(&NamedFiles, Vec<String>)> {
         let index = FORMATS.iter().position(|(known, _)| *known == kind)?;
         let files = &self.files[index];
         let described: Vec<&String> =
             files.iter().map(|(name, _)| name).filter(|name| name.ends_with(FORMATS[index].1)).collect();
-        let chosen = described.get(rng.random_range(0..described.len().max(1)))?;
+        let chosen = described[rng.random_range(0..described.len())];
         let words = ["--json", "assets", "import", chosen, "--pack", "own", "--packs", "packs", "--no-grasps"];
-        let call = words.map(String::from).to_vec();
-        let files = files.iter().map(|(name, bytes)| (name.clone(), Content::Bytes(bytes.clone()))).collect();
-        Some((files, call))
+        Some((files, words.map(String::from).to_vec()))
     }
 }
 
