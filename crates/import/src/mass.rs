@@ -75,13 +75,21 @@ fn is_plausible(mass: &MassProperties, even: &MassProperties) -> bool {
     let diagonal = |inertia: &DMat3| DVec3::new(inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z);
     let (own, usual) = (diagonal(&mass.inertia), diagonal(&even.inertia));
     let ratio = own / usual;
-    let is_triangle = own.x <= own.y + own.z && own.y <= own.z + own.x && own.z <= own.x + own.y;
+    // What weighs something everywhere has positive second moments, which is the triangle inequality along every axis;
+    // a flat plate has none across, but for rounding.
+    let trace = own.element_sum();
+    let second = DMat3::from_diagonal(DVec3::splat((0.5 + 1e-9) * trace)) - mass.inertia;
     let reach = (usual.max_element() / even.mass_kg).sqrt();
-    is_triangle
-        && mass.inertia.determinant() > 0.0
+    is_positive(&mass.inertia)
+        && is_positive(&second)
         && ratio.min_element() > 1.0 / INERTIA_OFF
         && ratio.max_element() < INERTIA_OFF
         && mass.center.distance(even.center) < 2.0 * reach
+}
+
+/// Whether all eigenvalues of a symmetric matrix are positive, by its leading minors (Sylvester's criterion).
+fn is_positive(m: &DMat3) -> bool {
+    m.x_axis.x > 0.0 && m.x_axis.x * m.y_axis.y > m.x_axis.y * m.x_axis.y && m.determinant() > 0.0
 }
 
 /// Moments of all pieces together.

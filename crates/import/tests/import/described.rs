@@ -113,6 +113,26 @@ pub fn drawer() -> Disk {
     ])
 }
 
+/// Found by `lab hostile`: a diagonal that could be, and products with which no body has it.
+#[test]
+fn an_inertia_of_no_body_is_replaced_and_said() {
+    for (products, is_said) in [
+        (r#"ixy="0" ixz="0" iyz="0""#, false),
+        (r#"ixy="0.05" ixz="0.05" iyz="0.05""#, true),
+        (r#"ixy="0.003""#, false),
+    ] {
+        let text = format!(
+            r#"<robot name="block"><link name="base">
+            <inertial><mass value="2"/><inertia ixx="0.02" iyy="0.02" izz="0.02" {products}/></inertial>
+            <visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link></robot>"#
+        );
+        let files = disk(&[("block.urdf", text.as_bytes())]);
+        let object = import_from(&files, "block.urdf", &Given::default()).unwrap();
+        let said = object.report.guesses.iter().any(|guess| guess.what == "inertia");
+        assert_eq!(said, is_said, "{products}: {:?}", object.report.guesses);
+    }
+}
+
 #[test]
 fn an_mjcf_drawer_with_includes_and_classes_slides() {
     let object = import_from(&drawer(), "objects/drawer.xml", &Given::default()).unwrap();

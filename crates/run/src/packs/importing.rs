@@ -242,8 +242,11 @@ fn put_on_table(
             .map_err(|error| (error.to_string(), Some(error.hint).filter(|hint| !hint.is_empty())))?;
         let model = Arc::new(object.model.clone());
         let joints = model.joint_states.first().map_or_else(Vec::new, |state| state.nominal.clone());
-        let rest = at_rest(&model, &Pose::IDENTITY, &joints, world)
-            .map_err(|error| (format!("the simulator refuses it: {error}"), None))?;
+        let rest = at_rest(&model, &Pose::IDENTITY, &joints, world).map_err(|error| {
+            let hint = "mend the masses, inertias or joints that the message names; say --scale if the unit is wrong";
+            let error = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+            (format!("{}: the simulator refuses it: {error}", candidate.path), Some(hint.to_owned()))
+        })?;
         // What rocked for long lies still at the end of the watch all the same.
         let lies_still = rest.drift_mm < DRIFT_MM;
         if rests(&rest) || !lies_still || given.up.is_some() || turns == MOST_TURNS {
