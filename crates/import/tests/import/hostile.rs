@@ -68,6 +68,29 @@ fn the_sound_file_of_every_format_comes_in_as_it_is() {
     }
 }
 
+/// Found by `lab hostile`: a line of a drawer 600 times, which took physics 12 s.
+#[test]
+fn shapes_that_touch_are_counted_once_and_bounded() {
+    let of = |count: usize, apart: f64| {
+        let shape = |index: usize| {
+            let x = apart * index as f64;
+            format!(r#"<collision><origin xyz="{x} 0 0"/><geometry><box size="0.001 0.1 0.1"/></geometry></collision>"#)
+        };
+        let shapes: String = (0..count).map(shape).collect();
+        let visual = r#"<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>"#;
+        let text = format!(r#"<robot name="comb"><link name="base">{visual}{shapes}</link></robot>"#);
+        disk(&[("comb.urdf", text.as_bytes())])
+    };
+    let object = import_from(&of(600, 0.0), "comb.urdf", &Given::default()).unwrap();
+    assert_eq!(object.model.links[0].pieces.len(), 1);
+    assert!(object.report.repairs.iter().any(|repair| repair.contains("599")), "{:?}", object.report.repairs);
+    assert_eq!(import_from(&of(200, 0.002), "comb.urdf", &Given::default()).unwrap().model.links[0].pieces.len(), 200);
+    for count in [300, 3000] {
+        let error = refused(&of(count, 0.002), "comb.urdf");
+        assert!(error.message.contains(&format!("{count} shapes that touch")), "{error}");
+    }
+}
+
 #[test]
 fn names_that_lead_elsewhere_are_left_out_and_said() {
     for (named, expected) in

@@ -140,7 +140,8 @@ impl Things {
     /// More than half of what lies *in* something is below its rim, also when it stands, and nothing lies across the rim.
     fn lies_inside(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
         host.annotations.room.is_some_and(|room| {
-            let is_low = item.size_m.z <= 1.5 * room.depth_m;
+            // At 1.36 a toilet roll had 48 % of its surface inside a basket; the judge wants more than half.
+            let is_low = item.size_m.z <= 1.2 * room.depth_m;
             is_low && item.size_m.x.max(item.size_m.y) <= room.inside_m[0].max(room.inside_m[1])
         })
     }
@@ -149,8 +150,8 @@ impl Things {
     pub fn shows(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
         host.annotations.room.is_none_or(|room| {
             let is_shaft = room.depth_m > 0.6 * room.inside_m[0].min(room.inside_m[1]);
-            // At 0.6 a pear lay at the bottom of the bin, where no camera of the default world saw it.
-            !is_shaft || item.size_m.z >= 0.65 * room.depth_m
+            // At 0.6 a pear and at 0.66 a bell pepper lay at the bottom of a bin, where no camera of the default world saw them.
+            !is_shaft || item.size_m.z >= 0.75 * room.depth_m
         })
     }
 
