@@ -57,7 +57,7 @@ const ALIGNED_AFTER: usize = 10;
 
 /// Places where an object could not be seen, most of them in what holds it, before the task is refused; chosen: each look
 /// takes some 5 ms, and a refusal is to take less than 5 s.
-const MOST_HIDDEN: usize = 150;
+const MOST_HIDDEN: usize = 250;
 
 /// Layouts of a task in which the arm finds no way to a state, before the task is refused; chosen: each costs a fifth of a
 /// second, so that a refusal takes less than 5 s; 120 designed tasks (seed 680201) are laid out as without it.

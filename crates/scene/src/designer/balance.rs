@@ -9,6 +9,8 @@ use super::settings::DesignSettings;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Balance {
     counts: [usize; Relation::ALL.len()],
+    /// Whether the quotas decide nothing.
+    ignored: bool,
 }
 
 impl Balance {
@@ -25,6 +27,11 @@ impl Balance {
         }
     }
 
+    /// The same counts, but chance alone chooses.
+    pub fn ignored(self) -> Self {
+        Self { ignored: true, ..self }
+    }
+
     pub fn of(&self, relation: Relation) -> usize {
         index(relation).map_or(0, |index| self.counts[index])
     }
@@ -37,7 +44,8 @@ impl Balance {
     pub fn choose(&self, among: &[Relation], settings: &DesignSettings, rng: &mut impl Rng) -> Option<Relation> {
         let mut best: Option<(f64, Relation)> = None;
         for &relation in among {
-            let lack = self.lack(relation, settings) + settings.chance * rng.random::<f64>();
+            let wanted = if self.ignored { 0.0 } else { self.lack(relation, settings) };
+            let lack = wanted + settings.chance * rng.random::<f64>();
             if best.is_none_or(|(most, _)| lack > most) {
                 best = Some((lack, relation));
             }

@@ -115,11 +115,14 @@ fn draw(
     let mut here: BTreeMap<String, usize> = BTreeMap::new();
     let mut made = None;
     for draw in 0..settings.max_draws {
+        // The relation that lacks most may be the one that nothing can be composed with.
+        let keeps_quotas = draw < settings.max_draws / 2;
+        let balance = balance.clone();
         let mut composer = Composer {
             cards,
             settings,
             rng: seed.fork_index(draw as u64).rng(),
-            balance: balance.clone(),
+            balance: if keeps_quotas { balance } else { balance.ignored() },
             sketch: Sketch::new(),
             theme: &[],
         };
