@@ -74,6 +74,11 @@ impl Renderer {
         &self.assets
     }
 
+    /// The light and look that it draws in.
+    pub fn variation(&self) -> &RenderVariation {
+        &self.variation
+    }
+
     /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
     pub fn forget(&mut self) {
         self.shadows = Default::default();

@@ -56,6 +56,16 @@ impl Sky {
         out
     }
 
+    /// Light from a unit direction, not blurred.
+    pub fn radiance(&self, direction: Vec3A) -> Vec3A {
+        self.studio.radiance(direction, 0.0) * self.scale
+    }
+
+    /// Directions and sharpness of the lamps.
+    pub fn lamps(&self) -> [(Vec3A, f32); 3] {
+        self.studio.lamps.map(|(axis, sharpness, _)| (axis, sharpness))
+    }
+
     /// The surroundings for surfaces of a roughness.
     pub fn glossy(&self, roughness: f32) -> Glossy {
         let lamps = self.studio.lamps.map(|(axis, sharpness, brightness)| {

@@ -262,6 +262,15 @@ pub struct LabRenderArguments {
     /// Seed of objects, layout and episode
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
+    /// Scenes of which the picture is also compared with a traced one (LDR-FLIP)
+    #[arg(long, value_name = "SCENES", default_value_t = 0)]
+    pub flip: usize,
+    /// Light paths per pixel of the traced pictures
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub paths: u32,
+    /// Folder for both pictures of each scene
+    #[arg(long, value_name = "DIR", requires = "flip")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `lab design`.
