@@ -10,6 +10,7 @@ use genmanip_run::render::Vary;
 
 pub use agent::*;
 pub use assets::*;
+pub use evaluate::*;
 pub use lab::*;
 pub use render::*;
 pub use serve::*;
@@ -17,6 +18,7 @@ pub use world::*;
 
 mod agent;
 mod assets;
+mod evaluate;
 mod lab;
 mod render;
 mod serve;
@@ -513,39 +515,6 @@ pub struct DemoArguments {
     /// Frames per second of images and dataset
     #[arg(long, default_value_t = 15, value_parser = parse_fps)]
     pub fps: u32,
-}
-
-/// Arguments of `evaluate`.
-#[derive(Clone, Debug, Args)]
-pub struct EvaluateArguments {
-    /// Folder of a run made by `collect`, or scenario files and folders of them
-    #[arg(required = true, value_name = "RUN|SCENARIOS")]
-    pub paths: Vec<PathBuf>,
-    /// A policy, with arguments if it takes any; may be given several times [default: all of them]
-    #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
-    pub policies: Vec<String>,
-    /// Folder for the results and episodes of scenarios; a run keeps its own
-    #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
-    /// Keep the episodes in the run, to watch them
-    #[arg(long)]
-    pub keep_episodes: bool,
-    /// Cameras to use instead of the scenarios': a JSON list; the results say so
-    #[arg(long, value_name = "FILE")]
-    pub cameras: Option<PathBuf>,
-    /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
-    pub workers: Option<usize>,
-    /// Episodes under way at once, of which those that wait for a model need no core [default: 16 where a model is
-    /// asked, else the workers]
-    #[arg(long, value_name = "N", value_parser = parse_count)]
-    pub at_once: Option<usize>,
-    /// Ask no more once the model's answers have cost so much, in the currency of its settings
-    #[arg(long, value_name = "SUM", value_parser = parse_sum)]
-    pub max_cost: Option<f64>,
-    /// Refuse scenarios that were laid out for another robot than this
-    #[arg(long, value_name = "NAME")]
-    pub robot: Option<String>,
 }
 
 /// Arguments of `replay`.

@@ -45,6 +45,9 @@ pub fn build(file: &str, mut raw: RawObject, hash: &str, given: &Given) -> Resul
     });
     place::to_metres(&mut raw, given.scale, prior, &mut guesses);
     place::upright(&mut raw, given.up, prior, &mut guesses);
+    if let Some(up) = given.tipped_up {
+        place::lay(&mut raw, up, &mut guesses);
+    }
     place::center(&mut raw);
     simplify::simplify(&mut raw);
     let bodies: Vec<Body> = raw.links.iter().map(collision::body).collect();

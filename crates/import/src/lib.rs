@@ -71,7 +71,9 @@ pub fn import(
 ) -> Result<Imported, ImportError> {
     let mut files = Files::new(read);
     let raw = formats::read(path, &mut files)?;
-    let hash = files.hash(&format!("{given:?}"));
+    // How it tipped over follows from the files, so it is no part of the name.
+    let Given { scale, up, .. } = given;
+    let hash = files.hash(&format!("Given {{ scale: {scale:?}, up: {up:?} }}"));
     let names: Vec<&str> = std::iter::once(path).chain(files.names().filter(|name| *name != path)).collect();
     let source = names.iter().take(20).copied().collect::<Vec<_>>().join(", ");
     let (said, creator) = (raw.licence.clone(), raw.creator.clone());

@@ -30,7 +30,7 @@ struct Header {
     family: String,
     friction: f64,
     links: Vec<Link>,
-    states: Vec<State>,
+    states: Vec<KeptState>,
     origin: Origin,
     report: Report,
 }
@@ -40,7 +40,7 @@ struct Header {
 struct Link {
     name: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    joint: Option<JointRecord>,
+    joint: Option<KeptJoint>,
     pieces: Vec<Piece>,
     cavity: Vec<Piece>,
     mass_kg: f64,
@@ -49,8 +49,9 @@ struct Link {
     parts: Vec<Part>,
 }
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// [`Joint`] as it is kept.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Joint", deny_unknown_fields)]
 struct JointRecord {
     name: String,
     parent: usize,
@@ -65,12 +66,21 @@ struct JointRecord {
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct State {
+#[serde(transparent)]
+struct KeptJoint(#[serde(with = "JointRecord")] Joint);
+
+/// [`JointState`] as it is kept.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "JointState", deny_unknown_fields)]
+struct StateRecord {
     name: String,
     intervals: Vec<(String, [f64; 2])>,
     nominal: Vec<f64>,
 }
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+struct KeptState(#[serde(with = "StateRecord")] JointState);
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -99,7 +109,7 @@ pub fn to_bytes(object: &Imported) -> Vec<u8> {
     let model = &object.model;
     let links = model.links.iter().map(|link| Link {
         name: link.name.clone(),
-        joint: link.joint.as_ref().map(to_record),
+        joint: link.joint.clone().map(KeptJoint),
         pieces: link.pieces.clone(),
         cavity: link.cavity.clone(),
         mass_kg: link.mass.mass_kg,
@@ -112,15 +122,7 @@ pub fn to_bytes(object: &Imported) -> Vec<u8> {
         family: model.family.clone(),
         friction: model.friction,
         links: links.collect(),
-        states: model
-            .joint_states
-            .iter()
-            .map(|state| State {
-                name: state.name.clone(),
-                intervals: state.intervals.clone(),
-                nominal: state.nominal.clone(),
-            })
-            .collect(),
+        states: model.joint_states.iter().cloned().map(KeptState).collect(),
         origin: object.origin.clone(),
         report: object.report.clone(),
     };
@@ -131,21 +133,6 @@ pub fn to_bytes(object: &Imported) -> Vec<u8> {
     bytes.append(&mut numbers);
     bytes.append(&mut pictures);
     bytes
-}
-
-fn to_record(joint: &Joint) -> JointRecord {
-    JointRecord {
-        name: joint.name.clone(),
-        parent: joint.parent,
-        kind: joint.kind,
-        parent_from_joint: joint.parent_from_joint,
-        axis: joint.axis,
-        range: joint.range,
-        damping: joint.damping,
-        friction_loss: joint.friction_loss,
-        stiffness: joint.stiffness,
-        spring_reference: joint.spring_reference,
-    }
 }
 
 fn to_part(
@@ -215,7 +202,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
     for (index, link) in header.links.into_iter().enumerate() {
         let visual = link.parts.iter().map(|part| from_part(part, &mut numbers, &mut pictures, &mut textures));
         let visual = visual.collect::<Result<Vec<VisualPart>, String>>()?;
-        let joint = link.joint.map(|joint| from_record(joint, index)).transpose()?;
+        let joint = link.joint.map(|KeptJoint(joint)| checked(joint, index)).transpose()?;
         if joint.is_none() != (index == 0)
             || !(link.mass_kg.is_finite() && link.mass_kg > 0.0)
             || !link.center.is_finite()
@@ -234,23 +221,18 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
     if links.is_empty() {
         return Err("an object without links".into());
     }
-    let joint_states = header.states.into_iter().map(|state| JointState {
-        name: state.name,
-        intervals: state.intervals,
-        nominal: state.nominal,
-    });
     let model = ObjectModel {
         asset: header.card.asset.clone(),
         card: header.card,
         family: header.family,
         links,
         friction: header.friction,
-        joint_states: joint_states.collect(),
+        joint_states: header.states.into_iter().map(|KeptState(state)| state).collect(),
     };
     Ok(Imported { model, origin: header.origin, report: header.report })
 }
 
-fn from_record(joint: JointRecord, index: usize) -> Result<Joint, String> {
+fn checked(joint: Joint, index: usize) -> Result<Joint, String> {
     if joint.parent >= index
         || joint.range.iter().any(|end| !end.is_finite())
         || joint.range[0] > joint.range[1]
@@ -258,18 +240,7 @@ fn from_record(joint: JointRecord, index: usize) -> Result<Joint, String> {
     {
         return Err(format!("joint {}: expected a parent before it, a rising range and a unit axis", joint.name));
     }
-    Ok(Joint {
-        name: joint.name,
-        parent: joint.parent,
-        kind: joint.kind,
-        parent_from_joint: joint.parent_from_joint,
-        axis: joint.axis,
-        range: joint.range,
-        damping: joint.damping,
-        friction_loss: joint.friction_loss,
-        stiffness: joint.stiffness,
-        spring_reference: joint.spring_reference,
-    })
+    Ok(joint)
 }
 
 fn from_part(

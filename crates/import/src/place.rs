@@ -30,6 +30,9 @@ pub struct Given {
     pub scale: Option<f64>,
     /// Which way is up.
     pub up: Option<Up>,
+    /// Found on a table instead of said: the direction that is up once the object has tipped over and lies still, in the
+    /// frame that it stands in without this.
+    pub tipped_up: Option<DVec3>,
 }
 
 /// Brings an object to metres.
@@ -79,6 +82,20 @@ pub fn upright(raw: &mut RawObject, given: Option<Up>, prior: Option<&Prior>, gu
     if up == Up::Y {
         move_root(raw, &Pose { position: DVec3::ZERO, rotation: DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2) });
     }
+}
+
+/// Lays an object down as it came to rest after it tipped over; `up` as in [`Given::tipped_up`].
+pub fn lay(raw: &mut RawObject, up: DVec3, guesses: &mut Vec<Guess>) {
+    let turn = lying_from_standing(up);
+    let angle = turn.to_axis_angle().1.to_degrees();
+    let because = "as the file has it, it tips over on a table; like this it lies still";
+    guesses.push(Guess::new("upright", format!("turned by {angle:.0}°"), because));
+    move_root(raw, &Pose { position: DVec3::ZERO, rotation: turn });
+}
+
+/// The smallest turn that brings a direction up.
+pub fn lying_from_standing(up: DVec3) -> DQuat {
+    DQuat::from_rotation_arc(up.normalize_or(DVec3::Z), DVec3::Z)
 }
 
 /// Of +y and +z the one along which the object stands on the larger share of its outline; where both are alike the one

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
 use genmanip_agent::ask::Moment;
-use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_bench::{failure_page, text_table};
 use genmanip_core::{Episode, EpisodeResult, Seed, Task, TaskKind, World};
@@ -114,7 +113,7 @@ pub fn measure(
     let tasks = episodes::tasks(&arguments.kinds, arguments.count, seed)?;
     let settings = CollectSettings::in_world(world.clone());
     let planner = inputs::planner(world, &settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let resources = Resources::builtin(&planner);
     let [vlm, masks] = arguments.names.map(String::from);
     let name = |value: serde_json::Value| value.as_str().unwrap_or_default().to_owned();
     let mut measured = Measured {

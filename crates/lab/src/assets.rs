@@ -37,8 +37,6 @@ const STEPS_HZ: f64 = 480.0;
 const MOST_DRIFT_MM: f64 = 0.1;
 /// Deeper than this is a problem, mm.
 const MOST_PENETRATION_MM: f64 = 1.0;
-/// Trials per grasp: each with mass and friction changed by up to 20 %.
-const TRIALS: u32 = 3;
 /// Grasps that are tried before an object counts as not held.
 const GRASPS: usize = 8;
 /// Balls dropped per container, one after the other; diameter as a share of the opening; highest start above the rim, m.
@@ -275,16 +273,7 @@ fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tri
         }
     }
     if model.card.can_grasp && !model.card.is_articulated {
-        let settings = TryingSettings {
-            trials: TRIALS,
-            most_lost: 1,
-            offset_m: 0.0,
-            turn_rad: 0.0,
-            least_friction: 0.8,
-            mass_spread: 0.2,
-            ..TryingSettings::default()
-        };
-        let found = sound_grasps(trials, model, &settings, 1, GRASPS, seed.fork("grasp"));
+        let found = sound_grasps(trials, model, &TryingSettings::brief(), 1, GRASPS, seed.fork("grasp"));
         tried.grasp = Some(found.as_ref().is_ok_and(|found| !found.is_empty()));
         match found {
             Ok(found) if found.is_empty() => tried.problems.push("no grasp held in every trial".into()),

@@ -11,7 +11,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use genmanip_agent::ask::{Answered, ChatService, Question, ServiceError, VisionModel};
-use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_chat::fake::{Behaviour, FakeServer, SeenRequest};
 use genmanip_chat::{ServerSettings, Structure};
 use genmanip_core::{NotRun, Seed, TaskKind, World};
@@ -107,7 +106,7 @@ pub fn measure(
 ) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world(world.clone());
     let planner = inputs::planner(world, &settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let resources = Resources::builtin(&planner);
     let cases = lay_out(arguments.count, resources, &settings, seed, progress)?;
     let table: Arc<Mutex<Table>> = Arc::default();
     let server = {

@@ -7,7 +7,6 @@ use std::sync::{Arc, PoisonError};
 use genmanip_agent::PathKind;
 use genmanip_agent::ask::VisionModel;
 use genmanip_agent::services::GraspSource;
-use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::statistics::{StatisticsSettings, wilson_interval};
 use genmanip_bench::text_table;
 use genmanip_core::{Seed, Task, TaskKind, World};
@@ -143,7 +142,7 @@ pub fn measure(
 ) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world(world.clone());
     let planner = inputs::planner(world, &settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let resources = Resources::builtin(&planner);
     let mut clock = cpu_clock();
     let agent = &arguments.choice.settings;
     let mut measured = Measured {

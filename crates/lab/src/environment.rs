@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;
-use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{CameraRequest, Ending, Episode, ImageChannels, Seed, Task};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use genmanip_rollout::environment::Conclusion;
@@ -53,7 +52,7 @@ pub struct Measured {
 pub fn measure(tasks: &[Task], seed: Seed, progress: &dyn Progress) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world((*default_world()).clone());
     let planner = inputs::planner(&settings.world, &settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let resources = Resources::builtin(&planner);
     let mut cases = Vec::new();
     progress.begin("collecting", tasks.len());
     for task in tasks {

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::{EpisodeResult, Seed, StrayContact, Task, World};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, trial};
 use serde::Serialize;
@@ -86,7 +85,7 @@ pub fn measure(
 ) -> Result<Measured, LabError> {
     let settings = CollectSettings::in_world(world.clone());
     let planner = inputs::planner(world, &settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let resources = Resources::builtin(&planner);
     let mut kinds: BTreeMap<&'static str, Yield> = BTreeMap::new();
     let mut total = Yield::default();
     progress.begin("trying", tasks.len());

@@ -15,6 +15,8 @@ use genmanip_run::{Progress, inputs};
 
 /// How long a layout is left alone in physics, simulated seconds.
 const ALONE_S: f64 = 2.0;
+/// Tasks that are named because they took longest; chosen.
+const MOST_SLOW: usize = 20;
 const PHASES: [&str; 6] = ["preparing", "placing", "settling", "judging", "reaching", "seeing"];
 
 /// What laying tasks out came to. Refused tasks count in the times too.
@@ -48,21 +50,34 @@ pub struct Measured {
     pub goal_verdict_us: Spread,
     /// Objects in those scenes.
     pub goal_verdict_objects: usize,
+    /// The [`MOST_SLOW`] tasks that took longest, slowest first.
+    pub slowest: Vec<Slow>,
     /// Why tasks have no layout.
     pub refusals: Vec<Refusal>,
     /// What is wrong with returned layouts.
     pub faults: Vec<Refusal>,
 }
 
-/// Of many values the middle one, the one that 95 of 100 do not exceed, and the largest.
+/// Of many values the middle one, their mean, the one that 95 of 100 do not exceed, and the largest.
 #[derive(Clone, Copy, Default, Serialize)]
 pub struct Spread {
     /// The middle one.
     pub median: f64,
+    /// The mean.
+    pub mean: f64,
     /// 95 of 100 are not larger.
     pub p95: f64,
     /// The largest.
     pub worst: f64,
+}
+
+/// A task that took long.
+#[derive(Serialize)]
+pub struct Slow {
+    /// Id of the task.
+    pub task: String,
+    /// Processor time, milliseconds.
+    pub cpu_ms: f64,
 }
 
 /// A task and what is wrong.
@@ -114,6 +129,7 @@ pub fn measure(
     progress.end();
     measured.refused = measured.refusals.len();
     measured.laid_out = tasks.len() - measured.refused;
+    measured.slowest = slowest(tasks, &cpu_ms);
     measured.cpu_ms = spread(cpu_ms);
     let per_task = |seconds: f64| (seconds * 1e5 / tasks.len().max(1) as f64).round() / 100.0;
     measured.phase_cpu_ms = PHASES.into_iter().zip(phases_s.map(per_task)).collect();
@@ -168,13 +184,25 @@ fn goal_verdict(scenario: &Scenario) -> Result<(usize, f64), LabError> {
     Ok((scenario.objects.len(), seconds * 1e6))
 }
 
+fn slowest(tasks: &[Task], cpu_ms: &[f64]) -> Vec<Slow> {
+    let mut times: Vec<_> = tasks.iter().zip(cpu_ms).collect();
+    times.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    let named = |(task, &cpu_ms): (&Task, &f64)| Slow { task: task.id.clone(), cpu_ms: rounded(cpu_ms) };
+    times.into_iter().take(MOST_SLOW).map(named).collect()
+}
+
+fn rounded(value: f64) -> f64 {
+    (value * 100.0).round() / 100.0
+}
+
 fn spread(mut values: Vec<f64>) -> Spread {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| {
         let index = ((values.len() as f64 * share).ceil() as usize).saturating_sub(1);
-        values.get(index).map_or(0.0, |value| (value * 100.0).round() / 100.0)
+        values.get(index).map_or(0.0, |&value| rounded(value))
     };
-    Spread { median: at(0.5), p95: at(0.95), worst: at(1.0) }
+    let mean = rounded(values.iter().sum::<f64>() / values.len().max(1) as f64);
+    Spread { median: at(0.5), mean, p95: at(0.95), worst: at(1.0) }
 }
 
 impl Measured {
@@ -206,13 +234,14 @@ pub fn in_words(measured: &Measured) -> String {
     let Measured { cpu_ms, goal_verdict_us: verdict, .. } = measured;
     let phases = measured.phase_cpu_ms.iter().map(|(name, ms)| format!("{name} {ms:.1}"));
     let mut text = format!(
-        "laid out      {} of {}\ntime          median {:.0} ms, p95 {:.0} ms, worst {:.0} ms of processor time\n\
+        "laid out      {} of {}\ntime          median {:.0} ms, mean {:.0} ms, p95 {:.0} ms, worst {:.0} ms of processor time\n\
          phases        {} ms\npenetration   at most {:.3} mm\ndrift         at most {:.3} mm in {ALONE_S} s\n\
          graph         {} edges and states checked, {} fail; goal already true {}, object unseen {}\n\
          goal verdict  median {:.0} µs, worst {:.0} µs with {} objects\n",
         measured.laid_out,
         measured.tasks,
         cpu_ms.median,
+        cpu_ms.mean,
         cpu_ms.p95,
         cpu_ms.worst,
         phases.collect::<Vec<_>>().join(", "),

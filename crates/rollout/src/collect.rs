@@ -3,12 +3,13 @@
 //! Attempt k of a task is a pure function of (task, seed, k): neither order nor worker matters,
 //! an interrupted run continues where it stopped and ends with the same bytes.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use genmanip_assets::{AssetSource, GraspLibrary};
+use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
 use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task, World};
 use genmanip_data::{DataError, EpisodeStore};
 use genmanip_layout::{LayoutSettings, lay_out};
@@ -69,6 +70,13 @@ pub struct Resources<'a> {
     pub planner: &'a Arc<Planner>,
     /// Grasps that were tried beforehand.
     pub grasps: &'a GraspLibrary,
+}
+
+impl<'a> Resources<'a> {
+    /// The process's objects and grasps, with a planner.
+    pub fn builtin(planner: &'a Arc<Planner>) -> Self {
+        Self { catalogue: Catalogue::builtin(), planner, grasps: GraspLibrary::builtin() }
+    }
 }
 
 /// One attempt to be made.
@@ -259,16 +267,33 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
 /// Maps jobs over worker threads; results come back in the order of the jobs, stopped jobs are left out.
 ///
 /// # Errors
-/// The first failure in the order of the jobs; no job begins after one has failed.
+/// As [`in_parallel_each`].
 pub fn in_parallel<J: Sync, R: Send, E: Send>(
     jobs: &[J],
     workers: usize,
     stop: &AtomicBool,
     work: &(dyn Fn(&J) -> Result<R, E> + Sync),
 ) -> Result<Vec<R>, E> {
+    let mut results = Vec::new();
+    in_parallel_each(jobs, workers, stop, work, &mut |result| results.push(result))?;
+    Ok(results)
+}
+
+/// Maps jobs over worker threads and delivers each result, in the order of the jobs, as soon as it and those before it are
+/// there; stopped jobs are left out.
+///
+/// # Errors
+/// The first failure in the order of the jobs; no job begins after one has failed, and nothing behind it is delivered.
+pub fn in_parallel_each<J: Sync, R: Send, E: Send>(
+    jobs: &[J],
+    workers: usize,
+    stop: &AtomicBool,
+    work: &(dyn Fn(&J) -> Result<R, E> + Sync),
+    deliver: &mut (dyn FnMut(R) + Send),
+) -> Result<(), E> {
     let next = AtomicUsize::new(0);
     let broken = AtomicBool::new(false);
-    let results: Mutex<Vec<(usize, Result<R, E>)>> = Mutex::new(Vec::new());
+    let delivery = Mutex::new(Delivery { delivered: 0, waiting: BTreeMap::new(), failed: None, deliver });
     let run = || {
         while !stop.load(Ordering::Relaxed) && !broken.load(Ordering::Relaxed) {
             let index = next.fetch_add(1, Ordering::Relaxed);
@@ -277,7 +302,7 @@ pub fn in_parallel<J: Sync, R: Send, E: Send>(
             if result.is_err() {
                 broken.store(true, Ordering::Relaxed);
             }
-            results.lock().unwrap_or_else(PoisonError::into_inner).push((index, result));
+            delivery.lock().unwrap_or_else(PoisonError::into_inner).add(index, result);
         }
     };
     std::thread::scope(|scope| {
@@ -288,7 +313,58 @@ pub fn in_parallel<J: Sync, R: Send, E: Send>(
             run();
         }
     });
-    let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    results.sort_by_key(|(index, _)| *index);
-    results.into_iter().map(|(_, result)| result).collect()
+    delivery.into_inner().unwrap_or_else(PoisonError::into_inner).failed.map_or(Ok(()), Err)
+}
+
+/// Results on their way back into the order of their jobs.
+struct Delivery<'a, R, E> {
+    delivered: usize,
+    /// By index of the job, those that came before their turn.
+    waiting: BTreeMap<usize, Result<R, E>>,
+    failed: Option<E>,
+    deliver: &'a mut (dyn FnMut(R) + Send),
+}
+
+impl<R, E> Delivery<'_, R, E> {
+    fn add(&mut self, index: usize, result: Result<R, E>) {
+        self.waiting.insert(index, result);
+        while self.failed.is_none()
+            && let Some(result) = self.waiting.remove(&self.delivered)
+        {
+            self.delivered += 1;
+            match result {
+                Ok(result) => (self.deliver)(result),
+                Err(error) => self.failed = Some(error),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn results_are_delivered_in_the_order_of_the_jobs() {
+        let jobs: Vec<u64> = (0..40).collect();
+        let check = |workers: usize, broken: Option<u64>| {
+            let mut delivered = Vec::new();
+            // Early jobs take longest, so that later ones overtake them.
+            let work = |&job: &u64| {
+                std::thread::sleep(Duration::from_millis((40 - job) / 8));
+                if broken.is_some_and(|broken| job >= broken) { Err(job) } else { Ok(job) }
+            };
+            let end = in_parallel_each(&jobs, workers, &AtomicBool::new(false), &work, &mut |job| delivered.push(job));
+            assert_eq!(end.err(), broken, "{workers} workers");
+            assert_eq!(delivered, jobs[..broken.unwrap_or(40) as usize], "{workers} workers");
+        };
+        for workers in [1, 2, 7] {
+            check(workers, None);
+            check(workers, Some(23));
+        }
+        let stopped = in_parallel::<_, _, ()>(&jobs, 3, &AtomicBool::new(true), &|&job| Ok(job)).unwrap();
+        assert!(stopped.is_empty(), "{stopped:?}");
+    }
 }

@@ -1,10 +1,10 @@
 //! What is implausible about objects: weight, friction, size, pictures, surfaces, and differences between sources.
 
 use genmanip_assets::Catalogue;
-use genmanip_core::{AssetRef, ObjectModel, Piece, Shape};
+use genmanip_core::{AssetRef, ObjectModel};
+use genmanip_import::collision::piece_volume;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
 
 use crate::assets;
 use crate::error::RunError;
@@ -108,21 +108,6 @@ pub fn of_object(model: &ObjectModel) -> Vec<Finding> {
 
 /// Mass over the volume of the collision pieces, kg/m³.
 fn density(model: &ObjectModel) -> f64 {
-    let volume: f64 = model.links.iter().flat_map(|link| &link.pieces).map(volume).sum();
+    let volume: f64 = model.links.iter().flat_map(|link| &link.pieces).map(piece_volume).sum();
     model.card.mass_kg / volume.max(1e-9)
-}
-
-/// Of primitives exactly; of a hull by the bounds' share that a mean of box and ellipsoid has.
-fn volume(piece: &Piece) -> f64 {
-    match &piece.shape {
-        Shape::Box { half_extents } => 8.0 * half_extents.element_product(),
-        Shape::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
-        Shape::Ellipsoid { radii } => 4.0 / 3.0 * PI * radii.element_product(),
-        Shape::Cylinder { radius, half_height } => 2.0 * PI * radius * radius * half_height,
-        Shape::Capsule { radius, half_length } => PI * radius * radius * (2.0 * half_length + 4.0 / 3.0 * radius),
-        Shape::Hull { points } => {
-            let bounds = genmanip_core::Aabb::from_points(points.iter().copied());
-            bounds.size().element_product() * 0.6
-        }
-    }
 }

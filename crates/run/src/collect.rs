@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::{MOST_ROWS, Outcome, attention, text_table};
 use genmanip_core::{Document, EpisodeResult, Task, TaskKind};
 use genmanip_data::EpisodeStore;
@@ -85,7 +84,7 @@ pub fn collect(
     }
     let store = folder.store()?;
     let planner = inputs::planner(&run.settings.world, &run.settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let resources = Resources::builtin(&planner);
     let mut attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
     let all = attempts.len();
     let survey = folder.survey(&store)?;

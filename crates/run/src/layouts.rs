@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::{MOST_ROWS, Svg, attention, text_table};
 use genmanip_core::{Document, Seed, Task, World};
 use genmanip_data::files;
 use genmanip_layout::LayoutSettings;
 use genmanip_motion::PlannerSettings;
-use genmanip_rollout::collect::{Attempt, Resources, in_parallel};
+use genmanip_rollout::collect::{Attempt, Resources, in_parallel_each};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
@@ -46,11 +45,12 @@ pub struct LaidOut {
 /// Lays each task out `count` times and writes the scenarios; the result does not depend on the number of workers.
 ///
 /// What is finished stands in `layouts.jsonl` of the folder: a call that was killed goes on where it stopped. A layout
-/// of another task, world, seed or other settings under the same name is told and made anew.
+/// of another task, world, seed or other settings under the same name is told and made anew. `each` gets a row as soon as
+/// it and those before it are there.
 ///
 /// # Errors
 /// When a file cannot be written. A task that cannot be laid out is a row, not an error.
-#[expect(clippy::too_many_arguments, reason = "input, settings and seed, and what every stage has")]
+#[expect(clippy::too_many_arguments, reason = "input, settings and seed, what every stage has, and who reads")]
 pub fn lay_out(
     tasks: &[Task],
     count: usize,
@@ -61,15 +61,16 @@ pub fn lay_out(
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
+    each: &mut (dyn FnMut(&LaidOut) + Send),
 ) -> Result<Vec<LaidOut>, RunError> {
     let planner = inputs::planner(world, &PlannerSettings::default())?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let resources = Resources::builtin(&planner);
     let attempts = Attempt::all(tasks, count, seed);
     sweep(&output.folder)?;
     let ledger = Ledger::open(&output.folder.join("layouts.jsonl"))?;
     let shared = serde_json::to_string(&(world, settings, env!("CARGO_PKG_VERSION"))).unwrap_or_default();
     progress.begin("laying out", attempts.len());
-    let done = in_parallel(&attempts, workers, stop, &|attempt| {
+    let lay_out = |attempt: &Attempt| -> Result<(Entry, LaidOut), RunError> {
         let key = key(attempt, &shared);
         let known = ledger.known(&attempt.id());
         let row = match known.filter(|entry| entry.key == key).and_then(|entry| finished(attempt, output, entry)) {
@@ -85,10 +86,15 @@ pub fn lay_out(
             }
         };
         progress.advance();
-        Ok::<_, RunError>((Entry { name: attempt.id(), key, refused: row.refused.clone() }, row))
+        Ok((Entry { name: attempt.id(), key, refused: row.refused.clone() }, row))
+    };
+    let (mut entries, mut rows) = (Vec::new(), Vec::new());
+    in_parallel_each(&attempts, workers, stop, &lay_out, &mut |(entry, row)| {
+        each(&row);
+        entries.push(entry);
+        rows.push(row);
     })?;
     progress.end();
-    let (entries, rows) = done.into_iter().unzip();
     ledger.close(entries, |_| true)?;
     Ok(rows)
 }

@@ -8,7 +8,7 @@ use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_bench::{MOST_ROWS, attention, text_table};
 use genmanip_core::{Episode, TaskKind};
 use genmanip_data::{DataError, EpisodeStore, Listing};
-use genmanip_rollout::collect::in_parallel;
+use genmanip_rollout::collect::in_parallel_each;
 use genmanip_rollout::{Stage, replay};
 use serde::Serialize;
 
@@ -65,6 +65,7 @@ impl Replayed {
 ///
 /// With `strip`, also draws each as a film strip into that file (with the id in its name if there are several);
 /// without `check` that is all that is done. Of several episodes a damaged one is a row, and the others are replayed.
+/// `each` gets a row as soon as it and those before it are there.
 ///
 /// # Errors
 /// When there is no episode, the only one is damaged, or the physics are not those it was recorded with.
@@ -74,6 +75,7 @@ pub fn check(
     strip: Option<&Path>,
     workers: usize,
     progress: &dyn Progress,
+    each: &mut (dyn FnMut(&Replayed) + Send),
 ) -> Result<Vec<Replayed>, RunError> {
     if let Some(strip) = strip {
         check_ending(strip)?;
@@ -88,10 +90,15 @@ pub fn check(
     }
     let replaying = Replaying { store: &store, is_only: ids.len() == 1, check, strip, progress };
     progress.begin("replaying", ids.len());
-    let rows = in_parallel(&ids, workers, &AtomicBool::new(false), &|id| {
+    let mut rows = Vec::new();
+    let replay = |id: &String| {
         let row = replaying.one(id);
         progress.advance();
         row
+    };
+    in_parallel_each(&ids, workers, &AtomicBool::new(false), &replay, &mut |row| {
+        each(&row);
+        rows.push(row);
     })?;
     progress.end();
     Ok(rows)

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{parse_count, parse_seed, parse_sum};
+use super::{AskingArguments, parse_seed};
 
 /// What the agent does outside of evaluations.
 #[derive(Debug, Subcommand)]
@@ -77,13 +77,6 @@ pub struct AblateArguments {
     /// Settings to change, one at a time [default: all]
     #[arg(long, value_delimiter = ',', value_name = "SETTING")]
     pub vary: Vec<String>,
-    /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
-    pub workers: Option<usize>,
-    /// Episodes under way at once [default: 16 where a model is asked, else the workers]
-    #[arg(long, value_name = "N", value_parser = parse_count)]
-    pub at_once: Option<usize>,
-    /// Ask no more once the model's answers have cost so much, in the currency of its settings
-    #[arg(long, value_name = "SUM", value_parser = parse_sum)]
-    pub max_cost: Option<f64>,
+    #[command(flatten)]
+    pub asking: AskingArguments,
 }

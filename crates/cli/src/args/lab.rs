@@ -353,6 +353,26 @@ pub struct ExpertArguments {
     pub catalog: String,
 }
 
+/// The agent that is measured, and on which kinds of tasks.
+#[derive(Debug, Args)]
+pub struct AgentChoiceArguments {
+    /// Kinds of tasks; `articulated` cannot be done by picking and placing
+    #[arg(long, value_delimiter = ',', default_value = "pick_and_place,spatial,appearance,common_sense,long_horizon")]
+    pub kinds: Vec<String>,
+    /// Who answers: `oracle` (the simulator's truth), or the settings file of a model, which makes its own mistakes
+    #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
+    pub vlm: String,
+    /// Where masks come from
+    #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
+    pub masks: String,
+    /// One cell for the placement, or a path over the grid
+    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
+    pub path: String,
+    /// As published, or with everything that makes it sturdier
+    #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
+    pub preset: String,
+}
+
 /// Arguments of `lab agent`.
 #[derive(Debug, Args)]
 pub struct AgentArguments {
@@ -365,21 +385,8 @@ pub struct AgentArguments {
     /// Episodes, the kinds in turn
     #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
     pub count: usize,
-    /// Kinds of tasks; `articulated` cannot be done by picking and placing
-    #[arg(long, value_delimiter = ',', default_value = "pick_and_place,spatial,appearance,common_sense,long_horizon")]
-    pub kinds: Vec<String>,
-    /// Who answers: `oracle` (the simulator's truth), or the settings file of a model
-    #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
-    pub vlm: String,
-    /// Where masks come from
-    #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
-    pub masks: String,
-    /// One cell for the placement, or a path over the grid
-    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
-    pub path: String,
-    /// As published, or with everything that makes it sturdier
-    #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
-    pub preset: String,
+    #[command(flatten)]
+    pub agent: AgentChoiceArguments,
     /// Ask for the part to hold, too
     #[arg(long)]
     pub ctof: bool,
@@ -412,21 +419,8 @@ pub struct BlameArguments {
     /// Episodes without a mistake on purpose, of which those that fail are taken up again too
     #[arg(long, default_value_t = 60)]
     pub natural: usize,
-    /// Kinds of tasks; `articulated` cannot be done by picking and placing
-    #[arg(long, value_delimiter = ',', default_value = "pick_and_place,spatial,appearance,common_sense,long_horizon")]
-    pub kinds: Vec<String>,
-    /// Who answers: `oracle`, or the settings file of a model, which then makes its own mistakes
-    #[arg(long, default_value = "oracle", value_name = "oracle|FILE")]
-    pub vlm: String,
-    /// Where masks come from
-    #[arg(long, default_value = "rgbd", value_name = "rgbd|oracle|http:URL")]
-    pub masks: String,
-    /// One cell for the placement, or a path over the grid
-    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
-    pub path: String,
-    /// As published, or with everything that makes it sturdier
-    #[arg(long, default_value = "full", value_parser = ["full", "paper"])]
-    pub preset: String,
+    #[command(flatten)]
+    pub agent: AgentChoiceArguments,
     /// `open` splits the task and picks each thing once, so that a mistake is seldom made good
     #[arg(long = "loop", default_value = "open", value_name = "open|closed", value_parser = ["open", "closed"])]
     pub closed_loop: String,

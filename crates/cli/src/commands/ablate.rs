@@ -13,9 +13,9 @@ pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus,
     let options = EvaluateOptions {
         keep_episodes: false,
         out: Some(arguments.run.clone()),
-        workers: inputs::workers(arguments.workers),
-        at_once: arguments.at_once,
-        max_cost: arguments.max_cost,
+        workers: inputs::workers(arguments.asking.workers),
+        at_once: arguments.asking.at_once,
+        max_cost: arguments.asking.max_cost,
     };
     let stop = crate::stop::on_interrupt();
     let ablation = ablate(&suite, &arguments.agent, &arguments.vary, &options, printer, &stop)?;

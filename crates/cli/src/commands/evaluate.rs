@@ -41,9 +41,9 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
     let options = EvaluateOptions {
         keep_episodes: arguments.keep_episodes || run.is_none() && out.is_some(),
         out: out.cloned(),
-        workers: inputs::workers(arguments.workers),
-        at_once: arguments.at_once,
-        max_cost: arguments.max_cost,
+        workers: inputs::workers(arguments.asking.workers),
+        at_once: arguments.asking.at_once,
+        max_cost: arguments.asking.max_cost,
     };
     let stop = crate::stop::on_interrupt();
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;

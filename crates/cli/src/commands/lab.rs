@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use genmanip_agent::segmentation::{RgbdSegmenter, Segmenter};
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{Catalogue, Families, panda};
-use genmanip_core::{Seed, Task};
+use genmanip_core::{Seed, Task, TaskKind};
 use genmanip_lab::agent::AgentArguments;
 use genmanip_lab::answers::Amount;
 use genmanip_lab::batch::BatchArguments;
@@ -183,8 +183,16 @@ fn hostile_arguments(arguments: &args::HostileArguments) -> Result<HostileArgume
     })
 }
 
+fn choice(arguments: &args::AgentChoiceArguments) -> Result<AgentChoice, Failed> {
+    Ok(AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?)
+}
+
+fn kinds(arguments: &args::AgentChoiceArguments) -> Result<Vec<TaskKind>, Failed> {
+    Ok(arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?)
+}
+
 fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, Failed> {
-    let choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
+    let choice = choice(&arguments.agent)?;
     let mut choice =
         AgentChoice { keeps_pictures: arguments.transcripts.is_some() || arguments.page.is_some(), ..choice };
     choice.settings.ctof = arguments.ctof;
@@ -193,7 +201,7 @@ fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, F
     }
     Ok(AgentArguments {
         names: [choice.model.name(), choice.masks.name()],
-        kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,
+        kinds: kinds(&arguments.agent)?,
         count: arguments.count,
         transcripts: arguments.transcripts.clone(),
         page: arguments.page.clone(),
@@ -202,7 +210,7 @@ fn agent_arguments(arguments: &args::AgentArguments) -> Result<AgentArguments, F
 }
 
 fn blame_arguments(arguments: &args::BlameArguments) -> Result<BlameArguments, Failed> {
-    let mut choice = AgentChoice::named(&arguments.vlm, &arguments.masks, &arguments.path, &arguments.preset)?;
+    let mut choice = choice(&arguments.agent)?;
     if arguments.closed_loop == "open" {
         choice.settings = choice.settings.open_loop();
     }
@@ -216,7 +224,7 @@ fn blame_arguments(arguments: &args::BlameArguments) -> Result<BlameArguments, F
     let classes = arguments.classes.iter().map(named).collect::<Result<Vec<_>, _>>()?;
     let is_oracle = matches!(choice.model, ModelChoice::Oracle);
     Ok(BlameArguments {
-        kinds: arguments.kinds.iter().map(|kind| inputs::task_kind(kind)).collect::<Result<_, _>>()?,
+        kinds: kinds(&arguments.agent)?,
         // Only the oracle makes mistakes on purpose.
         classes: if !is_oracle {
             Vec::new()

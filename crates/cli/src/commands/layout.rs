@@ -19,8 +19,10 @@ pub fn run(arguments: &LayoutArguments, printer: &Printer) -> Result<ExitStatus,
     let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
     // A layout takes seconds and each file is written whole, so Ctrl-C may simply end the program.
     let never = AtomicBool::new(false);
-    let rows = lay_out(&tasks, arguments.count, &world, &settings, seed, &output, workers, printer, &never)?;
-    printer.data(&rows, &layouts::table(&rows, arguments.each));
+    let (mut list, count) = (printer.list(), arguments.count);
+    let mut each = |row: &_| list.add(row);
+    let rows = lay_out(&tasks, count, &world, &settings, seed, &output, workers, printer, &never, &mut each)?;
+    list.end(&layouts::table(&rows, arguments.each));
     let is_met = rows.iter().all(|row| row.refused.is_none());
     Ok(if is_met { ExitStatus::Done } else { ExitStatus::NotMet })
 }

@@ -9,7 +9,9 @@ use crate::printer::Printer;
 
 pub fn run(arguments: &ReplayArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let workers = inputs::workers(arguments.workers);
-    let rows = replay::check(&arguments.episodes, arguments.check, arguments.strip.as_deref(), workers, printer)?;
-    printer.data(&rows, &replay::table(&rows, arguments.each));
+    let mut list = printer.list();
+    let (path, strip) = (&arguments.episodes, arguments.strip.as_deref());
+    let rows = replay::check(path, arguments.check, strip, workers, printer, &mut |row| list.add(row))?;
+    list.end(&replay::table(&rows, arguments.each));
     Ok(if rows.iter().all(Replayed::is_sound) { ExitStatus::Done } else { ExitStatus::NotMet })
 }

@@ -79,3 +79,24 @@ fn imported_objects_take_part_in_tasks_and_layouts() {
     };
     assert!(of("scenarios") == of("again"), "the same pack makes the same layout");
 }
+
+/// A foot with a beam that hangs out over one side, so that it tips over; metres, +z up as the format says.
+const GALLOWS: &str = r#"<robot name="gallows"><link name="base">
+  <visual><origin xyz="0 0 0.03"/><geometry><box size="0.03 0.03 0.06"/></geometry></visual>
+  <visual><origin xyz="0.05 0 0.075"/><geometry><box size="0.13 0.03 0.03"/></geometry></visual>
+</link></robot>"#;
+
+#[test]
+fn what_tips_over_comes_in_as_it_lies() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    fs::write(here.join("gallows.urdf"), GALLOWS).unwrap();
+    let import = ["--json", "assets", "import", "gallows.urdf", "--pack", "own", "--scale", "1", "--no-grasps"];
+    // The user's word counts: then it only says that it does not stay.
+    let rows = genmanip(here, &[&import[..], &["--up", "z"]].concat()).json(0);
+    assert!(rows[0]["rests"] == false && rows[0]["repairs"][0].as_str().unwrap().contains("does not stay"), "{rows}");
+    let rows = genmanip(here, &import).json(0);
+    assert_eq!(rows[0]["rests"], true, "{rows}");
+    let guesses = rows[0]["guesses"].as_array().unwrap();
+    assert!(guesses.iter().any(|guess| guess["what"] == "upright"), "{rows}");
+}

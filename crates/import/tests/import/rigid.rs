@@ -126,13 +126,26 @@ fn a_textured_obj_in_centimetres_comes_in_upright() {
 
 #[test]
 fn what_is_given_is_not_guessed() {
-    let given = Given { scale: Some(0.005), up: Some(Up::Z) };
+    let given = Given { scale: Some(0.005), up: Some(Up::Z), ..Given::default() };
     let object = import_from(&crate_obj(), "boxes/blorp.obj", &given).unwrap();
     assert!(object.model.card.size_m.abs_diff_eq(glam::DVec3::new(0.04, 0.05, 0.03), 1e-6));
     let guess = object.report.guesses.iter().find(|guess| guess.what == "unit").unwrap();
     assert_eq!(guess.because, "given");
     let other = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
     assert_ne!(object.model.asset, other.model.asset, "other choices make another object");
+}
+
+#[test]
+fn what_tipped_over_comes_in_as_it_lies() {
+    let standing = import_from(&crate_obj(), "boxes/blorp.obj", &Given::default()).unwrap();
+    let tipped = Given { tipped_up: Some(glam::DVec3::new(1.0, 0.0, 0.02)), ..Given::default() };
+    let lying = import_from(&crate_obj(), "boxes/blorp.obj", &tipped).unwrap();
+    let (size, was) = (lying.model.card.size_m, standing.model.card.size_m);
+    assert!(size.abs_diff_eq(glam::DVec3::new(was.z, was.y, was.x), 3e-3), "{was} became {size}");
+    let guess = lying.report.guesses.iter().find(|guess| guess.what == "upright").unwrap();
+    assert_eq!(guess.value, "turned by 89°");
+    assert_eq!(lying.model.asset, standing.model.asset, "the same files make the same object");
+    assert!(standing.report.guesses.iter().all(|guess| guess.what != "upright"));
 }
 
 #[test]

@@ -35,8 +35,10 @@ const NATURAL: DVec3 = DVec3::new(0.35, 0.0, -0.94);
 const FINGER_ROOM_M: f64 = 0.016;
 /// How much narrower than the handle the width is that is commanded while holding, metres; the less, the gentler; chosen.
 const SQUEEZE_M: f64 = 0.006;
-/// The same where the handle is to turn between the pads: a firm grip would lift the whole object instead; chosen.
-const PIVOT_SQUEEZE_M: f64 = 0.0015;
+/// The same where the handle is to turn between the pads: pads that press harder hold it against the turn and tip the
+/// whole object over instead. At 1.5 mm (15 N, which pads of friction 1 turn into some 0.5 N·m) bins of 0.6 kg, which
+/// tip at 0.4 N·m, were dragged over; chosen.
+const PIVOT_SQUEEZE_M: f64 = 0.0006;
 /// Distance of a closed finger's side, back and tip from the tcp, metres: half a pad's breadth, both fingers' depth, and
 /// the tip; from the colliders of the Panda's fingers in `assets`.
 const SIDE_M: f64 = 0.0105;

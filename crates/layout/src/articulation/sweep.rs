@@ -81,19 +81,21 @@ impl<'a> Sweeper<'a> {
                 known.len() - 1
             });
             let checkers = &known[at];
-            let starts: Vec<_> =
+            if configs.peek().is_none_or(|config| !checkers.hand_is_free(config)) {
+                tally.blocked += 1;
+                continue;
+            }
+            let mut starts: Vec<_> =
                 configs.filter(|config| checkers.is_free(0, 0, config)).take(self.settings.configurations).collect();
             if starts.is_empty() {
                 tally.blocked += 1;
                 continue;
             }
+            starts.retain(|config| checkers.has_room(config));
             let follows = if start.turns_freely { self.settings.follow.as_slice() } else { &[1.0] };
             for (&follow, (index, way)) in follows.iter().flat_map(|f| ways.iter().enumerate().map(move |w| (f, w))) {
                 let contact = JointContact { follow, ..start.clone() };
                 let mut is_possible = |config: &&Vec<f64>| {
-                    if !checkers.has_room(config) {
-                        return false;
-                    }
                     let followed = self.can_follow(way, &contact, config, checkers, index);
                     tally.unfollowed += usize::from(followed.is_none());
                     followed == Some(true)
@@ -137,7 +139,10 @@ impl<'a> Sweeper<'a> {
 
     /// The object's surroundings and itself, joint at a position.
     pub fn world_at(&self, position: f64) -> CollisionWorld {
-        let mut world = self.others.clone();
+        self.with_object(self.others.clone(), position)
+    }
+
+    fn with_object(&self, mut world: CollisionWorld, position: f64) -> CollisionWorld {
         let mut object = self.object.clone();
         if let Some(value) = object.joint_positions.get_mut(self.change.joint) {
             *value = position;
@@ -154,7 +159,7 @@ impl<'a> Sweeper<'a> {
         velocity.map_or((DVec3::ZERO, 1.0), |(direction, lever)| (direction, lever.max(LEAST_LEVER_M)))
     }
 
-    /// The way to a position, with the world at every step.
+    /// The way to a position, with the object at every step, and everything else at the first.
     fn way(&self, target: f64) -> Option<Way> {
         let motion = Motion::of(self.object, self.change, target)?;
         let size = self.object.model.world_bounds(&Pose::IDENTITY, &self.object.joint_positions).size().max_element();
@@ -166,7 +171,8 @@ impl<'a> Sweeper<'a> {
         let steps = (steps.ceil() as usize).clamp(STEPS[0], STEPS[1]);
         let at = |step: usize| {
             let by = (target - self.change.from) * step as f64 / steps as f64;
-            (by, self.world_at(self.change.from + by))
+            let around = if step == 0 { self.others.clone() } else { CollisionWorld::default() };
+            (by, self.with_object(around, self.change.from + by))
         };
         Some(Way { target, motion, worlds: (0..=steps).map(at).collect() })
     }
@@ -196,6 +202,7 @@ impl<'a> Sweeper<'a> {
         for (step, by) in way.worlds.iter().map(|(by, _)| *by).chain([end]).enumerate().skip(1) {
             let pose = tcp_at(&way.motion, contact, by);
             arm = self.planner.ik_near(&pose, &arm, self.settings.max_arm_step_rad)?;
+            // Room around everything else says that the arm touches none of it; what is left to ask is the object itself.
             if !checkers.has_room(&arm) || (step <= last && !checkers.is_free(at, step, &arm)) {
                 return Some(false);
             }

@@ -16,7 +16,7 @@ pub(super) struct Way {
     pub target: f64,
     /// How its link moves.
     pub motion: Motion,
-    /// By how much the joint has moved, with the world then; the present one first.
+    /// By how much the joint has moved, with the object then; at present, first, with everything around it.
     pub worlds: Vec<(f64, CollisionWorld)>,
 }
 
@@ -51,9 +51,18 @@ impl<'a> Checkers<'a> {
         self.roomy.get_or_init(|| self.checker(others, room_m)).is_free(config)
     }
 
-    /// Whether an arm touches nothing at a step of a way, the object included.
+    /// Whether the hand touches nothing at the start, which is the same for all arms that hold it there.
+    pub fn hand_is_free(&self, config: &[f64]) -> bool {
+        self.along(0, 0).hand_is_free(config)
+    }
+
+    /// Whether an arm touches the object at no point at a step of a way; at the first step nothing else either.
     pub fn is_free(&self, way: usize, step: usize, config: &[f64]) -> bool {
-        self.along[way][step].get_or_init(|| self.checker(&self.ways[way].worlds[step].1, CONTACT_M)).is_free(config)
+        self.along(way, step).is_free(config)
+    }
+
+    fn along(&self, way: usize, step: usize) -> &Checker<'a> {
+        self.along[way][step].get_or_init(|| self.checker(&self.ways[way].worlds[step].1, CONTACT_M))
     }
 
     fn checker(&self, world: &'a CollisionWorld, padding_m: f64) -> Checker<'a> {

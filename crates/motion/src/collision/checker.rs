@@ -11,6 +11,7 @@ use super::placed_obstacle::{PlacedObstacle, PlacedPiece};
 use super::probe::Solid;
 use super::robot_shape::RobotShape;
 use super::world::{Allowed, Attached, CollisionWorld};
+use crate::rigid::Rigid;
 
 /// Two things that are too close.
 #[derive(Clone, Debug, PartialEq)]
@@ -150,22 +151,35 @@ impl<'a> Checker<'a> {
     pub fn is_free(&self, config: &[f64]) -> bool {
         let frames = self.robot.chain.frames(config);
         let world_from = |body: &Body| frames[body.frame] * body.frame_from_body;
-        for (index, body) in self.bodies.iter().enumerate() {
-            let ball = body.ball.moved(&frames[body.frame]);
-            for (target, margin) in self.obstacles.iter().zip(self.margins_of(index)) {
-                let Some(margin) = *margin else { continue };
-                if ball.is_apart(&target.ball, margin) {
-                    continue;
-                }
-                if target.closer_than(body, &world_from(body), margin) {
-                    return false;
-                }
-            }
+        // From the hand down: it is what touches something most often.
+        if (0..self.bodies.len()).rev().any(|index| self.meets_obstacle(index, &frames)) {
+            return false;
         }
         !self.body_pairs.iter().any(|&BodyPair { first, second, margin, .. }| {
             let (a, b) = (&self.bodies[first], &self.bodies[second]);
             !a.ball.moved(&frames[a.frame]).is_apart(&b.ball.moved(&frames[b.frame]), margin)
                 && bodies_closer_than(a, b, &world_from(a), &world_from(b), margin)
+        })
+    }
+
+    /// Whether what is fixed to the last joint, the hand and what it carries, keeps its distance from the obstacles: the
+    /// same for all configurations with one pose of the hand.
+    pub fn hand_is_free(&self, config: &[f64]) -> bool {
+        let frames = self.robot.chain.frames(config);
+        let last = frames.len().saturating_sub(1);
+        !(0..self.bodies.len())
+            .rev()
+            .any(|index| self.bodies[index].frame == last && self.meets_obstacle(index, &frames))
+    }
+
+    /// Whether a body is closer to an obstacle than it may be.
+    fn meets_obstacle(&self, index: usize, frames: &[Rigid]) -> bool {
+        let body = &self.bodies[index];
+        let (ball, world_from_body) = (body.ball.moved(&frames[body.frame]), frames[body.frame] * body.frame_from_body);
+        self.obstacles.iter().zip(self.margins_of(index)).any(|(target, margin)| {
+            margin.is_some_and(|margin| {
+                !ball.is_apart(&target.ball, margin) && target.closer_than(body, &world_from_body, margin)
+            })
         })
     }
 

@@ -53,6 +53,21 @@ impl Default for TryingSettings {
     }
 }
 
+impl TryingSettings {
+    /// For an object that somebody waits for: three trials on the spot, mass and friction changed by up to 20 %.
+    pub fn brief() -> Self {
+        Self {
+            trials: 3,
+            most_lost: 1,
+            offset_m: 0.0,
+            turn_rad: 0.0,
+            least_friction: 0.8,
+            mass_spread: 0.2,
+            ..Self::default()
+        }
+    }
+}
+
 /// Tries the grasps of several objects; `finished` hears of each object as it ends.
 ///
 /// When `stop` becomes true, objects under way are finished and the rest is left out.

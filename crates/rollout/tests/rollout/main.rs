@@ -49,7 +49,7 @@ fn planner() -> &'static Arc<Planner> {
 }
 
 fn resources() -> Resources<'static> {
-    Resources { catalogue: Catalogue::builtin(), planner: planner(), grasps: GraspLibrary::builtin() }
+    Resources::builtin(planner())
 }
 
 fn scenario(task: &Task) -> Scenario {

@@ -15,7 +15,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_bench::{EvaluationReport, StatisticsSettings, text_table};
 use genmanip_core::{Document, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
@@ -107,7 +106,7 @@ fn one(
 ) -> Result<Option<EvaluationReport>, RunError> {
     let label = suite.label(policy.label());
     let planner = inputs::planner(&suite.settings.world, &suite.settings.planner)?;
-    let resources = Resources { catalogue: Catalogue::builtin(), planner: &planner, grasps: GraspLibrary::builtin() };
+    let resources = Resources::builtin(&planner);
     let identity = Identity::of(suite, policy, options.keep_episodes);
     let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity)).transpose()?;
     let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());

@@ -7,8 +7,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_assets::{Catalogue, GraspFile, GraspProvenance, ObjectGrasps, remember};
 use genmanip_bench::text_table;
-use genmanip_core::{AssetRef, Document, ObjectModel, Pose, Seed, TriedGrasp, World, limits};
+use genmanip_core::glam::DQuat;
+use genmanip_core::{AssetRef, Document, Pose, Seed, TriedGrasp, World, limits};
 use genmanip_data::files;
+use genmanip_import::place::lying_from_standing;
 use genmanip_import::report::Guess;
 use genmanip_import::{Given, Imported, pack};
 use genmanip_motion::PlannerSettings;
@@ -17,18 +19,19 @@ use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, s
 use serde::Serialize;
 use serde_json::json;
 
-use super::{Candidate, LIST, PackEntry, PackList, at_rest, grasps_file, object_file};
+use super::{AtRest, Candidate, LIST, PackEntry, PackList, at_rest, grasps_file, object_file};
 use crate::assets::portrait;
 use crate::error::RunError;
 use crate::inputs;
 use crate::progress::Progress;
 
-/// Trials per grasp, grasps that are wanted, and grasps that may be lost for them: about 2 s of processor time.
-const TRIALS: u32 = 3;
+/// Grasps that are wanted, and grasps that may be lost for them: about 2 s of processor time.
 const WANTED: usize = 4;
 const LOST: usize = 8;
 /// A thing that turns farther while it comes to rest has fallen over, rad.
 const FALLEN_RAD: f64 = 0.3;
+/// Times that a thing is laid down as it came to rest; the new base is cut where it touched, so once nearly always does.
+const MOST_TURNS: u32 = 3;
 /// Farther than this in 2 s it does not rest, mm.
 const DRIFT_MM: f64 = 1.0;
 /// Pixels per side of the pictures.
@@ -163,7 +166,7 @@ fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFi
         engine: genmanip_sim::engine_version(),
         robot: trials.robot.name.clone(),
         robot_hash: Some(trials.robot.physics_hash()),
-        settings: json!({ "trying": trying(), "physics": trials.world.physics, "drives": trials.robot.drives }),
+        settings: json!({ "trying": TryingSettings::brief(), "physics": trials.world.physics, "drives": trials.robot.drives }),
     };
     let nothing = GraspFile { made_by: made_by.clone(), objects: BTreeMap::new() };
     if !path.exists() {
@@ -173,19 +176,6 @@ fn known_grasps(path: &Path, trials: &GraspTrials, seed: Seed) -> Result<GraspFi
     Ok(if known.made_by.robot_hash == made_by.robot_hash { GraspFile { made_by, ..known } } else { nothing })
 }
 
-/// As `lab assets` tries: mass and friction changed by up to 20 %.
-fn trying() -> TryingSettings {
-    TryingSettings {
-        trials: TRIALS,
-        most_lost: 1,
-        offset_m: 0.0,
-        turn_rad: 0.0,
-        least_friction: 0.8,
-        mass_spread: 0.2,
-        ..TryingSettings::default()
-    }
-}
-
 /// Reads one object and tries it.
 fn one(
     candidate: &Candidate,
@@ -193,20 +183,10 @@ fn one(
     settings: &ImportSettings,
 ) -> (ImportRow, Option<(Imported, Vec<TriedGrasp>)>) {
     let file = candidate.root.join(&candidate.path).display().to_string();
-    let mut read = |path: &str, limit: limits::Limit| {
-        files::read(&candidate.root.join(path), limit).map_err(|error| match error {
-            genmanip_data::DataError::Io { source, .. } => source.to_string(),
-            other => other.to_string(),
-        })
+    let (mut object, rest) = match put_on_table(candidate, settings, &trials.world) {
+        Ok(found) => found,
+        Err((error, hint)) => return (ImportRow { file, error: Some(error), hint, ..ImportRow::default() }, None),
     };
-    let mut object =
-        match genmanip_import::import(&candidate.path, &mut read, &settings.given, settings.licence.as_deref()) {
-            Ok(object) => object,
-            Err(error) => {
-                let hint = Some(error.hint.clone()).filter(|hint| !hint.is_empty());
-                return (ImportRow { file, error: Some(error.to_string()), hint, ..ImportRow::default() }, None);
-            }
-        };
     let model = Arc::new(object.model.clone());
     let mut row = ImportRow {
         file,
@@ -214,22 +194,17 @@ fn one(
         name: model.card.name.clone(),
         pieces: model.links.iter().map(|link| link.pieces.len()).sum(),
         can_grasp: model.card.can_grasp,
+        rests: rests(&rest),
+        drift_mm: rest.drift_mm,
         ..ImportRow::default()
     };
-    match rests(&model, trials) {
-        Ok((rests, drift_mm)) => (row.rests, row.drift_mm) = (rests, drift_mm),
-        Err(error) => {
-            row.error = Some(format!("the simulator refuses it: {error}"));
-            return (row, None);
-        }
-    }
     if !row.rests {
         object.report.repairs.push("it does not stay where it is put on a table".into());
     }
     let mut tried = Vec::new();
     if model.card.can_grasp && !settings.without_grasps {
         let AssetRef::Imported { hash } = &model.asset else { return (row, None) };
-        let found = sound_grasps(trials, &model, &trying(), WANTED, LOST, settings.seed.fork(hash));
+        let found = sound_grasps(trials, &model, &TryingSettings::brief(), WANTED, LOST, settings.seed.fork(hash));
         let because = match &found {
             Ok(found) if found.is_empty() => Some("no grasp held in every trial".to_owned()),
             Ok(_) => None,
@@ -247,11 +222,42 @@ fn one(
     (row, Some((object, tried)))
 }
 
-/// Whether it stays where it is put, and its way in 2 s.
-fn rests(model: &Arc<ObjectModel>, trials: &GraspTrials) -> Result<(bool, f64), genmanip_sim::SimError> {
-    let joints = model.joint_states.first().map_or_else(Vec::new, |state| state.nominal.clone());
-    let found = at_rest(model, &Pose::IDENTITY, &joints, &trials.world)?;
-    Ok((found.settled && found.tilt_rad < FALLEN_RAD && found.drift_mm < DRIFT_MM, found.drift_mm))
+/// Reads one object and puts it on the table; one that tips over and lies still comes in as it lies, unless the user said
+/// which way is up. Or what is wrong, and what to do about it.
+fn put_on_table(
+    candidate: &Candidate,
+    settings: &ImportSettings,
+    world: &World,
+) -> Result<(Imported, AtRest), (String, Option<String>)> {
+    let mut read = |path: &str, limit: limits::Limit| {
+        files::read(&candidate.root.join(path), limit).map_err(|error| match error {
+            genmanip_data::DataError::Io { source, .. } => source.to_string(),
+            other => other.to_string(),
+        })
+    };
+    let mut given = settings.given.clone();
+    let mut turns = 0;
+    loop {
+        let object = genmanip_import::import(&candidate.path, &mut read, &given, settings.licence.as_deref())
+            .map_err(|error| (error.to_string(), Some(error.hint).filter(|hint| !hint.is_empty())))?;
+        let model = Arc::new(object.model.clone());
+        let joints = model.joint_states.first().map_or_else(Vec::new, |state| state.nominal.clone());
+        let rest = at_rest(&model, &Pose::IDENTITY, &joints, world)
+            .map_err(|error| (format!("the simulator refuses it: {error}"), None))?;
+        // What rocked for long lies still at the end of the watch all the same.
+        let lies_still = rest.drift_mm < DRIFT_MM;
+        if rests(&rest) || !lies_still || given.up.is_some() || turns == MOST_TURNS {
+            return Ok((object, rest));
+        }
+        turns += 1;
+        let lying_from_standing = given.tipped_up.map_or(DQuat::IDENTITY, lying_from_standing);
+        given.tipped_up = Some(lying_from_standing.inverse() * rest.up);
+    }
+}
+
+/// Whether it stays where it is put.
+fn rests(rest: &AtRest) -> bool {
+    rest.settled && rest.tilt_rad < FALLEN_RAD && rest.drift_mm < DRIFT_MM
 }
 
 /// The rows as a table, with their errors and what was guessed below.

@@ -27,6 +27,8 @@ pub struct AtRest {
     pub penetration_mm: f64,
     /// By which angle it turned against its pose, rad.
     pub tilt_rad: f64,
+    /// The direction that is up then, in the object's frame.
+    pub up: DVec3,
 }
 
 /// Puts an object on the table in a pose about its place there, lets it settle, and watches it for 2 s.
@@ -50,10 +52,12 @@ pub fn at_rest(model: &Arc<ObjectModel>, pose: &Pose, joints: &[f64], world: &Wo
         let middle = |pose: &Pose| pose.transform_point(DVec3::Z * model.card.size_m.z / 2.0);
         drift = drift.max(middle(&now).distance(middle(&before)));
     }
+    let up = sim.object_states()[0].pose.rotation.inverse() * DVec3::Z;
     Ok(AtRest {
         settled: report.settled,
         drift_mm: drift * 1e3,
         penetration_mm: sim.penetration() * 1e3,
-        tilt_rad: (sim.object_states()[0].pose.rotation * DVec3::Z).angle_between(start.rotation * DVec3::Z),
+        tilt_rad: up.angle_between(start.rotation.inverse() * DVec3::Z),
+        up,
     })
 }

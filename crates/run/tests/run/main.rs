@@ -151,7 +151,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     let lost = agent("recorded").unwrap_err().to_string();
     assert!(lost.contains("could not be reached for any episode"), "{lost}");
 
-    let replayed = replay::check(&folder, true, None, 2, &Silent).unwrap();
+    let replayed = replay::check(&folder, true, None, 2, &Silent, &mut |_| ()).unwrap();
     assert!(replayed.len() == 2 && replayed.iter().all(|episode| episode.identical == Some(true)), "{replayed:?}");
 
     let input = gather(&folder, None, &Silent).unwrap();

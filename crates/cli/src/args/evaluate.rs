@@ -1,0 +1,47 @@
+//! Arguments of `evaluate`, and those it shares with other verbs that may ask a model.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{parse_count, parse_sum};
+
+/// How episodes are run that may ask a model.
+#[derive(Clone, Debug, Args)]
+pub struct AskingArguments {
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
+    /// Episodes under way at once, of which those that wait for a model need no core [default: 16 where a model is
+    /// asked, else the workers]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
+    pub at_once: Option<usize>,
+    /// Ask no more once the model's answers have cost so much, in the currency of its settings
+    #[arg(long, value_name = "SUM", value_parser = parse_sum)]
+    pub max_cost: Option<f64>,
+}
+
+/// Arguments of `evaluate`.
+#[derive(Clone, Debug, Args)]
+pub struct EvaluateArguments {
+    /// Folder of a run made by `collect`, or scenario files and folders of them
+    #[arg(required = true, value_name = "RUN|SCENARIOS")]
+    pub paths: Vec<PathBuf>,
+    /// A policy, with arguments if it takes any; may be given several times [default: all of them]
+    #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]
+    pub policies: Vec<String>,
+    /// Folder for the results and episodes of scenarios; a run keeps its own
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Keep the episodes in the run, to watch them
+    #[arg(long)]
+    pub keep_episodes: bool,
+    /// Cameras to use instead of the scenarios': a JSON list; the results say so
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    #[command(flatten)]
+    pub asking: AskingArguments,
+    /// Refuse scenarios that were laid out for another robot than this
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
+}
