@@ -82,7 +82,8 @@ pub enum LabCommand {
     )]
     Hostile(HostileArguments),
     /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
-    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
+    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n  \
+                      genmanip lab render --seed 1 --flip 10 --out out/flip\n\n\
                       One thread, processor time, medians over the frames of the episode; the static camera is drawn \
                       first and draws the shadows, which the wrist camera shares.")]
     Render(LabRenderArguments),

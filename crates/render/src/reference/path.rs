@@ -15,7 +15,10 @@ const LONGEST: usize = 24;
 const SURE: usize = 3;
 /// Most that a path may bring by way of an opaque surface, in units of a white sheet that faces the key light: beyond
 /// it lies the noise of rare paths. Makes pictures a little darker than they should be.
-const BRIGHTEST: f32 = 12.0;
+const BRIGHTEST: f32 = 4.0;
+/// Least roughness squared that light meets after it was scattered: sharp bright spots beyond one scattering are found by
+/// rare paths only (Kaplanyan and Dachsbacher, "Path Space Regularization", 2013).
+const DULLEST: f32 = 0.2;
 /// How far rays begin above a surface, metres.
 const LIFT_M: f32 = 2e-5;
 
@@ -61,8 +64,10 @@ impl Reference<'_> {
             let point = body.point(surface, face, origin + direction * hit.distance, direction);
             let side = surface.side();
             if side < 1.0 {
-                let ratio = surface.index_of_refraction();
-                let ratio = if point.is_outside || !body.mesh.closed { 1.0 / ratio } else { ratio };
+                // Light that was scattered before goes straight on, as the rays to the lamps do.
+                let bends = body.mesh.closed && scattered == 0;
+                let index = surface.index_of_refraction();
+                let ratio = if point.is_outside || !bends { 1.0 / index } else { index };
                 let cosine = -direction.dot(point.smooth);
                 let (mirror, cover) = (rng.random::<f32>(), rng.random::<f32>());
                 if mirror < dielectric(cosine, ratio) {
@@ -72,8 +77,7 @@ impl Reference<'_> {
                 }
                 if cover >= side {
                     share *= point.passing();
-                    // Light that was scattered before goes straight on, as the rays to the lamps do.
-                    if body.mesh.closed && scattered == 0 {
+                    if bends {
                         let behind = (1.0 - ratio * ratio * (1.0 - cosine * cosine)).max(0.0).sqrt();
                         direction = (direction * ratio + point.smooth * (ratio * cosine - behind)).normalize();
                     }
@@ -83,6 +87,8 @@ impl Reference<'_> {
             }
             is_view = false;
             let reflection = surface.reflection(point.base, side);
+            let least = if scattered > 0 { DULLEST } else { 0.0 };
+            let reflection = Reflection { alpha: reflection.alpha.max(least), ..reflection };
             let (right, up) = point.smooth.any_orthonormal_pair();
             let frame = Mat3A::from_cols(right, up, point.smooth);
             let out = frame.transpose() * -direction;
@@ -141,8 +147,8 @@ impl Reference<'_> {
             share = if side < 1.0 && share != Vec3A::ZERO {
                 let face = &body.mesh.faces[triangle.index as usize];
                 let point = body.point(surface, face, origin + direction * distance, direction);
-                let ratio = surface.index_of_refraction();
-                let ratio = if point.is_outside || !body.mesh.closed { 1.0 / ratio } else { ratio };
+                // Straight on, so both sides are met as from outside.
+                let ratio = 1.0 / surface.index_of_refraction();
                 share * point.passing() * ((1.0 - side) * (1.0 - dielectric(-direction.dot(point.smooth), ratio)))
             } else {
                 Vec3A::ZERO

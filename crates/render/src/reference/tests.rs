@@ -88,22 +88,30 @@ fn a_block_before_the_light_darkens_and_glass_only_a_little() {
     assert!(solid < 0.05, "only what is scattered between the two arrives: {solid}");
 }
 
-/// Light drawn towards the lamps and light found by scattering agree: a rough mirror ball in an even studio reflects
-/// no more than arrives, and nearly all of it.
+/// A metal ball seen from above, against the sum over all directions of what its top reflects.
 #[test]
-fn a_white_metal_ball_gives_back_what_arrives() {
-    let ball = |roughness: f32| {
-        let metal = Material { metallic: 1.0, ..Material::plain([1.0; 3], roughness) };
-        placed(&[(object("ball", ball(0.5, 32), metal), DVec3::ZERO)])
-    };
+fn a_metal_ball_gives_back_what_its_reflection_says() {
     let sky = RenderVariation { light_intensity: 0.0, ..RenderVariation::default() };
-    let reflected = |roughness: f32| mean(&traced(&ball(roughness), DVec3::Z * 3.0, &sky, 256, 1));
-    let up = mean(&traced(&placed(&[(object("sheet", sheet(), white()), DVec3::ZERO)]), DVec3::Z, &sky, 256, 1));
-    // Seen from above the ball mirrors the zenith; rough, it mirrors a mean of the sky, less what one scattering loses.
-    let zenith = luminance(Lighting::new(&sky).sky.radiance(Vec3A::Z));
-    close(reflected(0.05), zenith, "a mirror");
-    let rough = reflected(0.8);
-    assert!(rough > 0.6 * up.min(zenith) && rough < 1.05 * up.max(zenith), "{rough}, the sky is {up} and {zenith}");
+    let lighting = Lighting::new(&sky);
+    for roughness in [0.3_f32, 0.8] {
+        let metal = Material { metallic: 1.0, ..Material::plain([1.0; 3], roughness) };
+        let scene = placed(&[(object("ball", ball(0.5, 64), metal), DVec3::ZERO)]);
+        let top = reflection::Reflection { albedo: Vec3A::ZERO, f0: Vec3A::ONE, alpha: roughness * roughness };
+        const DIRECTIONS: usize = 20_000;
+        let arriving = |index: usize| {
+            let z = (index as f32 + 0.5) / DIRECTIONS as f32;
+            let flat = Vec2::from_angle(index as f32 * 2.399_963) * (1.0 - z * z).sqrt();
+            let into = Vec3A::from(flat.extend(z));
+            luminance(top.evaluate(Vec3A::Z, into).0 * lighting.sky.radiance(into))
+        };
+        let expected = (0..DIRECTIONS).map(arriving).sum::<f32>() * std::f32::consts::TAU / DIRECTIONS as f32;
+        close(mean(&traced(&scene, DVec3::Z * 3.0, &sky, 512, 1)), expected, "a metal ball");
+    }
+    // A mirror shows the zenith.
+    let metal = Material { metallic: 1.0, ..Material::plain([1.0; 3], 0.05) };
+    let scene = placed(&[(object("ball", ball(0.5, 64), metal), DVec3::ZERO)]);
+    let zenith = luminance(lighting.sky.radiance(Vec3A::Z));
+    close(mean(&traced(&scene, DVec3::Z * 3.0, &sky, 64, 1)), zenith, "a mirror");
 }
 
 #[test]
