@@ -26,7 +26,7 @@ use crate::shade::{Lighting, tone_map};
 use crate::sky::luminance;
 use crate::texture::{linear_from_srgb8, srgb8_from_linear};
 use crate::variation::RenderVariation;
-use crate::view::{Lens, check_finite, rotation};
+use crate::view::{Lens, rotation};
 use bvh::{Bvh, Triangle};
 use lamps::Lamps;
 
@@ -77,14 +77,7 @@ pub fn trace(
     job: &ViewJob<'_>,
     settings: &ReferenceSettings,
 ) -> Result<Exposed, RenderError> {
-    let (expected, got) = (assets.body_count(), job.frame.body_poses.len());
-    if expected != got {
-        return Err(RenderError::BodyCount { expected, got });
-    }
-    for (index, pose) in job.frame.body_poses.iter().enumerate() {
-        check_finite(pose, || format!("the pose of body {index}"))?;
-    }
-    let lens = Lens::new(job.camera, &assets.world_from_hand(job.frame))?;
+    let lens = Lens::of(assets, job)?;
     let lighting = Lighting::new(variation);
     let poses: Vec<Pose> =
         assets.parts.iter().map(|part| part.body.map_or(Pose::IDENTITY, |body| job.frame.body_poses[body])).collect();
