@@ -83,7 +83,7 @@ pub const ROBOT: Limit = Limit::mib("a robot description", 8);
 pub const MESH: Limit = Limit::mib("a mesh", 32);
 /// URDF or MJCF text of an object to import, or a GLB's or OBJ's list of materials.
 pub const IMPORTED_DESCRIPTION: Limit = Limit::mib("a description of an object to import", 8);
-/// A mesh to import: OBJ text takes 60 bytes per triangle, so a million of them.
+/// A mesh to import: OBJ text takes 60 bytes per triangle, so more than the 400,000 triangles that are read.
 pub const IMPORTED_MESH: Limit = Limit::mib("a mesh to import", 64);
 /// A texture to import, as the picture file that it is.
 pub const IMPORTED_PICTURE: Limit = Limit::mib("a picture to import", 32);

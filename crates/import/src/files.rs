@@ -26,12 +26,14 @@ pub struct Files<'a> {
     bytes: u64,
     /// Pictures that were decoded already.
     pictures: BTreeMap<String, Arc<Texture>>,
+    /// Pixels that may still be decoded.
+    pub pixels_left: usize,
 }
 
 impl<'a> Files<'a> {
     /// None yet.
     pub fn new(read: &'a mut ReadFile<'a>) -> Self {
-        Self { read, known: BTreeMap::new(), bytes: 0, pictures: BTreeMap::new() }
+        Self { read, known: BTreeMap::new(), bytes: 0, pictures: BTreeMap::new(), pixels_left: picture::MOST_PIXELS }
     }
 
     /// The bytes of a file.
@@ -73,7 +75,8 @@ impl<'a> Files<'a> {
             return Ok((Arc::clone(known), None));
         }
         let bytes = self.bytes(path, IMPORTED_PICTURE)?;
-        let (texture, note) = picture::texture(&bytes).map_err(|message| ImportError::new(path, message))?;
+        let (texture, note) =
+            picture::texture(&bytes, &mut self.pixels_left).map_err(|message| ImportError::new(path, message))?;
         let texture = Arc::new(texture);
         self.pictures.insert(path.to_owned(), Arc::clone(&texture));
         Ok((texture, note.map(|note| format!("{path}: {note}"))))

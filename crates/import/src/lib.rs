@@ -70,14 +70,14 @@ pub fn import(
     licence: Option<&str>,
 ) -> Result<Imported, ImportError> {
     let mut files = Files::new(read);
-    let raw = formats::read(path, &mut files)?;
+    let raw = formats::read(path, &mut files).map_err(formats::advised)?;
     // How it tipped over follows from the files, so it is no part of the name.
     let Given { scale, up, .. } = given;
     let hash = files.hash(&format!("Given {{ scale: {scale:?}, up: {up:?} }}"));
     let names: Vec<&str> = std::iter::once(path).chain(files.names().filter(|name| *name != path)).collect();
     let source = names.iter().take(20).copied().collect::<Vec<_>>().join(", ");
     let (said, creator) = (raw.licence.clone(), raw.creator.clone());
-    let (model, report) = build::build(path, raw, &hash, given)?;
+    let (model, report) = build::build(path, raw, &hash, given).map_err(formats::advised)?;
     let licence = licence.map(str::to_owned).or(said).or_else(|| licence_beside(path, &mut files));
     let origin = Origin { source, licence: licence.unwrap_or_else(|| "unknown".into()), creator };
     Ok(Imported { model, origin, report })

@@ -9,14 +9,17 @@ use zune_jpeg::JpegDecoder;
 
 /// Largest width and height that are decoded: 8192 x 8192 take 200 MB.
 const MOST_PIXELS_PER_SIDE: usize = 8192;
+/// Most pixels that are decoded for one object: four of the largest, 6 s of processor time; a small file can hold many.
+pub const MOST_PIXELS: usize = 4 * MOST_PIXELS_PER_SIDE * MOST_PIXELS_PER_SIDE;
 /// Larger pictures are scaled down by whole factors until they fit, pixels per side.
 const KEPT_PIXELS: usize = 512;
 
-/// A picture as a texture, and a note when it was scaled down; the words say what is wrong.
-pub fn texture(bytes: &[u8]) -> Result<(Texture, Option<String>), String> {
+/// A picture as a texture, and a note when it was scaled down; the words say what is wrong. What is decoded is taken from
+/// `pixels_left`, at first [`MOST_PIXELS`].
+pub fn texture(bytes: &[u8], pixels_left: &mut usize) -> Result<(Texture, Option<String>), String> {
     let (width, height, rgb) = match bytes {
-        [0x89, b'P', b'N', b'G', ..] => from_png(bytes)?,
-        [0xff, 0xd8, ..] => from_jpeg(bytes)?,
+        [0x89, b'P', b'N', b'G', ..] => from_png(bytes, pixels_left)?,
+        [0xff, 0xd8, ..] => from_jpeg(bytes, pixels_left)?,
         _ => return Err("expected a PNG or JPEG picture".into()),
     };
     let factor = width.max(height).div_ceil(KEPT_PIXELS);
@@ -28,21 +31,25 @@ pub fn texture(bytes: &[u8]) -> Result<(Texture, Option<String>), String> {
     Ok((Texture { width: small[0] as u32, height: small[1] as u32, rgb }, Some(note)))
 }
 
-fn check_size(width: usize, height: usize) -> Result<(), String> {
+fn check_size(width: usize, height: usize, pixels_left: &mut usize) -> Result<(), String> {
     if width == 0 || height == 0 || width > MOST_PIXELS_PER_SIDE || height > MOST_PIXELS_PER_SIDE {
         return Err(format!("{width} x {height} pixels; expected 1 to {MOST_PIXELS_PER_SIDE} per side"));
     }
+    let left = pixels_left.checked_sub(width * height);
+    *pixels_left = left.ok_or_else(|| {
+        format!("{width} x {height} pixels; the pictures of one object may have {MOST_PIXELS} together")
+    })?;
     Ok(())
 }
 
-fn from_png(bytes: &[u8]) -> Result<(usize, usize, Vec<u8>), String> {
+fn from_png(bytes: &[u8], pixels_left: &mut usize) -> Result<(usize, usize, Vec<u8>), String> {
     let limits = png::Limits { bytes: 3 * MOST_PIXELS_PER_SIDE * MOST_PIXELS_PER_SIDE };
     let mut decoder = png::Decoder::new_with_limits(std::io::Cursor::new(bytes), limits);
     decoder.set_transformations(Transformations::EXPAND | Transformations::STRIP_16);
     let broken = |error: png::DecodingError| format!("the PNG picture cannot be decoded: {error}");
     let mut reader = decoder.read_info().map_err(broken)?;
     let (width, height) = (reader.info().width as usize, reader.info().height as usize);
-    check_size(width, height)?;
+    check_size(width, height, pixels_left)?;
     let size = reader.output_buffer_size().ok_or("the PNG picture is too large")?;
     let mut pixels = vec![0; size];
     let frame = reader.next_frame(&mut pixels).map_err(broken)?;
@@ -59,7 +66,7 @@ fn from_png(bytes: &[u8]) -> Result<(usize, usize, Vec<u8>), String> {
     Ok((width, height, rgb[..width * height * 3].to_vec()))
 }
 
-fn from_jpeg(bytes: &[u8]) -> Result<(usize, usize, Vec<u8>), String> {
+fn from_jpeg(bytes: &[u8], pixels_left: &mut usize) -> Result<(usize, usize, Vec<u8>), String> {
     let options = DecoderOptions::default()
         .set_max_width(MOST_PIXELS_PER_SIDE)
         .set_max_height(MOST_PIXELS_PER_SIDE)
@@ -68,7 +75,7 @@ fn from_jpeg(bytes: &[u8]) -> Result<(usize, usize, Vec<u8>), String> {
     let broken = |error: zune_jpeg::errors::DecodeErrors| format!("the JPEG picture cannot be decoded: {error}");
     decoder.decode_headers().map_err(broken)?;
     let (width, height) = decoder.dimensions().ok_or("the JPEG picture does not say its size")?;
-    check_size(width, height)?;
+    check_size(width, height, pixels_left)?;
     let rgb = decoder.decode().map_err(broken)?;
     if rgb.len() != width * height * 3 {
         return Err("the JPEG picture has another number of pixels than it says".into());
@@ -101,6 +108,10 @@ fn scaled_down(width: usize, height: usize, rgb: &[u8], factor: usize) -> ([usiz
 mod tests {
     use super::*;
 
+    fn texture(bytes: &[u8]) -> Result<(Texture, Option<String>), String> {
+        super::texture(bytes, &mut { MOST_PIXELS })
+    }
+
     fn png_of(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, width, height);
@@ -128,5 +139,13 @@ mod tests {
         assert!(texture(&huge).is_err(), "65536 pixels per side");
         assert!(texture(b"GIF89a").unwrap_err().contains("PNG or JPEG"));
         assert!(texture(&[0xff, 0xd8, 0xff, 0xd9]).is_err(), "an empty JPEG");
+    }
+
+    #[test]
+    fn many_large_pictures_end() {
+        let picture = png_of(512, 512, &[9; 512 * 512 * 3]);
+        let mut left = 2 * 512 * 512;
+        let read: Vec<bool> = (0..3).map(|_| super::texture(&picture, &mut left).is_ok()).collect();
+        assert_eq!((read, left), (vec![true, true, false], 0));
     }
 }

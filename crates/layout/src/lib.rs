@@ -55,9 +55,9 @@ use refusal::Refusal;
 /// those are, which takes less room; chosen, since things turned anyhow look more natural.
 const ALIGNED_AFTER: usize = 10;
 
-/// Layouts of a task that were given up because what holds an object hides it, before the task is refused; chosen: each
-/// looks into up to 31 places of what holds it, some 5 ms each.
-const MOST_HIDDEN: usize = 10;
+/// Places where an object could not be seen, most of them in what holds it, before the task is refused; chosen: each look
+/// takes some 5 ms, and a refusal is to take less than 5 s.
+const MOST_HIDDEN: usize = 150;
 
 /// Layouts of a task in which the arm finds no way to a state, before the task is refused; chosen: each costs a fifth of a
 /// second, so that a refusal takes less than 5 s; 120 designed tasks (seed 680201) are laid out as without it.
@@ -153,7 +153,7 @@ pub fn lay_out_observed(
     if let Some(overfull) = capacity::overfull(&context, &placement::parked(&context, &mut shapes)) {
         return Err(no_room(&mut context, &overfull, seed, &mut shapes, assets));
     }
-    let (mut restarts, mut unaccepted, mut without_a_way, mut hidden) = (0, 0, 0, 0);
+    let (mut restarts, mut unaccepted, mut without_a_way) = (0, 0, 0);
     for restart in 0..settings.max_restarts {
         restarts += 1;
         begin(Phase::Placing);
@@ -179,9 +179,8 @@ pub fn lay_out_observed(
                 }
             },
             Err(partial) => {
-                hidden += usize::from(partial.as_ref().is_some_and(|partial| partial.is_hidden));
                 keep_furthest(&mut furthest, partial);
-                if hidden >= MOST_HIDDEN {
+                if rejections.most_unseen() >= MOST_HIDDEN {
                     break;
                 }
             }
@@ -434,11 +433,7 @@ fn without_conflicts(
     let seed = seed.fork("without conflicts");
     let scene = placement::place_all(context, seed, true, shapes, &mut Rejections::default()).ok()?;
     context.edges.clone_from(&edges);
-    unfinished(
-        context,
-        &Partial { scene, placed: (0..nodes).collect(), stuck: indices.first().copied(), is_hidden: false },
-        assets,
-    )
+    unfinished(context, &Partial { scene, placed: (0..nodes).collect(), stuck: indices.first().copied() }, assets)
 }
 
 /// What a failed attempt looked like when it got stuck.

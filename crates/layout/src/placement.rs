@@ -53,8 +53,6 @@ pub(crate) struct Partial {
     pub placed: Vec<usize>,
     /// The object that found none.
     pub stuck: Option<usize>,
-    /// Whether the last place given up was one that nobody can see into.
-    pub is_hidden: bool,
 }
 
 /// One whole layout; what was reached when some object found no place.
@@ -79,22 +77,18 @@ pub(crate) fn place_all(
     let mut furthest: Option<Partial> = None;
     let mut failures = 0;
     loop {
-        let mut is_hidden = false;
         let step = context.steps.get(search.placed.len());
         match step {
-            Some(step) if search.find_place(step, rng, rejections) => {
-                is_hidden = !search.can_be_seen(step, rejections);
-                if !is_hidden {
-                    search.placed.push(step.object);
-                    continue;
-                }
+            Some(step) if search.find_place(step, rng, rejections) && search.can_be_seen(step, rejections) => {
+                search.placed.push(step.object);
+                continue;
             }
             None if search.goal_has_room(rng, rejections) => return Ok(search.scene),
             _ => {}
         }
         if furthest.as_ref().is_none_or(|partial| partial.placed.len() < search.placed.len()) {
             let (scene, placed) = (search.scene.clone(), search.placed.clone());
-            furthest = Some(Partial { scene, placed, stuck: step.map(|step| step.object), is_hidden });
+            furthest = Some(Partial { scene, placed, stuck: step.map(|step| step.object) });
         }
         failures += 1;
         let retreat = search.retreat(rng);
@@ -102,7 +96,7 @@ pub(crate) fn place_all(
             if let Some(stuck) = furthest.as_ref().and_then(|partial| partial.stuck) {
                 rejections.count(Rejection::NoPlace(search.named(stuck)));
             }
-            return Err(furthest.map(|furthest| Partial { is_hidden, ..furthest }));
+            return Err(furthest);
         }
         search.placed.truncate(retreat.unwrap_or(0));
     }

@@ -98,6 +98,12 @@ impl Rejections {
         ranked(&self.reasons)
     }
 
+    /// How often an object was not seen; of several the one that was so most often.
+    pub(crate) fn most_unseen(&self) -> usize {
+        let unseen = self.reasons.iter().filter(|(reason, _)| matches!(reason, Rejection::Unseen(_)));
+        unseen.map(|(_, &count)| count).max().unwrap_or(0)
+    }
+
     /// Edges that caused rejections, most frequent first.
     pub fn conflicting_edges(&self) -> Vec<(&Atom, usize)> {
         let mut edges: Vec<_> = self.edges.iter().map(|(edge, &count)| (edge, count)).collect();

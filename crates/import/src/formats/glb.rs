@@ -269,7 +269,8 @@ impl Reader<'_> {
             }
             gltf::image::Source::Uri { uri, .. } => self.uri(uri, IMPORTED_PICTURE, files),
         };
-        let read = bytes.map_err(|error| error.to_string()).and_then(|bytes| picture::texture(&bytes));
+        let read =
+            bytes.map_err(|error| error.to_string()).and_then(|bytes| picture::texture(&bytes, &mut files.pixels_left));
         let texture = match read {
             Ok((texture, note)) => {
                 self.notes.extend(note);

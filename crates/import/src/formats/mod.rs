@@ -53,6 +53,25 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
     }
 }
 
+/// An error with what helps with files of its format, where nothing better is known.
+pub fn advised(error: ImportError) -> ImportError {
+    if !error.hint.is_empty() {
+        return error;
+    }
+    let hint = match ending(&error.file).as_str() {
+        "glb" | "gltf" => "copy or export it again as glTF 2.0; the Khronos glTF validator names all faults",
+        "obj" => "mend it or export it again; lines are `v X Y Z`, `vt U V`, and `f` with numbers of corners from 1",
+        "stl" => "copy it again, or export it as binary STL",
+        "msh" => {
+            "expected MuJoCo's MSH: counts of corners, normals, texture coordinates and faces, then these; convert it to OBJ"
+        }
+        "urdf" => "mend it there; `check_urdf` and other readers name the same place",
+        "xml" => "mend it there; MuJoCo's own compiler says what it accepts",
+        _ => "expected a file that an object can be read from",
+    };
+    error.hint(hint)
+}
+
 /// The triangles of a mesh file, whatever their materials.
 ///
 /// # Errors

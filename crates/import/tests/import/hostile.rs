@@ -1,6 +1,6 @@
 //! Damaged and hostile files: one clear error or a stated repair, never a panic.
 
-use genmanip_import::{Given, ImportError};
+use genmanip_import::{Given, ImportError, import};
 use proptest::prelude::*;
 
 use crate::described::{cabinet, drawer};
@@ -9,6 +9,7 @@ use crate::rigid::{Disk, crate_obj, disk, glb, import_from, png, upright_box};
 fn refused(disk: &Disk, path: &str) -> ImportError {
     let error = import_from(disk, path, &Given::default()).map(|object| object.report).expect_err(path);
     assert!(!error.message.is_empty() && error.to_string().lines().count() == 1, "{error}");
+    assert!(!error.hint.is_empty(), "{error}: no hint");
     error
 }
 
@@ -44,6 +45,27 @@ fn every_broken_file_has_one_clear_error() {
         assert!(format!("{error} {}", error.hint).contains(expected), "{path}: {error} ({})", error.hint);
     }
     assert!(refused(&disk(&[]), "missing.glb").message.contains("no such file"));
+}
+
+/// The corpus that `genmanip lab hostile --kind import-…` changes.
+#[test]
+fn the_sound_file_of_every_format_comes_in_as_it_is() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/sound");
+    for (format, name) in [
+        ("glb", "carton.glb"),
+        ("gltf", "carton.gltf"),
+        ("obj", "crate.obj"),
+        ("stl", "block.stl"),
+        ("stl", "wedge.stl"),
+        ("msh", "tin.msh"),
+        ("urdf", "cabinet.urdf"),
+        ("mjcf", "drawer.xml"),
+    ] {
+        let mut read = |path: &str, _| std::fs::read(folder.join(format).join(path)).map_err(|error| error.to_string());
+        let object = import(name, &mut read, &Given::default(), None).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(object.report.repairs, Vec::<String>::new(), "{name}");
+        assert!(object.model.links.iter().all(|link| !link.pieces.is_empty()), "{name}");
+    }
 }
 
 #[test]

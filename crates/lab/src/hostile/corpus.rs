@@ -10,11 +10,12 @@ use sha2::{Digest, Sha256};
 
 use super::child::{self, Limits};
 use super::full::Filling;
-use super::{HostileArguments, Room, listing, mutate};
+use super::imports::Imports;
+use super::{HostileArguments, Room, imports, listing, mutate};
 use crate::LabError;
 
 /// What is changed, in the names of `by_kind`.
-pub const KINDS: [&str; 13] = [
+pub const KINDS: [&str; 20] = [
     "tasks",
     "answers",
     "scenarios",
@@ -27,6 +28,13 @@ pub const KINDS: [&str; 13] = [
     "settings",
     "grasps",
     "cameras",
+    "import-glb",
+    "import-gltf",
+    "import-obj",
+    "import-stl",
+    "import-msh",
+    "import-urdf",
+    "import-mjcf",
     FULL,
 ];
 /// Files as large as is read; each costs seconds, so they are rare.
@@ -67,6 +75,7 @@ pub(super) struct Corpus {
     problems: Vec<u8>,
     cassettes: Vec<(String, Vec<u8>)>,
     grasps: Vec<u8>,
+    imports: Imports,
     kept: Vec<Case>,
     fillings: Vec<Filling>,
 }
@@ -99,11 +108,15 @@ impl Corpus {
         };
         let example = |name: &str| examples.join(name).display().to_string();
         let (first, second) = (example("021_spatial.json"), example("024_appearance.json"));
-        run(&["collect", &first, &second, "--episodes", "1", "--no-dataset", "--seed", "3", "--out", "run"])?;
-        run(&["evaluate", "run", "--policy", "do_nothing:seconds=0.1", "--keep-episodes"])?;
-        run(&["world", "init", "--out", "world.toml"])?;
-        run(&["lab", "motion", "--generate", "easy", "--count", "2", "--ik-poses", "1", "--out", "problems.json"])?;
-        run(&["grasps", "bake", "--out", "grasps.json", "--objects", "001", "--count", "1", "--trials", "1"])?;
+        // Objects to import need nothing of the program.
+        let needs_program = arguments.readers || !arguments.kind.as_deref().is_some_and(imports::is_kind);
+        if needs_program {
+            run(&["collect", &first, &second, "--episodes", "1", "--no-dataset", "--seed", "3", "--out", "run"])?;
+            run(&["evaluate", "run", "--policy", "do_nothing:seconds=0.1", "--keep-episodes"])?;
+            run(&["world", "init", "--out", "world.toml"])?;
+            run(&["lab", "motion", "--generate", "easy", "--count", "2", "--ik-poses", "1", "--out", "problems.json"])?;
+            run(&["grasps", "bake", "--out", "grasps.json", "--objects", "001", "--count", "1", "--trials", "1"])?;
+        }
         let made = listing(&room.work());
         let file = |name: &str| made.get(name).cloned().unwrap_or_default();
         let below = |folder: &str| -> Vec<(String, Vec<u8>)> {
@@ -118,6 +131,7 @@ impl Corpus {
             problems: file("problems.json"),
             cassettes: read_all(&project.join("crates/llm/testdata/cassettes"))?,
             grasps: file("grasps.json"),
+            imports: Imports::read(project)?,
             kept: kept(&project.join("crates/lab/testdata/hostile"))?,
             fillings: Filling::fixed(),
         };
@@ -137,6 +151,12 @@ impl Corpus {
     pub(super) fn case(&self, kind: &str, rng: &mut impl Rng) -> Result<Case, LabError> {
         if kind == FULL {
             return self.full(rng);
+        }
+        if let Some((files, call)) = self.imports.case(kind, rng) {
+            let files: Vec<_> =
+                files.iter().map(|(name, bytes)| (name.clone(), Content::Bytes(bytes.clone()))).collect();
+            let targets = (0..files.len()).collect();
+            return Ok(Case { kind: kind.into(), files, targets, call, only_reads: false });
         }
         let one = |name: &str, bytes: &[u8]| vec![(name.to_owned(), Content::Bytes(bytes.to_vec()))];
         let task = || self.tasks.first().map(|(_, bytes)| bytes.clone()).unwrap_or_default();
@@ -313,8 +333,8 @@ impl Case {
         }
         let is_blind = rng.random_bool(0.25);
         match Path::new(&name).extension().and_then(|ending| ending.to_str()) {
-            Some("json" | "jsonl") if !is_blind => mutate::json(bytes, rng),
-            Some("toml" | "urdf" | "srdf" | "obj") if !is_blind => mutate::tokens(bytes, rng),
+            Some("json" | "jsonl" | "gltf") if !is_blind => mutate::json(bytes, rng),
+            Some("toml" | "urdf" | "srdf" | "obj" | "mtl" | "xml") if !is_blind => mutate::tokens(bytes, rng),
             _ => mutate::blind(bytes, rng),
         }
         // A liar also changes the hashes.

@@ -7,6 +7,7 @@
 mod child;
 mod corpus;
 mod full;
+mod imports;
 mod mutate;
 mod readers;
 mod starts;
@@ -211,6 +212,9 @@ fn attempt(
 
 /// What a message lacks: place, expectation, what was found, or a hint.
 fn lacks(ended: &Ended, case: &Case) -> Option<&'static str> {
+    if imports::is_kind(&case.kind) && !ended.stdout.trim().is_empty() {
+        return imports::lacks(ended);
+    }
     let said = &ended.stderr;
     // Verdicts on answers, tasks, worlds and episodes are tables on stdout, with a line of talk at most.
     if ended.code == Some(1) && !ended.stdout.trim().is_empty() {

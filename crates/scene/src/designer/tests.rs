@@ -215,6 +215,7 @@ fn things_go_where_they_belong() {
     let cases = [
         ("Salad Bowl", "Green Apple", Relation::In, true),
         ("Rice Bowl", "Banana", Relation::In, false),
+        ("Frying Pan", "Carrot", Relation::In, false),
         ("Red Apple", "Porcelain Plate", Relation::On, false),
         ("Porcelain Plate", "Hammer", Relation::Top, false),
         ("Cutting Board", "Bread Loaf", Relation::On, true),

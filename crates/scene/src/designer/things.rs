@@ -117,7 +117,7 @@ impl Things {
             && manners.relations.contains(&relation)
             && welcome
             && self.has_room(host, item)
-            && (relation != Relation::In || self.is_low_enough(host, item))
+            && (relation != Relation::In || self.lies_inside(host, item))
     }
 
     fn has_room(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
@@ -137,9 +137,12 @@ impl Things {
         }
     }
 
-    /// More than half of what lies *in* something is below its rim, also when it stands.
-    fn is_low_enough(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
-        host.annotations.room.is_some_and(|room| item.size_m.z <= 1.5 * room.depth_m)
+    /// More than half of what lies *in* something is below its rim, also when it stands, and nothing lies across the rim.
+    fn lies_inside(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
+        host.annotations.room.is_some_and(|room| {
+            let is_low = item.size_m.z <= 1.5 * room.depth_m;
+            is_low && item.size_m.x.max(item.size_m.y) <= room.inside_m[0].max(room.inside_m[1])
+        })
     }
 
     /// Whether what lies there can be seen from outside; a small thing at the bottom of a deep narrow hollow cannot.

@@ -1,0 +1,75 @@
+//! Objects to import: small sound files of every format, kept in `crates/import/testdata/sound`.
+//!
+//! A folder per kind; every file in it may be changed, and the call imports one of those that describe an object.
+
+use std::path::Path;
+
+use rand::{Rng, RngExt};
+
+use super::child::Ended;
+use super::listing;
+use crate::LabError;
+
+/// Where the files lie in the project.
+const FOLDER: &str = "crates/import/testdata/sound";
+/// Kinds with the endings of the files that are imported.
+const FORMATS: [(&str, &str); 7] = [
+    ("import-glb", ".glb"),
+    ("import-gltf", ".gltf"),
+    ("import-obj", ".obj"),
+    ("import-stl", ".stl"),
+    ("import-msh", ".msh"),
+    ("import-urdf", ".urdf"),
+    ("import-mjcf", ".xml"),
+];
+
+/// Names and bytes.
+type NamedFiles = Vec<(String, Vec<u8>)>;
+
+/// Sound files of every format.
+pub(super) struct Imports {
+    /// By [`FORMATS`].
+    files: Vec<NamedFiles>,
+}
+
+/// Whether a kind is one of objects to import.
+pub(super) fn is_kind(kind: &str) -> bool {
+    FORMATS.iter().any(|(known, _)| *known == kind)
+}
+
+impl Imports {
+    /// Reads the sound files.
+    pub(super) fn read(project: &Path) -> Result<Self, LabError> {
+        let format = |(kind, ending): &(&str, &str)| {
+            let folder = project.join(FOLDER).join(kind.trim_start_matches("import-"));
+            let files: NamedFiles = listing(&folder).into_iter().collect();
+            if files.iter().any(|(name, _)| name.ends_with(ending)) {
+                return Ok(files);
+            }
+            Err(LabError::input(format!("there is no file that ends in {ending} in {}", folder.display()))
+                .with_hint("run in the project's folder, or name it with --project"))
+        };
+        Ok(Self { files: FORMATS.iter().map(format).collect::<Result<_, _>>()? })
+    }
+
+    /// The files of a kind, and the call that imports one of them; `None` of other kinds.
+    pub(super) fn case(&self, kind: &str, rng: &mut impl Rng) -> Option<(&NamedFiles, Vec<String>)> {
+        let index = FORMATS.iter().position(|(known, _)| *known == kind)?;
+        let files = &self.files[index];
+        let described: Vec<&String> =
+            files.iter().map(|(name, _)| name).filter(|name| name.ends_with(FORMATS[index].1)).collect();
+        let chosen = described[rng.random_range(0..described.len())];
+        let words = ["--json", "assets", "import", chosen, "--pack", "own", "--packs", "packs", "--no-grasps"];
+        Some((files, words.map(String::from).to_vec()))
+    }
+}
+
+/// What the row of a refused object lacks: which file, what is wrong with it, or a hint.
+pub(super) fn lacks(ended: &Ended) -> Option<&'static str> {
+    let Ok(serde_json::Value::Array(rows)) = serde_json::from_str(&ended.stdout) else { return None };
+    let is_empty = |row: &serde_json::Value, key: &str| row[key].as_str().is_none_or(|text| text.trim().is_empty());
+    rows.iter().filter(|row| !row["error"].is_null()).find_map(|row| {
+        let keys = [("file", "no place"), ("error", "nothing that was found"), ("hint", "no hint")];
+        keys.into_iter().find(|(key, _)| is_empty(row, key)).map(|(_, lack)| lack)
+    })
+}
