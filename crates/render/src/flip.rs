@@ -27,7 +27,8 @@ const WHITE: Vec3A = Vec3A::new(0.950_428_5, 1.0, 1.088_900_3);
 /// Difference per pixel, 0 to 1, between two 8-bit sRGB pictures with so many pixels per row; `None` when their sizes
 /// differ or are not whole rows.
 pub fn flip(reference: &[u8], test: &[u8], width: usize, pixels_per_degree: f32) -> Option<Vec<f32>> {
-    if reference.len() != test.len() || width == 0 || reference.is_empty() || reference.len() % (width * 3) != 0 {
+    if reference.len() != test.len() || width == 0 || reference.is_empty() || !reference.len().is_multiple_of(width * 3)
+    {
         return None;
     }
     let [reference, test] = [reference, test].map(|rgb| Picture::new(rgb, width));
