@@ -3,6 +3,8 @@
 //! The arm moves as in an episode, pauses included, and carries one of the objects; no physics runs, and resting
 //! objects tremble by a nanometre as they do in a simulation.
 
+mod judge;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -19,6 +21,8 @@ use crate::LabError;
 use crate::clock::cpu_clock;
 use genmanip_bench::text_table;
 use genmanip_run::Progress;
+
+pub use judge::{Flip, judge};
 
 /// Objects on the table, four rows of four, each with a texture.
 const OBJECTS: usize = 16;
@@ -49,6 +53,8 @@ pub struct Report {
     pub identical_with_reuse: bool,
     /// Other renderers on the same scene.
     pub vs: Option<()>,
+    /// How far the pictures are from traced ones, if that was asked for.
+    pub flip: Option<Flip>,
 }
 
 /// What the pictures of one size cost.
@@ -68,7 +74,7 @@ pub struct Cost {
 /// When the catalogue has too few textured objects, or something cannot be drawn.
 pub fn measure(seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> {
     let robot = panda();
-    let objects = textured_objects(seed.fork("objects"))?;
+    let objects = objects(seed.fork("objects"), true)?;
     let assets = RenderAssets::new(Arc::clone(&robot), &objects, Some(&default_world())).map_err(not_drawn)?;
     let frames = episode(&robot, &assets, seed.fork("episode"))?;
     let cameras = ["static", "wrist"].map(|name| default_world().camera(name).cloned());
@@ -83,6 +89,7 @@ pub fn measure(seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> 
         reuse_share: 0.0,
         identical_with_reuse: true,
         vs: None,
+        flip: None,
     };
     progress.begin("drawing", SIZES.len());
     for (index, size) in SIZES.into_iter().enumerate() {
@@ -178,8 +185,8 @@ fn not_drawn(error: genmanip_render::RenderError) -> LabError {
     LabError::broken("the table cannot be drawn", error)
 }
 
-/// Objects with a texture, drawn from the catalogue.
-fn textured_objects(seed: Seed) -> Result<Vec<Arc<ObjectModel>>, LabError> {
+/// Objects drawn from the catalogue, on request such with a texture only.
+fn objects(seed: Seed, is_textured: bool) -> Result<Vec<Arc<ObjectModel>>, LabError> {
     let catalogue = Catalogue::builtin();
     let mut rng = seed.rng();
     let fits = |size: DVec3| size.x.max(size.y) <= LARGEST_M;
@@ -195,12 +202,12 @@ fn textured_objects(seed: Seed) -> Result<Vec<Arc<ObjectModel>>, LabError> {
         let object =
             catalogue.build(uid).map_err(|error| LabError::broken(format!("object {uid} cannot be made"), error))?;
         let mut visuals = object.links.iter().flat_map(|link| &link.visual);
-        if visuals.any(|visual| visual.material.texture.is_some()) {
+        if !is_textured || visuals.any(|visual| visual.material.texture.is_some()) {
             objects.push(object);
         }
     }
     if objects.len() < OBJECTS {
-        return Err(LabError::input(format!("{} objects with a texture, expected {OBJECTS}", objects.len())));
+        return Err(LabError::input(format!("{} objects that fit, expected {OBJECTS}", objects.len())));
     }
     Ok(objects)
 }
@@ -269,9 +276,13 @@ pub fn in_words(report: &Report) -> String {
         let numbers = [cost.ms_static, cost.ms_wrist, cost.ms_first_frame].map(|ms| format!("{ms:.2}"));
         rows.push(std::iter::once(size.clone()).chain(numbers).collect());
     }
+    let flip = report.flip.as_ref().map_or_else(String::new, |flip| {
+        let scenes = flip.scenes.len();
+        format!("FLIP to traced pictures: mean {:.3} over {scenes} scenes, {} paths per pixel\n", flip.mean, flip.paths)
+    });
     format!(
         "{}\n{} triangles; depth and ids alone {:.2} ms; {:.0} moments a second, both cameras\n\
-         {:.0} % of the static camera's pixels are kept from frame to frame, {}\n",
+         {:.0} % of the static camera's pixels are kept from frame to frame, {}\n{flip}",
         text_table(&rows).trim_end(),
         report.triangles,
         report.geometry_ms,

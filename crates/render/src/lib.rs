@@ -19,7 +19,9 @@
 pub mod assets;
 pub mod encode;
 pub mod error;
+pub mod flip;
 pub mod job;
+pub mod reference;
 pub mod renderer;
 pub mod sampling;
 pub mod variation;

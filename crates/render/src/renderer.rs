@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
-use crate::view::{Lens, View, check_finite};
+use crate::view::{Lens, View};
 
 /// Pixels of the pictures that are kept to be continued; beyond it the one that was not drawn for longest goes.
 const KEPT_PIXELS: usize = 4 << 20;
@@ -74,6 +74,11 @@ impl Renderer {
         &self.assets
     }
 
+    /// The light and look that it draws in.
+    pub fn variation(&self) -> &RenderVariation {
+        &self.variation
+    }
+
     /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
     pub fn forget(&mut self) {
         self.shadows = Default::default();
@@ -95,7 +100,7 @@ impl Renderer {
         if jobs.len() != out.len() {
             return Err(RenderError::BufferCount { expected: jobs.len(), got: out.len() });
         }
-        let lenses = jobs.iter().map(|job| self.lens(job)).collect::<Result<Vec<_>, _>>()?;
+        let lenses = jobs.iter().map(|job| Lens::of(&self.assets, job)).collect::<Result<Vec<_>, _>>()?;
         for ((job, lens), buffers) in jobs.iter().zip(lenses).zip(out) {
             (buffers.width, buffers.height) = (lens.width as u32, lens.height as u32);
             buffers.rgb.clear();
@@ -116,17 +121,6 @@ impl Renderer {
             }
         }
         Ok(())
-    }
-
-    fn lens(&self, job: &ViewJob<'_>) -> Result<Lens, RenderError> {
-        let (expected, got) = (self.assets.body_count(), job.frame.body_poses.len());
-        if expected != got {
-            return Err(RenderError::BodyCount { expected, got });
-        }
-        for (index, pose) in job.frame.body_poses.iter().enumerate() {
-            check_finite(pose, || format!("the pose of body {index}"))?;
-        }
-        Lens::new(job.camera, &self.assets.world_from_hand(job.frame))
     }
 
     fn draw(&mut self, job: &ViewJob<'_>, frame: &FrameState, lens: Lens, out: &mut FrameBuffers) {

@@ -22,9 +22,9 @@ use crate::view::{Lens, PartView};
 #[derive(Debug)]
 pub(crate) struct Lighting {
     pub sky: Sky,
-    to_light: Vec3A,
+    pub to_light: Vec3A,
     /// Brightness of a white diffuse surface that faces the light.
-    key: Vec3A,
+    pub key: Vec3A,
     exposure: f32,
 }
 

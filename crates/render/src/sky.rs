@@ -19,6 +19,8 @@ pub(crate) struct Sky {
     studio: Studio,
     /// From the studio's brightness to the settings'.
     scale: f32,
+    /// What a mirror sees below the horizon: the ground as key light and sky light it.
+    lit_ground: Vec3A,
 }
 
 /// The surroundings blurred as a surface of one roughness reflects them.
@@ -38,7 +40,10 @@ impl Sky {
         let harmonics = project(&studio);
         // The mean over the upper half is what the settings call ambient intensity.
         let scale = variation.ambient_intensity / luminance(irradiance_above(&harmonics)).max(1e-6);
-        Self { harmonics: harmonics.map(|coefficient| (coefficient * scale).to_array()), studio, scale }
+        let to_light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
+        let key = linear_from_srgb(variation.light_color) * variation.light_intensity * to_light.z.max(0.0);
+        let lit_ground = studio.ground * (key + variation.ambient_intensity);
+        Self { harmonics: harmonics.map(|coefficient| (coefficient * scale).to_array()), studio, scale, lit_ground }
     }
 
     /// Brightness of white diffuse surfaces with this normal.
@@ -56,6 +61,16 @@ impl Sky {
         out
     }
 
+    /// Light from a unit direction, not blurred.
+    pub fn radiance(&self, direction: Vec3A) -> Vec3A {
+        self.studio.radiance(direction, 0.0) * self.scale
+    }
+
+    /// Directions and sharpness of the lamps.
+    pub fn lamps(&self) -> [(Vec3A, f32); 3] {
+        self.studio.lamps.map(|(axis, sharpness, _)| (axis, sharpness))
+    }
+
     /// The surroundings for surfaces of a roughness.
     pub fn glossy(&self, roughness: f32) -> Glossy {
         let lamps = self.studio.lamps.map(|(axis, sharpness, brightness)| {
@@ -64,7 +79,7 @@ impl Sky {
         });
         Glossy {
             sky: (self.studio.sky * self.scale).to_array(),
-            ground: (self.studio.ground * self.scale).to_array(),
+            ground: self.lit_ground.to_array(),
             sharpness: 0.5 / (0.06 + 0.9 * roughness),
             lamps,
         }

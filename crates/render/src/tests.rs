@@ -1,6 +1,6 @@
 //! The rasteriser against analytic geometry, an independent ray caster, the camera model and itself.
 
-mod fixture;
+pub(crate) mod fixture;
 
 use std::sync::Arc;
 

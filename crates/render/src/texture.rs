@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use genmanip_core::Texture;
-use glam::Vec3A;
+use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
 use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
@@ -87,6 +87,21 @@ impl MipTexture {
     /// Number of texels per unit square of texture coordinates.
     pub fn texels(&self) -> f32 {
         (self.texture.width as usize * self.texture.height as usize) as f32
+    }
+
+    /// Linear colour at a place, in full detail.
+    pub fn at(&self, uv: Vec2) -> Vec3A {
+        let (width, height) = (self.texture.width as usize, self.texture.height as usize);
+        let place = (uv - uv.floor()) * Vec2::new(width as f32, height as f32) - 0.5;
+        let (corner, share) = (place.floor(), place - place.floor());
+        let texel = |dx: i64, dy: i64| {
+            let column = (corner.x as i64 + dx).rem_euclid(width as i64) as usize;
+            let row = (corner.y as i64 + dy).rem_euclid(height as i64) as usize;
+            let rgb = &self.texture.rgb[(row * width + column) * 3..][..3];
+            linear_from_srgb8([rgb[0], rgb[1], rgb[2]])
+        };
+        let upper = texel(0, 0).lerp(texel(1, 0), share.x);
+        upper.lerp(texel(0, 1).lerp(texel(1, 1), share.x), share.y)
     }
 
     /// Linear colours of `count` points at texture coordinates, whose pixels cover about so many texels along one side.

@@ -6,7 +6,7 @@ use multiversion::multiversion;
 
 use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::error::RenderError;
-use crate::job::FrameState;
+use crate::job::{FrameState, ViewJob};
 use crate::layers::{Motion, Rectangle};
 use crate::mesh::{CELLS_M, Mesh};
 use crate::raster::{Corner, Eye, Sides, Target, area_of, draw_mesh};
@@ -62,8 +62,20 @@ pub(crate) struct PartView {
 const FULL_DETAIL_PX: usize = 256;
 
 impl Lens {
+    /// Checks a job and places its camera.
+    pub fn of(assets: &RenderAssets, job: &ViewJob<'_>) -> Result<Self, RenderError> {
+        let (expected, got) = (assets.body_count(), job.frame.body_poses.len());
+        if expected != got {
+            return Err(RenderError::BodyCount { expected, got });
+        }
+        for (index, pose) in job.frame.body_poses.iter().enumerate() {
+            check_finite(pose, || format!("the pose of body {index}"))?;
+        }
+        Self::new(job.camera, &assets.world_from_hand(job.frame))
+    }
+
     /// Checks a camera and places it.
-    pub fn new(camera: &Camera, world_from_hand: &Pose) -> Result<Self, RenderError> {
+    fn new(camera: &Camera, world_from_hand: &Pose) -> Result<Self, RenderError> {
         let k = &camera.intrinsics;
         let bad = |problem: String| RenderError::BadCamera { camera: camera.name.clone(), problem };
         if k.width == 0 || k.height == 0 || k.width > 8192 || k.height > 8192 {
@@ -307,7 +319,7 @@ pub(crate) fn rotation(pose: &Pose) -> Mat3A {
 }
 
 /// Refuses poses with numbers that are not finite.
-pub(crate) fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(), RenderError> {
+fn check_finite(pose: &Pose, what: impl Fn() -> String) -> Result<(), RenderError> {
     if pose.position.is_finite() && pose.rotation.is_finite() {
         Ok(())
     } else {

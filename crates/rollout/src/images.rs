@@ -3,6 +3,7 @@
 use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, RgbdImage};
 use genmanip_data::images::variation_seed;
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
+use genmanip_render::reference::{ReferenceSettings, trace};
 use genmanip_render::{FrameBuffers, RenderVariation, Renderer, Vary, ViewJob, sampling};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -39,6 +40,8 @@ impl Default for ImageSettings {
 #[derive(Debug)]
 pub struct Painter {
     renderer: Renderer,
+    /// How colours are traced instead of rasterised, if they are.
+    reference: Option<ReferenceSettings>,
     scenario: String,
 }
 
@@ -57,7 +60,14 @@ impl Painter {
     /// As [`Painter::new`].
     pub fn in_variation(stage: &Stage, variation: RenderVariation) -> Result<Self, RolloutError> {
         let renderer = Renderer::new(stage.render_assets()?, variation);
-        Ok(Self { renderer, scenario: stage.scenario.id.clone() })
+        Ok(Self { renderer, reference: None, scenario: stage.scenario.id.clone() })
+    }
+
+    /// The same painter with colours from traced light paths, thousands of times slower; depth, ids and normals stay
+    /// what they are.
+    #[must_use]
+    pub fn tracing(self, reference: Option<ReferenceSettings>) -> Self {
+        Self { reference, ..self }
     }
 
     /// Whether this painter draws that stage.
@@ -98,6 +108,11 @@ impl Painter {
             views.iter().map(|(camera, channels)| ViewJob::new(&state, camera, (*channels).into())).collect();
         let mut buffers = vec![FrameBuffers::default(); jobs.len()];
         self.renderer.render(&jobs, &mut buffers).map_err(failed)?;
+        if let Some(settings) = &self.reference {
+            for (job, buffers) in jobs.iter().zip(&mut buffers).filter(|(job, _)| job.channels.rgb) {
+                buffers.rgb = trace(&assets, self.renderer.variation(), job, settings).map_err(failed)?.develop(1.0);
+            }
+        }
         let world_from_hand = assets.world_from_hand(&state);
         let image = |((camera, channels), buffers): (&(&Camera, ImageChannels), FrameBuffers)| {
             let image = buffers.into_image(camera.intrinsics, camera.world_from_camera(&world_from_hand));

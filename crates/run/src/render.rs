@@ -17,6 +17,7 @@ use genmanip_data::images::variation_seed;
 use genmanip_data::video::mux_mp4;
 use genmanip_data::{VideoEncoder, VideoSettings};
 pub use genmanip_render::Vary;
+use genmanip_render::reference::ReferenceSettings;
 use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, encode, sampling};
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::in_parallel;
@@ -41,6 +42,8 @@ pub struct RenderOptions {
     pub fps: u32,
     /// The look; the usual one without.
     pub look: Option<Look>,
+    /// Light paths per pixel of a traced picture; rasterised without.
+    pub paths: Option<u32>,
     /// Threads.
     pub workers: usize,
 }
@@ -94,6 +97,8 @@ struct Card {
     variation_seed: Option<Seed>,
     vary: Vec<Vary>,
     variation: RenderVariation,
+    /// Light paths per pixel; null for the rasteriser.
+    paths: Option<u32>,
     /// As they stood; one on the hand in the hand's frame.
     cameras: Vec<Camera>,
     /// What the ids of the pictures mean.
@@ -113,13 +118,13 @@ pub fn render(
 ) -> Result<Vec<Rendered>, RunError> {
     if path.is_file() {
         let stage = inputs::read_stage(path)?;
-        return Ok(vec![draw(&stage, None, out, options)?]);
+        return Ok(vec![draw(&stage, None, out, options, options.workers)?]);
     }
     let located = replay::locate(path)?;
     progress.begin("drawing", located.ids.len());
     let rendered = in_parallel(&located.ids, options.workers, stop, &|id| {
         let episode = located.store.read(id).map_err(|error| replay::unreadable(id, error))?;
-        let rendered = draw(&replay::stage(&episode)?, Some(&episode), out, options)?;
+        let rendered = draw(&replay::stage(&episode)?, Some(&episode), out, options, 1)?;
         progress.advance();
         Ok::<_, RunError>(rendered)
     })?;
@@ -127,7 +132,14 @@ pub fn render(
     Ok(rendered)
 }
 
-fn draw(stage: &Stage, episode: Option<&Episode>, out: &Path, options: &RenderOptions) -> Result<Rendered, RunError> {
+/// Draws a scenario or an episode; `threads` are for traced pictures, others need one.
+fn draw(
+    stage: &Stage,
+    episode: Option<&Episode>,
+    out: &Path,
+    options: &RenderOptions,
+    threads: usize,
+) -> Result<Rendered, RunError> {
     let scenario = &stage.scenario;
     let (id, seed) = episode.map_or((&scenario.id, scenario.seed), |it| (&it.result.id, it.result.seed));
     let folder = out.join(id);
@@ -139,7 +151,8 @@ fn draw(stage: &Stage, episode: Option<&Episode>, out: &Path, options: &RenderOp
     });
     let cameras: Vec<Camera> = cameras.collect();
     let broken = |error| not_drawn(id, error);
-    let mut painter = Painter::in_variation(stage, variation.clone()).map_err(broken)?;
+    let reference = options.paths.map(|paths| ReferenceSettings { paths, seed: seed.fork("light paths"), threads });
+    let mut painter = Painter::in_variation(stage, variation.clone()).map_err(broken)?.tracing(reference);
     let frames = episode.map(|episode| chosen(episode, options.fps)).transpose()?;
     let count = frames.as_ref().map_or(1, Vec::len);
     let mut writers = cameras
@@ -161,7 +174,17 @@ fn draw(stage: &Stage, episode: Option<&Episode>, out: &Path, options: &RenderOp
     let variation_seed = look.map(|(seed, _)| seed);
     let vary = look.map_or_else(Vec::new, |(_, vary)| vary.to_vec());
     let fps = episode.map(|_| options.fps);
-    let card = Card { id: id.clone(), fps, frames: count, variation_seed, vary, variation, cameras, ids };
+    let card = Card {
+        id: id.clone(),
+        fps,
+        frames: count,
+        variation_seed,
+        vary,
+        variation,
+        paths: options.paths,
+        cameras,
+        ids,
+    };
     let text = serde_json::to_string_pretty(&card).map_err(|error| RunError::broken("cannot write render.json", error));
     inputs::write_file(&folder.join("render.json"), text?.as_bytes())?;
     Ok(Rendered { id: id.clone(), folder, frames: count, variation_seed })

@@ -82,7 +82,8 @@ pub enum LabCommand {
     )]
     Hostile(HostileArguments),
     /// Draw an episode over a crowded table and say what its pictures cost, and whether continued ones are exact
-    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n\n\
+    #[command(after_help = "Example:\n  genmanip lab render --seed 1 --json\n  \
+                      genmanip lab render --seed 1 --flip 10 --out out/flip\n\n\
                       One thread, processor time, medians over the frames of the episode; the static camera is drawn \
                       first and draws the shadows, which the wrist camera shares.")]
     Render(LabRenderArguments),
@@ -262,6 +263,15 @@ pub struct LabRenderArguments {
     /// Seed of objects, layout and episode
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
+    /// Scenes of which the picture is also compared with a traced one (LDR-FLIP)
+    #[arg(long, value_name = "SCENES", default_value_t = 0)]
+    pub flip: usize,
+    /// Light paths per pixel of the traced pictures
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub paths: u32,
+    /// Folder for both pictures of each scene
+    #[arg(long, value_name = "DIR", requires = "flip")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `lab design`.

@@ -37,6 +37,12 @@ pub struct RenderArguments {
     /// Pictures per second of an episode
     #[arg(long, default_value_t = 15, value_parser = super::parse_fps)]
     pub fps: u32,
+    /// `reference` traces light paths: thousands of times slower, and what the usual pictures are judged by
+    #[arg(long, default_value = "fast", value_parser = ["fast", "reference"])]
+    pub quality: String,
+    /// Light paths per pixel of `--quality reference`
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub paths: u32,
     /// Worker threads; pictures do not depend on it [default: all cores]
     #[arg(long, value_parser = super::parse_count)]
     pub workers: Option<usize>,

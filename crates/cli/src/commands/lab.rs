@@ -111,7 +111,9 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &scale::in_words(&measured));
         }
         LabCommand::Render(arguments) => {
-            let measured = render::measure(Seed::new(arguments.seed), printer)?;
+            let seed = Seed::new(arguments.seed);
+            let mut measured = render::measure(seed, printer)?;
+            measured.flip = render::judge(seed, arguments.flip, arguments.paths, arguments.out.as_deref(), printer)?;
             printer.data(&measured, &render::in_words(&measured));
         }
         LabCommand::Segment(arguments) => {

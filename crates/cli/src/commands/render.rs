@@ -23,6 +23,7 @@ pub fn run(arguments: &RenderArguments, printer: &Printer) -> Result<ExitStatus,
         },
         fps: arguments.fps,
         look: arguments.variation.map(|seed| Look { seed, vary: vary(&arguments.vary) }),
+        paths: (arguments.quality == "reference").then_some(arguments.paths),
         workers: inputs::workers(arguments.workers),
     };
     let stop = crate::stop::on_interrupt();

@@ -50,6 +50,25 @@ fn a_scenario_is_drawn_as_its_cameras_see_it() {
     assert_eq!((&usual["ids"]["1"], &usual["variation_seed"]), (&"table".into(), &Value::Null));
 }
 
+/// Traced colours differ from the usual ones and not by the number of threads; depth and ids stay.
+#[test]
+fn a_traced_picture_differs_in_colour_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = finished_run().join("scenarios/021_spatial-000.json");
+    let with = |out: &str, more: &[&str]| {
+        let channels = ["--cameras", "static", "--channels", "rgb,depth,ids"];
+        draw(folder.path(), scenario.to_str().unwrap(), out, &[&channels[..], more].concat());
+        tree(&folder.path().join(out).join("021_spatial-000"))
+    };
+    let usual = with("usual", &[]);
+    let traced = with("traced", &["--quality", "reference", "--paths", "2", "--workers", "1"]);
+    assert_same_tree(&traced, &with("again", &["--quality", "reference", "--paths", "2", "--workers", "3"]));
+    let differ: Vec<&String> = usual.keys().filter(|name| usual[*name] != traced[*name]).collect();
+    assert_eq!(differ, ["render.json", "static.png"]);
+    let card: Value = serde_json::from_slice(&traced["render.json"]).unwrap();
+    assert_eq!(card["paths"], 2);
+}
+
 /// The films of the run itself, drawn again: the same, for any number of workers.
 #[test]
 fn episodes_are_drawn_again() {

@@ -1,0 +1,184 @@
+//! Pictures by tracing light paths: slow, and the judge of the rasteriser's.
+//!
+//! The same meshes, materials and lights. Paths are drawn by chance from a seed and meet both lamps at every surface,
+//! weighted with the chance of finding them by scattering (next-event estimation with multiple importance sampling).
+//! What differs from the rasteriser on purpose: light between surfaces, shadows of everything on everything, bent light
+//! behind glass.
+
+mod bvh;
+mod lamps;
+mod path;
+mod reflection;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use genmanip_core::{Pose, Seed};
+use glam::{Affine3A, Vec2, Vec3A};
+use rand::RngExt;
+
+use crate::assets::{RenderAssets, Surface};
+use crate::error::RenderError;
+use crate::job::ViewJob;
+use crate::mesh::Mesh;
+use crate::shade::{Lighting, tone_map};
+use crate::sky::luminance;
+use crate::texture::{linear_from_srgb8, srgb8_from_linear};
+use crate::variation::RenderVariation;
+use crate::view::{Lens, rotation};
+use bvh::{Bvh, Triangle};
+use lamps::Lamps;
+
+/// How carefully paths are traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReferenceSettings {
+    /// Paths per pixel, at least 1.
+    pub paths: u32,
+    /// Of the paths.
+    pub seed: Seed,
+    /// Threads; pictures do not depend on it.
+    pub threads: usize,
+}
+
+/// A traced picture before it is developed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exposed {
+    width: usize,
+    exposure: f32,
+    background: Vec3A,
+    /// Per pixel: light from surfaces, and the share of the background that is seen.
+    pixels: Vec<(Vec3A, Vec3A)>,
+}
+
+/// Everything that paths meet.
+struct Reference<'a> {
+    bvh: Bvh,
+    bodies: Vec<Body<'a>>,
+    surfaces: Vec<Surface>,
+    lamps: Lamps<'a>,
+}
+
+/// A part at its place.
+struct Body<'a> {
+    mesh: &'a Mesh,
+    body_from_world: Affine3A,
+}
+
+/// Traces the colour of a job; its channels and samples per pixel are not looked at.
+///
+/// The same job, variation, seed and number of paths give the same picture.
+///
+/// # Errors
+/// A frame of other assets, a pose or camera that cannot be drawn.
+pub fn trace(
+    assets: &Arc<RenderAssets>,
+    variation: &RenderVariation,
+    job: &ViewJob<'_>,
+    settings: &ReferenceSettings,
+) -> Result<Exposed, RenderError> {
+    let lens = Lens::of(assets, job)?;
+    let lighting = Lighting::new(variation);
+    let poses: Vec<Pose> =
+        assets.parts.iter().map(|part| part.body.map_or(Pose::IDENTITY, |body| job.frame.body_poses[body])).collect();
+    let reference = Reference {
+        bvh: Bvh::new(triangles(assets, &poses)),
+        bodies: assets.parts.iter().zip(&poses).map(|(part, pose)| Body::new(&part.mesh, pose)).collect(),
+        surfaces: variation.surfaces(assets),
+        lamps: Lamps::new(&lighting, variation.light_angular_radius),
+    };
+    let mut pixels = vec![(Vec3A::ZERO, Vec3A::ZERO); lens.width * lens.height];
+    let threads = settings.threads.clamp(1, lens.height);
+    let mut rows: Vec<Vec<_>> = (0..threads).map(|_| Vec::new()).collect();
+    for (row, line) in pixels.chunks_exact_mut(lens.width).enumerate() {
+        rows[row % threads].push((row, line));
+    }
+    std::thread::scope(|scope| {
+        for own in rows {
+            let (reference, lens) = (&reference, &lens);
+            scope.spawn(move || {
+                for (row, line) in own {
+                    let first = (row * lens.width) as u64;
+                    for (column, pixel) in line.iter_mut().enumerate() {
+                        let seed = settings.seed.fork_index(first + column as u64);
+                        *pixel = reference.pixel(lens, [column, row], seed, settings.paths.max(1));
+                    }
+                }
+            });
+        }
+    });
+    let (exposure, background) = (variation.exposure, linear_from_srgb8(variation.background));
+    Ok(Exposed { width: lens.width, exposure, background, pixels })
+}
+
+impl Exposed {
+    /// 8-bit sRGB, row by row, with so many times the variation's exposure.
+    pub fn develop(&self, exposure: f32) -> Vec<u8> {
+        self.pixels.iter().flat_map(|pixel| srgb8_from_linear(self.developed(pixel, exposure))).collect()
+    }
+
+    /// The exposure, as a multiple of the variation's, at which surfaces are as bright on average as in another picture
+    /// of the same size; between an eighth and eight.
+    pub fn exposure_like(&self, rgb: &[u8]) -> f32 {
+        let brightness = |color: Vec3A| f64::from(luminance(color));
+        let wanted: f64 = rgb.chunks_exact(3).map(|rgb| brightness(linear_from_srgb8([rgb[0], rgb[1], rgb[2]]))).sum();
+        let (mut low, mut high) = (0.125_f32, 8.0_f32);
+        for _ in 0..30 {
+            let middle = (low * high).sqrt();
+            let got: f64 = self.pixels.iter().map(|pixel| brightness(self.developed(pixel, middle))).sum();
+            if got < wanted { low = middle } else { high = middle }
+        }
+        (low * high).sqrt()
+    }
+
+    /// Pixels per row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    fn developed(&self, (radiance, behind): &(Vec3A, Vec3A), exposure: f32) -> Vec3A {
+        // The background is a colour of the picture, not light: surfaces are developed as if they filled the pixel.
+        let covered = 1.0 - luminance(*behind);
+        let color = if covered > 1e-3 {
+            Vec3A::from_array(tone_map((*radiance * (self.exposure * exposure / covered)).to_array())) * covered
+        } else {
+            Vec3A::ZERO
+        };
+        (color + self.background * *behind).clamp(Vec3A::ZERO, Vec3A::ONE)
+    }
+}
+
+impl Reference<'_> {
+    /// The mean of the paths around a pixel's centre, by the rasteriser's tent two pixels wide.
+    fn pixel(&self, lens: &Lens, [column, row]: [usize; 2], seed: Seed, paths: u32) -> (Vec3A, Vec3A) {
+        let mut rng = seed.rng();
+        let (mut radiance, mut background) = (Vec3A::ZERO, Vec3A::ZERO);
+        for _ in 0..paths {
+            let mut tent = || rng.random::<f32>() - rng.random::<f32>();
+            let place = Vec2::new(column as f32 + tent(), row as f32 + tent());
+            let ray = lens.turn * Vec3A::from(((place - lens.center) / lens.focal).extend(1.0));
+            let brought = self.follow(lens.eye, ray.normalize(), &mut rng);
+            radiance += brought.radiance;
+            background += brought.background;
+        }
+        (radiance / paths as f32, background / paths as f32)
+    }
+}
+
+impl<'a> Body<'a> {
+    fn new(mesh: &'a Mesh, pose: &Pose) -> Self {
+        let world_from_body = Affine3A { matrix3: rotation(pose), translation: pose.position.as_vec3a() };
+        Self { mesh, body_from_world: world_from_body.inverse() }
+    }
+}
+
+fn triangles(assets: &RenderAssets, poses: &[Pose]) -> Vec<Triangle> {
+    let mut triangles = Vec::with_capacity(assets.triangle_count());
+    for (index, (part, pose)) in assets.parts.iter().zip(poses).enumerate() {
+        let (turn, shift) = (rotation(pose), pose.position.as_vec3a());
+        let placed: Vec<Vec3A> = part.mesh.positions.iter().map(|&at| turn * Vec3A::from(at) + shift).collect();
+        let corners = part.mesh.triangles.iter().map(|triangle| triangle.map(|corner| placed[corner as usize]));
+        triangles.extend(corners.enumerate().map(|(triangle, corners)| Triangle::new(corners, index, triangle)));
+    }
+    triangles
+}
