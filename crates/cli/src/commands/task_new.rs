@@ -55,7 +55,8 @@ pub fn run(arguments: &NewArguments, printer: &Printer) -> Result<ExitStatus, Fa
     let missing = shortfall(&rows);
     let refused: usize = missing.values().map(|(count, _)| count).sum();
     for (kind, (count, why)) in &missing {
-        printer.say(format!("{count} {kind} tasks are missing: {why}"));
+        let are_missing = if *count == 1 { "task is missing" } else { "tasks are missing" };
+        printer.say(format!("{count} {kind} {are_missing}: {why}"));
     }
     if refused > 0 {
         printer.say(format!("{refused} of {} refused; the others are written", rows.len()));

@@ -38,7 +38,8 @@ pub(super) struct Ended {
     /// Most memory in use, MiB, as last seen while it ran.
     pub(super) peak_mib: u64,
     signal: Option<i32>,
-    waited_too_long: bool,
+    /// What its threads were waiting for when it had done nothing for too long.
+    waited_for: Option<String>,
 }
 
 /// Signals: a limit of processor time that was met, and the one sent after waiting too long.
@@ -51,7 +52,15 @@ impl Ended {
     }
 
     pub(super) fn is_hanging(&self) -> bool {
-        self.waited_too_long || self.signal == Some(SIGXCPU) || self.signal == Some(SIGKILL)
+        self.waited_for.is_some() || self.signal == Some(SIGXCPU) || self.signal == Some(SIGKILL)
+    }
+
+    /// How it was too slow.
+    pub(super) fn slowness(&self) -> String {
+        match &self.waited_for {
+            Some(threads) => format!("too slow (waits without working; its threads: {threads})"),
+            None => format!("too slow ({:.1} s of processor time)", self.cpu_s),
+        }
     }
 
     pub(super) fn has_panicked(&self) -> bool {
@@ -89,18 +98,20 @@ pub(super) fn run(program: &Path, call: &[String], room: &Room, limits: Limits) 
         .map_err(|error| LabError::broken("cannot start the program", error))?;
     let (mut pause, mut peak_mib) = (Duration::from_millis(1), 0);
     let (mut used, mut used_at) = (0.0, Instant::now());
-    let (status, waited_too_long) = loop {
+    let (status, waited_for) = loop {
         match child.try_wait().map_err(|error| LabError::broken("cannot wait for the program", error))? {
-            Some(status) => break (status, false),
+            Some(status) => break (status, None),
             None if used_at.elapsed() > Duration::from_secs(limits.idle_s) => {
+                let threads = threads(child.id());
                 let _ = child.kill();
                 let status = child.wait().map_err(|error| LabError::broken("cannot wait for the program", error))?;
-                break (status, true);
+                break (status, Some(threads.join(", ")));
             }
             None => {
                 peak_mib = peak_mib.max(peak_mib_of(child.id()));
                 let now_used = cpu_s(&child.id().to_string(), OWN);
-                if now_used > used {
+                // Whoever waits for a slow disk makes no progress either, and is not to blame.
+                if now_used > used || threads(child.id()).iter().any(|thread| thread.starts_with(ON_DISK)) {
                     (used, used_at) = (now_used, Instant::now());
                 }
                 std::thread::sleep(pause);
@@ -123,7 +134,7 @@ pub(super) fn run(program: &Path, call: &[String], room: &Room, limits: Limits) 
         stderr: text(&err)?,
         cpu_s: children_cpu_s() - before,
         peak_mib,
-        waited_too_long,
+        waited_for,
     })
 }
 
@@ -138,6 +149,21 @@ fn peak_mib_of(process: u32) -> u64 {
 /// (counted behind the name of the program).
 const OWN: usize = 11;
 const OF_CHILDREN: usize = 13;
+
+/// The state of a thread in which nothing can interrupt it, mostly because it waits for the disk.
+const ON_DISK: char = 'D';
+
+/// The state of each thread of a process, and what it waits for in the kernel (Linux).
+fn threads(process: u32) -> Vec<String> {
+    let tasks = std::fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
+    let about = |task: std::fs::DirEntry| {
+        let text = |name: &str| std::fs::read_to_string(task.path().join(name)).unwrap_or_default();
+        let stat = text("stat");
+        let state = stat.rsplit_once(')').and_then(|(_, rest)| rest.split_whitespace().next()).unwrap_or("?");
+        format!("{state} in {}", text("wchan"))
+    };
+    tasks.map(about).collect()
+}
 
 /// Processor time of all children that have ended, s.
 fn children_cpu_s() -> f64 {

@@ -178,20 +178,20 @@ fn attempt(
     let mut broken = Vec::new();
     if ended.is_over_memory() {
         measured.over_memory += 1;
-        broken.push("too much memory");
+        broken.push("too much memory".to_owned());
     } else if ended.is_hanging() {
         measured.hangs += 1;
-        broken.push("too slow");
+        broken.push(ended.slowness());
     } else if ended.has_panicked() {
         measured.panics += 1;
-        broken.push("panic or signal");
+        broken.push("panic or signal".to_owned());
     } else if ended.cpu_s > measured.slowest_s {
         (measured.slowest_s, measured.slowest) = (ended.cpu_s, what.clone());
     }
     let changed = case.only_reads && ended.code != Some(0) && before != listing(&room.work());
     if changed || !room.is_untouched() {
         measured.wrote_outside += 1;
-        broken.push("wrote what it should not");
+        broken.push("wrote what it should not".to_owned());
     }
     for how in broken {
         if measured.broken.len() < SHOWN {
