@@ -50,7 +50,7 @@ pub struct Measured {
     pub goal_verdict_us: Spread,
     /// Objects in those scenes.
     pub goal_verdict_objects: usize,
-    /// The [`MOST_SLOW`] tasks that took longest, slowest first.
+    /// The twenty tasks that took longest, slowest first.
     pub slowest: Vec<Slow>,
     /// Why tasks have no layout.
     pub refusals: Vec<Refusal>,

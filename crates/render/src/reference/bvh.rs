@@ -9,8 +9,9 @@ const LEAF: usize = 4;
 const BINS: usize = 16;
 /// Levels of the tree that a ray remembers; a tree over 2³² triangles with halves at worst twice as deep fits.
 const DEPTH: usize = 64;
-/// Nearest hit that counts, metres: what leaves a surface does not hit it again.
-const NEAREST_M: f32 = 1e-5;
+/// Nearest hit that counts, metres: what leaves a surface does not hit it again, slivers of a metre included, whose planes
+/// single precision knows to a tenth of a millimetre.
+const NEAREST_M: f32 = 1e-4;
 
 /// How far triangles reach over their edges, as a share of their size: single precision leaves gaps between slivers.
 const OVERLAP: f32 = 1e-4;

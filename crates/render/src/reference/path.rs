@@ -20,7 +20,7 @@ const BRIGHTEST: f32 = 4.0;
 /// rare paths only (Kaplanyan and Dachsbacher, "Path Space Regularization", 2013).
 const DULLEST: f32 = 0.2;
 /// How far rays begin above a surface, metres.
-const LIFT_M: f32 = 2e-5;
+const LIFT_M: f32 = 1e-4;
 
 /// What a path brings.
 #[derive(Clone, Copy, Debug, Default)]
