@@ -71,19 +71,35 @@ pub fn is_own_folder(path: &Path) -> bool {
 }
 
 /// Writes a file aside, flushes it and renames it into place, so that it is whole or not there; missing folders on the
-/// way are made. What is there is replaced; a device or pipe is written to as it is.
+/// way are made. What is there is replaced; a device, or a pipe that somebody reads, is written to as it is.
 ///
 /// # Errors
-/// [`DataError::Io`], with the action that failed.
+/// [`DataError::Io`], with the action that failed; [`DataError::NotAFile`] for a folder and a pipe that nobody reads.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     match fs::metadata(path) {
         Ok(about) if about.is_dir() => Err(DataError::NotAFile { path: path.to_owned(), found: "a folder" }),
         Ok(about) if !about.is_file() => {
-            let mut device = OpenOptions::new().write(true).open(path).map_err(DataError::io("write", path))?;
+            let mut device = open_device(path)?;
             device.write_all(bytes).and_then(|()| device.flush()).map_err(DataError::io("write", path))
         }
         _ => write_as_of(path, bytes, None),
     }
+}
+
+/// A device or pipe, opened for writing. Whoever opens a pipe that nobody reads would wait for ever.
+fn open_device(path: &Path) -> Result<File, DataError> {
+    let open = |flags| {
+        use std::os::unix::fs::OpenOptionsExt;
+        OpenOptions::new().write(true).custom_flags(flags).open(path)
+    };
+    // Kept until the pipe is open for good, so that its reader sees no end of it in between.
+    let without_waiting = open(libc::O_NONBLOCK).map_err(|error| match error.raw_os_error() {
+        Some(libc::ENXIO) => DataError::NotAFile { path: path.to_owned(), found: "a pipe that nobody reads" },
+        _ => DataError::io("write", path)(error),
+    })?;
+    let device = open(0).map_err(DataError::io("write", path));
+    drop(without_waiting);
+    device
 }
 
 /// Writes a file as [`write()`] does; it says that it was written at `time`, if there is one.
@@ -254,5 +270,16 @@ mod tests {
         assert!(!is_own_file(Path::new("/dev/null")), "it is still a device");
         let error = write(Path::new("/dev/full"), b"gone").unwrap_err();
         assert!(error.to_string().contains("cannot write"), "{error}");
+
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let error = write(&pipe, b"gone").unwrap_err().to_string();
+        assert!(error.contains("a pipe that nobody reads"), "{error}");
+        let reader = std::process::Command::new("cat").arg(&pipe).stdout(std::process::Stdio::piped()).spawn().unwrap();
+        // The reader needs a moment to open it.
+        while write(&pipe, b"told").is_err() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        assert_eq!(reader.wait_with_output().unwrap().stdout, b"told");
     }
 }
