@@ -261,6 +261,17 @@ impl Reader<'_> {
             self.notes.push(format!("image {}: left out, more than {MOST_TEXTURES} textures", image.index()));
             return Ok(None);
         }
+        // The reader takes for granted that one of the two is there, and the kind of a picture inside the file.
+        let declared = self.gltf.as_json().images.get(image.index());
+        let is_whole = declared.is_some_and(|image| match image.buffer_view {
+            Some(_) => image.mime_type.is_some(),
+            None => image.uri.is_some(),
+        });
+        if !is_whole {
+            self.notes.push(format!("image {} left out: it names no picture", image.index()));
+            self.textures.insert(image.index(), None);
+            return Ok(None);
+        }
         let bytes = match image.source() {
             gltf::image::Source::View { view, .. } => {
                 let held = self.buffers.get(view.buffer().index()).map_or(&[][..], Vec::as_slice);

@@ -68,6 +68,23 @@ fn the_sound_file_of_every_format_comes_in_as_it_is() {
     }
 }
 
+/// Found by `lab hostile`: an image that is nowhere, which the glTF reader takes for granted.
+#[test]
+fn an_image_without_a_source_is_left_out() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/sound/gltf");
+    let whole: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("carton.gltf")).unwrap()).unwrap();
+    for image in [serde_json::json!({}), serde_json::json!({ "bufferView": 0 })] {
+        let mut changed = whole.clone();
+        changed["images"] = serde_json::json!([image]);
+        let mut read = |path: &str, _| match path {
+            "carton.gltf" => Ok(changed.to_string().into_bytes()),
+            path => std::fs::read(folder.join(path)).map_err(|error| error.to_string()),
+        };
+        let object = import("carton.gltf", &mut read, &Given::default(), None).unwrap();
+        assert!(object.report.repairs.iter().any(|repair| repair.contains("names no picture")), "{image}");
+    }
+}
+
 /// Found by `lab hostile`: a line of a drawer 600 times, which took physics 12 s.
 #[test]
 fn shapes_that_touch_are_counted_once_and_bounded() {
