@@ -233,6 +233,24 @@ fn things_go_where_they_belong() {
     }
 }
 
+/// What lies below the rim of a hollow that is too narrow for the hand is not asked for.
+#[test]
+fn things_are_taken_from_where_the_hand_gets_to() {
+    let card = |uid: &str| Catalogue::full().cards().iter().find(|card| card.uid == uid).unwrap();
+    let cases = [
+        ("box-11", "paint-brush-4", false, "75 mm below the rim, 154 by 199 mm inside"),
+        ("box-11", "die-7", false, "49 mm below it"),
+        ("box-11", "chess-piece-1", true, "14 mm below it"),
+        ("basket-3", "apple-6", true, "11 mm below it"),
+        ("basket-2", "cube-9", true, "54 mm below it, 184 by 234 mm inside"),
+        ("plate-1", "apple-6", true, "above it"),
+        ("coaster-1", "mug-1", false, "not one of those that things are taken from"),
+    ];
+    for (host, item, expected, why) in cases {
+        assert_eq!(things().may_be_taken_from(card(host), card(item)), expected, "{item} from {host}: {why}");
+    }
+}
+
 #[test]
 fn too_few_objects_are_an_error_with_its_reasons() {
     let few: Vec<ObjectCard> = cards().iter().filter(|card| card.category == "mug").cloned().collect();
