@@ -50,7 +50,7 @@ impl Document for EvaluationReport {
         Some(Upgrade { schema: "genmanip.evaluation/1", upgrade: upgrade::result::evaluation_from_1 });
 
     fn from_json(text: &str) -> Result<Self, DocumentError> {
-        long_from_json(text)
+        long_from_json(text, |_| {})
     }
 
     fn to_json(&self) -> String {

@@ -5,6 +5,7 @@ mod browser;
 mod support;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use genmanip_bench::*;
 use genmanip_core::*;
@@ -94,7 +95,7 @@ fn hostile_text_stays_text() {
     let task = &mut tasks[0];
     task.instruction = hostile.into();
     task.scene_graph.description = hostile.into();
-    task.objects[0].name = hostile.into();
+    Arc::make_mut(&mut task.objects[0]).name = hostile.into();
     let mut input = support::report_input(tasks);
     input.title = hostile.into();
     input.generated_by = hostile.into();

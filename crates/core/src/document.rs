@@ -114,18 +114,21 @@ pub trait LongDocument: Document {
     fn entries(&mut self) -> &mut Vec<Self::Entry>;
 }
 
-/// Reads a document without holding all of it twice.
+/// Reads a document without holding all of it twice; each entry is given to `keep` before it is kept, so that what
+/// entries have in common need not be held with each.
 ///
 /// # Errors
 /// As [`Document::from_json`].
-pub fn long_from_json<T: LongDocument>(text: &str) -> Result<T, DocumentError> {
+pub fn long_from_json<T: LongDocument>(text: &str, mut keep: impl FnMut(&mut T::Entry)) -> Result<T, DocumentError> {
     let mut entries: Vec<T::Entry> = Vec::new();
     let rest = crate::json::parse_listing(text, T::SCHEMA, T::LIST, &mut |index, value| {
         if index == ENTRIES {
             let (path, message) = (format!("$.{}", T::LIST), format!("expected at most {ENTRIES} entries, got more"));
             return Err(DocumentError::Invalid { path, message });
         }
-        entries.push(typed(value, &format!("$.{}[{index}]", T::LIST))?);
+        let mut entry = typed(value, &format!("$.{}[{index}]", T::LIST))?;
+        keep(&mut entry);
+        entries.push(entry);
         Ok(())
     })?;
     let mut document = T::from_value(rest)?;
@@ -183,7 +186,7 @@ mod tests {
         });
 
         fn from_json(text: &str) -> Result<Self, DocumentError> {
-            long_from_json(text)
+            long_from_json(text, |_| {})
         }
 
         fn to_json(&self) -> String {

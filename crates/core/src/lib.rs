@@ -72,7 +72,7 @@ pub use pose::Pose;
 pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario};
 pub use seed::Seed;
-pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, Task, TaskKind};
+pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, SharedCards, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{
     Board, PhysicsSettings, RelationSettings, SupportSurface, Workspace, World, WorldDifference, WorldFault, WorldFile,

@@ -1,5 +1,8 @@
 //! Tasks as task-oriented scene graphs (ToSG): an instruction, a goal and an initial scene.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +24,8 @@ pub struct Task {
     pub goal: Goal,
     /// The scene before the robot moves.
     pub scene_graph: SceneGraph,
-    /// Cards of the instances in the scene, one per node of the graph and in its order.
-    pub objects: Vec<ObjectCard>,
+    /// Cards of the instances in the scene, one per node of the graph and in its order; see [`SharedCards`].
+    pub objects: Vec<Arc<ObjectCard>>,
     /// Support surfaces of the world, other than the table, that goal or graph stand things against.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<NamedSurface>,
@@ -36,6 +39,39 @@ pub struct Task {
 impl Document for Task {
     const SCHEMA: &'static str = "genmanip.task/2";
     const PREVIOUS: Option<Upgrade> = Some(upgrade::task::FROM_1);
+}
+
+/// Cards that many tasks have in common, each held once: most of what a task needs in memory.
+///
+/// ```
+/// # use std::sync::Arc;
+/// # use genmanip_core::{SharedCards, Task};
+/// # fn both(mut one: Task, mut other: Task) {
+/// let mut cards = SharedCards::default();
+/// cards.share(&mut one);
+/// cards.share(&mut other);
+/// if one.objects[0] == other.objects[0] {
+///     assert!(Arc::ptr_eq(&one.objects[0], &other.objects[0]));
+/// }
+/// # }
+/// ```
+#[derive(Debug, Default)]
+pub struct SharedCards {
+    by_uid: BTreeMap<String, Arc<ObjectCard>>,
+}
+
+impl SharedCards {
+    /// Replaces the cards of a task that are known already, and keeps the others. The task stays equal to what it was.
+    pub fn share(&mut self, task: &mut Task) {
+        for card in &mut task.objects {
+            match self.by_uid.get(&card.uid) {
+                Some(known) if known == card => *card = Arc::clone(known),
+                // Another version of the asset: few tasks have it.
+                Some(_) => {}
+                None => drop(self.by_uid.insert(card.uid.clone(), Arc::clone(card))),
+            }
+        }
+    }
 }
 
 /// The kinds of task.
@@ -207,7 +243,7 @@ impl GraphNode {
 impl Task {
     /// The card of an instance in the scene.
     pub fn card(&self, id: &str) -> Option<&ObjectCard> {
-        self.objects.get(self.scene_graph.index_of(id)?)
+        self.objects.get(self.scene_graph.index_of(id)?).map(Arc::as_ref)
     }
 
     /// The support surface of that id, where the task names it.

@@ -1,5 +1,7 @@
 //! Objects that the task does not mention, chosen so that no instruction becomes ambiguous by them.
 
+use std::sync::Arc;
+
 use genmanip_core::{AssetRef, Atom, ObjectCard, Seed, Task, TaskKind};
 use rand::RngExt;
 
@@ -21,7 +23,7 @@ pub(crate) fn draw(task: &Task, cards: &[ObjectCard], count: usize, seed: Seed) 
 /// it shares no name and no kind with an object of the task, and no word of the instruction describes it;
 /// where the instruction names a need instead of things, it is not of the same group as what the goal is about.
 fn is_harmless(card: &ObjectCard, task: &Task) -> bool {
-    let known = || task.objects.iter();
+    let known = || task.objects.iter().map(Arc::as_ref);
     let is_alike = |other: &ObjectCard| {
         other.uid == card.uid
             || other.name.eq_ignore_ascii_case(&card.name)

@@ -112,7 +112,7 @@ fn request_of(task: &Task) -> TaskRequest {
     TaskRequest {
         id: task.id.clone(),
         kind: task.kind,
-        offered: task.objects.clone(),
+        offered: task.objects.iter().map(|card| (**card).clone()).collect(),
         surfaces: task.surfaces.clone(),
         min_objects: 1,
         between: true,

@@ -18,7 +18,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use genmanip_core::{
-    Document, DocumentError, LongDocument, Seed, Task, Upgrade, limits, long_from_json, long_to_json, upgrade,
+    Document, DocumentError, LongDocument, Seed, SharedCards, Task, Upgrade, limits, long_from_json, long_to_json,
+    upgrade,
 };
 use genmanip_data::{DataError, EpisodeStore, files};
 use genmanip_rollout::collect::CollectSettings;
@@ -52,7 +53,8 @@ impl Document for Run {
     const PREVIOUS: Option<Upgrade> = Some(upgrade::run::FROM_1);
 
     fn from_json(text: &str) -> Result<Self, DocumentError> {
-        long_from_json(text)
+        let mut cards = SharedCards::default();
+        long_from_json(text, |task| cards.share(task))
     }
 
     fn to_json(&self) -> String {

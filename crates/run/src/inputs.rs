@@ -9,7 +9,9 @@ use genmanip_assets::{Catalogue, robots, worlds};
 use genmanip_core::asset::uid_of;
 use genmanip_core::limits::{self, Limit};
 use genmanip_core::names::fits_file_name;
-use genmanip_core::{Document, DocumentError, ObjectCard, RobotModel, Scenario, Seed, Task, TaskKind, World, json};
+use genmanip_core::{
+    Document, DocumentError, ObjectCard, RobotModel, Scenario, Seed, SharedCards, Task, TaskKind, World, json,
+};
 use genmanip_data::{DataError, files};
 use genmanip_motion::{Planner, PlannerSettings};
 use genmanip_rollout::Stage;
@@ -136,8 +138,10 @@ pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunError> {
 pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     let mut tasks: Vec<Task> = Vec::new();
     let mut known = BTreeSet::new();
+    let mut cards = SharedCards::default();
     for path in expand(paths)? {
-        let task = read_task(&path)?;
+        let mut task = read_task(&path)?;
+        cards.share(&mut task);
         if !known.insert(task.id.clone()) {
             return Err(RunError::input(format!(
                 "two tasks are called `{}` (the second: {})",

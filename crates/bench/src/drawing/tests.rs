@@ -45,7 +45,7 @@ fn task(names: &[&str], edges: Vec<GraphEdge>, alternatives: Vec<Vec<Atom>>) -> 
             nodes: uids.iter().map(|uid| GraphNode::of(&card(uid, uid))).collect(),
             edges,
         },
-        objects: uids.iter().zip(names).map(|(uid, name)| card(uid, name)).collect(),
+        objects: uids.iter().zip(names).map(|(uid, name)| card(uid, name).into()).collect(),
         surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: "test".into(),

@@ -46,7 +46,7 @@ fn positions(task: &Task) -> Vec<[f64; 2]> {
 }
 
 pub fn layout_picture(task: &Task) -> LayoutPicture {
-    let footprint = |(number, (card, at)): (usize, (&ObjectCard, [f64; 2]))| {
+    let footprint = |(number, (card, at)): (usize, (&std::sync::Arc<ObjectCard>, [f64; 2]))| {
         let (half_x, half_y) = (card.size_m.x / 2.0, card.size_m.y / 2.0);
         let round = ["round", "cylinder", "sphere", "hemisphere"].iter().any(|word| card.shape.contains(word));
         let (sides, power) = if round { (36, 1.0) } else { (40, 0.25) };

@@ -1,5 +1,7 @@
 //! The expert on tasks that cannot be solved: it gives up with a cause and evidence, in bounded time.
 
+use std::sync::Arc;
+
 use genmanip_assets::Catalogue;
 use genmanip_core::{
     Atom, Failure, FailureCause, Frame, Goal, GraphNode, ObjectState, Relation, Scenario, SceneGraph, Seed, Task,
@@ -72,7 +74,7 @@ fn joint_task(uid: &str, from: &str, to: &str) -> Task {
         instruction: format!("Bring the {} into the state {to}.", card.name),
         goal: Goal { alternatives: vec![vec![Atom::State { object: uid.into(), state: to.into() }]] },
         scene_graph: SceneGraph { description: String::new(), nodes: vec![node], edges: Vec::new() },
-        objects: vec![card],
+        objects: vec![Arc::new(card)],
         surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: "test".into(),
@@ -85,7 +87,7 @@ fn it_fills_a_drawer_and_shuts_it() {
     let mut task = joint_task("057", "top_open", "closed");
     let cube = Catalogue::builtin().card("046").unwrap().clone();
     task.scene_graph.nodes.push(GraphNode::of(&cube));
-    task.objects.push(cube);
+    task.objects.push(Arc::new(cube));
     task.goal.alternatives[0].push(relation("046", Relation::In, "057"));
     let stage = stage(scenario(&task));
     let episode =
@@ -106,7 +108,7 @@ fn it_lets_go_low_in_a_deep_box() {
     for uid in ["026", "040"] {
         let card = Catalogue::builtin().card(uid).unwrap().clone();
         task.scene_graph.nodes.push(GraphNode::of(&card));
-        task.objects.push(card);
+        task.objects.push(Arc::new(card));
     }
     task.goal.alternatives = vec![vec![relation("040", Relation::Top, "052"), relation("026", Relation::Top, "052")]];
     let stage = stage(scenario(&task));

@@ -179,7 +179,7 @@ fn task() -> Task {
             nodes: objects.iter().map(GraphNode::of).collect(),
             edges: Vec::new(),
         },
-        objects: objects.to_vec(),
+        objects: objects.iter().cloned().map(std::sync::Arc::new).collect(),
         surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: "test".into(),

@@ -236,7 +236,7 @@ fn read_literally(answer: &Value, request: &TaskRequest) -> Option<(Task, bool)>
         kind: request.kind,
         instruction,
         goal: Goal { alternatives },
-        objects: objects.collect(),
+        objects: objects.map(std::sync::Arc::new).collect(),
         scene_graph: SceneGraph { description, nodes, edges },
         surfaces: Vec::new(),
         interchangeable: Vec::new(),

@@ -1,6 +1,7 @@
 //! Turns names, uids, positions and states into what they stand for.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use genmanip_core::asset::uid_of;
 use genmanip_core::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, Task};
@@ -135,7 +136,11 @@ impl Draft {
                 nodes,
                 edges: edges.collect::<Option<Vec<_>>>()?,
             },
-            objects: self.nodes.iter().filter_map(|node| request.offered.get(node.object).cloned()).collect(),
+            objects: self
+                .nodes
+                .iter()
+                .filter_map(|node| Some(Arc::new(request.offered.get(node.object)?.clone())))
+                .collect(),
             surfaces: self.surfaces(request),
             interchangeable: Vec::new(),
             source: request.source.clone(),

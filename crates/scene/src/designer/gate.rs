@@ -1,5 +1,7 @@
 //! The last gate: a design is judged as an answer of a language model would be, and its sentence is read back.
 
+use std::sync::Arc;
+
 use genmanip_core::{Atom, ObjectCard, Task, TaskKind};
 use serde_json::{Value, json};
 
@@ -23,7 +25,7 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> R
                 .collect(),
         },
         scene_graph: scene.graph(draft.description.clone()),
-        objects: offered.clone(),
+        objects: offered.iter().cloned().map(Arc::new).collect(),
         surfaces: Vec::new(),
         interchangeable: Vec::new(),
         source: "rules".into(),

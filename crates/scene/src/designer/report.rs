@@ -89,7 +89,7 @@ pub fn measure(
     let mut balance = Balance::default();
     for task in &batch.tasks {
         let nodes = task.scene_graph.nodes.iter().zip(&task.objects);
-        let copies = nodes.filter(|(node, card)| node.id != card.uid).map(|(_, card)| card);
+        let copies = nodes.filter(|(node, card)| node.id != card.uid).map(|(_, card)| &**card);
         let request = TaskRequest {
             id: task.id.clone(),
             kind: task.kind,

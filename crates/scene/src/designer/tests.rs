@@ -1,6 +1,7 @@
 //! What every design must be, whatever the seed.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
 use genmanip_core::{ObjectCard, Relation, Seed, Task, TaskKind};
@@ -153,8 +154,8 @@ fn every_need_is_understood() {
         let met = all.iter().find(|card| need.is_met_by(card) && (need.decides == Decides::Place || is_movable(card)));
         let met = met.unwrap_or_else(|| panic!("{:?} cannot be met", need.says));
         let strangers = all.iter().filter(|card| !need.is_doubtful(card)).step_by(97).take(8);
-        let cards: Vec<ObjectCard> = std::iter::once(met).chain(strangers).cloned().collect();
-        let nodes = cards.iter().map(genmanip_core::GraphNode::of).collect();
+        let cards: Vec<Arc<ObjectCard>> = std::iter::once(met).chain(strangers).cloned().map(Arc::new).collect();
+        let nodes = cards.iter().map(|card| genmanip_core::GraphNode::of(card)).collect();
         let graph = genmanip_core::SceneGraph { nodes, ..Default::default() };
         for said in &need.says {
             let heard = references::read(&format!("{said} Put what I need near the right thing."), &cards, &graph);
@@ -174,8 +175,8 @@ fn everything_has_words() {
     let (mut said, mut misheard) = (0, Vec::new());
     let mut understood = BTreeSet::new();
     for card in all.iter().filter(|card| card.category != stapler.category) {
-        let cards = [card.clone(), stapler.clone()];
-        let nodes = cards.iter().map(genmanip_core::GraphNode::of).collect();
+        let cards = [card, stapler].map(|card| Arc::new(card.clone()));
+        let nodes = cards.iter().map(|card| genmanip_core::GraphNode::of(card)).collect();
         let graph = genmanip_core::SceneGraph { nodes, ..Default::default() };
         for words in card.annotations.looks.iter().chain([&things().words(card).unwrap().noun]) {
             let heard = references::read(&format!("Put the {words} near the stapler."), &cards, &graph);

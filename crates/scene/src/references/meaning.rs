@@ -1,5 +1,7 @@
 //! What phrases mean in a scene, and what commands ask for.
 
+use std::sync::Arc;
+
 use genmanip_core::{ObjectCard, Relation, SceneGraph};
 
 use super::grammar::{Action, Command, Group, Part, Place};
@@ -29,7 +31,7 @@ struct Candidates<'c> {
 }
 
 impl<'c> Listener<'c> {
-    pub fn new(cards: &'c [ObjectCard], graph: &'c SceneGraph, context: &'c str) -> Self {
+    pub fn new(cards: &'c [Arc<ObjectCard>], graph: &'c SceneGraph, context: &'c str) -> Self {
         let things = graph.nodes.iter().zip(cards).map(|(node, card)| Thing { id: &node.id, card }).collect();
         Self { things, graph, space: Space::new(graph), context, phrases: Vec::new(), choices: Vec::new() }
     }

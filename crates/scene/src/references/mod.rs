@@ -21,6 +21,7 @@ mod space;
 mod tests;
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use genmanip_core::{Atom, MOST_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
 
@@ -109,7 +110,7 @@ impl Mismatch {
 ///
 /// # Errors
 /// [`Mismatch`] when it is not understood, or a phrase has no referent or several.
-pub fn read(instruction: &str, cards: &[ObjectCard], graph: &SceneGraph) -> Result<Reading, Mismatch> {
+pub fn read(instruction: &str, cards: &[Arc<ObjectCard>], graph: &SceneGraph) -> Result<Reading, Mismatch> {
     let unreadable = || Mismatch::Unreadable { phrase: instruction.to_owned() };
     let heard = grammar::read(instruction).ok_or_else(unreadable)?;
     let mut listener = Listener::new(cards, graph, &heard.context);

@@ -1,5 +1,7 @@
 //! The reader reads what is said, and nothing else: wrong and ambiguous sentences are found.
 
+use std::sync::Arc;
+
 use genmanip_assets::Catalogue;
 use genmanip_core::asset::uid_of;
 use genmanip_core::{AssetRef, Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
@@ -7,14 +9,14 @@ use genmanip_core::{AssetRef, Atom, GraphEdge, GraphNode, ObjectCard, Relation, 
 use super::{Mismatch, check, intended, interchangeable, read, resolved};
 use crate::designer::{DesignSettings, design_many};
 
-fn card(uid: &str) -> ObjectCard {
-    Catalogue::builtin().card(uid).unwrap().clone()
+fn card(uid: &str) -> Arc<ObjectCard> {
+    Arc::new(Catalogue::builtin().card(uid).unwrap().clone())
 }
 
 /// `001 left 002`, `030 between 001 002`, `057=closed`.
-fn scene(facts: &[&str]) -> (Vec<ObjectCard>, SceneGraph) {
+fn scene(facts: &[&str]) -> (Vec<Arc<ObjectCard>>, SceneGraph) {
     let mut graph = SceneGraph::default();
-    let mut cards: Vec<ObjectCard> = Vec::new();
+    let mut cards: Vec<Arc<ObjectCard>> = Vec::new();
     for fact in facts {
         let words: Vec<&str> = fact.split([' ', '=']).collect();
         for id in words.iter().filter(|word| word.chars().all(|c| c.is_ascii_digit() || c == '#')) {
@@ -166,7 +168,7 @@ fn spoilt_tasks_are_found() {
                 second_reference: edge.second_reference.as_ref().map(other),
             }));
             twin.scene_graph.nodes.push(GraphNode::of(&card));
-            twin.objects.push(card);
+            twin.objects.push(Arc::new(card));
             spoilt.push((4, twin));
         }
         // Another goal than what is said.
