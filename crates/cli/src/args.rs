@@ -11,6 +11,7 @@ use genmanip_run::render::Vary;
 pub use agent::*;
 pub use assets::*;
 pub use evaluate::*;
+pub use export::*;
 pub use lab::*;
 pub use render::*;
 pub use serve::*;
@@ -19,6 +20,7 @@ pub use world::*;
 mod agent;
 mod assets;
 mod evaluate;
+mod export;
 mod lab;
 mod render;
 mod serve;
@@ -102,10 +104,12 @@ pub enum Command {
         after_help = "Examples:\n  genmanip report out/run\n  genmanip report out/run --only 017_pick_and_place-000"
     )]
     Report(ReportArguments),
-    /// Export a scenario to another program's format
-    #[command(
-        after_help = "Example:\n  genmanip export --mjcf out/run/scenarios/017_pick_and_place-000.json > scene.xml"
-    )]
+    /// Export a run as a dataset, or a scenario to another program's format
+    #[command(after_help = "Examples:\n  genmanip export out/run --to lerobot --action ee --rotation 6d --rate 15\n  \
+                      genmanip evaluate out/run --policy playback:dataset=out/run/exports/lerobot-ee-6d-15hz\n  \
+                      genmanip export --mjcf out/run/scenarios/017_pick_and_place-000.json > scene.xml\n\n\
+                      Pictures of another rate are drawn from the recorded states; docs/formats/lerobot-dataset.md\n\
+                      says what the columns mean.")]
     Export(ExportArguments),
     /// Try grasps of the catalogue's objects in physics beforehand, and show them
     Grasps {
@@ -553,17 +557,4 @@ pub struct ReportArguments {
     /// Worker threads of --full; the bytes do not depend on it [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
-}
-
-/// Arguments of `export`.
-#[derive(Debug, Args)]
-pub struct ExportArguments {
-    /// Scenario file
-    pub scenario: PathBuf,
-    /// As MuJoCo XML
-    #[arg(long, required = true)]
-    pub mjcf: bool,
-    /// Where to write it [default: stdout]
-    #[arg(long)]
-    pub out: Option<PathBuf>,
 }

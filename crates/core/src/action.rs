@@ -1,5 +1,12 @@
 //! What the numbers of an action mean.
 
+mod contract;
+mod encode;
+mod gripper;
+mod rotation;
+
+pub use contract::ActionContract;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +29,9 @@ pub struct ActionSpec {
     pub rotation: RotationEncoding,
     /// The gripper.
     pub gripper: GripperSpec,
+    /// What is commanded while the action lasts; speeds do not read it, they are a ramp.
+    #[serde(default)]
+    pub between: Between,
 }
 
 /// Space of the motion part of an action.
@@ -51,6 +61,18 @@ pub enum DeltaFrom {
     Measured,
     /// The joint positions measured when the chunk was asked for.
     ChunkStart,
+}
+
+/// What is commanded at 60 Hz while an action of a lower rate lasts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Between {
+    /// The action's joint targets and opening, from its beginning on.
+    #[default]
+    Hold,
+    /// From the command in force when the action begins, joint targets and opening move evenly to those of the action,
+    /// and reach them in its last control step.
+    Linear,
 }
 
 /// Axes of end-effector motions.
@@ -139,6 +161,7 @@ impl ActionSpec {
             frame: ActionFrame::default(),
             rotation: RotationEncoding::default(),
             gripper: GripperSpec { encoding: gripper, binary_threshold: None },
+            between: Between::default(),
         }
     }
 
@@ -194,7 +217,11 @@ impl ActionSpec {
             differs("rotation", name(&self.rotation), name(&given.rotation))?;
         }
         differs("gripper", name(&self.gripper.encoding), name(&given.gripper.encoding))?;
-        differs("gripper threshold", name(&self.gripper.binary_threshold), name(&given.gripper.binary_threshold))
+        differs("gripper threshold", name(&self.gripper.binary_threshold), name(&given.gripper.binary_threshold))?;
+        match self.space {
+            ActionSpace::JointVelocity => Ok(()),
+            _ => differs("motion between actions", name(&self.between), name(&given.between)),
+        }
     }
 }
 
@@ -202,17 +229,6 @@ impl ActionSpace {
     /// Whether the motion is that of joints, not of the end effector.
     pub fn is_joint(self) -> bool {
         matches!(self, Self::JointPosition | Self::JointDelta | Self::JointVelocity)
-    }
-}
-
-impl RotationEncoding {
-    /// Number of numbers.
-    pub fn length(self) -> usize {
-        match self {
-            Self::QuatWxyz | Self::QuatXyzw => 4,
-            Self::SixD => 6,
-            Self::FixedXyzEuler | Self::AxisAngle => 3,
-        }
     }
 }
 

@@ -47,7 +47,8 @@ pub mod world;
 pub use glam;
 
 pub use action::{
-    ActionFrame, ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec, RotationEncoding,
+    ActionContract, ActionFrame, ActionMismatch, ActionSpace, ActionSpec, Between, DeltaFrom, GripperEncoding,
+    GripperSpec, RotationEncoding,
 };
 pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount, Intrinsics};

@@ -31,15 +31,22 @@ pub fn read_own(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
     read_checked(path, &about, limit)
 }
 
+/// Opens a file that is read piece by piece; it may be reached through links.
+pub(crate) fn open(path: &Path) -> Result<File, DataError> {
+    check_is_file(path, &fs::metadata(path).map_err(DataError::io("read", path))?)?;
+    let file = File::open(path).map_err(DataError::io("read", path))?;
+    // It may have become another between the two calls.
+    check_is_file(path, &file.metadata().map_err(DataError::io("read", path))?)?;
+    Ok(file)
+}
+
 fn read_checked(path: &Path, about: &Metadata, limit: Limit) -> Result<Vec<u8>, DataError> {
     check_is_file(path, about)?;
     let too_large = || DataError::TooLarge { path: path.to_owned(), limit };
     if about.len() > limit.bytes {
         return Err(too_large());
     }
-    let file = File::open(path).map_err(DataError::io("read", path))?;
-    // It may have become another between the two calls.
-    check_is_file(path, &file.metadata().map_err(DataError::io("read", path))?)?;
+    let file = open(path)?;
     let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
     file.take(limit.bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(DataError::io("read", path))?;
     if bytes.len() as u64 > limit.bytes { Err(too_large()) } else { Ok(bytes) }

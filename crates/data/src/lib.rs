@@ -3,7 +3,8 @@
 //! The store is the truth; every other format is a pure function of it.
 //!
 //! ```no_run
-//! use genmanip_data::{EpisodeStore, Selection, lerobot};
+//! use genmanip_data::export::Selection;
+//! use genmanip_data::{EpisodeStore, lerobot};
 //! # fn main() -> Result<(), genmanip_data::DataError> {
 //! # let robot: genmanip_core::RobotModel = unimplemented!();
 //! let store = EpisodeStore::open("out/episodes")?;
@@ -17,6 +18,7 @@
 mod aside;
 pub mod depth;
 mod error;
+pub mod export;
 pub mod files;
 mod frames;
 pub mod images;
@@ -30,8 +32,9 @@ pub mod video;
 mod yuv;
 
 pub use error::DataError;
+pub use export::{ExportSettings, Selection};
 pub use images::{CameraTrack, ColorHistogram, TrackRecorder};
-pub use lerobot::{LerobotSettings, Selection};
+pub use lerobot::LerobotSettings;
 pub use parts::{Inspected, Parts};
 pub use store::{Attachment, EpisodeStore, Listing};
 pub use video::{EncodedVideo, VideoEncoder, VideoSettings};

@@ -1,6 +1,7 @@
 //! Arrow columns and parquet files, so that the rest of the crate names a column and gives its numbers.
 
-use std::path::Path;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use arrow_array::types::{Float64Type, Int32Type, Int64Type};
@@ -10,13 +11,13 @@ use arrow_array::{
 };
 use arrow_buffer::OffsetBuffer;
 use arrow_schema::{DataType, Field, Schema};
-use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::Compression;
 use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 
-use crate::DataError;
+use crate::{DataError, files};
 
 /// Columns under construction, in the order they are added; all have one entry per row.
 #[derive(Debug, Default)]
@@ -176,6 +177,15 @@ pub(crate) fn to_parquet(
 /// Bytes that the columns of a table may take in memory.
 const MAX_TABLE_BYTES: i64 = 512 << 20;
 
+/// Rows of a data set that are in memory at once.
+const ROWS_AT_ONCE: usize = 4096;
+
+fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
+    let (bytes, entries) = (column.uncompressed_size(), column.num_values());
+    // A negative size is nonsense and must not vanish in a sum.
+    if bytes < 0 || entries < 0 { i64::MAX } else { bytes.max(entries.saturating_mul(8)) }
+}
+
 /// All rows of a parquet file, which must be as many as its record says.
 pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
     let fail = |error: &dyn std::fmt::Display| DataError::table(path, error);
@@ -186,9 +196,8 @@ pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<R
         return Err(DataError::table(path, format!("expected {rows} rows as episode.json says, got {got}")));
     }
     let columns = || about.row_groups().iter().flat_map(|group| group.columns());
-    let size = |column: &ColumnChunkMetaData| column.uncompressed_size().max(column.num_values().saturating_mul(8));
-    let total = columns().map(size).fold(0_i64, i64::saturating_add);
-    if !(0..=MAX_TABLE_BYTES).contains(&total) || columns().any(|column| size(column) < 0) {
+    let total = columns().map(uncompressed_size).fold(0_i64, i64::saturating_add);
+    if total > MAX_TABLE_BYTES {
         let expected = MAX_TABLE_BYTES >> 20;
         return Err(DataError::table(path, format!("expected columns of at most {expected} MiB, got {total} bytes")));
     }
@@ -204,6 +213,58 @@ pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<R
     Err(DataError::table(path, format!("expected {rows} rows, got {}", batch.num_rows())))
 }
 
+/// A parquet file that is read some columns and row groups at a time.
+pub(crate) struct Table {
+    path: PathBuf,
+    builder: ParquetRecordBatchReaderBuilder<File>,
+}
+
+impl Table {
+    pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
+        let builder = ParquetRecordBatchReaderBuilder::try_new(files::open(path)?)
+            .map_err(|error| DataError::table(path, error))?;
+        Ok(Self { path: path.into(), builder })
+    }
+
+    /// The rows of some columns, batch by batch.
+    pub(crate) fn columns(
+        self,
+        names: &[&str],
+    ) -> Result<impl Iterator<Item = Result<RecordBatch, DataError>>, DataError> {
+        let Self { path, builder } = self;
+        let fail = |error: &dyn std::fmt::Display| DataError::table(&path, error);
+        let schema = builder.parquet_schema();
+        let known: Vec<&str> = schema.root_schema().get_fields().iter().map(|field| field.name()).collect();
+        if let Some(missing) = names.iter().find(|name| !known.contains(*name)) {
+            return Err(DataError::table(&path, format!("no column `{missing}`")));
+        }
+        let roots = names.iter().filter_map(|name| known.iter().position(|other| other == name));
+        let mask = ProjectionMask::roots(schema, roots);
+        let sizes = builder.metadata().row_groups().iter().map(|group| {
+            let chosen = group.columns().iter().enumerate().filter(|(leaf, _)| mask.leaf_included(*leaf));
+            chosen.map(|(_, column)| uncompressed_size(column)).fold(0_i64, i64::saturating_add)
+        });
+        if let Some(size) = sizes.into_iter().find(|size| !(0..=MAX_TABLE_BYTES).contains(size)) {
+            let expected = MAX_TABLE_BYTES >> 20;
+            return Err(fail(&format!("expected columns of at most {expected} MiB, got {size} bytes")));
+        }
+        let reader =
+            builder.with_projection(mask).with_batch_size(ROWS_AT_ONCE).build().map_err(|error| fail(&error))?;
+        Ok(reader.map(move |batch| batch.map_err(|error| DataError::table(&path, error))))
+    }
+}
+
+/// Paths `chunk-…/file-….parquet` of a folder of a data set, in order.
+pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
+    let mut paths = Vec::new();
+    for chunk in files::names(folder)?.iter().filter(|name| name.starts_with("chunk-")) {
+        let chunk = folder.join(chunk);
+        let names = files::names(&chunk)?;
+        paths.extend(names.iter().filter(|name| name.ends_with(".parquet")).map(|name| chunk.join(name)));
+    }
+    Ok(paths)
+}
+
 /// A column of a certain type, with an error that says what is there instead.
 pub(crate) fn column<'a, T: Array + 'static>(
     path: &Path,
@@ -214,6 +275,28 @@ pub(crate) fn column<'a, T: Array + 'static>(
     column.as_any().downcast_ref::<T>().ok_or_else(|| {
         DataError::table(path, format!("column `{name}` is {}, which is not what it should be", column.data_type()))
     })
+}
+
+/// The entries of a column of lists of equal length, all rows one after the other; a length of one is a plain number.
+pub(crate) fn vector_column<T: ArrowPrimitiveType>(
+    path: &Path,
+    batch: &RecordBatch,
+    name: &str,
+    length: usize,
+) -> Result<Vec<T::Native>, DataError> {
+    if length == 1 {
+        return Ok(column::<PrimitiveArray<T>>(path, batch, name)?.values().to_vec());
+    }
+    let lists: &FixedSizeListArray = column(path, batch, name)?;
+    let values = lists.values();
+    let numbers = values.as_any().downcast_ref::<PrimitiveArray<T>>();
+    match numbers.filter(|_| usize::try_from(lists.value_length()).ok() == Some(length) && lists.null_count() == 0) {
+        Some(numbers) => Ok(numbers.values().to_vec()),
+        None => {
+            let what = format!("column `{name}` holds {}, expected {length} numbers per row", lists.data_type());
+            Err(DataError::table(path, what))
+        }
+    }
 }
 
 /// The lists of a column, one per row.

@@ -9,9 +9,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use genmanip_core::{Document, Failure, FailureCause};
-use genmanip_data::lerobot::{self, ExportReport};
-use genmanip_data::{Attachment, DataError, EpisodeStore, LerobotSettings, Selection};
+use genmanip_core::glam::DVec3;
+use genmanip_core::{ActionSpace, Document, Failure, FailureCause, Pose, RotationEncoding};
+use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
+use genmanip_data::lerobot::{self, ExportReport, LerobotDataset};
+use genmanip_data::{Attachment, DataError, EpisodeStore, ExportSettings, LerobotSettings, Selection};
 use serde_json::{Value, json};
 use synthetic::{attach_pictures, episode, picture, result, robot, scenario};
 
@@ -268,8 +270,8 @@ fn mistakes_are_named_and_change_nothing() {
         lerobot::export(&store, &Selection::Recorded, &robot(), settings, &target).map(drop)
     };
     check(all(&LerobotSettings::default()), "no images_15hz/static.json");
-    check(all(&settings(|settings| settings.fps = 25)), "a divisor of 60 Hz");
-    check(all(&settings(|settings| settings.cameras = vec!["left".into()])), "no images_15hz/left.json");
+    check(all(&settings(|settings| settings.export.fps = 25)), "a divisor of 60 Hz");
+    check(all(&settings(|settings| settings.export.cameras = vec!["left".into()])), "no images_15hz/left.json");
     assert!(!target.exists() && fs::read_dir(folder.path()).unwrap().count() == 1, "no leftovers");
 
     let frames = root.join("scenario-2-a0/frames.parquet");
@@ -320,13 +322,106 @@ fn export_repeats_itself_and_replaces_only_when_asked() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "no leftovers");
 }
 
+/// Rows of every contract lead, one after the other, to the commands that were recorded at the ends of their intervals.
+#[test]
+fn actions_of_every_contract_lead_to_the_recorded_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    let robot = robot();
+    let spaces = ACTIONS.iter().flat_map(|(_, space)| {
+        let rotations = if space.is_joint() { &ROTATIONS[..1] } else { &ROTATIONS[..] };
+        rotations.iter().map(|(_, rotation)| choice::action(*space, *rotation))
+    });
+    for (number, spec) in spaces.enumerate() {
+        let fps = [15, 20, 60][number % 3];
+        let target = folder.path().join(format!("set-{number}"));
+        let rows = ExportSettings { fps, action: spec, cameras: vec![], depth: false, is_varied: false };
+        let settings = LerobotSettings { export: rows, record: false, episodes_per_file: 2, ..Default::default() };
+        export(&store, &target, &settings).unwrap();
+        let dataset = LerobotDataset::open(&target).unwrap();
+        let contract = dataset.contract();
+        assert_eq!((contract.action, contract.rate_hz, contract.names.len()), (spec, f64::from(fps), spec.length(7)));
+        assert_eq!(dataset.episodes().len(), STEPS.len());
+        let mut all = Vec::new();
+        for row in dataset.episodes() {
+            let episode = store.read(&row.store_id).unwrap();
+            let mut arm = episode.scenario.world.robot.home.clone();
+            let mut pose = robot.tcp_pose(&arm);
+            let actions = dataset.actions(row).unwrap();
+            for (action, steps) in actions.iter().zip(episode.frames.chunks(60 / fps as usize)) {
+                let command = &steps.last().unwrap().command;
+                let target: Vec<f64> = command[..7].iter().map(|&q| f64::from(q)).collect();
+                let (motion, grip) = action.split_at(action.len() - 1);
+                let motion: Vec<f64> = motion.iter().map(|&value| f64::from(value)).collect();
+                assert_eq!(grip[0], command[7]);
+                let moved = |share: f64| arm.iter().zip(&motion).map(|(q, v)| q + v * share).collect();
+                let read = |numbers: &[f64]| {
+                    let rotation = spec.rotation.decode(&numbers[3..]).unwrap();
+                    Pose::new(DVec3::from_slice(&numbers[..3]), rotation)
+                };
+                match spec.space {
+                    ActionSpace::JointPosition => arm = motion,
+                    ActionSpace::JointDelta => arm = moved(1.0),
+                    ActionSpace::JointVelocity => arm = moved(1.0 / f64::from(fps)),
+                    ActionSpace::EePose => pose = read(&motion),
+                    ActionSpace::EeDelta => pose = spec.frame.apply(&read(&motion), &pose),
+                }
+                if spec.space.is_joint() {
+                    pose = robot.tcp_pose(&arm);
+                }
+                let wanted = robot.tcp_pose(&target);
+                let far = ((pose.position - wanted.position).length(), pose.angle_to(&wanted));
+                assert!(far.0 < 2e-5 && far.1 < 2e-3, "{spec}: {far:?}");
+            }
+            assert_eq!(actions.len(), episode.frames.len().div_ceil(60 / fps as usize));
+            if spec.space == ActionSpace::EePose && spec.rotation == RotationEncoding::QuatWxyz {
+                let dots = actions.windows(2).map(|w| (3..7).map(|at| w[0][at] * w[1][at]).sum::<f32>());
+                assert!(dots.into_iter().all(|dot| dot >= 0.0), "the sign of a quaternion jumps");
+            }
+            all.extend(actions);
+        }
+        let stats: Value = serde_json::from_slice(&fs::read(target.join("meta/stats.json")).unwrap()).unwrap();
+        let mean = all.iter().map(|action| f64::from(action[0])).sum::<f64>() / all.len() as f64;
+        assert!((stats["action"]["mean"][0].as_f64().unwrap() - mean).abs() < 1e-9, "{spec}: {}", stats["action"]);
+    }
+}
+
+/// A data set that does not say what its actions mean, or not truly, is refused.
+#[test]
+fn a_data_set_without_a_sound_contract_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    let target = folder.path().join("set");
+    let rows = ExportSettings { cameras: vec![], depth: false, ..Default::default() };
+    export(&store, &target, &LerobotSettings { export: rows, record: false, ..Default::default() }).unwrap();
+    let contract = target.join("meta/action_contract.json");
+    let sound = fs::read_to_string(&contract).unwrap();
+    let change = |from: &str, to: &str| {
+        assert!(sound.contains(from), "{sound}");
+        fs::write(&contract, sound.replacen(from, to, 1)).unwrap();
+    };
+    change("joint_position", "joint_torque");
+    assert!(LerobotDataset::open(&target).unwrap_err().to_string().contains("joint_torque"));
+    change("\"gripper_width\"", "\"gripper_width\", \"base\"");
+    let dataset = LerobotDataset::open(&target).unwrap();
+    let error = dataset.actions(&dataset.episodes()[0]).unwrap_err().to_string();
+    assert!(error.contains("expected 9 numbers per row"), "{error}");
+    fs::remove_file(&contract).unwrap();
+    assert!(LerobotDataset::open(&target).unwrap_err().is_missing());
+    assert!(LerobotDataset::open(&folder.path().join("nowhere")).unwrap_err().is_missing());
+}
+
 #[test]
 fn independent_reader_finds_what_was_written() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
-    let settings =
-        LerobotSettings { episodes_per_file: 2, episodes_per_depth_file: 2, is_varied: true, ..Default::default() };
+    let settings = LerobotSettings {
+        export: ExportSettings { is_varied: true, ..Default::default() },
+        episodes_per_file: 2,
+        episodes_per_depth_file: 2,
+        ..Default::default()
+    };
     export(&store, &folder.path().join("set"), &settings).unwrap();
     fs::write(folder.path().join("expected.json"), expectations(&store, folder.path()).to_string()).unwrap();
     let output = Command::new(python)

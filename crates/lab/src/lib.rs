@@ -11,6 +11,7 @@ pub mod batch;
 pub mod blame;
 pub mod calibration;
 mod clock;
+pub mod data;
 pub mod design;
 pub mod environment;
 mod episodes;

@@ -126,8 +126,9 @@ fn drive(
                 break;
             }
             let (command, measured) = (environment.command()?, environment.joint_positions()?);
+            let width_m = command.last().copied().unwrap_or_default();
             let command: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
-            let from = ArmReference { command: &command, measured: &measured, chunk_start: &chunk_start };
+            let from = ArmReference { command: &command, width_m, measured: &measured, chunk_start: &chunk_start };
             let commands = match adapter.to_native(action, from) {
                 Ok(commands) => commands,
                 Err(error) => return Ok(no_action(error, environment)),

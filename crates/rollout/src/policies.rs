@@ -1,6 +1,6 @@
-//! Policies that need no learning: the control arm and the replay.
+//! Policies that need no learning: the control arm, the replay and the playback.
 
-use genmanip_core::{ActionChunk, Episode, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
+use genmanip_core::{ActionChunk, ActionContract, Episode, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
 
 /// Stands still: the control that shows that no scenario solves itself.
 #[derive(Clone, Debug, Default)]
@@ -9,16 +9,24 @@ pub struct DoNothing {
     pub duration_s: f64,
 }
 
-/// Applies recorded commands without looking.
+/// Applies recorded actions without looking.
 #[derive(Clone, Debug)]
-pub struct OpenLoopReplay {
-    commands: Vec<Vec<f32>>,
+pub struct OpenLoop {
+    spec: PolicySpec,
+    actions: Vec<Vec<f32>>,
 }
 
-impl OpenLoopReplay {
-    /// From the commands of a recorded episode.
-    pub fn of(episode: &Episode) -> Self {
-        Self { commands: episode.frames.iter().map(|frame| frame.command.clone()).collect() }
+impl OpenLoop {
+    /// From the commands of a recorded episode, as they were applied.
+    pub fn replay(episode: &Episode) -> Self {
+        let actions = episode.frames.iter().map(|frame| frame.command.clone()).collect();
+        Self { spec: PolicySpec::native("replay", episode.result.control_rate_hz), actions }
+    }
+
+    /// From the rows of a data set, at its rate.
+    pub fn playback(contract: &ActionContract, actions: Vec<Vec<f32>>) -> Self {
+        let spec = PolicySpec { action: contract.action, ..PolicySpec::native("playback", contract.rate_hz) };
+        Self { spec, actions }
     }
 }
 
@@ -41,9 +49,9 @@ impl Policy for DoNothing {
     }
 }
 
-impl Policy for OpenLoopReplay {
+impl Policy for OpenLoop {
     fn spec(&self) -> PolicySpec {
-        PolicySpec::native("replay", 60.0)
+        self.spec.clone()
     }
 
     fn reset(&mut self, _start: &EpisodeStart) -> Result<(), PolicyError> {
@@ -51,6 +59,6 @@ impl Policy for OpenLoopReplay {
     }
 
     fn act(&mut self, _observation: &Observation) -> Result<ActionChunk, PolicyError> {
-        Ok(ActionChunk { actions: self.commands.clone(), finished: true })
+        Ok(ActionChunk { actions: self.actions.clone(), finished: true })
     }
 }

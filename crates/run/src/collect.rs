@@ -8,8 +8,8 @@ use std::time::Instant;
 
 use genmanip_bench::{MOST_ROWS, Outcome, attention, text_table};
 use genmanip_core::{Document, EpisodeResult, Task, TaskKind};
-use genmanip_data::EpisodeStore;
-use genmanip_data::lerobot::{self, LerobotSettings, Selection};
+use genmanip_data::lerobot::{self, LerobotSettings};
+use genmanip_data::{EpisodeStore, ExportSettings, Selection};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use serde::Serialize;
 
@@ -318,12 +318,8 @@ fn export(
     progress: &dyn Progress,
 ) -> Result<Option<PathBuf>, RunError> {
     let Some(images) = &run.settings.images else { return Ok(None) };
-    let settings = LerobotSettings {
-        fps: images.fps,
-        is_varied: !images.vary.is_empty(),
-        run: Some(run.hash()),
-        ..LerobotSettings::default()
-    };
+    let rows = ExportSettings { fps: images.fps, is_varied: !images.vary.is_empty(), ..ExportSettings::default() };
+    let settings = LerobotSettings { export: rows, run: Some(run.hash()), ..LerobotSettings::default() };
     let selection = if run.settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");
     let robot = inputs::robot(&run.settings.world)?;

@@ -5,6 +5,7 @@
 //! scenarios/        one file per laid-out attempt
 //! episodes/         the episode store
 //! dataset/          LeRobotDataset v3.0, with its depth sibling dataset-depth/
+//! exports/          further data sets, by `export`
 //! evaluation/       one file per policy
 //! timings.json      wall-clock figures, apart from everything that is reproducible
 //! index.jsonl       what is known of each episode without reading it; made anew where it does not hold

@@ -4,6 +4,7 @@
 //! - [`Survey`]: what lies in the store of a run, from its index.
 //! - [`collect`]: demonstrations, their pictures and the dataset.
 //! - [`designs`]: tasks by rules into a folder; [`checks`]: what is wrong with task files.
+//! - [`export`]: further data sets of a run.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
@@ -27,6 +28,7 @@ pub mod designs;
 mod documents;
 mod error;
 pub mod evaluate;
+pub mod export;
 pub mod folder;
 pub mod grasps;
 mod index;

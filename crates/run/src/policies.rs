@@ -10,17 +10,19 @@ use std::sync::Arc;
 use genmanip_agent::ask::Stage;
 use genmanip_assets::GraspLibrary;
 use genmanip_core::{Episode, Policy};
+use genmanip_data::DataError;
+use genmanip_data::lerobot::LerobotDataset;
 use genmanip_motion::Planner;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::expert::Expert;
-use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
+use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, Stage as Scene};
 
 use crate::agents::{Account, AgentChoice, ModelChoice, Transcribing};
 use crate::error::RunError;
 
 /// All policies there are, in the order in which they are listed.
-pub const POLICIES: [PolicyEntry; 4] = [
+pub const POLICIES: [PolicyEntry; 5] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
@@ -44,6 +46,14 @@ pub const POLICIES: [PolicyEntry; 4] = [
         needs_record: false,
         is_usual: true,
         prepare: do_nothing,
+    },
+    PolicyEntry {
+        name: "playback",
+        about: "applies the actions of a dataset, row by row, without looking; it acts as the dataset says",
+        arguments: &[PolicyArgument { name: "dataset", default: "", about: "folder of a LeRobot dataset" }],
+        needs_record: false,
+        is_usual: false,
+        prepare: playback,
     },
     PolicyEntry {
         name: "agent",
@@ -95,7 +105,33 @@ fn replay(_given: &Given) -> Result<Prepared, RunError> {
             RunError::input(format!("nothing was recorded on scenario {}", episode.stage.scenario.id))
                 .with_hint("the policy replay needs stored episodes, as `genmanip collect` makes them")
         })?;
-        Ok(Box::new(OpenLoopReplay::of(recorded)))
+        Ok(Box::new(OpenLoop::replay(recorded)))
+    }))
+}
+
+fn playback(given: &Given) -> Result<Prepared, RunError> {
+    let Some(folder) = given.folder("dataset") else {
+        return Err(RunError::input("policy playback needs a dataset")
+            .with_hint("expected playback:dataset=FOLDER, a dataset as `genmanip export` and `collect` write them"));
+    };
+    let unreadable = |error: DataError| {
+        RunError::input(format!("cannot play {} back", folder.display()))
+            .because(error)
+            .with_hint("name a dataset that `genmanip export --to lerobot` or `collect` wrote")
+    };
+    let dataset = LerobotDataset::open(&folder).map_err(unreadable)?;
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        let (contract, scenario) = (dataset.contract(), &episode.stage.scenario.id);
+        if contract.robot != episode.stage.robot.name {
+            let what = format!("the dataset has actions of robot `{}`", contract.robot);
+            let hint = format!("scenario {scenario} has robot `{}`", episode.stage.robot.name);
+            return Err(RunError::input(what).with_hint(hint));
+        }
+        let not_run = |reason| RunError::Unreachable { policy: "playback".into(), reason };
+        let rows = dataset.episodes().iter().find(|row| row.scenario_id == *scenario);
+        let rows = rows.ok_or_else(|| not_run(format!("the dataset has no episode of scenario {scenario}")))?;
+        let actions = dataset.actions(rows).map_err(|error| not_run(error.to_string()))?;
+        Ok(Box::new(OpenLoop::playback(contract, actions)))
     }))
 }
 
@@ -378,7 +414,9 @@ mod tests {
     fn what_is_wrong_is_said() {
         let cases = [
             ("expret", "unknown policy `expret`", "did you mean `expert`?"),
-            ("", "unknown policy ``", "policies are expert, replay, do_nothing, agent"),
+            ("", "unknown policy ``", "policies are expert, replay, do_nothing, playback, agent"),
+            ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
+            ("playback:dataset=none", "cannot play none back", ""),
             ("expert:speed=2", "policy expert takes no arguments", "expected expert alone"),
             ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
             ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),

@@ -72,6 +72,11 @@ pub enum LabCommand {
                       genmanip lab environment --store out/run --json\n\n\
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
+    /// Collect episodes, export them, and play every kind of action at every rate back: cost, size, success
+    #[command(after_help = "Example:\n  genmanip lab data --seed 7 --episodes 60 --json\n\n\
+                      Processor time; playback is open loop, from the rows of exported datasets, through the policy\n\
+                      interface; docs/formats/lerobot-dataset.md says what is measured.")]
+    Data(LabDataArguments),
     /// Hand the program changed files of every kind, in calls of its own under limits of memory and time
     #[command(
         after_help = "Examples:\n  genmanip lab hostile --seed 1 --minutes 30 --refusals refusals.txt --json\n  \
@@ -255,6 +260,20 @@ pub struct EnvironmentArguments {
     /// Objects: `builtin` (64 made by hand) or `full` (with those that families make, 1,120 in all)
     #[arg(long, value_name = "NAME", default_value = "builtin", value_parser = super::CATALOGUES)]
     pub catalog: String,
+}
+
+/// Arguments of `lab data`.
+#[derive(Debug, Args)]
+pub struct LabDataArguments {
+    /// Seed of tasks, layouts and attempts
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Designed tasks, one attempt of the expert each
+    #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
+    pub episodes: usize,
+    /// Keep episodes and dataset in this new folder
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `lab render`.

@@ -1,12 +1,64 @@
-//! `genmanip export --mjcf`.
+//! `genmanip export`.
 
-use crate::args::ExportArguments;
-use crate::error::{ExitStatus, Failed};
-use crate::printer::Printer;
+use genmanip_data::ExportSettings;
+use genmanip_data::export::choice::{ACTIONS, ROTATIONS, action};
+use genmanip_run::export::{ExportOptions, export};
 use genmanip_run::inputs;
 
+use crate::args::{DatasetArguments, ExportArguments};
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
 pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let stage = inputs::read_stage(&arguments.scenario)?;
+    if arguments.mjcf {
+        return mjcf(arguments, printer);
+    }
+    let dataset = &arguments.dataset;
+    let options = ExportOptions {
+        rows: rows(dataset)?,
+        keep_failed: dataset.keep_failed,
+        out: arguments.out.clone(),
+        workers: inputs::workers(dataset.workers),
+    };
+    let stop = crate::stop::on_interrupt();
+    let Some(exported) = export(&arguments.source, &options, printer, &stop)? else {
+        printer.say("interrupted; pictures that were drawn are kept, start again to continue");
+        return Ok(ExitStatus::NotMet);
+    };
+    let text = format!("{}: {} episodes, {} rows\n", exported.dataset.display(), exported.episodes, exported.frames);
+    printer.data(&exported, &text);
+    Ok(if exported.left_out.is_empty() { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
+/// What the rows of the dataset hold.
+fn rows(arguments: &DatasetArguments) -> Result<ExportSettings, Failed> {
+    let usual = ExportSettings::default();
+    let name = arguments.action.as_deref().unwrap_or(ACTIONS[0].0);
+    let space = ACTIONS.iter().find(|(known, _)| *known == name).map_or(ACTIONS[0].1, |(_, space)| *space);
+    if let Some(rotation) = arguments.rotation.as_ref().filter(|_| space.is_joint()) {
+        return Err(Failed::new(format!(
+            "--rotation {rotation} does not fit --action {name}: joints have no rotation"
+        ))
+        .hint("leave --rotation away, or choose --action ee or ee_delta"));
+    }
+    let name = arguments.rotation.as_deref().unwrap_or(ROTATIONS[0].0);
+    let rotation = ROTATIONS.iter().find(|(known, _)| *known == name).map_or(ROTATIONS[0].1, |(_, rotation)| *rotation);
+    let cameras = match (arguments.no_images, arguments.cameras.is_empty()) {
+        (true, _) => Vec::new(),
+        (false, true) => usual.cameras,
+        (false, false) => arguments.cameras.clone(),
+    };
+    Ok(ExportSettings {
+        fps: arguments.rate.unwrap_or(usual.fps),
+        action: action(space, rotation),
+        cameras,
+        depth: !arguments.no_depth,
+        is_varied: false,
+    })
+}
+
+fn mjcf(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let stage = inputs::read_stage(&arguments.source)?;
     match &arguments.out {
         Some(path) => {
             inputs::write_file(path, stage.scene.mjcf().as_bytes())?;

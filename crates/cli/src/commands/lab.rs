@@ -14,8 +14,8 @@ use genmanip_lab::grasp::{GraspArguments, named};
 use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
-    agent, answers, assets, batch, blame, design, environment, expert, fit, grasp, hostile, layout, motion, relations,
-    render, rendered, scale, segment,
+    agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, motion,
+    relations, render, rendered, scale, segment,
 };
 use genmanip_run::agents::{AgentChoice, FailureClass, ModelChoice};
 use genmanip_run::{OracleSegmenter, RunError, inputs, robots};
@@ -65,6 +65,18 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
                 }
             };
             printer.data(&measured, &environment::in_words(&measured));
+        }
+        LabCommand::Data(arguments) => {
+            let tasks = inputs::designed_tasks(arguments.episodes, arguments.seed, Catalogue::builtin())?;
+            let temporary = std::env::temp_dir().join(format!("genmanip-lab-data-{}", std::process::id()));
+            let folder = arguments.out.as_ref().unwrap_or(&temporary);
+            let measured = data::measure(&tasks, Seed::new(arguments.seed), folder, printer);
+            if arguments.out.is_none() {
+                // Best effort: what is left is in the system's folder for such things.
+                let _ = std::fs::remove_dir_all(&temporary);
+            }
+            let measured = measured?;
+            printer.data(&measured, &data::in_words(&measured));
         }
         LabCommand::Fit(arguments) => {
             let measured = fit::measure(&arguments.trials, &arguments.test, arguments.constant)?;

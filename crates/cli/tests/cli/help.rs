@@ -34,6 +34,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["camera", "set"],
         &["camera", "remove"],
         &["camera", "preview"],
+        &["lab", "data"],
         &["lab", "design"],
         &["lab", "motion"],
         &["lab", "grasp"],

@@ -203,6 +203,55 @@ fn a_scenario_exports_as_mjcf_to_stdout_or_a_file() {
     assert_eq!(fs::read_to_string(folder.path().join("scene.xml")).unwrap().trim_end(), printed.stdout.trim_end());
 }
 
+/// A run exported with other actions at another rate: its pictures are drawn for it, its actions played back solve the
+/// tasks, and the same call makes the same bytes.
+#[test]
+fn a_run_exports_with_any_action_and_plays_it_back() {
+    let folder = copy_of_finished_run();
+    let here = folder.path();
+    let export = ["export", "run", "--to", "lerobot", "--action", "ee", "--rotation", "quat", "--rate", "20"];
+    let report = genmanip(here, &[&export[..], &["--cameras", "wrist", "--json"]].concat()).json(0);
+    let dataset = "run/exports/lerobot-ee-quat-20hz";
+    assert_eq!((&report["dataset"], &report["episodes"]), (&dataset.into(), &2.into()));
+    let files = tree(&here.join(dataset));
+    let json = |name: &str| serde_json::from_slice::<Value>(&files[name]).unwrap();
+    let (info, contract) = (json("meta/info.json"), json("meta/action_contract.json"));
+    assert_eq!((&info["fps"], &info["features"]["action"]["shape"][0]), (&20.into(), &8.into()));
+    assert_eq!(info["features"]["action"]["names"], contract["names"]);
+    assert_eq!((&contract["action"]["space"], &contract["rate_hz"]), (&"ee_pose".into(), &20.0.into()));
+    assert!(info["features"].get("observation.images.wrist").is_some());
+    assert!(info["features"].get("observation.images.static").is_none());
+
+    let policy = format!("playback:dataset={dataset}");
+    let reports = genmanip(here, &["evaluate", "run", "--policy", &policy, "--json"]).json(0);
+    assert_eq!(reports[0]["summary"]["success"]["value"], 1.0, "{}", reports[0]["results"]);
+    assert_eq!(reports[0]["oracle"], false);
+    // Again: nothing is drawn, and the bytes are the same.
+    let again = genmanip(here, &[&export[..], &["--cameras", "wrist"]].concat());
+    assert!(again.code == Some(0) && !again.stderr.contains("drawing"), "{again:?}");
+    assert_same_tree(&tree(&here.join(dataset)), &files);
+
+    for (arguments, wanted) in [
+        (
+            &["export", "run", "--to", "lerobot", "--rotation", "6d"][..],
+            &["joints have no rotation", "--action ee"][..],
+        ),
+        (&["export", "nowhere", "--to", "lerobot"], &["nowhere"]),
+        (&["export", "run", "--to", "lerobot", "--cameras", "ceiling", "--rate", "30"], &["unknown camera `ceiling`"]),
+        (&["export", "run", "--to", "lerobot", "--out", "run/episodes"], &["no place", "--out"]),
+        (&["evaluate", "run", "--policy", "playback:dataset=run"], &["cannot play run back", "lerobot"]),
+    ] {
+        genmanip(here, arguments).assert_refused(wanted);
+    }
+    for arguments in [
+        &["export", "run"][..],
+        &["export", "run", "--mjcf", "--to", "lerobot"],
+        &["export", "run", "--mjcf", "--rate", "15"],
+    ] {
+        assert_eq!(genmanip(here, arguments).code, Some(2), "{arguments:?}");
+    }
+}
+
 #[test]
 fn a_film_strip_is_a_jpeg() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,10 +1,11 @@
 //! `README.md` of a data set, with the front matter that dataset hubs read.
 
 use super::LerobotSettings;
+use crate::export::action_in_words;
 
 /// The card of the main data set.
 pub(crate) fn color(name: &str, settings: &LerobotSettings) -> String {
-    let depth = if settings.depth {
+    let depth = if settings.export.depth {
         format!("Depth images of the same frames are in the sibling data set `{name}-depth`.\n")
     } else {
         String::new()
@@ -22,15 +23,18 @@ pub(crate) fn color(name: &str, settings: &LerobotSettings) -> String {
          Each episode was made by an expert that reads the simulator's state, and was verified after settling; \
          `success` in the episodes table says so.\n\n\
          - `observation.state`: arm joint positions (rad) and gripper opening (m).\n\
-         - `action`: absolute joint targets (rad) and gripper opening (m), in force at the end of the frame's interval.\n\
+         - `action`: {}.\n\
          - `observation.images.*`: RGB video at {} frames per second.\n\
-         - `ee.*`: the same as tool pose; rotations about the fixed x, y, z axes, R = Rz·Ry·Rx.\n\
+         - `ee.*`: the tool's pose; `ee.state` and `ee.action` have angles about the fixed x, y, z axes, \
+         R = Rz·Ry·Rx, which jump; train on `ee.rotation_6d` or `ee.quaternion`, which do not.\n\
+         - `is_idle`: the command stays and nothing moves.\n\
          - `sim.*`: simulator truth, not for policies.\n\
          - `camera.*`: camera poses; intrinsics are in the episodes table.\n\n\
-         `meta/genmanip.json` says what every column means.\n\
+         `meta/genmanip.json` says what every column means, `meta/action_contract.json` what the actions are.\n\
          The episodes table also holds seed, scenario, task, policy, engine and program version.\n{depth}{record}",
         front_matter(),
-        settings.fps
+        action_in_words(&settings.export.action),
+        settings.export.fps
     )
 }
 

@@ -3,14 +3,13 @@
 use std::path::Path;
 
 use arrow_array::types::{Float64Type, Int64Type};
-use genmanip_core::{Document, EpisodeResult, Seed};
+use genmanip_core::EpisodeResult;
 use serde_json::json;
 
 use super::stats::Stats;
-use super::{LerobotSettings, Source};
-use crate::images::variation_seed;
+use crate::DataError;
+use crate::export::facts::EpisodeFacts;
 use crate::table::{self, Columns, Purpose};
-use crate::{CameraTrack, DataError};
 
 /// One row of the episodes table.
 pub(crate) struct EpisodeEntry {
@@ -26,43 +25,12 @@ pub(crate) struct EpisodeEntry {
     pub(crate) facts: EpisodeFacts,
 }
 
-/// What the episodes table says about an episode beside its place in the files.
-#[derive(Clone, Debug)]
-pub(crate) struct EpisodeFacts {
-    pub(crate) result: EpisodeResult,
-    pub(crate) instruction: String,
-    pub(crate) kind: &'static str,
-    pub(crate) scenario_json: String,
-    /// Name, and fx, fy, cx, cy in pixels.
-    pub(crate) cameras: Vec<(String, [f64; 4])>,
-    /// Of the look of its pictures, if it has one of its own.
-    pub(crate) variation_seed: Option<Seed>,
-}
-
 /// Where an episode lies in a video file, and what its colours are.
 pub(crate) struct VideoSpan {
     pub(crate) key: String,
     pub(crate) from_s: f64,
     pub(crate) to_s: f64,
     pub(crate) stats: Stats,
-}
-
-impl EpisodeFacts {
-    pub(crate) fn of(source: &Source, settings: &LerobotSettings) -> Self {
-        let scenario = &source.episode.scenario;
-        let intrinsics = |track: &CameraTrack| {
-            let k = &track.camera.intrinsics;
-            (track.camera.name.clone(), [k.fx, k.fy, k.cx, k.cy])
-        };
-        Self {
-            result: source.episode.result.clone(),
-            instruction: scenario.task.instruction.clone(),
-            kind: scenario.task.kind.name(),
-            scenario_json: scenario.to_value().to_string(),
-            cameras: source.tracks.iter().map(intrinsics).collect(),
-            variation_seed: settings.is_varied.then(|| variation_seed(source.episode.result.seed)),
-        }
-    }
 }
 
 /// The bytes of `meta/episodes/chunk-…/file-….parquet`; LeRobot's own columns first, ours last.

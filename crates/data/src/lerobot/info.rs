@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use super::LerobotSettings;
+use crate::export::action_in_words;
 
 /// LeRobot's limit of files per folder.
 pub(crate) const FILES_PER_CHUNK: usize = 1000;
@@ -42,10 +43,12 @@ pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
         "frame": "world = robot base: +x away from the robot, +y to its left, +z up; metres, radians, seconds",
         "columns": {
             "observation.state": "arm joint positions (rad), opening between the gripper pads (m), at the time of the frame",
-            "action": "absolute arm joint targets (rad) and opening width (m): the 60 Hz command in force at the end of \
-                       the frame's interval",
+            "action": action_in_words(&settings.export.action),
             "ee.state": "tool position (m) and rotation (rad), opening width (m)",
             "ee.action": "as ee.state, where the commanded joint positions would bring the tool",
+            "ee.quaternion": "rotation of the tool (w, x, y, z), with the sign nearest to the row before",
+            "ee.rotation_6d": "rotation of the tool, the first two columns of its matrix",
+            "is_idle": "the command stays what it was during the row, and no joint moves by 0.01 rad/s",
             "sim.joint_velocity": "rad/s, simulator truth",
             "sim.joint_torque": "largest magnitude in the frame's interval, N·m, simulator truth",
             "sim.grip_force": "largest in the frame's interval, N, sum over both fingers, simulator truth",
@@ -60,7 +63,8 @@ pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
         "gripper": "opening width in metres, 0 = closed",
         "tool": "midpoint between the pads, z = approach, y = closing direction",
         "colors": "H.264, BT.601 limited range",
-        "fps": settings.fps,
+        "action_contract": settings.export.action,
+        "fps": settings.export.fps,
         "statistics": "numbers exact over all frames; colours on every fourth pixel of every fourth row; none for depth",
         "record": if settings.record { json!("extras/record, an episode store at 60 Hz") } else { Value::Null },
     })

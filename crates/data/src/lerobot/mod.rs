@@ -10,31 +10,32 @@ mod depth;
 mod episodes;
 mod features;
 mod info;
-mod rows;
+mod reader;
 mod stats;
 mod writer;
 
 use std::path::{Path, PathBuf};
 
 use genmanip_core::limits;
-use genmanip_core::{Document, Episode, RobotModel};
+use genmanip_core::{Document, RobotModel, Upgrade};
 use serde::{Deserialize, Serialize};
 
-use crate::{CameraTrack, DataError, EpisodeStore, files};
+use crate::export::{ExportSettings, Exporter, Selection};
+use crate::{DataError, EpisodeStore, files};
+
+pub use reader::{EpisodeRow, LerobotDataset};
 
 /// Where a data set says how it was made.
 const SETTINGS: &str = "meta/lerobot_settings.json";
+/// Where it says what its actions mean.
+const CONTRACT: &str = "meta/action_contract.json";
 
 /// How a data set is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LerobotSettings {
-    /// Frames per second; the control rate is a whole multiple. Default 15, every fourth 60 Hz step.
-    pub fps: u32,
-    /// Cameras whose pictures become video. Default `static` and `wrist`.
-    pub cameras: Vec<String>,
-    /// Whether the sibling data set `<name>-depth` is written. Default true.
-    pub depth: bool,
+    /// What its rows hold; its depth pictures go into the sibling data set `<name>-depth`.
+    pub export: ExportSettings,
     /// Whether the native record of each episode is carried along in `extras/record`, itself an episode store
     /// from which the episodes can be replayed. Default true.
     pub record: bool,
@@ -43,9 +44,6 @@ pub struct LerobotSettings {
     pub episodes_per_file: usize,
     /// Episodes per file of the depth data set, whose pictures are larger. Default 10.
     pub episodes_per_depth_file: usize,
-    /// Whether each episode is drawn in a look of its own; its seed is then a column, `variation_seed`. Default false.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub is_varied: bool,
     /// The run that it is made for: only a data set of the same run is ever replaced. Default none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
@@ -54,31 +52,27 @@ pub struct LerobotSettings {
 impl Default for LerobotSettings {
     fn default() -> Self {
         Self {
-            fps: 15,
-            cameras: vec!["static".into(), "wrist".into()],
-            depth: true,
+            export: ExportSettings::default(),
             record: true,
             episodes_per_file: 100,
             episodes_per_depth_file: 10,
-            is_varied: false,
             run: None,
         }
     }
 }
 
 impl Document for LerobotSettings {
-    const SCHEMA: &'static str = "genmanip.lerobot_settings/2";
-}
-
-/// Which episodes of a store are exported; attempts without frames never are.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Selection {
-    /// Those that reached their goal.
-    Verified,
-    /// Failed ones too; `success` tells them apart.
-    Recorded,
-    /// These, in this order.
-    Ids(Vec<String>),
+    const SCHEMA: &'static str = "genmanip.lerobot_settings/3";
+    const PREVIOUS: Option<Upgrade> = Some(Upgrade {
+        schema: "genmanip.lerobot_settings/2",
+        upgrade: |settings| {
+            let moved = ["fps", "cameras", "depth", "is_varied"];
+            let export: serde_json::Map<_, _> =
+                moved.iter().filter_map(|key| settings.remove(*key).map(|value| ((*key).to_owned(), value))).collect();
+            settings.insert("export".into(), export.into());
+            Ok(())
+        },
+    });
 }
 
 /// What was written.
@@ -96,12 +90,6 @@ pub struct ExportReport {
     pub left_out: Vec<(String, String)>,
 }
 
-/// One episode with what its cameras saw.
-pub(crate) struct Source {
-    pub(crate) episode: Episode,
-    pub(crate) tracks: Vec<CameraTrack>,
-}
-
 /// Writes the selected episodes as a data set at `dataset` (and `<dataset>-depth`).
 ///
 /// `robot` names the joints and gives the end-effector pose of an action.
@@ -117,12 +105,12 @@ pub fn export(
     settings: &LerobotSettings,
     dataset: &Path,
 ) -> Result<ExportReport, DataError> {
-    check(settings)?;
-    let ids = selected(store, selection)?;
-    if ids.is_empty() {
-        return Err(DataError::mismatch("episodes to export", "at least one", 0));
+    let LerobotSettings { export, episodes_per_file, episodes_per_depth_file, .. } = settings;
+    if *episodes_per_file == 0 || *episodes_per_depth_file == 0 {
+        return Err(DataError::mismatch("episodes per file", "at least 1", 0));
     }
-    let depth_dataset = settings.depth.then(|| depth_path(dataset));
+    let exporter = Exporter::new(store, selection, robot, export)?;
+    let depth_dataset = export.depth.then(|| depth_path(dataset));
     for target in [Some(dataset), depth_dataset.as_deref()].into_iter().flatten() {
         check_owner(target, settings.run.as_deref())?;
     }
@@ -130,106 +118,29 @@ pub fn export(
         std::fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
     }
 
-    let mut colors = writer::DatasetWriter::new(dataset, settings.episodes_per_file, settings.fps, &robot.name)?;
+    let mut colors = writer::DatasetWriter::new(dataset, *episodes_per_file, export.fps, &robot.name)?;
     let mut depths = depth_dataset
         .as_deref()
-        .map(|path| writer::DatasetWriter::new(path, settings.episodes_per_depth_file, settings.fps, &robot.name))
+        .map(|path| writer::DatasetWriter::new(path, *episodes_per_depth_file, export.fps, &robot.name))
         .transpose()?;
-    let mut left_out = Vec::new();
-    for id in &ids {
-        let source = match read_source(store, id, settings) {
-            // Whoever names episodes wants these; of all others the sound ones are of use.
-            Err(error) if error.is_damage() && !matches!(selection, Selection::Ids(_)) => {
-                left_out.push((id.clone(), error.to_string()));
-                continue;
-            }
-            source => source?,
-        };
-        colors.push(rows::color_rows(&source, robot, settings)?)?;
+    let left_out = exporter.each(|source, rows| {
         if let Some(depths) = &mut depths {
-            depths.push(depth::depth_rows(&source, settings)?)?;
+            depths.push(depth::depth_rows(source, &rows)?)?;
         }
-        if settings.record {
-            colors.copy_record(store, id)?;
-        }
-    }
-    if left_out.len() == ids.len() {
-        let (id, why) = &left_out[0];
-        return Err(DataError::mismatch("episodes to export", "at least one sound", format!("{id}: {why}")));
-    }
+        colors.push(rows)?;
+        if settings.record { colors.copy_record(store, &source.episode.result.id) } else { Ok(()) }
+    })?;
     let frames = colors.frames();
     let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let depths = depths.map(|depths| depths.finish(&card::depth(&name), settings)).transpose()?;
-    let colors = colors.finish(&card::color(&name, settings), settings)?;
+    let contract = exporter.contract();
+    let depths = depths.map(|depths| depths.finish(&card::depth(&name), settings, None)).transpose()?;
+    let colors = colors.finish(&card::color(&name, settings), settings, Some(&contract))?;
     if let Some(depths) = depths {
         depths.publish()?;
     }
     colors.publish()?;
-    let episodes = ids.len() - left_out.len();
+    let episodes = exporter.len() - left_out.len();
     Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out })
-}
-
-/// Number of dataset frames of an episode, and control steps per dataset frame.
-///
-/// Frame i shows control step `i · stride`; the last frame may stand for fewer steps. Pictures are drawn at these steps.
-///
-/// # Errors
-/// When the control rate is not a whole multiple of `fps`.
-///
-/// ```
-/// assert_eq!(genmanip_data::lerobot::sampling(9, 60.0, 15).unwrap(), (3, 4));
-/// ```
-pub fn sampling(control_steps: usize, control_rate_hz: f64, fps: u32) -> Result<(usize, usize), DataError> {
-    let stride = control_rate_hz / f64::from(fps);
-    if !(stride >= 1.0 && stride.fract() == 0.0 && stride < 1e6) {
-        return Err(DataError::mismatch("rate of the data set", format!("a divisor of {control_rate_hz} Hz"), fps));
-    }
-    let stride = stride as usize;
-    Ok((control_steps.div_ceil(stride), stride))
-}
-
-fn check(settings: &LerobotSettings) -> Result<(), DataError> {
-    let LerobotSettings { fps, cameras, depth, episodes_per_file, episodes_per_depth_file, .. } = settings;
-    if *fps == 0 || *episodes_per_file == 0 || *episodes_per_depth_file == 0 {
-        return Err(DataError::mismatch("fps and episodes per file", "at least 1", 0));
-    }
-    if *depth && cameras.is_empty() {
-        return Err(DataError::mismatch("cameras of the depth data set", "at least one", 0));
-    }
-    Ok(())
-}
-
-fn selected(store: &EpisodeStore, selection: &Selection) -> Result<Vec<String>, DataError> {
-    let only_verified = match selection {
-        Selection::Ids(ids) => return Ok(ids.clone()),
-        Selection::Verified => true,
-        Selection::Recorded => false,
-    };
-    let mut selected = Vec::new();
-    for id in store.ids()? {
-        match store.read_attempt(&id) {
-            Ok((result, true)) if result.success || !only_verified => selected.push(id),
-            // Found again, and named, when it is read.
-            Err(error) if error.is_damage() => selected.push(id),
-            attempt => drop(attempt?),
-        }
-    }
-    Ok(selected)
-}
-
-fn read_source(store: &EpisodeStore, id: &str, settings: &LerobotSettings) -> Result<Source, DataError> {
-    let episode = store.read(id)?;
-    let (frames, _) = sampling(episode.frames.len(), episode.result.control_rate_hz, settings.fps)?;
-    let mut tracks = Vec::new();
-    for camera in &settings.cameras {
-        let track = store.read_track(id, settings.fps, camera)?;
-        if track.video.frames.len() != frames {
-            let what = format!("pictures of camera {camera} in episode {id}");
-            return Err(DataError::mismatch(what, frames, track.video.frames.len()));
-        }
-        tracks.push(track);
-    }
-    Ok(Source { episode, tracks })
 }
 
 /// Where the depth data set of a data set lies.

@@ -2,8 +2,8 @@
 
 use serde_json::{Value, json};
 
-use super::features::Feature;
 use crate::ColorHistogram;
+use crate::export::features::Feature;
 
 /// The quantiles LeRobot keeps, with their names.
 const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50), ("q90", 0.90), ("q99", 0.99)];

@@ -2,27 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use genmanip_core::Document;
 use genmanip_core::limits;
+use genmanip_core::{ActionContract, Document};
 use serde_json::Value;
 
 use super::LerobotSettings;
-use super::episodes::{self, EpisodeEntry, EpisodeFacts, VideoSpan};
-use super::features::{self, Feature, ImageFeature, Values, VideoFeature};
+use super::episodes::{self, EpisodeEntry, VideoSpan};
+use super::features;
 use super::info::{self, FILES_PER_CHUNK};
 use super::stats::{Collected, Stats};
 use crate::aside::{self, Aside};
+use crate::export::EpisodeRows;
+use crate::export::features::{Feature, Values, VideoFeature};
 use crate::table::{Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, EpisodeStore, files, video};
-
-/// One episode, ready to be written.
-pub(crate) struct EpisodeRows {
-    pub(crate) frames: usize,
-    pub(crate) features: Vec<Feature>,
-    pub(crate) images: Vec<ImageFeature>,
-    pub(crate) videos: Vec<VideoFeature>,
-    pub(crate) facts: EpisodeFacts,
-}
 
 /// A data set under construction.
 pub(crate) struct DatasetWriter {
@@ -118,8 +111,13 @@ impl DatasetWriter {
         store.copy_record(id, &folder)
     }
 
-    /// Writes what describes the whole.
-    pub(crate) fn finish(mut self, card: &str, settings: &LerobotSettings) -> Result<Finished, DataError> {
+    /// Writes what describes the whole; a data set with actions has their contract.
+    pub(crate) fn finish(
+        mut self,
+        card: &str,
+        settings: &LerobotSettings,
+        contract: Option<&ActionContract>,
+    ) -> Result<Finished, DataError> {
         self.close_file()?;
         let features = self.features.take().unwrap_or_default();
         let has_video = features.as_object().is_some_and(|all| all.values().any(|entry| entry["dtype"] == "video"));
@@ -129,6 +127,9 @@ impl DatasetWriter {
         self.write_json("meta/stats.json", &self.collected.to_json())?;
         self.write_json("meta/genmanip.json", &info::meaning(settings))?;
         self.aside.write(super::SETTINGS, settings.to_json().as_bytes())?;
+        if let Some(contract) = contract {
+            self.aside.write(super::CONTRACT, contract.to_json().as_bytes())?;
+        }
         self.aside.write("meta/tasks.parquet", &episodes::tasks_table(&self.tasks)?)?;
         self.aside.write("README.md", info::card_with_info(card, &info).as_bytes())?;
         Ok(Finished(self.aside))

@@ -1,18 +1,17 @@
 //! Actions of every space as native commands, and back.
 //!
-//! This is the only place where a space, a rotation or a gripper that is not the native one is read or written.
+//! This is the only place where actions of another space than the native one are executed; how recorded commands become
+//! actions stands beside the contract, in [`ActionSpec::encode`].
 //! End-effector motions become joint targets by inverse kinematics that continues from where the motion is counted
 //! from; a pose that no configuration reaches is refused, never replaced by another.
 
-mod gripper;
-mod rotation;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ActionFrame, ActionMismatch, ActionSpace, ActionSpec, DeltaFrom, Pose, RobotModel};
+use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, Between, DeltaFrom, Pose, RobotModel};
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
 
 /// Reads and writes actions of one contract for one robot.
@@ -32,6 +31,8 @@ pub struct Adapter {
 pub struct ArmReference<'a> {
     /// Arm joint targets of the command in force; the robot's home before the first one.
     pub command: &'a [f64],
+    /// Opening of the command in force, metres; the open hand before the first one.
+    pub width_m: f32,
     /// Arm joint positions now.
     pub measured: &'a [f64],
     /// Arm joint positions when the chunk was asked for.
@@ -120,7 +121,7 @@ impl Adapter {
         }
         let (motion, grip) = action.split_at(expected - 1);
         let motion: Vec<f64> = motion.iter().copied().map(f64::from).collect();
-        let width = gripper::width_m(self.spec.gripper, grip[0], &self.robot.gripper);
+        let width = self.spec.gripper.width_m(grip[0], &self.robot.gripper);
         let reference = self.reference(from);
         let command = |arm: &[f64]| arm.iter().map(|&q| q as f32).chain([width]).collect::<Vec<f32>>();
         let moved = |share: f64| reference.iter().zip(&motion).map(|(q, v)| q + v * share).collect::<Vec<f64>>();
@@ -134,15 +135,25 @@ impl Adapter {
             ActionSpace::EePose => self.configuration(&self.decode_pose(&motion)?, reference)?,
             ActionSpace::EeDelta => {
                 let world_from_tcp = self.robot.tcp_pose(reference);
-                self.configuration(&self.apply(&self.decode_pose(&motion)?, &world_from_tcp), reference)?
+                self.configuration(&self.spec.frame.apply(&self.decode_pose(&motion)?, &world_from_tcp), reference)?
             }
         };
-        Ok(vec![command(&arm); self.repeat])
+        let target = command(&arm);
+        let step = |step: usize| match self.spec.between {
+            Between::Linear if step < self.repeat => {
+                let share = step as f64 / self.repeat as f64;
+                let in_force = from.command.iter().copied().chain([f64::from(from.width_m)]);
+                in_force.zip(&target).map(|(old, &new)| (old + (f64::from(new) - old) * share) as f32).collect()
+            }
+            // To the last bit.
+            Between::Linear | Between::Hold => target.clone(),
+        };
+        Ok((1..=self.repeat).map(step).collect())
     }
 
     /// The action whose last native command is `command`: [`Adapter::to_native`] backwards.
     ///
-    /// Encodings that hold less than the command, as a gripper with a threshold, lose the rest.
+    /// See [`ActionSpec::encode`].
     ///
     /// # Errors
     /// A command of the wrong length or not finite.
@@ -155,21 +166,8 @@ impl Adapter {
         if let Some((index, &value)) = command.iter().enumerate().find(|(_, value)| !value.is_finite()) {
             return Err(AdapterError::NotFinite { index, value });
         }
-        let (arm, width) = command.split_at(dof);
-        let arm: Vec<f64> = arm.iter().copied().map(f64::from).collect();
-        let reference = self.reference(from);
-        let moved = |divisor: f64| arm.iter().zip(reference).map(|(to, from)| (to - from) / divisor).collect();
-        let motion: Vec<f64> = match self.spec.space {
-            ActionSpace::JointPosition => arm,
-            ActionSpace::JointDelta => moved(1.0),
-            ActionSpace::JointVelocity => moved(self.control_period_s * self.repeat as f64),
-            ActionSpace::EePose => self.encode_pose(&self.robot.tcp_pose(&arm)),
-            ActionSpace::EeDelta => {
-                self.encode_pose(&self.change(&self.robot.tcp_pose(reference), &self.robot.tcp_pose(&arm)))
-            }
-        };
-        let grip = gripper::number(self.spec.gripper, width[0], &self.robot.gripper);
-        Ok(motion.into_iter().map(|value| value as f32).chain([grip]).collect())
+        let duration_s = self.control_period_s * self.repeat as f64;
+        Ok(self.spec.encode(&self.robot, command, self.reference(from), duration_s))
     }
 
     fn reference<'a>(&self, from: ArmReference<'a>) -> &'a [f64] {
@@ -190,39 +188,12 @@ impl Adapter {
             .ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })
     }
 
-    /// A tcp pose after a change, in the axes of the contract.
-    fn apply(&self, change: &Pose, world_from_tcp: &Pose) -> Pose {
-        match self.spec.frame {
-            ActionFrame::EndEffector => *world_from_tcp * *change,
-            ActionFrame::World => {
-                Pose::new(world_from_tcp.position + change.position, change.rotation * world_from_tcp.rotation)
-            }
-        }
-    }
-
-    /// The change between two tcp poses, in the axes of the contract.
-    fn change(&self, world_from_old: &Pose, world_from_new: &Pose) -> Pose {
-        match self.spec.frame {
-            ActionFrame::EndEffector => world_from_old.inverse() * *world_from_new,
-            ActionFrame::World => Pose::new(
-                world_from_new.position - world_from_old.position,
-                world_from_new.rotation * world_from_old.rotation.inverse(),
-            ),
-        }
-    }
-
     fn decode_pose(&self, motion: &[f64]) -> Result<Pose, AdapterError> {
         let (position, numbers) = motion.split_at(3);
-        let rotation = rotation::decode(self.spec.rotation, numbers).ok_or_else(|| AdapterError::NoRotation {
-            encoding: rotation::words(self.spec.rotation),
+        let rotation = self.spec.rotation.decode(numbers).ok_or_else(|| AdapterError::NoRotation {
+            encoding: self.spec.rotation.words(),
             numbers: numbers.to_vec(),
         })?;
         Ok(Pose::new(DVec3::from_slice(position), rotation))
-    }
-
-    fn encode_pose(&self, pose: &Pose) -> Vec<f64> {
-        let mut numbers = pose.position.to_array().to_vec();
-        numbers.extend(rotation::encode(self.spec.rotation, pose.rotation));
-        numbers
     }
 }

@@ -3,12 +3,13 @@ use std::sync::Arc;
 use genmanip_assets::panda;
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{
-    ActionFrame, ActionSpace, ActionSpec, DeltaFrom, GripperEncoding, GripperSpec, Pose, RobotModel, RotationEncoding,
+    ActionFrame, ActionSpace, ActionSpec, Between, DeltaFrom, GripperEncoding, GripperSpec, Pose, RobotModel,
+    RotationEncoding,
 };
 use genmanip_motion::IkSettings;
 use proptest::prelude::*;
 
-use super::{Adapter, AdapterError, ArmReference, rotation};
+use super::{Adapter, AdapterError, ArmReference};
 
 const SPACES: [ActionSpace; 5] = [
     ActionSpace::JointPosition,
@@ -46,15 +47,15 @@ fn adapter(spec: ActionSpec) -> Adapter {
 /// Every contract there is, but for thresholds.
 fn any_spec() -> impl Strategy<Value = ActionSpec> {
     let frames = [ActionFrame::World, ActionFrame::EndEffector];
-    (0..SPACES.len(), 0..REFERENCES.len(), 0..frames.len(), 0..ROTATIONS.len(), 0..GRIPPERS.len()).prop_map(
-        move |(space, reference, frame, rotation, gripper)| ActionSpec {
-            delta_from: REFERENCES[reference],
-            // An absolute pose has no frame of its own.
-            frame: if SPACES[space] == ActionSpace::EePose { ActionFrame::World } else { frames[frame] },
-            rotation: ROTATIONS[rotation],
-            ..ActionSpec::new(SPACES[space], GRIPPERS[gripper])
-        },
-    )
+    let indices = (0..SPACES.len(), 0..REFERENCES.len(), 0..frames.len(), 0..ROTATIONS.len(), 0..GRIPPERS.len());
+    (indices, any::<bool>()).prop_map(move |((space, reference, frame, rotation, gripper), is_linear)| ActionSpec {
+        between: if is_linear { Between::Linear } else { Between::Hold },
+        delta_from: REFERENCES[reference],
+        // An absolute pose has no frame of its own.
+        frame: if SPACES[space] == ActionSpace::EePose { ActionFrame::World } else { frames[frame] },
+        rotation: ROTATIONS[rotation],
+        ..ActionSpec::new(SPACES[space], GRIPPERS[gripper])
+    })
 }
 
 /// A configuration well within the limits, and small steps from it.
@@ -78,7 +79,7 @@ proptest! {
         spec in any_spec(), [command, measured, chunk_start, target] in any_motion(), width in 0.0..0.08_f32,
     ) {
         let (adapter, robot) = (adapter(spec), robot());
-        let from = ArmReference { command: &command, measured: &measured, chunk_start: &chunk_start };
+        let from = ArmReference { command: &command, width_m: 0.03, measured: &measured, chunk_start: &chunk_start };
         let wanted: Vec<f32> = target.iter().map(|&q| q as f32).chain([width]).collect();
         let action = adapter.from_native(&wanted, from).unwrap();
         prop_assert_eq!(action.len(), spec.length(7));
@@ -103,9 +104,9 @@ proptest! {
         prop_assume!(q.iter().map(|v| v * v).sum::<f64>() > 0.01);
         let wanted = DQuat::from_array(q).normalize();
         for encoding in ROTATIONS {
-            let numbers = rotation::encode(encoding, wanted);
+            let numbers = encoding.encode(wanted);
             prop_assert_eq!(numbers.len(), encoding.length());
-            let back = rotation::decode(encoding, &numbers).unwrap();
+            let back = encoding.decode(&numbers).unwrap();
             prop_assert!(back.dot(wanted).abs() > 1.0 - 1e-9, "{encoding:?}: {back} for {wanted}");
         }
     }
@@ -115,7 +116,7 @@ proptest! {
 #[test]
 fn grippers_open_and_shut_the_right_way_round() {
     let home = robot().home.clone();
-    let from = ArmReference { command: &home, measured: &home, chunk_start: &home };
+    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
     let width = |encoding, binary_threshold, number: f32| {
         let spec = ActionSpec {
             gripper: GripperSpec { encoding, binary_threshold },
@@ -148,7 +149,7 @@ fn grippers_open_and_shut_the_right_way_round() {
 fn changes_are_along_the_axes_of_the_contract() {
     let robot = robot();
     let home = robot.home.clone();
-    let from = ArmReference { command: &home, measured: &home, chunk_start: &home };
+    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
     let start = robot.tcp_pose(&home);
     for (frame, along, about) in [
         (ActionFrame::World, DVec3::new(0.02, 0.0, 0.0), DVec3::X),
@@ -176,7 +177,7 @@ fn changes_are_along_the_axes_of_the_contract() {
 #[test]
 fn speeds_are_a_ramp() {
     let home = robot().home.clone();
-    let from = ArmReference { command: &home, measured: &home, chunk_start: &home };
+    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
     let spec = ActionSpec::new(ActionSpace::JointVelocity, GripperEncoding::WidthM);
     let commands = adapter(spec).to_native(&[0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08], from).unwrap();
     for (step, command) in commands.iter().enumerate() {
@@ -185,10 +186,28 @@ fn speeds_are_a_ramp() {
     }
 }
 
+/// Joint targets and opening move evenly from those in force, and are reached to the last bit.
+#[test]
+fn a_linear_contract_moves_evenly_to_the_action() {
+    let home = robot().home.clone();
+    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
+    let mut action: Vec<f32> = home.iter().map(|&q| q as f32).chain([0.04]).collect();
+    action[0] += 0.1;
+    let spec = |between| ActionSpec { between, ..ActionSpec::native() };
+    let linear = adapter(spec(Between::Linear)).to_native(&action, from).unwrap();
+    for (step, width) in [0.07, 0.06, 0.05, 0.04].into_iter().enumerate() {
+        let gone = f64::from(linear[step][0]) - home[0];
+        assert!((gone - 0.025 * (step + 1) as f64).abs() < 1e-6, "step {step}: {gone} rad");
+        assert!((linear[step][7] - width).abs() < 1e-6, "step {step}: {} m", linear[step][7]);
+    }
+    assert_eq!(linear[3], action);
+    assert_eq!(adapter(spec(Between::Hold)).to_native(&action, from).unwrap(), vec![action; 4]);
+}
+
 #[test]
 fn what_is_no_action_is_refused() {
     let home = robot().home.clone();
-    let from = ArmReference { command: &home, measured: &home, chunk_start: &home };
+    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
     let pose = |rotation| ActionSpec { rotation, ..ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM) };
     let cases: [(ActionSpec, &[f32], &str); 5] = [
         (ActionSpec::native(), &[0.0; 7], "expected 8 numbers (joint_position, gripper width_m), got 7"),
@@ -248,4 +267,6 @@ fn contracts_are_compared_by_what_is_read() {
         let error = delta.require_same(&given).unwrap_err().to_string();
         assert!(error.contains(message), "{error}");
     }
+    let error = delta.require_same(&ActionSpec { between: Between::Linear, ..delta }).unwrap_err().to_string();
+    assert!(error.contains("motion between actions of the action: expected hold, got linear"), "{error}");
 }

@@ -15,7 +15,7 @@ use genmanip_rollout::collect::{Attempt, CollectSettings, collect};
 use genmanip_rollout::evaluate::{Case, evaluate};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::ImageSettings;
-use genmanip_rollout::policies::{DoNothing, OpenLoopReplay};
+use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, RolloutError, Stage};
 
 use crate::{TASKS, planner, resources, task};
@@ -121,7 +121,7 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
         let make = |stage: &Stage, _: &Case| -> Result<Box<dyn Policy>, RolloutError> {
             Ok(match name {
                 "expert" => Box::new(Expert::new(stage, planner(), GraspLibrary::builtin(), settings.expert.clone())?),
-                "replay" => Box::new(OpenLoopReplay::of(&recorded)),
+                "replay" => Box::new(OpenLoop::replay(&recorded)),
                 _ => Box::new(DoNothing { duration_s: 5.0 }),
             })
         };

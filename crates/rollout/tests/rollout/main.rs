@@ -8,6 +8,7 @@ mod evidence;
 mod expert;
 mod grasping;
 mod physics;
+mod playing_back;
 mod policies;
 mod red_pixel;
 mod replaying;

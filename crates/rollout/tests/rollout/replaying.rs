@@ -5,7 +5,7 @@ use std::sync::Arc;
 use genmanip_assets::Catalogue;
 use genmanip_core::Seed;
 use genmanip_data::EpisodeStore;
-use genmanip_rollout::policies::OpenLoopReplay;
+use genmanip_rollout::policies::OpenLoop;
 use genmanip_rollout::{RolloutSettings, Stage, replay, run_episode};
 
 use crate::{episodes, planner, stage};
@@ -62,7 +62,7 @@ fn a_changed_command_is_noticed() {
 #[test]
 fn the_recording_is_a_policy_that_succeeds_blindly() {
     for (stage, episode) in episodes() {
-        let mut policy = OpenLoopReplay::of(episode);
+        let mut policy = OpenLoop::replay(episode);
         let again = run_episode(stage, &mut policy, "again", Seed::new(0), &RolloutSettings::default()).unwrap();
         assert!(again.result.success && !again.result.oracle, "{:?}", again.result.failures);
         assert_eq!(again.frames[..episode.frames.len()], episode.frames);

@@ -1,19 +1,25 @@
-//! From an episode to the rows of the main data set.
+//! From an episode to rows: state, action, end effector, simulator truth, camera poses and video.
 
-use genmanip_core::{Frame, Pose, RobotModel};
+use genmanip_core::glam::DQuat;
+use genmanip_core::{ActionSpace, ActionSpec, Frame, Pose, RobotModel, RotationEncoding};
 
-use super::episodes::EpisodeFacts;
+use super::facts::EpisodeFacts;
 use super::features::{Feature, Values, VideoFeature};
-use super::writer::EpisodeRows;
-use super::{LerobotSettings, Source, sampling};
+use super::{EpisodeRows, ExportSettings, Source, sampling};
 use crate::frames::pose_to_row;
 use crate::{CameraTrack, DataError};
 
 const END_EFFECTOR: [&str; 7] = ["x", "y", "z", "rotation_x", "rotation_y", "rotation_z", "gripper_width"];
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 
+/// A joint that moves slower than this stands still, rad/s: the gravity-compensated arm creeps by less while it holds
+/// a command.
+const IDLE_RAD_PER_S: f64 = 0.01;
+
 /// The control steps that one row stands for; never empty.
 struct Interval<'a> {
+    /// The command in force when it begins; `None` in the first row, before any command.
+    before: Option<&'a Frame>,
     /// The state at the row's time.
     now: &'a Frame,
     /// Every step until the next row.
@@ -22,27 +28,29 @@ struct Interval<'a> {
     last: &'a Frame,
 }
 
-/// State, action, end effector, simulator truth, camera poses and video.
-pub(crate) fn color_rows(
-    source: &Source,
-    robot: &RobotModel,
-    settings: &LerobotSettings,
-) -> Result<EpisodeRows, DataError> {
+/// The rows of an episode and its videos.
+pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSettings) -> Result<EpisodeRows, DataError> {
     let result = &source.episode.result;
     let (_, stride) = sampling(source.episode.frames.len(), result.control_rate_hz, settings.fps)?;
     check_dimensions(source, robot)?;
-    let intervals: Vec<Interval<'_>> = source.episode.frames.chunks(stride).filter_map(Interval::new).collect();
+    let intervals = intervals(&source.episode.frames, stride);
     let arm: Vec<&str> = robot.arm_joints().map(|joint| joint.name.as_str()).collect();
     let arm_and_gripper: Vec<&str> = arm.iter().copied().chain(["gripper_width"]).collect();
     let is_last = |row: usize| row + 1 == intervals.len();
+    let home = &source.episode.scenario.world.robot.home;
 
     let mut features = vec![
         vectors("observation.state", &arm_and_gripper, &intervals, |row| {
             row.now.joint_position.iter().chain([&row.now.gripper_width]).map(|value| *value as f32).collect()
         }),
-        vectors("action", &arm_and_gripper, &intervals, |row| row.last.command.clone()),
+        actions(&intervals, robot, home, settings),
         vectors("ee.state", &END_EFFECTOR, &intervals, |row| end_effector(&row.now.tcp, row.now.gripper_width)),
         vectors("ee.action", &END_EFFECTOR, &intervals, |row| commanded_end_effector(robot, &row.last.command)),
+        quaternions("ee.quaternion", &intervals, robot.tcp_pose(home).rotation),
+        vectors("ee.rotation_6d", RotationEncoding::SixD.names(), &intervals, |row| {
+            RotationEncoding::SixD.encode(row.now.tcp.rotation).iter().map(|value| *value as f32).collect()
+        }),
+        flags("is_idle", &intervals, |_, row| is_idle(row)),
         vectors("sim.joint_velocity", &arm, &intervals, |row| {
             row.now.joint_velocity.iter().map(|value| *value as f32).collect()
         }),
@@ -69,10 +77,79 @@ pub(crate) fn color_rows(
     })
 }
 
-impl<'a> Interval<'a> {
-    fn new(steps: &'a [Frame]) -> Option<Self> {
-        Some(Self { now: steps.first()?, steps, last: steps.last()? })
+fn intervals(frames: &[Frame], stride: usize) -> Vec<Interval<'_>> {
+    let mut before = None;
+    let mut intervals = Vec::with_capacity(frames.len().div_ceil(stride));
+    for steps in frames.chunks(stride) {
+        if let [now, ..] = steps
+            && let Some(last) = steps.last()
+        {
+            intervals.push(Interval { before, now, steps, last });
+            before = Some(last);
+        }
     }
+    intervals
+}
+
+/// The `action` column: each row leads from the command in force when it begins, the robot's home in the first, to the
+/// last command of its interval.
+fn actions(rows: &[Interval<'_>], robot: &RobotModel, home: &[f64], settings: &ExportSettings) -> Feature {
+    let spec = settings.action;
+    let joints: Vec<&str> = robot.arm_joints().map(|joint| joint.name.as_str()).collect();
+    let duration_s = 1.0 / f64::from(settings.fps);
+    // As the loop sees it: commands are single precision.
+    let in_force = |row: &Interval<'_>| -> Vec<f64> {
+        match row.before {
+            Some(frame) => frame.command.iter().take(joints.len()).map(|&target| f64::from(target)).collect(),
+            None => home.iter().map(|&joint| f64::from(joint as f32)).collect(),
+        }
+    };
+    let mut actions: Vec<Vec<f32>> =
+        rows.iter().map(|row| spec.encode(robot, &row.last.command, &in_force(row), duration_s)).collect();
+    if has_free_sign(&spec) {
+        let home = spec.rotation.encode(robot.tcp_pose(home).rotation);
+        without_jumps(&home, actions.iter_mut().map(|action| &mut action[3..7]));
+    }
+    let names = spec.names(&joints);
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    Feature::new("action", &names, Values::F32(actions.concat()))
+}
+
+/// Whether the rotation of an action is a quaternion that may lie in either half of the sphere; that of a change is
+/// always near 1.
+fn has_free_sign(spec: &ActionSpec) -> bool {
+    let is_quaternion = matches!(spec.rotation, RotationEncoding::QuatWxyz | RotationEncoding::QuatXyzw);
+    spec.space == ActionSpace::EePose && is_quaternion
+}
+
+/// Rotation of the tool, w first.
+fn quaternions(key: &str, rows: &[Interval<'_>], home: DQuat) -> Feature {
+    let encode = |rotation| RotationEncoding::QuatWxyz.encode(rotation);
+    let mut values: Vec<f32> =
+        rows.iter().flat_map(|row| encode(row.now.tcp.rotation)).map(|value| value as f32).collect();
+    without_jumps(&encode(home), values.chunks_exact_mut(4));
+    Feature::new(key, RotationEncoding::QuatWxyz.names(), Values::F32(values))
+}
+
+/// Gives each quaternion the sign that is nearest to the one before; the first is compared with the tool's at home, so
+/// that all episodes lie in the same half of the sphere.
+fn without_jumps<'a>(home: &[f64], quaternions: impl Iterator<Item = &'a mut [f32]>) {
+    let mut previous: Vec<f32> = home.iter().map(|&value| value as f32).collect();
+    for quaternion in quaternions {
+        let along: f32 = previous.iter().zip(quaternion.iter()).map(|(a, b)| a * b).sum();
+        if along < 0.0 {
+            quaternion.iter_mut().for_each(|value| *value = -*value);
+        }
+        previous.copy_from_slice(quaternion);
+    }
+}
+
+/// Whether the command stays what it was and no joint moves: nothing is to be learned from the row.
+fn is_idle(row: &Interval<'_>) -> bool {
+    let command = row.before.map_or(&row.now.command, |before| &before.command);
+    row.steps
+        .iter()
+        .all(|step| step.command == *command && step.joint_velocity.iter().all(|speed| speed.abs() < IDLE_RAD_PER_S))
 }
 
 fn check_dimensions(source: &Source, robot: &RobotModel) -> Result<(), DataError> {

@@ -1,0 +1,59 @@
+//! Arguments of `export`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use genmanip_data::export::choice::{ACTIONS, ROTATIONS};
+
+use super::{parse_count, parse_fps};
+
+/// Arguments of `export`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("format").required(true).args(["to", "mjcf"]))]
+pub struct ExportArguments {
+    /// Folder of a run made by `collect`; with --mjcf a scenario file
+    #[arg(value_name = "RUN|SCENARIO")]
+    pub source: PathBuf,
+    /// Format of the dataset
+    #[arg(long, value_name = "FORMAT", value_parser = ["lerobot"])]
+    pub to: Option<String>,
+    /// The scenario as MuJoCo XML
+    #[arg(long, conflicts_with = "dataset")]
+    pub mjcf: bool,
+    /// Where to write it [default: RUN/exports/…; with --mjcf stdout]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub dataset: DatasetArguments,
+}
+
+/// What a dataset holds.
+#[derive(Debug, Args)]
+#[group(id = "dataset", multiple = true)]
+pub struct DatasetArguments {
+    /// What the `action` column holds [default: joint]
+    #[arg(long, value_name = "ACTION", value_parser = PossibleValuesParser::new(ACTIONS.map(|(name, _)| name)))]
+    pub action: Option<String>,
+    /// Rotation of the actions ee and ee_delta [default: 6d]
+    #[arg(long, value_name = "ROTATION", value_parser = PossibleValuesParser::new(ROTATIONS.map(|(name, _)| name)))]
+    pub rotation: Option<String>,
+    /// Rows per second: 10, 15, 20, 30 or 60 [default: 15]
+    #[arg(long, value_name = "HZ", value_parser = parse_fps)]
+    pub rate: Option<u32>,
+    /// Cameras of the scenario [default: static,wrist]
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "no_images")]
+    pub cameras: Vec<String>,
+    /// Leave pictures out
+    #[arg(long)]
+    pub no_images: bool,
+    /// Leave depth pictures out
+    #[arg(long)]
+    pub no_depth: bool,
+    /// Export failed attempts that were recorded too, labelled as such
+    #[arg(long)]
+    pub keep_failed: bool,
+    /// Worker threads; the bytes do not depend on it [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
+}

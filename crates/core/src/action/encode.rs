@@ -1,0 +1,75 @@
+//! Native commands as actions of a contract, for recorded demonstrations.
+//!
+//! The way back needs inverse kinematics and is in `rollout::adapter`.
+
+use crate::{ActionFrame, ActionSpace, ActionSpec, Pose, RobotModel};
+
+impl ActionSpec {
+    /// The action that leads, in `duration_s`, from the arm configuration `reference` (rad, base to hand) to the native
+    /// `command`: arm joint targets, then the opening width. Absolute spaces do not read the reference.
+    ///
+    /// Encodings that hold less than the command, as a gripper with a threshold, lose the rest.
+    pub fn encode(&self, robot: &RobotModel, command: &[f32], reference: &[f64], duration_s: f64) -> Vec<f32> {
+        let (arm, width) = command.split_at(command.len().saturating_sub(1));
+        let arm: Vec<f64> = arm.iter().copied().map(f64::from).collect();
+        let moved = |divisor: f64| arm.iter().zip(reference).map(|(to, from)| (to - from) / divisor).collect();
+        let motion: Vec<f64> = match self.space {
+            ActionSpace::JointPosition => arm,
+            ActionSpace::JointDelta => moved(1.0),
+            ActionSpace::JointVelocity => moved(duration_s),
+            ActionSpace::EePose => self.encode_pose(&robot.tcp_pose(&arm)),
+            ActionSpace::EeDelta => {
+                self.encode_pose(&self.frame.change(&robot.tcp_pose(reference), &robot.tcp_pose(&arm)))
+            }
+        };
+        let width = width.first().copied().unwrap_or_default();
+        motion.into_iter().map(|value| value as f32).chain([self.gripper.number(width, &robot.gripper)]).collect()
+    }
+
+    /// Names of the numbers, for an arm with these joints.
+    pub fn names(&self, joints: &[&str]) -> Vec<String> {
+        let prefix = match self.space {
+            ActionSpace::JointPosition | ActionSpace::EePose => "",
+            ActionSpace::JointDelta | ActionSpace::EeDelta => "delta_",
+            ActionSpace::JointVelocity => "velocity_",
+        };
+        let motion: Vec<&str> = match self.space.is_joint() {
+            true => joints.to_vec(),
+            false => ["x", "y", "z"].iter().chain(self.rotation.names()).copied().collect(),
+        };
+        let gripper = match self.gripper.encoding {
+            crate::GripperEncoding::WidthM => "gripper_width",
+            _ => "gripper",
+        };
+        motion.into_iter().map(|name| format!("{prefix}{name}")).chain([gripper.to_owned()]).collect()
+    }
+
+    fn encode_pose(&self, pose: &Pose) -> Vec<f64> {
+        let mut numbers = pose.position.to_array().to_vec();
+        numbers.extend(self.rotation.encode(pose.rotation));
+        numbers
+    }
+}
+
+impl ActionFrame {
+    /// A tcp pose after a change along these axes.
+    pub fn apply(self, change: &Pose, world_from_tcp: &Pose) -> Pose {
+        match self {
+            Self::EndEffector => *world_from_tcp * *change,
+            Self::World => {
+                Pose::new(world_from_tcp.position + change.position, change.rotation * world_from_tcp.rotation)
+            }
+        }
+    }
+
+    /// The change between two tcp poses along these axes.
+    pub fn change(self, world_from_old: &Pose, world_from_new: &Pose) -> Pose {
+        match self {
+            Self::EndEffector => world_from_old.inverse() * *world_from_new,
+            Self::World => Pose::new(
+                world_from_new.position - world_from_old.position,
+                world_from_new.rotation * world_from_old.rotation.inverse(),
+            ),
+        }
+    }
+}

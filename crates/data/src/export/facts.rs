@@ -1,0 +1,38 @@
+//! What is told of an episode as a whole.
+
+use genmanip_core::{Document, EpisodeResult, Seed};
+
+use super::{ExportSettings, Source};
+use crate::CameraTrack;
+use crate::images::variation_seed;
+
+/// What is told of an episode as a whole, whatever the format.
+#[derive(Clone, Debug)]
+pub(crate) struct EpisodeFacts {
+    pub(crate) result: EpisodeResult,
+    pub(crate) instruction: String,
+    pub(crate) kind: &'static str,
+    pub(crate) scenario_json: String,
+    /// Name, and fx, fy, cx, cy in pixels.
+    pub(crate) cameras: Vec<(String, [f64; 4])>,
+    /// Of the look of its pictures, if it has one of its own.
+    pub(crate) variation_seed: Option<Seed>,
+}
+
+impl EpisodeFacts {
+    pub(crate) fn of(source: &Source, settings: &ExportSettings) -> Self {
+        let scenario = &source.episode.scenario;
+        let intrinsics = |track: &CameraTrack| {
+            let k = &track.camera.intrinsics;
+            (track.camera.name.clone(), [k.fx, k.fy, k.cx, k.cy])
+        };
+        Self {
+            result: source.episode.result.clone(),
+            instruction: scenario.task.instruction.clone(),
+            kind: scenario.task.kind.name(),
+            scenario_json: scenario.to_value().to_string(),
+            cameras: source.tracks.iter().map(intrinsics).collect(),
+            variation_seed: settings.is_varied.then(|| variation_seed(source.episode.result.seed)),
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! What is exported, whatever the format: which episodes, at which rate, with which actions, columns and pictures.
+//!
+//! The writer of a format takes [`Exporter::each`] episode as rows and files it; it chooses nothing itself.
+
+pub mod choice;
+pub(crate) mod facts;
+pub(crate) mod features;
+pub(crate) mod rows;
+
+use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Between, Episode, RobotModel};
+use serde::{Deserialize, Serialize};
+
+use crate::{CameraTrack, DataError, EpisodeStore};
+
+/// What the rows of a data set hold.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExportSettings {
+    /// Rows per second; the control rate is a whole multiple. Default 15, every fourth 60 Hz step.
+    pub fps: u32,
+    /// What the numbers of the `action` column mean. Default [`default_action`].
+    pub action: ActionSpec,
+    /// Cameras whose pictures are exported. Default `static` and `wrist`.
+    pub cameras: Vec<String>,
+    /// Whether depth pictures are exported too. Default true.
+    pub depth: bool,
+    /// Whether each episode is drawn in a look of its own; its seed is then told, `variation_seed`. Default false.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_varied: bool,
+}
+
+impl Default for ExportSettings {
+    fn default() -> Self {
+        Self {
+            fps: 15,
+            action: default_action(),
+            cameras: vec!["static".into(), "wrist".into()],
+            depth: true,
+            is_varied: false,
+        }
+    }
+}
+
+/// Absolute joint targets and the opening, between which the commands move evenly: so a row of any rate ends with the
+/// very command that was recorded.
+pub fn default_action() -> ActionSpec {
+    ActionSpec { between: Between::Linear, ..ActionSpec::native() }
+}
+
+/// What an `action` column means, for cards and descriptions.
+pub(crate) fn action_in_words(spec: &ActionSpec) -> String {
+    let rotation = spec.rotation.words();
+    let motion = match spec.space {
+        ActionSpace::JointPosition => "absolute arm joint targets (rad)".into(),
+        ActionSpace::JointDelta => "changes of the arm joint targets over the row (rad)".into(),
+        ActionSpace::JointVelocity => "speeds of the arm joint targets during the row (rad/s)".into(),
+        ActionSpace::EePose => format!("absolute tool pose that the joint targets lead to: position (m), {rotation}"),
+        ActionSpace::EeDelta => format!(
+            "change of the commanded tool pose over the row, along and about the world's axes: position (m), {rotation}"
+        ),
+    };
+    let between = match (spec.space, spec.between) {
+        (ActionSpace::JointVelocity, _) | (_, Between::Linear) => "joint targets move evenly there during the row",
+        (_, Between::Hold) => "commanded from the beginning of the row on",
+    };
+    format!("{motion}, and opening width (m); what was in force at the end of the row's interval; {between}")
+}
+
+/// Which episodes of a store are exported; attempts without frames never are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// Those that reached their goal.
+    Verified,
+    /// Failed ones too; `success` tells them apart.
+    Recorded,
+    /// These, in this order.
+    Ids(Vec<String>),
+}
+
+impl Selection {
+    /// The ids of the selected episodes. Damaged ones are among them: what is wrong shows when they are read.
+    ///
+    /// # Errors
+    /// When the store cannot be listed.
+    pub fn ids(&self, store: &EpisodeStore) -> Result<Vec<String>, DataError> {
+        let only_verified = match self {
+            Self::Ids(ids) => return Ok(ids.clone()),
+            Self::Verified => true,
+            Self::Recorded => false,
+        };
+        let mut selected = Vec::new();
+        for id in store.ids()? {
+            match store.read_attempt(&id) {
+                Ok((result, true)) if result.success || !only_verified => selected.push(id),
+                Err(error) if error.is_damage() => selected.push(id),
+                attempt => drop(attempt?),
+            }
+        }
+        Ok(selected)
+    }
+}
+
+/// One episode with what its cameras saw.
+pub(crate) struct Source {
+    pub(crate) episode: Episode,
+    pub(crate) tracks: Vec<CameraTrack>,
+}
+
+/// One episode, ready to be written.
+pub(crate) struct EpisodeRows {
+    pub(crate) frames: usize,
+    pub(crate) features: Vec<features::Feature>,
+    pub(crate) images: Vec<features::ImageFeature>,
+    pub(crate) videos: Vec<features::VideoFeature>,
+    pub(crate) facts: facts::EpisodeFacts,
+}
+
+/// Reads the selected episodes one by one, so that none stays in memory.
+pub(crate) struct Exporter<'a> {
+    store: &'a EpisodeStore,
+    ids: Vec<String>,
+    /// Whether damaged episodes end the export: whoever names episodes wants these.
+    is_strict: bool,
+    robot: &'a RobotModel,
+    settings: &'a ExportSettings,
+}
+
+impl<'a> Exporter<'a> {
+    pub(crate) fn new(
+        store: &'a EpisodeStore,
+        selection: &Selection,
+        robot: &'a RobotModel,
+        settings: &'a ExportSettings,
+    ) -> Result<Self, DataError> {
+        let ExportSettings { fps, action, cameras, depth, .. } = settings;
+        if *fps == 0 {
+            return Err(DataError::mismatch("rows per second", "at least 1", 0));
+        }
+        if *depth && cameras.is_empty() {
+            return Err(DataError::mismatch("cameras of the depth data set", "at least one", 0));
+        }
+        action.check().map_err(|error| DataError::mismatch(error.what, error.expected, error.got))?;
+        let ids = selection.ids(store)?;
+        if ids.is_empty() {
+            return Err(DataError::mismatch("episodes to export", "at least one", 0));
+        }
+        Ok(Self { store, ids, is_strict: matches!(selection, Selection::Ids(_)), robot, settings })
+    }
+
+    /// The contract of the `action` column.
+    pub(crate) fn contract(&self) -> ActionContract {
+        let joints: Vec<&str> = self.robot.arm_joints().map(|joint| joint.name.as_str()).collect();
+        ActionContract {
+            action: self.settings.action,
+            rate_hz: f64::from(self.settings.fps),
+            robot: self.robot.name.clone(),
+            names: self.settings.action.names(&joints),
+        }
+    }
+
+    /// Hands the rows of every sound episode to a writer; returns the damaged ones with what is wrong.
+    pub(crate) fn each(
+        &self,
+        mut write: impl FnMut(&Source, EpisodeRows) -> Result<(), DataError>,
+    ) -> Result<Vec<(String, String)>, DataError> {
+        let mut left_out = Vec::new();
+        for id in &self.ids {
+            let source = match self.source(id) {
+                Err(error) if error.is_damage() && !self.is_strict => {
+                    left_out.push((id.clone(), error.to_string()));
+                    continue;
+                }
+                source => source?,
+            };
+            write(&source, rows::rows(&source, self.robot, self.settings)?)?;
+        }
+        match left_out.first() {
+            Some((id, why)) if left_out.len() == self.ids.len() => {
+                Err(DataError::mismatch("episodes to export", "at least one sound", format!("{id}: {why}")))
+            }
+            _ => Ok(left_out),
+        }
+    }
+
+    /// Number of selected episodes, damaged ones included.
+    pub(crate) fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    fn source(&self, id: &str) -> Result<Source, DataError> {
+        let (episode, fps) = (self.store.read(id)?, self.settings.fps);
+        let (frames, _) = sampling(episode.frames.len(), episode.result.control_rate_hz, fps)?;
+        let mut tracks = Vec::new();
+        for camera in &self.settings.cameras {
+            let track = self.store.read_track(id, fps, camera)?;
+            if track.video.frames.len() != frames {
+                let what = format!("pictures of camera {camera} in episode {id}");
+                return Err(DataError::mismatch(what, frames, track.video.frames.len()));
+            }
+            tracks.push(track);
+        }
+        Ok(Source { episode, tracks })
+    }
+}
+
+/// Number of rows of an episode, and control steps per row.
+///
+/// Row i shows control step `i · stride`; the last row may stand for fewer steps. Pictures are drawn at these steps.
+///
+/// # Errors
+/// When the control rate is not a whole multiple of `fps`.
+///
+/// ```
+/// assert_eq!(genmanip_data::export::sampling(9, 60.0, 15).unwrap(), (3, 4));
+/// ```
+pub fn sampling(control_steps: usize, control_rate_hz: f64, fps: u32) -> Result<(usize, usize), DataError> {
+    let stride = control_rate_hz / f64::from(fps);
+    if !(stride >= 1.0 && stride.fract() == 0.0 && stride < 1e6) {
+        return Err(DataError::mismatch("rate of the data set", format!("a divisor of {control_rate_hz} Hz"), fps));
+    }
+    let stride = stride as usize;
+    Ok((control_steps.div_ceil(stride), stride))
+}

@@ -1,0 +1,221 @@
+//! Data sets: what collecting and exporting cost, and whether exported actions still solve the tasks they come from.
+
+mod playback;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use genmanip_assets::worlds::default_world;
+use genmanip_bench::text_table;
+use genmanip_core::{CameraRequest, Episode, ImageChannels, Seed, Task};
+use genmanip_data::lerobot::{self, LerobotSettings};
+use genmanip_data::{DataError, EpisodeStore, Selection, TrackRecorder};
+use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_rollout::expert::Expert;
+use genmanip_rollout::images::{ImageSettings, Painter};
+use genmanip_rollout::{RolloutError, Stage, run_episode};
+use genmanip_run::{Progress, inputs};
+use serde::Serialize;
+
+use crate::LabError;
+use crate::clock::{cpu_clock, process_clock};
+use crate::episodes::laid_out;
+
+pub use playback::Missed;
+
+/// What data sets of some episodes cost and are good for.
+#[derive(Debug, Serialize)]
+pub struct Measured {
+    /// Seed of tasks, layouts and attempts.
+    pub seed: u64,
+    /// Verified episodes, one attempt per task; all figures are of these.
+    pub episodes: usize,
+    /// Their 60 Hz frames.
+    pub frames: usize,
+    /// Processor time of all episodes, s.
+    pub cpu_s: CpuSeconds,
+    /// Size of colour and depth of the data sets, per camera and row.
+    pub bytes_per_rgbd_frame: f64,
+    /// Processor time of encoding and writing, per camera and row, ms.
+    pub encode_and_write_ms_per_rgbd_frame: f64,
+    /// Processor time of an export with pictures that are drawn already, by format, s.
+    pub export_s: BTreeMap<&'static str, f64>,
+    /// Share of the episodes that succeed again when the rows of a data set are played back open loop through the policy
+    /// interface, by `ACTION@RATE`; actions with a rotation name it where it is not 6d.
+    pub playback: BTreeMap<String, f64>,
+    /// Episodes that did not succeed again.
+    pub missed: Vec<Missed>,
+    /// Time of `data check`, s; null as long as there is none.
+    pub check_s: Option<f64>,
+}
+
+/// Where the processor time goes.
+#[derive(Debug, Default, Serialize)]
+pub struct CpuSeconds {
+    /// Layout, planning and physics.
+    pub simulate: f64,
+    /// Drawing colour and depth.
+    pub render: f64,
+    /// Compressing them.
+    pub encode: f64,
+    /// Writing episodes and tracks into the store.
+    pub write: f64,
+}
+
+/// Collects one attempt per task into `folder`, which is made and must not exist, exports what was verified and plays it
+/// back.
+///
+/// # Errors
+/// When a stage broke or the disk refuses; an attempt that fails is left out.
+pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progress) -> Result<Measured, LabError> {
+    fs::create_dir(folder)
+        .map_err(|error| LabError::broken(format!("cannot make the folder {}", folder.display()), error))?;
+    let settings = CollectSettings::in_world((*default_world()).clone());
+    let planner = inputs::planner(&settings.world, &settings.planner)?;
+    let resources = Resources::builtin(&planner);
+    let store = EpisodeStore::create(folder.join("episodes")).map_err(broke)?;
+    let mut cpu_s = CpuSeconds::default();
+    let mut recorded = Vec::new();
+    progress.begin("collecting", tasks.len());
+    for task in tasks {
+        let stream = seed.fork("attempt").fork(&task.id);
+        let mut clock = cpu_clock();
+        if let Some((attempt, scenario)) = laid_out(task, resources, &settings, stream)? {
+            let (stage, episode) = attempted(&attempt, Arc::new(scenario), resources, &settings)?;
+            cpu_s.simulate += clock();
+            if episode.result.success {
+                keep(&store, &stage, &episode, &mut cpu_s)?;
+                recorded.push((stage, episode));
+            }
+        }
+        progress.advance();
+    }
+    progress.end();
+    if recorded.is_empty() {
+        return Err(LabError::input("no attempt was verified").with_hint("take more episodes, or another seed"));
+    }
+
+    let mut clock = process_clock();
+    let dataset = folder.join("dataset");
+    let lerobot = LerobotSettings::default();
+    let exported = lerobot::export(&store, &Selection::Verified, planner.robot(), &lerobot, &dataset).map_err(broke)?;
+    let export_s = BTreeMap::from([("lerobot", clock())]);
+    let pictures = exported.frames * lerobot.export.cameras.len();
+    let bytes = bytes_below(&dataset.join("videos")) + bytes_below(&lerobot::depth_path(&dataset).join("data"));
+    let (playback, missed) = playback::measure(&recorded, &store, (&planner, &settings), folder, progress)?;
+    Ok(Measured {
+        seed: seed.value(),
+        episodes: recorded.len(),
+        frames: recorded.iter().map(|(_, episode)| episode.frames.len()).sum(),
+        encode_and_write_ms_per_rgbd_frame: 1e3 * (cpu_s.encode + cpu_s.write + export_s["lerobot"]) / pictures as f64,
+        cpu_s,
+        bytes_per_rgbd_frame: bytes as f64 / pictures as f64,
+        export_s,
+        playback,
+        missed,
+        check_s: None,
+    })
+}
+
+fn attempted(
+    attempt: &Attempt,
+    scenario: Arc<genmanip_core::Scenario>,
+    resources: Resources,
+    settings: &CollectSettings,
+) -> Result<(Stage, Episode), LabError> {
+    let broke = |error: RolloutError| LabError::broken(format!("attempt {} broke", attempt.id()), error);
+    let planner = resources.planner;
+    let stage = Stage::open(scenario, resources.catalogue, planner.robot()).map_err(broke)?;
+    let mut expert =
+        Expert::new(&stage, planner, resources.grasps, settings.expert.clone()).map_err(|error| broke(error.into()))?;
+    let episode = run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout).map_err(broke)?;
+    Ok((stage, episode))
+}
+
+/// Stores an episode and its pictures as `collect` does, each part timed.
+fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuSeconds) -> Result<(), LabError> {
+    let not_drawn = |error: RolloutError| LabError::broken(format!("cannot draw {}", episode.result.id), error);
+    let mut clock = cpu_clock();
+    store.write(episode, &[]).map_err(broke)?;
+    cpu_s.write += clock();
+    let pictures = ImageSettings::default();
+    let camera = |name: &String| stage.camera(&CameraRequest::new(name, ImageChannels::RGBD));
+    let cameras = pictures.cameras.iter().map(camera).collect::<Result<Vec<_>, _>>().map_err(not_drawn)?;
+    let recorder = |camera| TrackRecorder::new(camera, pictures.fps, &pictures.video);
+    let mut tracks = cameras.iter().map(recorder).collect::<Result<Vec<_>, _>>().map_err(broke)?;
+    let mut clock = cpu_clock();
+    let mut painter = Painter::new(stage).map_err(not_drawn)?;
+    let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
+    let (_, stride) =
+        genmanip_data::export::sampling(episode.frames.len(), episode.result.control_rate_hz, pictures.fps)
+            .map_err(broke)?;
+    let mut since = 0.0;
+    let mut lap = |total: &mut f64| {
+        let now = clock();
+        *total += now - since;
+        since = now;
+    };
+    for frame in episode.frames.iter().step_by(stride) {
+        let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let images =
+            painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views).map_err(not_drawn)?;
+        lap(&mut cpu_s.render);
+        for (track, image) in tracks.iter_mut().zip(&images) {
+            track.push(image).map_err(broke)?;
+        }
+        lap(&mut cpu_s.encode);
+    }
+    let tracks: Vec<_> = tracks.into_iter().map(TrackRecorder::finish).collect::<Result<_, _>>().map_err(broke)?;
+    lap(&mut cpu_s.encode);
+    store.attach_tracks(&episode.result.id, &tracks).map_err(broke)?;
+    lap(&mut cpu_s.write);
+    Ok(())
+}
+
+fn broke(error: DataError) -> LabError {
+    let hint = error.hint().unwrap_or_else(|| "see that the disk is not full".into());
+    LabError::broken("the data could not be kept", error).with_hint(hint)
+}
+
+/// Size of all files below a folder.
+fn bytes_below(folder: &Path) -> u64 {
+    let mut folders: Vec<PathBuf> = vec![folder.into()];
+    let mut bytes = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            match entry.metadata() {
+                Ok(about) if about.is_dir() => folders.push(entry.path()),
+                Ok(about) => bytes += about.len(),
+                Err(_) => {}
+            }
+        }
+    }
+    bytes
+}
+
+/// The same in words.
+pub fn in_words(measured: &Measured) -> String {
+    let mut rows = vec![["what", "measured"].map(String::from).to_vec()];
+    let mut row = |what: &str, measured: String| rows.push(vec![what.into(), measured]);
+    row("verified episodes", measured.episodes.to_string());
+    row("frames at 60 Hz", measured.frames.to_string());
+    let CpuSeconds { simulate, render, encode, write } = measured.cpu_s;
+    for (what, seconds) in [("simulate", simulate), ("render", render), ("encode", encode), ("write", write)] {
+        row(&format!("{what}, processor time"), format!("{seconds:.1} s"));
+    }
+    row("colour and depth, per frame", format!("{:.1} kB", measured.bytes_per_rgbd_frame / 1e3));
+    row("encode, write and export, per frame", format!("{:.2} ms", measured.encode_and_write_ms_per_rgbd_frame));
+    for (format, seconds) in &measured.export_s {
+        row(&format!("export to {format}, processor time"), format!("{seconds:.2} s"));
+    }
+    for (action, success) in &measured.playback {
+        row(&format!("played back, {action} Hz"), format!("{:.1} %", 100.0 * success));
+    }
+    let missed = measured.missed.iter().map(|missed| {
+        let Missed { action, episode, why } = missed;
+        format!("\n{action}: {episode}: {why}")
+    });
+    text_table(&rows) + &missed.collect::<String>()
+}

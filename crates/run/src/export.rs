@@ -1,0 +1,129 @@
+//! Data sets of a run beside the one that `collect` writes: other actions, rates, cameras or formats.
+//!
+//! Pictures of another rate are drawn from the recorded states and kept in the store for the next export.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use genmanip_core::Episode;
+use genmanip_data::export::choice::action_name;
+use genmanip_data::lerobot::{self, ExportReport, LerobotSettings};
+use genmanip_data::{DataError, EpisodeStore, ExportSettings, Selection};
+use genmanip_rollout::collect::in_parallel;
+use genmanip_rollout::images::{self, ImageSettings};
+
+use crate::error::RunError;
+use crate::folder::RunFolder;
+use crate::progress::Progress;
+use crate::{inputs, replay};
+
+/// How a run is exported.
+#[derive(Clone, Debug)]
+pub struct ExportOptions {
+    /// What the rows hold; without cameras, pictures are left out.
+    pub rows: ExportSettings,
+    /// Whether failed attempts are exported too, labelled as such.
+    pub keep_failed: bool,
+    /// The data set; inside the run, in `exports/`, without.
+    pub out: Option<PathBuf>,
+    /// Threads that draw.
+    pub workers: usize,
+}
+
+/// Exports the verified episodes of a run as a LeRobot data set; `None` when it was told to stop before.
+///
+/// # Errors
+/// When there is no run, nothing to export, the target belongs to somebody else, or the disk refuses.
+pub fn export(
+    path: &Path,
+    options: &ExportOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<ExportReport>, RunError> {
+    let (folder, run) = RunFolder::open(path)?;
+    let store = folder.store()?;
+    let looks = run.settings.images.clone().unwrap_or_default();
+    let rows = ExportSettings {
+        depth: options.rows.depth && !options.rows.cameras.is_empty(),
+        is_varied: !looks.vary.is_empty(),
+        ..options.rows.clone()
+    };
+    let settings = LerobotSettings { export: rows, run: Some(run.hash()), ..LerobotSettings::default() };
+    let rows = &settings.export;
+    let name = format!("lerobot-{}-{}hz", action_name(&rows.action), rows.fps);
+    let target = options.out.clone().unwrap_or_else(|| folder.join("exports").join(name));
+    for target in [lerobot::depth_path(&target), target.clone()] {
+        lerobot::check_owner(&target, Some(&run.hash())).map_err(|error| {
+            let hint = "choose another --out, or move what is there away";
+            RunError::input("the data set has no place").because(error).with_hint(hint)
+        })?;
+    }
+    let selection = if options.keep_failed { Selection::Recorded } else { Selection::Verified };
+    let ids = selection.ids(&store).map_err(|error| RunError::broken("cannot read the episodes", error))?;
+    if ids.is_empty() {
+        return Err(RunError::input(format!("{} has no episode to export", path.display()))
+            .with_hint("collect some first; failed ones are exported with --keep-failed"));
+    }
+    let pictures = ImageSettings { cameras: rows.cameras.clone(), fps: rows.fps, ..looks };
+    draw_missing(&store, &ids, &pictures, options.workers, progress, stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let robot = inputs::robot(&run.settings.world)?;
+    let exported = lerobot::export(&store, &selection, &robot, &settings, &target).map_err(|error| {
+        let hint = error.hint().unwrap_or_else(|| "the episodes are safe; start again".into());
+        RunError::broken("cannot write the dataset", error).with_hint(hint)
+    })?;
+    for (id, why) in &exported.left_out {
+        progress.note(&format!("episode {id} is damaged and left out: {why}"));
+    }
+    Ok(Some(exported))
+}
+
+/// Draws the pictures that the store lacks, from the recorded states and in the looks of the run.
+fn draw_missing(
+    store: &EpisodeStore,
+    ids: &[String],
+    pictures: &ImageSettings,
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<(), RunError> {
+    let is_missing = |id: &&String| !store.has_tracks(id, pictures.fps, &pictures.cameras);
+    let missing: Vec<&String> = ids.iter().filter(is_missing).collect();
+    if pictures.cameras.is_empty() || missing.is_empty() {
+        return Ok(());
+    }
+    progress.begin("drawing", missing.len());
+    in_parallel(&missing, workers, stop, &|id| {
+        match store.read(id) {
+            Ok(episode) => draw(store, &episode, pictures)?,
+            // The export names it.
+            Err(error) if error.is_damage() => {}
+            Err(error) => return Err(replay::unreadable(id, error)),
+        }
+        progress.advance();
+        Ok::<_, RunError>(())
+    })?;
+    progress.end();
+    Ok(())
+}
+
+fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {
+    let id = &episode.result.id;
+    let known = episode.scenario.world.cameras.iter().map(|camera| camera.name.clone());
+    let known: Vec<String> = known.collect();
+    if let Some(unknown) = pictures.cameras.iter().find(|camera| !known.contains(camera)) {
+        let names: Vec<&str> = known.iter().map(String::as_str).collect();
+        return Err(RunError::unknown("camera", "cameras", unknown, &names));
+    }
+    // Those that are there are drawn again, since the tracks of a rate are kept together.
+    let is_wanted = |name: &String| {
+        pictures.cameras.contains(name) || store.has_tracks(id, pictures.fps, std::slice::from_ref(name))
+    };
+    let cameras = known.iter().filter(|name| is_wanted(name)).cloned().collect();
+    let failed = |error: DataError| RunError::broken(format!("cannot keep the pictures of {id}"), error);
+    let tracks = images::draw(&replay::stage(episode)?, episode, &ImageSettings { cameras, ..pictures.clone() })
+        .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
+    store.attach_tracks(id, &tracks).map_err(failed)
+}
