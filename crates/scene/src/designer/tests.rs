@@ -201,7 +201,7 @@ fn everything_has_words() {
 #[test]
 fn all_of_the_catalogue_is_used() {
     let all = Catalogue::full().cards();
-    let batch = design_many(&TaskKind::ALL, 480, all, Seed::new(12), &DesignSettings::default()).unwrap();
+    let batch = design_many(&TaskKind::ALL, 600, all, Seed::new(12), &DesignSettings::default()).unwrap();
     let used: BTreeSet<&str> =
         batch.tasks.iter().flat_map(|task| &task.objects).map(|card| card.category.as_str()).collect();
     let families = genmanip_assets::listed::listed().iter().map(|one| one.card.category.as_str());
