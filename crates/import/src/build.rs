@@ -268,13 +268,11 @@ fn card(
         format!("{:.0} mm at its narrowest, {mass_kg:.2} kg", narrow * 1e3),
     ));
     let shape = words::shape(size, rigid, cavity.is_some());
-    let color = colors.first().cloned().unwrap_or_else(|| "grey".into());
-    let height = (size.max_element() * 100.0).round();
     ObjectCard {
         uid: format!("{}-{}", words::slug(name), &hash[..hash.len().min(6)]),
         asset: AssetRef::Imported { hash: hash.to_owned() },
         name: name.to_owned(),
-        description: format!("An imported {color} {}, {shape}, {height} cm long.", category),
+        description: words::description(&category, &colors, &shape, size),
         general_category: prior.map_or_else(|| "imported".into(), |prior| prior.general_category.clone()),
         category,
         colors,

@@ -1,5 +1,6 @@
 //! What things of a name usually measure and weigh: the medians of the objects of the catalogue of that category.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
@@ -25,12 +26,12 @@ pub struct Prior {
     pub materials: Vec<String>,
     /// What can be done with it.
     pub affordances: Vec<String>,
-    /// Words that name the category besides its own.
+    /// Words that name the category besides its own, the usual one first.
     synonyms: Vec<String>,
 }
 
-/// The category whose words a name holds: the one of most words, then of the last word, then by its own name rather
-/// than by a synonym, then first by name.
+/// The category whose words a name holds: the one of most words, then of the last word, then by its own name or the synonym
+/// that it is called by most, then first by name.
 pub fn of_name(name: &str) -> Option<&'static Prior> {
     let words: Vec<String> = name.to_lowercase().split(|c: char| !c.is_alphanumeric()).map(singular).collect();
     let last = words.iter().rposition(|word| word.chars().any(char::is_alphabetic));
@@ -43,14 +44,14 @@ pub fn of_name(name: &str) -> Option<&'static Prior> {
                 let ends = last.is_some_and(|last| phrase.last() == Some(&words[last]));
                 fits.then_some((phrase.len(), ends))
             })
-            .zip(std::iter::once(true).chain(std::iter::repeat(false)))
-            .filter_map(|(found, is_own)| found.map(|(words, ends)| (words, ends, is_own)))
+            .enumerate()
+            .filter_map(|(place, found)| found.map(|(words, ends)| (words, ends, Reverse(place))))
             .max()
     };
     let ranked = priors().iter().filter_map(|prior| Some((rank(prior)?, prior)));
     // Of several with one rank the first by name is kept.
     ranked
-        .fold(None, |best: Option<((usize, bool, bool), &Prior)>, one| match best {
+        .fold(None, |best: Option<((usize, bool, Reverse<usize>), &Prior)>, one| match best {
             Some(kept) if kept.0 >= one.0 => Some(kept),
             _ => Some(one),
         })
@@ -98,8 +99,15 @@ mod tests {
 
     #[test]
     fn names_find_their_category() {
-        for (name, category) in [("mug", "mug"), ("Bananas", "banana"), ("old red mug 3", "mug"), ("Hammer", "hammer")]
-        {
+        let named = [
+            ("mug", "mug"),
+            ("Bananas", "banana"),
+            ("old red mug 3", "mug"),
+            ("Hammer", "hammer"),
+            // A tube of crisps is called a can last of all.
+            ("Can", "food tin"),
+        ];
+        for (name, category) in named {
             assert_eq!(of_name(name).map(|prior| prior.category.as_str()), Some(category), "{name}");
         }
         assert_eq!(of_name("xqzw 17"), None);

@@ -57,13 +57,16 @@ pub fn name(path: &str, said: &str) -> String {
     let mut parts: Vec<&str> = path.split('/').collect();
     let file = parts.pop().unwrap_or_default();
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
-    let says_something =
-        |part: &&str| !EMPTY.contains(&part.to_lowercase().as_str()) && part.chars().any(char::is_alphabetic);
+    let says_something = |part: &&str| !is_empty(part) && part.chars().any(char::is_alphabetic);
     let candidates = [stem, said].into_iter().chain(parts.into_iter().rev());
     title(candidates.into_iter().find(says_something).unwrap_or("thing"))
 }
 
-/// Words with a capital each; numbers in front, as of YCB, and file-like signs are left out.
+fn is_empty(word: &str) -> bool {
+    EMPTY.contains(&word.to_lowercase().as_str())
+}
+
+/// Words with a capital each; numbers in front, as of YCB, words that say nothing, and file-like signs are left out.
 pub fn title(text: &str) -> String {
     let mut spaced = String::new();
     let mut before = ' ';
@@ -77,6 +80,9 @@ pub fn title(text: &str) -> String {
     let mut words: Vec<String> = spaced.split_whitespace().map(str::to_owned).collect();
     while words.len() > 1 && words[0].chars().next().is_some_and(char::is_numeric) {
         words.remove(0);
+    }
+    if words.iter().any(|word| !is_empty(word)) {
+        words.retain(|word| !is_empty(word));
     }
     let capital = |word: &String| {
         let mut letters = word.chars();
@@ -161,6 +167,31 @@ pub fn color_word(color: [f32; 3]) -> &'static str {
     }
 }
 
+/// One sentence about an object: `An imported red and white box-shaped tea box, 8 cm tall.`
+pub fn description(noun: &str, colors: &[String], shape: &str, size: DVec3) -> String {
+    let colors = if colors.is_empty() { "grey".to_owned() } else { colors.join(" and ") };
+    let shape = match shape {
+        // What is neither long nor flat nor tall is not worth a word.
+        "compact" => String::new(),
+        "box" if noun.contains("box") => String::new(),
+        "box" => "box-shaped ".into(),
+        "cylinder" => "cylindrical ".into(),
+        other if noun.contains(other) => String::new(),
+        other => format!("{other} "),
+    };
+    let wide = size.x.max(size.y);
+    let (longest, way) = match () {
+        () if size.z > wide => (size.z, "tall"),
+        () if wide > 1.5 * size.x.min(size.y) => (wide, "long"),
+        () => (wide, "wide"),
+    };
+    let millimetres = (longest * 1e3).round();
+    if millimetres < 100.0 {
+        return format!("An imported {colors} {shape}{noun}, {millimetres} mm {way}.");
+    }
+    format!("An imported {colors} {shape}{noun}, {} cm {way}.", (longest * 100.0).round())
+}
+
 /// The shape in a word or two.
 pub fn shape(size: DVec3, pieces: &[Piece], is_hollow: bool) -> String {
     if let [piece] = pieces {
@@ -190,6 +221,8 @@ mod tests {
         for (path, said, expected) in [
             ("ycb/002_master_chef_can/google_16k/textured.obj", "", "Master Chef Can"),
             ("can.xml", "", "Can"),
+            ("can-visual.xml", "", "Can"),
+            ("base_link.stl", "", "Link"),
             ("partnet/45132/mobility.urdf", "StorageFurniture", "StorageFurniture"),
             ("a/redMug-3.glb", "", "Red Mug 3"),
             ("model.obj", "", "Thing"),
@@ -197,6 +230,32 @@ mod tests {
             assert_eq!(name(path, said).replace(' ', ""), expected.replace(' ', ""), "{path}");
         }
         assert_eq!(slug("Master Chef Can/#"), "master-chef-can");
+    }
+
+    #[test]
+    fn descriptions_are_sentences() {
+        for (noun, colors, shape, size, expected) in [
+            (
+                "food tin",
+                &["red"][..],
+                "cylinder",
+                [0.05, 0.05, 0.08],
+                "An imported red cylindrical food tin, 80 mm tall.",
+            ),
+            (
+                "cereal box",
+                &["orange", "white"],
+                "box",
+                [0.1, 0.03, 0.15],
+                "An imported orange and white cereal box, 15 cm tall.",
+            ),
+            ("hammer", &[], "long", [0.35, 0.1, 0.07], "An imported grey long hammer, 35 cm long."),
+            ("mug", &["white"], "hollow", [0.08, 0.07, 0.066], "An imported white hollow mug, 80 mm wide."),
+            ("ball", &["black"], "round", [0.05, 0.05, 0.05], "An imported black round ball, 50 mm wide."),
+        ] {
+            let colors: Vec<String> = colors.iter().map(|color| (*color).to_owned()).collect();
+            assert_eq!(description(noun, &colors, shape, DVec3::from_array(size)), expected);
+        }
     }
 
     #[test]

@@ -22,8 +22,10 @@ const PIXELS: [u32; 2] = [16, 1024];
 const ROUGHNESS: [f32; 2] = [0.02, 1.0];
 /// Reflectance at normal incidence of what is no metal; 0.02 is water, 0.17 is diamond.
 const REFLECTANCE: [f64; 2] = [0.02, 0.17];
-/// Factor by which the mean density of a category may differ between sources.
-const SOURCES_APART: f64 = 3.0;
+/// What is compared between sources, with the factor by which the means of one category may differ; chosen: bread is three
+/// times as dense as other bread at most, and a thing twice as large is another thing.
+const COMPARED: [(&str, &str, f64); 4] =
+    [("density", " kg/m³", 3.0), ("longest side", " m", 2.5), ("friction", "", 2.0), ("roughness", "", 4.0)];
 
 /// Something implausible.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -38,7 +40,12 @@ pub struct Finding {
     pub got: String,
     /// What is plausible.
     pub expected: String,
+    /// Uids of the objects that show it, one of each source where sources differ.
+    pub shown_by: Vec<String>,
 }
+
+/// What is compared of an object, in the order of [`COMPARED`].
+type Measures = [f64; COMPARED.len()];
 
 /// Looks at every object of a catalogue.
 ///
@@ -46,31 +53,61 @@ pub struct Finding {
 /// When an object cannot be built.
 pub fn audit(catalogue: &Catalogue, progress: &dyn Progress) -> Result<Vec<Finding>, RunError> {
     let mut findings = Vec::new();
-    // By category: densities of built-in and of other objects.
-    let mut densities: BTreeMap<&str, [Vec<f64>; 2]> = BTreeMap::new();
+    // By category and source: uids with what is measured of them.
+    let mut measured: BTreeMap<&str, BTreeMap<String, Vec<(&str, Measures)>>> = BTreeMap::new();
     progress.begin("auditing", catalogue.cards().len());
     for card in catalogue.cards() {
         let model = assets::model(catalogue, &card.uid)?;
         findings.extend(of_object(&model));
-        let source = usize::from(!matches!(card.asset, AssetRef::Builtin { .. }));
-        densities.entry(&card.category).or_default()[source].push(density(&model));
+        let of_source = measured.entry(&card.category).or_default().entry(source(&card.asset)).or_default();
+        of_source.push((&card.uid, measures(&model)));
         progress.advance();
     }
     progress.end();
-    for (category, sources) in &densities {
-        let mean = |values: &Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
-        let [own, other] = [mean(&sources[0]), mean(&sources[1])];
-        if own > 0.0 && other > 0.0 && (own / other).max(other / own) > SOURCES_APART {
-            findings.push(Finding {
-                uid: (*category).to_owned(),
-                name: format!("all of category {category}"),
-                what: "mean density of built-in and of other objects".into(),
-                got: format!("{own:.0} and {other:.0} kg/m³"),
-                expected: format!("less than {SOURCES_APART} times apart"),
-            });
-        }
-    }
+    findings.extend(measured.iter().flat_map(|(category, sources)| between_sources(category, sources)));
     Ok(findings)
+}
+
+/// Where objects come from: by hand, from families, or a pack.
+fn source(asset: &AssetRef) -> String {
+    match asset {
+        AssetRef::Builtin { .. } => "made by hand".into(),
+        AssetRef::Generated { .. } => "families".into(),
+        AssetRef::Imported { .. } => "imported".into(),
+    }
+}
+
+/// In what the objects of one category differ between sources: of each quantity the two sources that are farthest apart.
+fn between_sources(category: &str, sources: &BTreeMap<String, Vec<(&str, Measures)>>) -> Vec<Finding> {
+    let compare = |(quantity, (what, unit, factor)): (usize, &(&str, &str, f64))| {
+        let mean = |(source, objects): (&String, &Vec<(&str, Measures)>)| {
+            let mean = objects.iter().map(|(_, measures)| measures[quantity]).sum::<f64>() / objects.len() as f64;
+            // The one that is most like its source stands for it.
+            let off = |measures: &Measures| (measures[quantity] - mean).abs();
+            let typical = objects.iter().min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)))?.0;
+            Some((source.clone(), mean, typical.to_owned()))
+        };
+        let mut means: Vec<_> = sources.iter().filter_map(mean).filter(|(_, mean, _)| *mean > 0.0).collect();
+        means.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let ((low, least, small), (high, most, large)) = (means.first()?, means.last()?);
+        (most / least > *factor).then(|| Finding {
+            uid: category.to_owned(),
+            name: format!("all of category {category}"),
+            what: format!("mean {what} of {low} and {high}"),
+            got: format!("{least:.3} and {most:.3}{unit}"),
+            expected: format!("at most {factor} times apart"),
+            shown_by: vec![small.clone(), large.clone()],
+        })
+    };
+    COMPARED.iter().enumerate().filter_map(compare).collect()
+}
+
+/// Density (kg/m³), longest side (m), friction, and mean roughness of the drawn parts.
+fn measures(model: &ObjectModel) -> Measures {
+    let parts: Vec<f64> =
+        model.links.iter().flat_map(|link| &link.visual).map(|part| part.material.roughness.into()).collect();
+    let roughness = parts.iter().sum::<f64>() / parts.len().max(1) as f64;
+    [density(model), model.card.size_m.max_element(), model.friction, roughness]
 }
 
 /// What is implausible about one object.
@@ -84,6 +121,7 @@ pub fn of_object(model: &ObjectModel) -> Vec<Finding> {
                 what: what.to_owned(),
                 got: format!("{got:.3}{unit}"),
                 expected: format!("{low} to {high}{unit}"),
+                shown_by: vec![model.card.uid.clone()],
             });
         }
     };
@@ -110,4 +148,38 @@ pub fn of_object(model: &ObjectModel) -> Vec<Finding> {
 fn density(model: &ObjectModel) -> f64 {
     let volume: f64 = model.links.iter().flat_map(|link| &link.pieces).map(piece_volume).sum();
     model.card.mass_kg / volume.max(1e-9)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_that_differ_are_found_with_an_object_of_each() {
+        let objects = |density: f64| vec![("odd", [9.0 * density, 0.1, 0.5, 0.5]), ("usual", [density, 0.1, 0.5, 0.5])];
+        let sources =
+            |other: f64| BTreeMap::from([("families".into(), objects(100.0)), ("imported".into(), objects(other))]);
+        assert_eq!(between_sources("mug", &sources(250.0)), Vec::new());
+        let found = between_sources("mug", &sources(350.0));
+        let [finding] = &found[..] else { panic!("{found:?}") };
+        assert_eq!(finding.what, "mean density of families and imported");
+        assert_eq!(finding.got, "500.000 and 1750.000 kg/m³");
+        assert_eq!(finding.shown_by.len(), 2);
+        let alone = BTreeMap::from([("families".to_owned(), objects(100.0))]);
+        assert_eq!(between_sources("mug", &alone), Vec::new());
+    }
+
+    #[test]
+    fn what_is_implausible_about_an_object_is_named() {
+        let model = genmanip_assets::Catalogue::builtin().build("001").unwrap();
+        assert_eq!(of_object(&model), Vec::new());
+        let mut heavy = (*model).clone();
+        heavy.card.mass_kg *= 100.0;
+        heavy.friction = 0.01;
+        heavy.links[0].visual[0].material.roughness = 0.0;
+        let found = of_object(&heavy);
+        let quantities: Vec<&str> = found.iter().map(|finding| finding.what.split(' ').next().unwrap()).collect();
+        assert_eq!(quantities, ["density", "friction", "roughness"], "{found:?}");
+        assert!(found.iter().all(|finding| finding.shown_by == ["001"]));
+    }
 }

@@ -91,7 +91,7 @@ pub fn layout_picture(scenario: &Scenario, catalogue: &dyn AssetSource) -> Resul
     let edges = scenario.task.scene_graph.edges.iter();
     Ok(LayoutPicture {
         workspace: scenario.world.workspace,
-        footprints: footprints(&scenario.objects, &scenario.world, catalogue)?,
+        footprints: footprints(&scenario.id, &scenario.objects, &scenario.world, catalogue)?,
         edges: edges.map(|edge| DrawnEdge { edge: edge.clone(), role: EdgeRole::Initial }).collect(),
         reach_m: reach_m(&scenario.world),
         windows: Vec::new(),
@@ -144,7 +144,7 @@ pub fn explained_refusal(
     let edges = task.scene_graph.edges.iter();
     let picture = LayoutPicture {
         workspace: world.workspace,
-        footprints: footprints(&placed, world, catalogue)?,
+        footprints: footprints(&task.id, &placed, world, catalogue)?,
         edges: edges.map(|edge| DrawnEdge { role: role(&edge.atom()), edge: edge.clone() }).collect(),
         reach_m: reach_m(world),
         windows,
@@ -158,17 +158,19 @@ fn reach_m(world: &World) -> Vec<f64> {
     robot.and_then(|robot| robot.reach).map(|reach| reach.max_m).into_iter().collect()
 }
 
-/// Objects, and the support surfaces other than the table, seen from above.
+/// Objects of a scenario or task, and the support surfaces other than the table, seen from above.
 fn footprints(
+    of: &str,
     objects: &[PlacedObject],
     world: &World,
     catalogue: &dyn AssetSource,
 ) -> Result<Vec<Footprint>, RunError> {
     let mut shapes = ShapeCache::default();
     let footprint = |placed: &PlacedObject| {
-        let model = catalogue
-            .instance(placed)
-            .map_err(|error| RunError::broken(format!("cannot draw object {}", placed.id), error))?;
+        let model = catalogue.instance(placed).map_err(|error| {
+            RunError::broken(format!("cannot draw object {} of {of}", placed.id), error)
+                .with_hint("objects that were imported are in packs: name their folder with --packs")
+        })?;
         let color = model.card.colors.first().map_or([128; 3], |word| color_of_word(word));
         let name = model.card.name.clone();
         let object = PosedObject {

@@ -88,7 +88,7 @@ pub struct SheetArguments {
     /// Picture to write, PNG or JPEG
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Draw new objects of this family instead; `all` for each in turn
+    /// Draw new objects of this family instead; `all` for each in turn, `random` for families drawn by the seed
     #[arg(long, value_name = "NAME")]
     pub family: Option<String>,
     /// Take the families from the data files of this folder
@@ -124,6 +124,9 @@ pub struct ExportAssetArguments {
 /// Arguments of `assets audit`.
 #[derive(Debug, Args)]
 pub struct AuditArguments {
+    /// Contact sheet of what was found to write, PNG or JPEG: the objects in the order of the findings
+    #[arg(long, value_name = "FILE")]
+    pub sheet: Option<PathBuf>,
     /// Which objects there are
     #[command(flatten)]
     pub catalog: CatalogArguments,

@@ -6,14 +6,15 @@ use std::sync::Arc;
 use genmanip_assets::listed::{choose, to_text};
 use genmanip_assets::notes::{geometry_notes, notes};
 use genmanip_assets::search::Filter;
-use genmanip_assets::{Catalogue, Families, GraspLibrary, panda};
+use genmanip_assets::{Catalogue, Families, Family, GraspLibrary, panda};
 use genmanip_bench::text_table;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed};
 use genmanip_import::Given;
 use genmanip_import::raw::Up;
+use genmanip_run::audit::{self, Finding};
 use genmanip_run::packs::{self, ImportRow, ImportSettings};
-use genmanip_run::{Progress, RunError, assets, audit, inputs};
+use genmanip_run::{Progress, RunError, assets, inputs};
 use serde_json::json;
 
 use crate::args::{
@@ -25,8 +26,10 @@ use crate::printer::Printer;
 
 /// Most objects that a search names unless asked otherwise.
 const FOUND: usize = 20;
-/// Pixels per side of the views of `show`.
+/// Pixels per side of the views of `show` and `audit`.
 const VIEW_PX: u32 = 320;
+/// Pictures per row of the sheet of `audit`.
+const AUDITED_COLUMNS: usize = 6;
 
 pub fn run(command: &AssetsCommand, packs: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
@@ -162,7 +165,7 @@ fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Fa
     let columns = arguments.columns.min(models.len());
     let place = |(index, model): (usize, &Arc<ObjectModel>)| {
         json!({"row": index / columns + 1, "column": index % columns + 1, "uid": model.card.uid, "name": model.card.name,
-               "description": model.card.description})
+               "description": model.card.description, "accepted_names": notes(&model.card).accepted_names})
     };
     let rows: Vec<_> = models.iter().enumerate().map(place).collect();
     let line = |row: &serde_json::Value| {
@@ -174,18 +177,24 @@ fn sheet(arguments: &SheetArguments, printer: &Printer) -> Result<ExitStatus, Fa
     Ok(ExitStatus::Done)
 }
 
-/// Objects of consecutive seeds of a family, or of each.
+/// Objects of consecutive seeds of a family, or of each; or of families and seeds that are drawn by chance.
 fn new_objects(families: &Families, name: &str, seed: u64, count: usize) -> Result<Vec<Arc<ObjectModel>>, Failed> {
     let wanted = families.all().filter(|family| name == "all" || family.family == name).collect::<Vec<_>>();
-    let mut models = Vec::new();
-    for family in &wanted {
-        for seed in (seed..seed + count as u64).map(Seed::new) {
-            let model = families.instance(&family.family, &std::collections::BTreeMap::new(), seed);
-            let broken = |error| Failed::because(format!("{} {} cannot be made", family.family, seed.value()), &error);
-            models.push(Arc::new(model.map_err(broken)?));
-        }
-    }
-    if wanted.is_empty() {
+    let consecutive = || (seed..seed + count as u64).map(Seed::new);
+    let instances: Vec<(&Family, Seed)> = if name == "random" {
+        let all: Vec<&Family> = families.all().collect();
+        let drawn = (0..count as u64).map(|index| Seed::new(seed).fork("sheet").fork_index(index));
+        drawn.map(|drawn| (all[(drawn.value() % all.len() as u64) as usize], drawn.fork("object"))).collect()
+    } else {
+        wanted.iter().flat_map(|family| consecutive().map(|seed| (*family, seed))).collect()
+    };
+    let make = |(family, seed): &(&Family, Seed)| {
+        let model = families.instance(&family.family, &std::collections::BTreeMap::new(), *seed);
+        let broken = |error| Failed::because(format!("{} {} cannot be made", family.family, seed.value()), &error);
+        model.map(Arc::new).map_err(broken)
+    };
+    let models = instances.iter().map(make).collect::<Result<Vec<_>, _>>()?;
+    if models.is_empty() {
         let known: Vec<&str> = families.all().map(|family| family.family.as_str()).collect();
         return Err(Failed::new(format!("there is no family `{name}`")).hint(format!("there are {}", known.join(", "))));
     }
@@ -244,12 +253,17 @@ fn export(arguments: &ExportAssetArguments, printer: &Printer) -> Result<ExitSta
 }
 
 fn audit(arguments: &AuditArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let findings = audit::audit(catalogue(&arguments.catalog.catalog), printer)?;
-    let mut rows = vec![["uid", "name", "what", "got", "expected"].map(String::from).to_vec()];
-    for finding in &findings {
-        rows.push(
-            [&finding.uid, &finding.name, &finding.what, &finding.got, &finding.expected].map(String::clone).to_vec(),
-        );
+    let catalogue = catalogue(&arguments.catalog.catalog);
+    let findings = audit::audit(catalogue, printer)?;
+    if let Some(path) = arguments.sheet.as_deref().filter(|_| !findings.is_empty()) {
+        let uids = findings.iter().flat_map(|finding| &finding.shown_by);
+        let models: Vec<_> = uids.map(|uid| assets::model(catalogue, uid)).collect::<Result<_, _>>()?;
+        inputs::write_file(path, &assets::sheet(&models, AUDITED_COLUMNS, VIEW_PX, path, printer)?)?;
+        printer.say(format!("wrote {}", path.display()));
+    }
+    let mut rows = vec![["uid", "name", "what", "got", "expected", "shown by"].map(String::from).to_vec()];
+    for Finding { uid, name, what, got, expected, shown_by } in &findings {
+        rows.push([uid, name, what, got, expected, &shown_by.join(", ")].map(String::clone).to_vec());
     }
     let text = if findings.is_empty() { "nothing implausible\n".to_owned() } else { text_table(&rows) };
     printer.data(&findings, &text);

@@ -1,8 +1,9 @@
-//! Objects from files: into a pack, into tasks and layouts, and what is said when the pack is not there.
+//! Objects from files: into a pack, into tasks, layouts, demonstrations, evaluations and reports, and what is said when
+//! the pack is not there.
 
 use std::fs;
 
-use crate::{genmanip, program};
+use crate::{QUICK, genmanip, program};
 
 /// A box standing on z = 0, metres.
 fn cuboid([x, y, z]: [f64; 3]) -> String {
@@ -12,7 +13,7 @@ fn cuboid([x, y, z]: [f64; 3]) -> String {
 }
 
 #[test]
-fn imported_objects_take_part_in_tasks_and_layouts() {
+fn imported_objects_take_part_from_tasks_to_reports() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
     for (name, size) in
@@ -60,6 +61,15 @@ fn imported_objects_take_part_in_tasks_and_layouts() {
     assert_eq!(genmanip(here, &new).code, Some(0));
     let laid_out = genmanip(here, &["layout", "tasks", "--count", "1", "--out", "scenarios"]);
     assert_eq!(laid_out.code, Some(0), "{laid_out:?}");
+    let collected = genmanip(here, &[&["collect", "tasks", "--out", "run"], &QUICK[..]].concat());
+    assert_eq!(collected.code, Some(0), "one attempt suffices for things that were tried: {collected:?}");
+    let evaluated = genmanip(here, &["evaluate", "run", "--policy", "expert", "--json"]).json(0);
+    assert_eq!(evaluated[0]["summary"]["success"]["value"], 1.0, "{evaluated}");
+    assert_eq!(genmanip(here, &["report", "run"]).code, Some(0));
+    let html = fs::read_to_string(here.join("run/report.html")).unwrap();
+    let named = ["Sponge", "Domino", "Eraser"].iter().filter(|name| html.contains(*name)).count();
+    assert!(named > 0 && html.contains("data:image/"), "the report shows none of the imported objects");
+
     fs::rename(here.join("packs"), here.join("elsewhere")).unwrap();
     genmanip(here, &["layout", "tasks", "--count", "1", "--out", "again"]).assert_refused(&["imported", "pack"]);
     let again = program(here, &["layout", "tasks", "--count", "1", "--out", "again"])

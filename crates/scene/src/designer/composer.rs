@@ -198,14 +198,10 @@ impl<'a> Composer<'a> {
 
     /// Adds an object in a place that tells it from another of its kind.
     fn add_placed(&mut self, card: &'a ObjectCard) -> Option<usize> {
-        let take_from = |host: &ObjectCard| {
-            things().host(host).is_some_and(|host| host.easy_to_take_from)
-                && things().may_carry(host, card, Relation::Top)
-        };
         match self.rng.random_range(0..10) {
             0..3 => self.add_between(card),
             3..5 if is_movable(card) => {
-                let host = self.pick(take_from)?;
+                let host = self.pick(|host| things().may_be_taken_from(host, card))?;
                 let host = self.add(host)?;
                 self.sketch.closed.push(host);
                 let relation = self.support_relation(host)?;

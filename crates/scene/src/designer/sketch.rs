@@ -185,7 +185,12 @@ impl<'a> Sketch<'a> {
         settings: &DesignSettings,
         rng: &mut impl Rng,
     ) -> Option<Rect> {
-        if self.carriers[anchor].is_some() || (relation == Relation::Back && swings(self.cards[anchor])) {
+        let hides = match relation {
+            Relation::Back => swings(self.cards[anchor]) || stands_before(card, self.cards[anchor]),
+            Relation::Front => stands_before(self.cards[anchor], card),
+            _ => false,
+        };
+        if self.carriers[anchor].is_some() || hides {
             return None;
         }
         let (half, place) = (half(card), self.places[anchor]);
@@ -281,6 +286,12 @@ fn half(card: &ObjectCard) -> DVec2 {
 
 fn swings(card: &ObjectCard) -> bool {
     card.is_articulated && card.is_container && card.size_m.z > 0.15
+}
+
+/// Whether something on the robot's side of a thing with joints would keep the hand from them: what is taller, or may stand
+/// open itself, as a chest whose lid is up before another one.
+fn stands_before(nearer: &ObjectCard, farther: &ObjectCard) -> bool {
+    farther.is_articulated && (nearer.is_articulated || nearer.size_m.z > farther.size_m.z)
 }
 
 fn around(middle: DVec2, half: DVec2, card: &ObjectCard) -> Rect {

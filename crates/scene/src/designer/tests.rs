@@ -233,6 +233,60 @@ fn things_go_where_they_belong() {
     }
 }
 
+/// What lies *in* something has more than half of its surface there.
+#[test]
+fn what_stands_out_of_a_hollow_is_not_put_in_it() {
+    let card = |uid: &str| Catalogue::full().cards().iter().find(|card| card.uid == uid).unwrap();
+    for (host, item, expected, why) in [
+        ("box-8", "yoghurt-cup-7", false, "89 mm tall, 79 mm deep"),
+        ("basket-9", "toilet-roll-8", false, "92 mm tall, 68 mm deep"),
+        ("basket-9", "torch-3", true, "45 mm tall, 68 mm deep"),
+        ("box-11", "yoghurt-cup-7", true, "89 mm tall, 91 mm deep"),
+    ] {
+        assert_eq!(things().may_carry(card(host), card(item), Relation::In), expected, "{item} in {host}: {why}");
+    }
+}
+
+/// What lies below the rim of a hollow that is too narrow for the hand is not asked for.
+#[test]
+fn things_are_taken_from_where_the_hand_gets_to() {
+    let card = |uid: &str| Catalogue::full().cards().iter().find(|card| card.uid == uid).unwrap();
+    let cases = [
+        ("box-11", "paint-brush-4", false, "75 mm below the rim, 154 by 199 mm inside"),
+        ("box-11", "die-7", false, "49 mm below it"),
+        ("box-11", "chess-piece-1", true, "14 mm below it"),
+        ("basket-3", "apple-6", true, "11 mm below it"),
+        ("basket-2", "cube-9", true, "54 mm below it, 184 by 234 mm inside"),
+        ("plate-1", "apple-6", true, "above it"),
+        ("coaster-1", "mug-1", false, "not one of those that things are taken from"),
+    ];
+    for (host, item, expected, why) in cases {
+        assert_eq!(things().may_be_taken_from(card(host), card(item)), expected, "{item} from {host}: {why}");
+    }
+}
+
+/// Nothing tall, and nothing that may stand open, is said to be on the robot's side of something with joints.
+#[test]
+fn the_hand_gets_to_joints() {
+    let settings = DesignSettings::default();
+    let batch = design_many(&[TaskKind::Articulated], 60, Catalogue::full().cards(), Seed::new(17), &settings).unwrap();
+    let mut pairs = 0;
+    for task in &batch.tasks {
+        for edge in &task.scene_graph.edges {
+            let (nearer, farther) = match edge.relation {
+                Relation::Back => (&edge.subject, &edge.reference),
+                Relation::Front => (&edge.reference, &edge.subject),
+                _ => continue,
+            };
+            let (nearer, farther) = (task.card(nearer).unwrap(), task.card(farther).unwrap());
+            pairs += usize::from(farther.is_articulated);
+            let is_clear = !nearer.is_articulated && nearer.size_m.z <= farther.size_m.z;
+            assert!(is_clear || !farther.is_articulated, "{}: {} before {}", task.id, nearer.name, farther.name);
+        }
+    }
+    assert!(pairs > 5, "only {pairs} things stand before one with joints");
+}
+
 #[test]
 fn too_few_objects_are_an_error_with_its_reasons() {
     let few: Vec<ObjectCard> = cards().iter().filter(|card| card.category == "mug").cloned().collect();

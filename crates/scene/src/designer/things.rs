@@ -17,6 +17,17 @@ const OVERHANG_M: f64 = 0.01;
 /// A hollow deeper than this keeps long things in; from a shallower one they may stick out, metres.
 const DEEP_M: f64 = 0.03;
 
+/// How far the top of what is held by its upper end may lie below the palm, metres: the palm of the Panda's hand is 37 mm
+/// behind the middle of its pads, which hold 10 mm below the top; 2 mm are kept clear.
+const PALM_M: f64 = 0.025;
+
+/// A hollow that the hand can go into, shorter and longer side, metres: the Panda's hand is 63 mm thick and 204 mm wide, and
+/// what lies beside a wall is still held in its middle.
+///
+/// Of 65 designed tasks that took something out of a box or a basket 73 % of the attempts succeeded; of the 37 that this and
+/// [`PALM_M`] leave, 96 % (71 of 74, `lab expert --tasks`, seeds 696021, 696031 and 696032).
+const ROOM_FOR_HAND_M: [f64; 2] = [0.18, 0.225];
+
 static THINGS: LazyLock<Things> = LazyLock::new(|| super::data(include_str!("../../data/designer/things.json")));
 
 /// The table.
@@ -140,10 +151,26 @@ impl Things {
     /// More than half of what lies *in* something is below its rim, also when it stands, and nothing lies across the rim.
     fn lies_inside(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
         host.annotations.room.is_some_and(|room| {
-            // At 1.36 a toilet roll had 48 % of its surface inside a basket; the judge wants more than half.
-            let is_low = item.size_m.z <= 1.2 * room.depth_m;
-            is_low && item.size_m.x.max(item.size_m.y) <= room.inside_m[0].max(room.inside_m[1])
+            let (height, wide) = (item.size_m.z, item.size_m.x.max(item.size_m.y));
+            // The judge wants more than half of the surface inside, and what touches the floor does not count. Of slender
+            // things the sides are most: a toilet roll of 1.36 times the depth had 48 %. Of squat ones the ends count as well: a
+            // yoghurt cup of 1.12 times the depth had 49 %, with its lid outside.
+            let is_low = height <= room.depth_m || (height <= 1.2 * room.depth_m && height >= 2.0 * wide);
+            is_low && wide <= room.inside_m[0].max(room.inside_m[1])
         })
+    }
+
+    /// Whether an object may lie in or on another for the hand to take it from there: the palm stays above the rim, or there
+    /// is room for the hand below it.
+    pub fn may_be_taken_from(&self, host: &ObjectCard, item: &ObjectCard) -> bool {
+        let within_reach = host.annotations.room.is_none_or(|room| {
+            let [one, other] = room.inside_m;
+            let [shorter, longer] = ROOM_FOR_HAND_M;
+            room.depth_m - item.size_m.z <= PALM_M || (one.min(other) >= shorter && one.max(other) >= longer)
+        });
+        self.host(host).is_some_and(|host| host.easy_to_take_from)
+            && within_reach
+            && self.may_carry(host, item, Relation::Top)
     }
 
     /// Whether what lies there can be seen from outside; a small thing at the bottom of a deep narrow hollow cannot.
