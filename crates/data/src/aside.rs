@@ -111,6 +111,12 @@ pub(crate) fn parent(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// Makes the folder that something shall lie in.
+pub(crate) fn make_parent(path: &Path) -> Result<(), DataError> {
+    let parent = parent(path);
+    fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))
+}
+
 fn sync_tree(folder: &Path) -> Result<(), DataError> {
     for name in names(folder)? {
         let path = folder.join(name);

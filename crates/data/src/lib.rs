@@ -30,9 +30,10 @@ pub mod store;
 mod table;
 pub mod video;
 mod yuv;
+pub mod zarr;
 
 pub use error::DataError;
-pub use export::{ExportSettings, Selection};
+pub use export::{ExportReport, ExportSettings, Selection};
 pub use images::{CameraTrack, ColorHistogram, TrackRecorder};
 pub use lerobot::LerobotSettings;
 pub use parts::{Inspected, Parts};

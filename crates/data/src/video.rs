@@ -8,9 +8,11 @@ mod tests;
 
 use genmanip_core::Document;
 use muxide::api::{MuxerBuilder, VideoCodec};
+use openh264::decoder::{Decoder, DecoderConfig, Flush};
 use openh264::encoder::{
     BitRate, Encoder, EncoderConfig, FrameRate, IntraFramePeriod, QpRange, RateControlMode, UsageType, VuiConfig,
 };
+use openh264::formats::YUVSource;
 use openh264::{OpenH264API, Timestamp};
 use serde::{Deserialize, Serialize};
 
@@ -131,6 +133,41 @@ impl EncodedVideo {
     /// Lengths of the frames, with which [`split`] finds them again.
     pub fn frame_bytes(&self) -> Vec<usize> {
         self.frames.iter().map(Vec::len).collect()
+    }
+}
+
+/// Decodes a video and hands each picture on: 8-bit sRGB, row by row.
+///
+/// # Errors
+/// When the decoder fails or returns another number of pictures, and those of `each`.
+pub fn decode(video: &EncodedVideo, each: &mut dyn FnMut(&[u8]) -> Result<(), DataError>) -> Result<(), DataError> {
+    let (width, height) = (video.width as usize, video.height as usize);
+    let config = DecoderConfig::new().flush_after_decode(Flush::NoFlush);
+    let mut decoder = Decoder::with_api_config(OpenH264API::from_source(), config).map_err(video_error)?;
+    let mut decoded = 0;
+    let mut hand_on = |image: &dyn YUVSource| {
+        decoded += 1;
+        if image.dimensions() != (width, height) {
+            return Err(DataError::mismatch(
+                "size of a picture",
+                format!("{:?}", (width, height)),
+                format!("{:?}", image.dimensions()),
+            ));
+        }
+        each(&yuv::to_rgb(image))
+    };
+    for frame in &video.frames {
+        if let Some(image) = decoder.decode(frame).map_err(video_error)? {
+            hand_on(&image)?;
+        }
+    }
+    for image in decoder.flush_remaining().map_err(video_error)? {
+        hand_on(&image)?;
+    }
+    if decoded == video.frames.len() {
+        Ok(())
+    } else {
+        Err(DataError::mismatch("pictures of a video", video.frames.len(), decoded))
     }
 }
 

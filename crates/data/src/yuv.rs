@@ -4,6 +4,8 @@
 //! the tags in the stream assume it; those that read the tags find it there, so both show the same colours.
 //! Y = 16..235, Cb and Cr = 16..240; chroma is the mean of 2×2 pixels; integer arithmetic, so every machine agrees.
 
+use openh264::formats::YUVSource;
+
 /// An image in three planes; width and height are even.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Yuv420 {
@@ -32,6 +34,25 @@ pub(crate) fn from_rgb(rgb: &[u8], width: usize, height: usize) -> Yuv420 {
     Yuv420 { width, height, y, u, v }
 }
 
+/// Converts back to 8-bit RGB, row by row; each chroma value holds for its 2×2 pixels.
+pub(crate) fn to_rgb(image: &dyn YUVSource) -> Vec<u8> {
+    let (width, height) = image.dimensions();
+    let (y_stride, u_stride, v_stride) = image.strides();
+    let mut rgb = Vec::with_capacity(width * height * 3);
+    for row in 0..height {
+        let y = &image.y()[row * y_stride..][..width];
+        let (u, v) = (&image.u()[row / 2 * u_stride..], &image.v()[row / 2 * v_stride..]);
+        for (column, luma) in y.iter().enumerate() {
+            let (cb, cr) = (i32::from(u[column / 2]) - 128, i32::from(v[column / 2]) - 128);
+            // Coefficients times 2^16: 255/219, and 255/224 · 2 (1 - k) of the inverse matrix.
+            let luma = 76_309 * (i32::from(*luma) - 16) + (1 << 15);
+            let channels = [luma + 104_597 * cr, luma - 25_675 * cb - 53_279 * cr, luma + 132_201 * cb];
+            rgb.extend(channels.map(|channel| to_byte(channel >> 16)));
+        }
+    }
+    rgb
+}
+
 /// Coefficients times 2^16: 219/255 · (0.299, 0.587, 0.114).
 fn luma([r, g, b]: [u8; 3]) -> u8 {
     let sum = 16_829 * i32::from(r) + 33_039 * i32::from(g) + 6_416 * i32::from(b);
@@ -47,7 +68,7 @@ fn to_byte(value: i32) -> u8 {
     u8::try_from(value.clamp(0, 255)).unwrap_or(u8::MAX)
 }
 
-impl openh264::formats::YUVSource for Yuv420 {
+impl YUVSource for Yuv420 {
     fn dimensions(&self) -> (usize, usize) {
         (self.width, self.height)
     }

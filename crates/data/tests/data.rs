@@ -12,8 +12,10 @@ use std::process::Command;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionSpace, Document, Failure, FailureCause, Pose, RotationEncoding};
 use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
-use genmanip_data::lerobot::{self, ExportReport, LerobotDataset};
-use genmanip_data::{Attachment, DataError, EpisodeStore, ExportSettings, LerobotSettings, Selection};
+use genmanip_data::lerobot::{self, LerobotDataset};
+use genmanip_data::{
+    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, zarr,
+};
 use serde_json::{Value, json};
 use synthetic::{attach_pictures, episode, picture, result, robot, scenario};
 
@@ -471,6 +473,44 @@ fn expectations(store: &EpisodeStore, folder: &Path) -> Value {
         first += rows;
     }
     json!({"frames": frames, "width": synthetic::WIDTH, "height": synthetic::HEIGHT})
+}
+
+/// One run in three formats, each read back by its own description: the same numbers, pictures, times and sentences.
+#[test]
+fn all_formats_hold_the_same() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    let path = |name: &str| folder.path().join(name);
+    for (number, (spec, cameras)) in [
+        (choice::action(ActionSpace::EeDelta, RotationEncoding::AxisAngle), vec!["static".to_owned(), "wrist".into()]),
+        (choice::action(ActionSpace::JointVelocity, RotationEncoding::SixD), vec!["wrist".into()]),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let rows = ExportSettings { action: spec, cameras: cameras.clone(), ..Default::default() };
+        let settings = LerobotSettings { export: rows.clone(), episodes_per_file: 2, ..Default::default() };
+        let [v30, v21, zarr] = ["v30", "v21", "zarr"].map(|name| path(&format!("{name}-{number}")));
+        let reports = [
+            export(&store, &v30, &settings).unwrap(),
+            lerobot::export_v21(&store, &Selection::Verified, &robot(), &settings, &v21).unwrap(),
+            zarr::export(&store, &Selection::Verified, &robot(), &rows, &zarr).unwrap(),
+        ];
+        assert!(reports.iter().all(|report| (report.episodes, report.frames) == (3, 12 + 15 + 10)), "{reports:?}");
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/compare_formats.py");
+        let output = Command::new(&python).arg(script).args([&v30, &v21, &zarr]).output().unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+        let compared: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let pictures = 37 * cameras.len();
+        assert_eq!((&compared["pictures"], &compared["depth"]), (&pictures.into(), &pictures.into()), "{compared}");
+
+        let again = zarr::export(&store, &Selection::Verified, &robot(), &rows, &zarr).unwrap_err();
+        assert!(matches!(again, DataError::Exists { .. }), "{again}");
+        let again = lerobot::export_v21(&store, &Selection::Verified, &robot(), &settings, &v21).unwrap_err();
+        assert!(matches!(again, DataError::Exists { .. }), "{again}");
+    }
 }
 
 /// The interpreter with pyarrow and av; CI must have one.

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_core::Episode;
 use genmanip_data::export::choice::action_name;
-use genmanip_data::lerobot::{self, ExportReport, LerobotSettings};
-use genmanip_data::{DataError, EpisodeStore, ExportSettings, Selection};
+use genmanip_data::lerobot::{self, LerobotSettings};
+use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection, zarr};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::images::{self, ImageSettings};
 
@@ -17,9 +17,26 @@ use crate::folder::RunFolder;
 use crate::progress::Progress;
 use crate::{inputs, replay};
 
+/// Formats by name.
+pub const FORMATS: [(&str, Format); 3] =
+    [("lerobot", Format::Lerobot), ("lerobot-v2.1", Format::LerobotV21), ("zarr", Format::Zarr)];
+
+/// A format of data sets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// LeRobotDataset v3.0.
+    Lerobot,
+    /// LeRobotDataset v2.1, with what GR00T and openpi read beside it; without depth.
+    LerobotV21,
+    /// zarr version 2, as Diffusion Policy's replay buffer reads it.
+    Zarr,
+}
+
 /// How a run is exported.
 #[derive(Clone, Debug)]
 pub struct ExportOptions {
+    /// What is written.
+    pub format: Format,
     /// What the rows hold; without cameras, pictures are left out.
     pub rows: ExportSettings,
     /// Whether failed attempts are exported too, labelled as such.
@@ -30,7 +47,7 @@ pub struct ExportOptions {
     pub workers: usize,
 }
 
-/// Exports the verified episodes of a run as a LeRobot data set; `None` when it was told to stop before.
+/// Exports the verified episodes of a run as a data set; `None` when it was told to stop before.
 ///
 /// # Errors
 /// When there is no run, nothing to export, the target belongs to somebody else, or the disk refuses.
@@ -50,7 +67,8 @@ pub fn export(
     };
     let settings = LerobotSettings { export: rows, run: Some(run.hash()), ..LerobotSettings::default() };
     let rows = &settings.export;
-    let name = format!("lerobot-{}-{}hz", action_name(&rows.action), rows.fps);
+    let format = FORMATS.iter().find(|(_, format)| *format == options.format).map_or("", |(name, _)| *name);
+    let name = format!("{format}-{}-{}hz", action_name(&rows.action), rows.fps);
     let target = options.out.clone().unwrap_or_else(|| folder.join("exports").join(name));
     for target in [lerobot::depth_path(&target), target.clone()] {
         lerobot::check_owner(&target, Some(&run.hash())).map_err(|error| {
@@ -70,7 +88,12 @@ pub fn export(
         return Ok(None);
     }
     let robot = inputs::robot(&run.settings.world)?;
-    let exported = lerobot::export(&store, &selection, &robot, &settings, &target).map_err(|error| {
+    let exported = match options.format {
+        Format::Lerobot => lerobot::export(&store, &selection, &robot, &settings, &target),
+        Format::LerobotV21 => lerobot::export_v21(&store, &selection, &robot, &settings, &target),
+        Format::Zarr => zarr::export(&store, &selection, &robot, rows, &target),
+    };
+    let exported = exported.map_err(|error| {
         let hint = error.hint().unwrap_or_else(|| "the episodes are safe; start again".into());
         RunError::broken("cannot write the dataset", error).with_hint(hint)
     })?;

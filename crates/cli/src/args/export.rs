@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use genmanip_data::export::choice::{ACTIONS, ROTATIONS};
+use genmanip_run::export::FORMATS;
 
 use super::{parse_count, parse_fps};
 
@@ -16,7 +17,7 @@ pub struct ExportArguments {
     #[arg(value_name = "RUN|SCENARIO")]
     pub source: PathBuf,
     /// Format of the dataset
-    #[arg(long, value_name = "FORMAT", value_parser = ["lerobot"])]
+    #[arg(long, value_name = "FORMAT", value_parser = PossibleValuesParser::new(FORMATS.map(|(name, _)| name)))]
     pub to: Option<String>,
     /// The scenario as MuJoCo XML
     #[arg(long, conflicts_with = "dataset")]

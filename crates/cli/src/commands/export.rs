@@ -2,7 +2,7 @@
 
 use genmanip_data::ExportSettings;
 use genmanip_data::export::choice::{ACTIONS, ROTATIONS, action};
-use genmanip_run::export::{ExportOptions, export};
+use genmanip_run::export::{ExportOptions, FORMATS, export};
 use genmanip_run::inputs;
 
 use crate::args::{DatasetArguments, ExportArguments};
@@ -14,7 +14,9 @@ pub fn run(arguments: &ExportArguments, printer: &Printer) -> Result<ExitStatus,
         return mjcf(arguments, printer);
     }
     let dataset = &arguments.dataset;
+    let format = arguments.to.as_deref().and_then(|name| FORMATS.iter().find(|(known, _)| *known == name));
     let options = ExportOptions {
+        format: format.map_or(FORMATS[0].1, |(_, format)| *format),
         rows: rows(dataset)?,
         keep_failed: dataset.keep_failed,
         out: arguments.out.clone(),

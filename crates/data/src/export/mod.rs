@@ -7,6 +7,8 @@ pub(crate) mod facts;
 pub(crate) mod features;
 pub(crate) mod rows;
 
+use std::path::PathBuf;
+
 use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Between, Episode, RobotModel};
 use serde::{Deserialize, Serialize};
 
@@ -98,6 +100,21 @@ impl Selection {
         }
         Ok(selected)
     }
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ExportReport {
+    /// The data set.
+    pub dataset: PathBuf,
+    /// The depth data set.
+    pub depth_dataset: Option<PathBuf>,
+    /// Number of episodes.
+    pub episodes: usize,
+    /// Number of frames.
+    pub frames: usize,
+    /// Damaged episodes, which are not in it, with what is wrong.
+    pub left_out: Vec<(String, String)>,
 }
 
 /// One episode with what its cameras saw.

@@ -4,7 +4,7 @@ use super::LerobotSettings;
 use crate::export::action_in_words;
 
 /// The card of the main data set.
-pub(crate) fn color(name: &str, settings: &LerobotSettings) -> String {
+pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
     let depth = if settings.export.depth {
         format!("Depth images of the same frames are in the sibling data set `{name}-depth`.\n")
     } else {
@@ -18,7 +18,7 @@ pub(crate) fn color(name: &str, settings: &LerobotSettings) -> String {
     };
     format!(
         "{}# {name}\n\n\
-         Tabletop manipulation demonstrations, made in simulation by GenManip in Rust, in the LeRobotDataset v3.0 \
+         Tabletop manipulation demonstrations, made in simulation by GenManip in Rust, in the LeRobotDataset {version} \
          format.\n\
          Each episode was made by an expert that reads the simulator's state, and was verified after settling; \
          `success` in the episodes table says so.\n\n\

@@ -10,8 +10,11 @@ mod depth;
 mod episodes;
 mod features;
 mod info;
+mod ledger;
 mod reader;
+mod record;
 mod stats;
+mod v21;
 mod writer;
 
 use std::path::{Path, PathBuf};
@@ -20,10 +23,11 @@ use genmanip_core::limits;
 use genmanip_core::{Document, RobotModel, Upgrade};
 use serde::{Deserialize, Serialize};
 
-use crate::export::{ExportSettings, Exporter, Selection};
-use crate::{DataError, EpisodeStore, files};
+use crate::export::{ExportReport, ExportSettings, Exporter, Selection};
+use crate::{DataError, EpisodeStore, aside, files};
 
 pub use reader::{EpisodeRow, LerobotDataset};
+pub use v21::export_v21;
 
 /// Where a data set says how it was made.
 const SETTINGS: &str = "meta/lerobot_settings.json";
@@ -75,21 +79,6 @@ impl Document for LerobotSettings {
     });
 }
 
-/// What was written.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct ExportReport {
-    /// The data set.
-    pub dataset: PathBuf,
-    /// The depth data set.
-    pub depth_dataset: Option<PathBuf>,
-    /// Number of episodes.
-    pub episodes: usize,
-    /// Number of frames.
-    pub frames: usize,
-    /// Damaged episodes, which are not in it, with what is wrong.
-    pub left_out: Vec<(String, String)>,
-}
-
 /// Writes the selected episodes as a data set at `dataset` (and `<dataset>-depth`).
 ///
 /// `robot` names the joints and gives the end-effector pose of an action.
@@ -114,9 +103,7 @@ pub fn export(
     for target in [Some(dataset), depth_dataset.as_deref()].into_iter().flatten() {
         check_owner(target, settings.run.as_deref())?;
     }
-    if let Some(parent) = dataset.parent().filter(|parent| !parent.as_os_str().is_empty()) {
-        std::fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
-    }
+    aside::make_parent(dataset)?;
 
     let mut colors = writer::DatasetWriter::new(dataset, *episodes_per_file, export.fps, &robot.name)?;
     let mut depths = depth_dataset
@@ -134,7 +121,7 @@ pub fn export(
     let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let contract = exporter.contract();
     let depths = depths.map(|depths| depths.finish(&card::depth(&name), settings, None)).transpose()?;
-    let colors = colors.finish(&card::color(&name, settings), settings, Some(&contract))?;
+    let colors = colors.finish(&card::color(&name, settings, "v3.0"), settings, Some(&contract))?;
     if let Some(depths) = depths {
         depths.publish()?;
     }

@@ -1,34 +1,27 @@
 //! Writes one data set, episode by episode, in constant memory but for statistics and the videos of one file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use genmanip_core::limits;
 use genmanip_core::{ActionContract, Document};
 use serde_json::Value;
 
-use super::LerobotSettings;
 use super::episodes::{self, EpisodeEntry, VideoSpan};
-use super::features;
 use super::info::{self, FILES_PER_CHUNK};
-use super::stats::{Collected, Stats};
+use super::ledger::Ledger;
+use super::stats::Stats;
+use super::{LerobotSettings, features, record};
 use crate::aside::{self, Aside};
 use crate::export::EpisodeRows;
-use crate::export::features::{Feature, Values, VideoFeature};
+use crate::export::features::{Feature, VideoFeature};
 use crate::table::{Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, EpisodeStore, files, video};
 
 /// A data set under construction.
 pub(crate) struct DatasetWriter {
     aside: Aside,
-    fps: u32,
     robot: String,
     episodes_per_file: usize,
-    /// `features` of `info.json`, as the first episode has them; every other must have the same.
-    features: Option<Value>,
-    tasks: Vec<String>,
-    episodes: usize,
-    frames: usize,
-    collected: Collected,
+    ledger: Ledger,
     file: OpenFile,
 }
 
@@ -49,31 +42,24 @@ impl DatasetWriter {
         files::sweep(aside::parent(target))?;
         Ok(Self {
             aside: Aside::replacing(target)?,
-            fps,
             robot: robot.into(),
             episodes_per_file,
-            features: None,
-            tasks: Vec::new(),
-            episodes: 0,
-            frames: 0,
-            collected: Collected::default(),
+            ledger: Ledger::new(fps),
             file: OpenFile::default(),
         })
     }
 
     pub(crate) fn frames(&self) -> usize {
-        self.frames
+        self.ledger.frames
     }
 
     /// Appends an episode as one row group.
     pub(crate) fn push(&mut self, mut rows: EpisodeRows) -> Result<(), DataError> {
-        if self.episodes > 0 && self.episodes.is_multiple_of(self.episodes_per_file) {
+        let episodes = self.ledger.episodes;
+        if episodes > 0 && episodes.is_multiple_of(self.episodes_per_file) {
             self.close_file()?;
         }
-        let task = self.task_index(&rows.facts.instruction);
-        rows.features.extend(self.bookkeeping(rows.frames, task));
-        self.check_features(&rows)?;
-
+        self.ledger.admit(&mut rows)?;
         let batch = features::batch(&rows.images, &rows.features)?;
         if self.file.table.is_none() {
             self.file.table = Some(TableWriter::new(Path::new("data"), batch.schema(), Purpose::Dataset)?);
@@ -82,11 +68,7 @@ impl DatasetWriter {
             table.write(&batch)?;
         }
         let entry = self.entry(&rows);
-        for feature in &rows.features {
-            self.collected.add(feature);
-        }
         for video in rows.videos {
-            self.collected.add_colors(&video.key, &video.colors, rows.frames);
             match self.file.videos.iter_mut().find(|(key, _)| *key == video.key) {
                 Some((_, videos)) => videos.push(video.video),
                 None => self.file.videos.push((video.key, vec![video.video])),
@@ -94,21 +76,13 @@ impl DatasetWriter {
         }
         self.file.entries.push(entry);
         self.file.frames += rows.frames;
-        self.frames += rows.frames;
-        self.episodes += 1;
+        self.ledger.count(rows.frames);
         Ok(())
     }
 
     /// Carries the native record of an episode along.
     pub(crate) fn copy_record(&self, store: &EpisodeStore, id: &str) -> Result<(), DataError> {
-        let mark = self.aside.path("extras/record/store.json")?;
-        if !mark.exists() {
-            let text = files::read_own(&store.root().join("store.json"), limits::STORE_MARK)?;
-            aside::write_synced(&mark, &text)?;
-        }
-        let folder: PathBuf = self.aside.path(&format!("extras/record/{id}"))?;
-        std::fs::create_dir(&folder).map_err(DataError::io("create the folder", &folder))?;
-        store.copy_record(id, &folder)
+        record::copy(&self.aside, store, id)
     }
 
     /// Writes what describes the whole; a data set with actions has their contract.
@@ -119,18 +93,19 @@ impl DatasetWriter {
         contract: Option<&ActionContract>,
     ) -> Result<Finished, DataError> {
         self.close_file()?;
-        let features = self.features.take().unwrap_or_default();
+        let features = self.ledger.features.take().unwrap_or_default();
         let has_video = features.as_object().is_some_and(|all| all.values().any(|entry| entry["dtype"] == "video"));
-        let totals = info::Totals { episodes: self.episodes, frames: self.frames, tasks: self.tasks.len() };
-        let info = info::info(&self.robot, &totals, self.fps, features, has_video);
+        let totals =
+            info::Totals { episodes: self.ledger.episodes, frames: self.ledger.frames, tasks: self.ledger.tasks.len() };
+        let info = info::info(&self.robot, &totals, self.ledger.fps, features, has_video);
         self.write_json("meta/info.json", &info)?;
-        self.write_json("meta/stats.json", &self.collected.to_json())?;
+        self.write_json("meta/stats.json", &self.ledger.collected.to_json())?;
         self.write_json("meta/genmanip.json", &info::meaning(settings))?;
         self.aside.write(super::SETTINGS, settings.to_json().as_bytes())?;
         if let Some(contract) = contract {
             self.aside.write(super::CONTRACT, contract.to_json().as_bytes())?;
         }
-        self.aside.write("meta/tasks.parquet", &episodes::tasks_table(&self.tasks)?)?;
+        self.aside.write("meta/tasks.parquet", &episodes::tasks_table(&self.ledger.tasks)?)?;
         self.aside.write("README.md", info::card_with_info(card, &info).as_bytes())?;
         Ok(Finished(self.aside))
     }
@@ -150,8 +125,8 @@ impl DatasetWriter {
     }
 
     fn entry(&self, rows: &EpisodeRows) -> EpisodeEntry {
-        let number = self.episodes / self.episodes_per_file;
-        let time_s = |frames: usize| frames as f64 / f64::from(self.fps);
+        let number = self.ledger.episodes / self.episodes_per_file;
+        let time_s = |frames: usize| frames as f64 / f64::from(self.ledger.fps);
         let span = |video: &VideoFeature| VideoSpan {
             key: video.key.clone(),
             from_s: time_s(self.file.frames),
@@ -160,55 +135,14 @@ impl DatasetWriter {
         };
         let stats = |feature: &Feature| (feature.key.clone(), Stats::of_vectors(&feature.numbers(), feature.length()));
         EpisodeEntry {
-            episode: self.episodes,
+            episode: self.ledger.episodes,
             chunk: number / FILES_PER_CHUNK,
             file: number % FILES_PER_CHUNK,
-            from: self.frames,
+            from: self.ledger.frames,
             length: rows.frames,
             videos: rows.videos.iter().map(span).collect(),
             stats: rows.features.iter().map(stats).collect(),
             facts: rows.facts.clone(),
-        }
-    }
-
-    /// The five columns every data set has.
-    fn bookkeeping(&self, frames: usize, task: usize) -> Vec<Feature> {
-        let number = |value: usize| i64::try_from(value).unwrap_or(i64::MAX);
-        let repeated = |value: usize| Values::I64(vec![number(value); frames]);
-        let fps = f64::from(self.fps);
-        vec![
-            Feature::new("timestamp", &[], Values::F32((0..frames).map(|row| (row as f64 / fps) as f32).collect())),
-            Feature::new("frame_index", &[], Values::I64((0..frames).map(number).collect())),
-            Feature::new("episode_index", &[], repeated(self.episodes)),
-            Feature::new("index", &[], Values::I64((0..frames).map(|row| number(self.frames + row)).collect())),
-            Feature::new("task_index", &[], repeated(task)),
-        ]
-    }
-
-    fn task_index(&mut self, instruction: &str) -> usize {
-        if let Some(index) = self.tasks.iter().position(|task| task == instruction) {
-            return index;
-        }
-        self.tasks.push(instruction.into());
-        self.tasks.len() - 1
-    }
-
-    fn check_features(&mut self, rows: &EpisodeRows) -> Result<(), DataError> {
-        let mut described = serde_json::Map::new();
-        described.extend(rows.videos.iter().map(|video| (video.key.clone(), video.describe())));
-        described.extend(rows.images.iter().map(|image| (image.key.clone(), image.describe())));
-        described.extend(rows.features.iter().map(|feature| (feature.key.clone(), feature.describe())));
-        let described = Value::Object(described);
-        match &self.features {
-            Some(first) if *first != described => {
-                let what = format!("features of episode {}", rows.facts.result.id);
-                Err(DataError::mismatch(what, first, described))
-            }
-            Some(_) => Ok(()),
-            None => {
-                self.features = Some(described);
-                Ok(())
-            }
         }
     }
 

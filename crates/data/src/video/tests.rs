@@ -1,6 +1,3 @@
-use openh264::decoder::{Decoder, DecoderConfig, Flush};
-use openh264::formats::YUVSource;
-
 use super::*;
 
 const WIDTH: usize = 512;
@@ -52,6 +49,28 @@ fn decode_luma(video: &EncodedVideo) -> Vec<Vec<u8>> {
 fn psnr(a: &[u8], b: &[u8]) -> f64 {
     let squares: f64 = a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
     10.0 * (255.0_f64.powi(2) / (squares / a.len() as f64)).log10()
+}
+
+/// A picture comes back through encoder and decoder with its colours.
+#[test]
+fn decoded_pictures_have_the_colours_that_were_encoded() {
+    let video = encode(5, &VideoSettings::default());
+    let mut index = 0;
+    decode(&video, &mut |rgb| {
+        assert_eq!(rgb.len(), WIDTH * HEIGHT * 3);
+        for channel in 0..3 {
+            let far: u64 =
+                rgb.iter().zip(scene(index)).skip(channel).step_by(3).map(|(a, b)| u64::from(a.abs_diff(b))).sum();
+            let mean = far as f64 / (WIDTH * HEIGHT) as f64;
+            assert!(mean < 2.0, "frame {index}, channel {channel}: {mean} of 255 on average");
+        }
+        index += 1;
+        Ok(())
+    })
+    .unwrap();
+    assert_eq!(index, 5);
+    let cut = EncodedVideo { frames: video.frames[1..].to_vec(), ..video };
+    assert!(decode(&cut, &mut |_| Ok(())).is_err(), "the parameter sets are missing");
 }
 
 #[test]

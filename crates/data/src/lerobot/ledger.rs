@@ -1,0 +1,87 @@
+//! What every version of the format keeps while episodes come in: features, sentences, indices and statistics.
+
+use serde_json::Value;
+
+use super::stats::Collected;
+use crate::DataError;
+use crate::export::EpisodeRows;
+use crate::export::features::{Feature, Values};
+
+/// The account of a data set under construction.
+pub(crate) struct Ledger {
+    pub(crate) fps: u32,
+    /// `features` of `info.json`, as the first episode has them; every other must have the same.
+    pub(crate) features: Option<Value>,
+    pub(crate) tasks: Vec<String>,
+    /// Episodes and frames before the present one.
+    pub(crate) episodes: usize,
+    pub(crate) frames: usize,
+    pub(crate) collected: Collected,
+}
+
+impl Ledger {
+    pub(crate) fn new(fps: u32) -> Self {
+        Self { fps, features: None, tasks: Vec::new(), episodes: 0, frames: 0, collected: Collected::default() }
+    }
+
+    /// Gives the rows of the next episode their indices and takes their statistics.
+    pub(crate) fn admit(&mut self, rows: &mut EpisodeRows) -> Result<(), DataError> {
+        let task = self.task_index(&rows.facts.instruction);
+        rows.features.extend(self.bookkeeping(rows.frames, task));
+        self.check_features(rows)?;
+        for feature in &rows.features {
+            self.collected.add(feature);
+        }
+        for video in &rows.videos {
+            self.collected.add_colors(&video.key, &video.colors, rows.frames);
+        }
+        Ok(())
+    }
+
+    /// Counts an episode that was written.
+    pub(crate) fn count(&mut self, frames: usize) {
+        self.episodes += 1;
+        self.frames += frames;
+    }
+
+    /// The five columns every data set has.
+    fn bookkeeping(&self, frames: usize, task: usize) -> Vec<Feature> {
+        let number = |value: usize| i64::try_from(value).unwrap_or(i64::MAX);
+        let repeated = |value: usize| Values::I64(vec![number(value); frames]);
+        let fps = f64::from(self.fps);
+        vec![
+            Feature::new("timestamp", &[], Values::F32((0..frames).map(|row| (row as f64 / fps) as f32).collect())),
+            Feature::new("frame_index", &[], Values::I64((0..frames).map(number).collect())),
+            Feature::new("episode_index", &[], repeated(self.episodes)),
+            Feature::new("index", &[], Values::I64((0..frames).map(|row| number(self.frames + row)).collect())),
+            Feature::new("task_index", &[], repeated(task)),
+        ]
+    }
+
+    fn task_index(&mut self, instruction: &str) -> usize {
+        if let Some(index) = self.tasks.iter().position(|task| task == instruction) {
+            return index;
+        }
+        self.tasks.push(instruction.into());
+        self.tasks.len() - 1
+    }
+
+    fn check_features(&mut self, rows: &EpisodeRows) -> Result<(), DataError> {
+        let mut described = serde_json::Map::new();
+        described.extend(rows.videos.iter().map(|video| (video.key.clone(), video.describe())));
+        described.extend(rows.images.iter().map(|image| (image.key.clone(), image.describe())));
+        described.extend(rows.features.iter().map(|feature| (feature.key.clone(), feature.describe())));
+        let described = Value::Object(described);
+        match &self.features {
+            Some(first) if *first != described => {
+                let what = format!("features of episode {}", rows.facts.result.id);
+                Err(DataError::mismatch(what, first, described))
+            }
+            Some(_) => Ok(()),
+            None => {
+                self.features = Some(described);
+                Ok(())
+            }
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! LeRobotDataset v2.1 with `modality.json`, for readers of that version: GR00T, and openpi with its pinned library.
+//!
+//! ```text
+//! meta/info.json, tasks.jsonl, episodes.jsonl, episodes_stats.jsonl     as LeRobot 0.3 has them
+//! meta/stats.json                        statistics over all frames, quantiles included
+//! meta/modality.json                     which entries of state and action are what, as GR00T wants it
+//! norm_stats.json                        statistics of state and action, as openpi wants them
+//! data/chunk-000/episode_000000.parquet  one file per episode
+//! videos/chunk-000/KEY/episode_000000.mp4
+//! ```
+
+use std::path::Path;
+
+use genmanip_core::{ActionContract, ActionSpace, Document, RobotModel, RotationEncoding};
+use serde_json::{Value, json};
+
+use super::info::FILES_PER_CHUNK;
+use super::ledger::Ledger;
+use super::stats::Stats;
+use super::{CONTRACT, LerobotSettings, SETTINGS, card, check_owner, features, info, record};
+use crate::aside::{self, Aside};
+use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection};
+use crate::table::{Purpose, TableWriter};
+use crate::{DataError, EpisodeStore, files, video};
+
+/// Writes the selected episodes as a data set of version 2.1 at `dataset`; depth has no place in it.
+///
+/// # Errors
+/// As [`super::export`].
+pub fn export_v21(
+    store: &EpisodeStore,
+    selection: &Selection,
+    robot: &RobotModel,
+    settings: &LerobotSettings,
+    dataset: &Path,
+) -> Result<ExportReport, DataError> {
+    let rows = ExportSettings { depth: false, ..settings.export.clone() };
+    let settings = LerobotSettings { export: rows, ..settings.clone() };
+    let exporter = Exporter::new(store, selection, robot, &settings.export)?;
+    check_owner(dataset, settings.run.as_deref())?;
+    aside::make_parent(dataset)?;
+    files::sweep(aside::parent(dataset))?;
+    let mut writer = Writer {
+        aside: Aside::replacing(dataset)?,
+        ledger: Ledger::new(settings.export.fps),
+        episodes: String::new(),
+        statistics: String::new(),
+    };
+    let left_out = exporter.each(|source, rows| {
+        writer.push(rows)?;
+        if settings.record { record::copy(&writer.aside, store, &source.episode.result.id) } else { Ok(()) }
+    })?;
+    let frames = writer.ledger.frames;
+    writer.finish(dataset, robot, &settings, &exporter.contract())?;
+    let episodes = exporter.len() - left_out.len();
+    Ok(ExportReport { dataset: dataset.into(), depth_dataset: None, episodes, frames, left_out })
+}
+
+struct Writer {
+    aside: Aside,
+    ledger: Ledger,
+    /// `episodes.jsonl` and `episodes_stats.jsonl` so far.
+    episodes: String,
+    statistics: String,
+}
+
+impl Writer {
+    fn push(&mut self, mut rows: EpisodeRows) -> Result<(), DataError> {
+        self.ledger.admit(&mut rows)?;
+        let episode = self.ledger.episodes;
+        let chunk = episode / FILES_PER_CHUNK;
+        let name = format!("data/chunk-{chunk:03}/episode_{episode:06}.parquet");
+        let batch = features::batch(&rows.images, &rows.features)?;
+        let mut table = TableWriter::new(Path::new(&name), batch.schema(), Purpose::Dataset)?;
+        table.write(&batch)?;
+        self.aside.write(&name, &table.finish()?)?;
+        let mut statistics = serde_json::Map::new();
+        for video in &rows.videos {
+            let name = format!("videos/chunk-{chunk:03}/{}/episode_{episode:06}.mp4", video.key);
+            self.aside.write(&name, &video::mux_mp4([&video.video])?)?;
+            statistics.insert(video.key.clone(), without_quantiles(Stats::of_colors(&video.colors, rows.frames), true));
+        }
+        for feature in &rows.features {
+            let stats = Stats::of_vectors(&feature.numbers(), feature.length());
+            statistics.insert(feature.key.clone(), without_quantiles(stats, false));
+        }
+        let result = &rows.facts.result;
+        let line = json!({
+            "episode_index": episode,
+            "tasks": [rows.facts.instruction],
+            "length": rows.frames,
+            "store_id": result.id,
+            "scenario_id": result.scenario_id,
+            "seed": result.seed,
+            "success": result.success,
+            "failure": result.failure().map(|failure| failure.to_string()),
+        });
+        self.episodes += &format!("{line}\n");
+        self.statistics += &format!("{}\n", json!({"episode_index": episode, "stats": statistics}));
+        self.ledger.count(rows.frames);
+        Ok(())
+    }
+
+    fn finish(
+        mut self,
+        dataset: &Path,
+        robot: &RobotModel,
+        settings: &LerobotSettings,
+        contract: &ActionContract,
+    ) -> Result<(), DataError> {
+        let features = self.ledger.features.take().unwrap_or_default();
+        let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let stats = self.ledger.collected.to_json();
+        let modality = modality(contract, &features, robot.arm_dof());
+        let info = info_v21(&self.ledger, &robot.name, features);
+        let task = |(index, task): (usize, &String)| format!("{}\n", json!({"task_index": index, "task": task}));
+        let tasks: String = self.ledger.tasks.iter().enumerate().map(task).collect();
+        let write = |name: &str, value: &Value| self.aside.write(name, format!("{value:#}\n").as_bytes());
+        write("meta/info.json", &info)?;
+        write("meta/stats.json", &stats)?;
+        write("meta/modality.json", &modality)?;
+        write("norm_stats.json", &norm_stats(&stats))?;
+        write("meta/genmanip.json", &info::meaning(settings))?;
+        self.aside.write("meta/tasks.jsonl", tasks.as_bytes())?;
+        self.aside.write("meta/episodes.jsonl", self.episodes.as_bytes())?;
+        self.aside.write("meta/episodes_stats.jsonl", self.statistics.as_bytes())?;
+        self.aside.write(SETTINGS, settings.to_json().as_bytes())?;
+        self.aside.write(CONTRACT, contract.to_json().as_bytes())?;
+        self.aside.write("README.md", info::card_with_info(&card::color(&name, settings, "v2.1"), &info).as_bytes())?;
+        self.aside.publish()
+    }
+}
+
+fn info_v21(ledger: &Ledger, robot: &str, features: Value) -> Value {
+    let videos = features.as_object().map_or(0, |all| all.values().filter(|entry| entry["dtype"] == "video").count());
+    let video_path = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4";
+    json!({
+        "codebase_version": "v2.1",
+        "robot_type": robot,
+        "total_episodes": ledger.episodes,
+        "total_frames": ledger.frames,
+        "total_tasks": ledger.tasks.len(),
+        "total_videos": videos * ledger.episodes,
+        "total_chunks": ledger.episodes.div_ceil(FILES_PER_CHUNK),
+        "chunks_size": FILES_PER_CHUNK,
+        "fps": ledger.fps,
+        "splits": {"train": format!("0:{}", ledger.episodes)},
+        "data_path": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+        "video_path": if videos > 0 { Value::from(video_path) } else { Value::Null },
+        "features": features,
+    })
+}
+
+/// LeRobot's own readers of that version know five statistics.
+fn without_quantiles(mut stats: Stats, is_image: bool) -> Value {
+    stats.named.truncate(4);
+    stats.to_json(is_image)
+}
+
+/// Which entries of state and action are what.
+fn modality(contract: &ActionContract, features: &Value, dof: usize) -> Value {
+    let spec = &contract.action;
+    let motion = spec.motion_length(dof);
+    let part = |start: usize, end: usize, is_absolute: bool, rotation: Option<&str>| json!({"start": start, "end": end, "absolute": is_absolute, "dtype": "float32", "rotation_type": rotation});
+    let is_absolute = matches!(spec.space, ActionSpace::JointPosition | ActionSpace::EePose);
+    let rotation = match spec.rotation {
+        RotationEncoding::QuatWxyz | RotationEncoding::QuatXyzw => "quaternion",
+        RotationEncoding::SixD => "rotation_6d",
+        RotationEncoding::FixedXyzEuler => "euler_angles_rpy",
+        RotationEncoding::AxisAngle => "axis_angle",
+    };
+    let mut action = serde_json::Map::new();
+    if spec.space.is_joint() {
+        action.insert("single_arm".into(), part(0, motion, is_absolute, None));
+    } else {
+        action.insert("eef_position".into(), part(0, 3, is_absolute, None));
+        action.insert("eef_rotation".into(), part(3, motion, is_absolute, Some(rotation)));
+    }
+    action.insert("gripper".into(), part(motion, motion + 1, true, None));
+    let videos = features.as_object().into_iter().flatten().filter(|(_, entry)| entry["dtype"] == "video");
+    let video: serde_json::Map<String, Value> = videos
+        .map(|(key, _)| {
+            let name = key.trim_start_matches("observation.images.").to_owned();
+            (name, json!({"original_key": key}))
+        })
+        .collect();
+    json!({
+        "state": {
+            "single_arm": part(0, dof, true, None),
+            "gripper": part(dof, dof + 1, true, None),
+        },
+        "action": action,
+        "video": video,
+        "annotation": {"human.task_description": {"original_key": "task_index"}},
+    })
+}
+
+/// Mean, deviation and outer quantiles of state and action.
+fn norm_stats(stats: &Value) -> Value {
+    let of = |key: &str| {
+        let names = ["mean", "std", "q01", "q99"];
+        names.map(|name| (name.to_owned(), stats[key][name].clone())).into_iter().collect::<serde_json::Map<_, _>>()
+    };
+    json!({"norm_stats": {"state": of("observation.state"), "actions": of("action")}})
+}
