@@ -48,14 +48,9 @@ pub fn of_name(name: &str) -> Option<&'static Prior> {
             .filter_map(|(place, found)| found.map(|(words, ends)| (words, ends, Reverse(place))))
             .max()
     };
-    let ranked = priors().iter().filter_map(|prior| Some((rank(prior)?, prior)));
-    // Of several with one rank the first by name is kept.
-    ranked
-        .fold(None, |best: Option<((usize, bool, Reverse<usize>), &Prior)>, one| match best {
-            Some(kept) if kept.0 >= one.0 => Some(kept),
-            _ => Some(one),
-        })
-        .map(|(_, prior)| prior)
+    // Backwards, since of several with one rank `max_by_key` gives the last: the first by name is kept.
+    let ranked = priors().iter().rev().filter_map(|prior| Some((rank(prior)?, prior)));
+    ranked.max_by_key(|(rank, _)| *rank).map(|(_, prior)| prior)
 }
 
 fn singular(word: &str) -> String {

@@ -47,14 +47,17 @@ pub struct Finding {
 /// What is compared of an object, in the order of [`COMPARED`].
 type Measures = [f64; COMPARED.len()];
 
+/// Uids with what is measured of them, by source.
+type BySource<'a> = BTreeMap<String, Vec<(&'a str, Measures)>>;
+
 /// Looks at every object of a catalogue.
 ///
 /// # Errors
 /// When an object cannot be built.
 pub fn audit(catalogue: &Catalogue, progress: &dyn Progress) -> Result<Vec<Finding>, RunError> {
     let mut findings = Vec::new();
-    // By category and source: uids with what is measured of them.
-    let mut measured: BTreeMap<&str, BTreeMap<String, Vec<(&str, Measures)>>> = BTreeMap::new();
+    // By category.
+    let mut measured: BTreeMap<&str, BySource> = BTreeMap::new();
     progress.begin("auditing", catalogue.cards().len());
     for card in catalogue.cards() {
         let model = assets::model(catalogue, &card.uid)?;
@@ -78,7 +81,7 @@ fn source(asset: &AssetRef) -> String {
 }
 
 /// In what the objects of one category differ between sources: of each quantity the two sources that are farthest apart.
-fn between_sources(category: &str, sources: &BTreeMap<String, Vec<(&str, Measures)>>) -> Vec<Finding> {
+fn between_sources(category: &str, sources: &BySource) -> Vec<Finding> {
     let compare = |(quantity, (what, unit, factor)): (usize, &(&str, &str, f64))| {
         let mean = |(source, objects): (&String, &Vec<(&str, Measures)>)| {
             let mean = objects.iter().map(|(_, measures)| measures[quantity]).sum::<f64>() / objects.len() as f64;
