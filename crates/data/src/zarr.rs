@@ -8,7 +8,7 @@
 //! meta/episode_ends                      int64: the index behind the last frame of each episode
 //! ```
 //!
-//! Chunks are compressed by zlib: a picture each, or [`ROWS_PER_CHUNK`] rows of numbers.
+//! Chunks are compressed by zlib: a picture each, or 1,024 rows of numbers.
 
 use std::io::Write;
 use std::path::Path;

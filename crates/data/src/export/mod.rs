@@ -1,6 +1,6 @@
 //! What is exported, whatever the format: which episodes, at which rate, with which actions, columns and pictures.
 //!
-//! The writer of a format takes [`Exporter::each`] episode as rows and files it; it chooses nothing itself.
+//! The writer of a format takes each episode as rows and files it; it chooses nothing itself.
 
 pub mod choice;
 pub(crate) mod facts;

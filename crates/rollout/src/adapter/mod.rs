@@ -3,8 +3,7 @@
 //! This is the only place where actions of another space than the native one are executed; how recorded commands become
 //! actions stands beside the contract, in [`ActionSpec::encode`].
 //! End-effector motions become joint targets by inverse kinematics that continues from where the motion is counted
-//! from, and lets the elbow go back towards its home; a pose that no configuration reaches is refused, never replaced by
-//! another.
+//! from; a pose that no configuration reaches is refused, never replaced by another.
 
 #[cfg(test)]
 mod tests;
@@ -14,10 +13,6 @@ use std::sync::Arc;
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, Between, DeltaFrom, Pose, RobotModel};
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
-
-/// Time in which the posture of the arm goes back to that of its home by a factor of e, as far as the tool allows, s:
-/// slow beside a row of 15 Hz, quick beside an episode.
-const POSTURE_S: f64 = 1.0;
 
 /// Reads and writes actions of one contract for one robot.
 #[derive(Clone, Debug)]
@@ -171,12 +166,8 @@ impl Adapter {
         if let Some((index, &value)) = command.iter().enumerate().find(|(_, value)| !value.is_finite()) {
             return Err(AdapterError::NotFinite { index, value });
         }
-        Ok(self.spec.encode(&self.robot, command, self.reference(from), self.duration_s()))
-    }
-
-    /// How long an action lasts.
-    fn duration_s(&self) -> f64 {
-        self.control_period_s * self.repeat as f64
+        let duration_s = self.control_period_s * self.repeat as f64;
+        Ok(self.spec.encode(&self.robot, command, self.reference(from), duration_s))
     }
 
     fn reference<'a>(&self, from: ArmReference<'a>) -> &'a [f64] {
@@ -191,13 +182,8 @@ impl Adapter {
     fn configuration(&self, world_from_tcp: &Pose, reference: &[f64]) -> Result<Vec<f64>, AdapterError> {
         let DVec3 { x: x_m, y: y_m, z: z_m } = world_from_tcp.position;
         let kinematics = self.kinematics.as_ref().ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })?;
-        // What the tool does not need of the arm's freedom goes back to its home posture, as operational-space
-        // controllers do it: without, the elbow wanders until a joint is at its limit.
-        let share = 1.0 - (-self.duration_s() / POSTURE_S).exp();
-        let pulled: Vec<f64> = reference.iter().zip(&self.robot.home).map(|(q, home)| q + share * (home - q)).collect();
-        let from = |start: &[f64]| kinematics.continue_from(world_from_tcp, start, f64::INFINITY);
-        from(&pulled)
-            .or_else(|| from(reference))
+        kinematics
+            .continue_from(world_from_tcp, reference, f64::INFINITY)
             .or_else(|| kinematics.solutions(world_from_tcp, reference).next())
             .ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })
     }
