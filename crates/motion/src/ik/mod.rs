@@ -41,6 +41,9 @@ pub struct IkSettings {
     pub singularity_weight: f64,
 }
 
+/// Distance from the limits that a motion which continues keeps at most, rad: it may come nearer than one that begins.
+const CONTINUED_MARGIN: f64 = 0.005;
+
 impl Default for IkSettings {
     fn default() -> Self {
         Self {
@@ -147,11 +150,19 @@ impl InverseKinematics {
             &self.chain,
             &wanted,
             previous,
-            s.limit_margin.min(0.005),
+            s.limit_margin.min(CONTINUED_MARGIN),
             s.tolerance,
             s.numeric_iterations,
         )?;
         (largest_difference(&solution, previous) <= max_step).then_some(solution)
+    }
+
+    /// The solution that follows a tool from where the arm is, however far; joints at their limits stay there while the
+    /// others go on.
+    pub fn follow(&self, world_from_tcp: &Pose, previous: &[f64]) -> Option<Vec<f64>> {
+        let (s, wanted) = (&self.settings, Rigid::from(world_from_tcp));
+        let margin = s.limit_margin.min(CONTINUED_MARGIN);
+        numeric::descend_along_limits(&self.chain, &wanted, previous, margin, s.tolerance, s.numeric_iterations)
     }
 
     /// All branches of the closed form for one value of the free joint (joint 7), inside the joint limits,

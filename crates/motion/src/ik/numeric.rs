@@ -25,6 +25,31 @@ pub(crate) fn descend(
     tolerance: f64,
     iterations: usize,
 ) -> Option<Vec<f64>> {
+    walk(chain, wanted, config, margin, tolerance, iterations, false)
+}
+
+/// As [`descend`], but a joint that is at its limit stays there while the others do its part; clamped only, a walk along
+/// a limit ends short of the pose.
+pub(crate) fn descend_along_limits(
+    chain: &Chain,
+    wanted: &Rigid,
+    config: &[f64],
+    margin: f64,
+    tolerance: f64,
+    iterations: usize,
+) -> Option<Vec<f64>> {
+    walk(chain, wanted, config, margin, tolerance, iterations, true)
+}
+
+fn walk(
+    chain: &Chain,
+    wanted: &Rigid,
+    config: &[f64],
+    margin: f64,
+    tolerance: f64,
+    iterations: usize,
+    holds_at_limits: bool,
+) -> Option<Vec<f64>> {
     let mut config = config.to_vec();
     let mut frames = Vec::new();
     for _ in 0..=iterations {
@@ -34,8 +59,15 @@ pub(crate) fn descend(
         if size < tolerance {
             return Some(config);
         }
-        let jacobian = chain.jacobian_at(&frames);
-        let step = damped_step(&jacobian, &error, (0.1 * size).min(0.05).powi(2))?;
+        let mut jacobian = chain.jacobian_at(&frames);
+        let damping = (0.1 * size).min(0.05).powi(2);
+        let mut step = damped_step(&jacobian, &error, damping)?;
+        if holds_at_limits {
+            while let Some(joint) = pushed_beyond(chain, &config, &step, margin) {
+                jacobian[joint] = [0.0; 6];
+                step = damped_step(&jacobian, &error, damping)?;
+            }
+        }
         let largest = step.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
         let shorten = (0.3 / largest.max(1e-12)).min(1.0);
         for ((q, step), joint) in config.iter_mut().zip(&step).zip(chain.joints()) {
@@ -44,6 +76,13 @@ pub(crate) fn descend(
         }
     }
     None
+}
+
+/// The first joint at its limit that a step would move beyond it.
+fn pushed_beyond(chain: &Chain, config: &[f64], step: &[f64], margin: f64) -> Option<usize> {
+    config.iter().zip(step).zip(chain.joints()).position(|((&q, &step), joint)| {
+        (step > 0.0 && q >= joint.upper - margin) || (step < 0.0 && q <= joint.lower + margin)
+    })
 }
 
 /// Jᵀ(J·Jᵀ + damping·1)⁻¹ · error.

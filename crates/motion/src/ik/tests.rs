@@ -64,6 +64,29 @@ fn the_branches_hold_the_configuration_they_came_from() {
     }
 }
 
+/// An arm with a joint at its limit still follows its tool, with the others.
+#[test]
+fn a_tool_is_followed_along_limits() {
+    let (chain, ik) = solver();
+    let mut rng = Seed::new(6).rng();
+    let (mut followed, mut clamped) = (0, 0);
+    for index in 0..400 {
+        let mut start = random_config(&chain, 0.2, &mut rng);
+        let joint = index % chain.dof();
+        start[joint] = chain.joints()[joint].upper - 0.005;
+        let mut goal: Vec<f64> = start.iter().map(|q| q + rng.random_range(-0.05..0.05)).collect();
+        goal[joint] = start[joint] - rng.random_range(0.0..0.05);
+        let wanted = chain.tcp_pose(&goal);
+        clamped += usize::from(ik.continue_from(&wanted, &start, f64::INFINITY).is_some());
+        if let Some(solution) = ik.follow(&wanted, &start) {
+            followed += 1;
+            assert!(error(&chain, &solution, &wanted).0 < 1e-9);
+            assert!(chain.limit_margin(&solution) >= 0.005 - 1e-9);
+        }
+    }
+    assert!(followed >= 396 && clamped < followed, "{followed} followed, {clamped} with clamped joints");
+}
+
 #[test]
 fn the_first_solution_stays_near_the_reference() {
     let (chain, ik) = solver();

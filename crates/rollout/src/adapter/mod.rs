@@ -183,7 +183,7 @@ impl Adapter {
         let DVec3 { x: x_m, y: y_m, z: z_m } = world_from_tcp.position;
         let kinematics = self.kinematics.as_ref().ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })?;
         kinematics
-            .continue_from(world_from_tcp, reference, f64::INFINITY)
+            .follow(world_from_tcp, reference)
             .or_else(|| kinematics.solutions(world_from_tcp, reference).next())
             .ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })
     }
