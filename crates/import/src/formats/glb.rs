@@ -8,6 +8,8 @@ use base64::engine::general_purpose::STANDARD;
 use genmanip_core::limits::{IMPORTED_MESH, IMPORTED_PICTURE};
 use genmanip_core::{Material, Texture};
 use glam::{DMat4, DVec3};
+use gltf::Semantic;
+use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
 
 use crate::ImportError;
@@ -153,12 +155,17 @@ impl Reader<'_> {
         let material = self.material(&primitive.material(), files)?;
         let set = primitive.material().pbr_metallic_roughness().base_color_texture().map_or(0, |info| info.tex_coord());
         for (semantic, accessor) in primitive.attributes() {
-            if matches!(semantic, gltf::Semantic::Positions | gltf::Semantic::TexCoords(_)) {
-                self.check_accessor(&accessor)?;
+            match semantic {
+                Semantic::Positions => self.check_accessor(&accessor, Dimensions::Vec3, &[DataType::F32])?,
+                Semantic::TexCoords(_) => {
+                    self.check_accessor(&accessor, Dimensions::Vec2, &[DataType::F32, DataType::U8, DataType::U16])?;
+                }
+                _ => {}
             }
         }
         if let Some(accessor) = primitive.indices() {
-            self.check_accessor(&accessor)?;
+            let counting = [DataType::U8, DataType::U16, DataType::U32];
+            self.check_accessor(&accessor, Dimensions::Scalar, &counting)?;
         }
         let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
         let wrong = |message: String| ImportError::new(self.path, message);
@@ -192,10 +199,19 @@ impl Reader<'_> {
         Ok(Some((RawMesh { positions, uvs, triangles }, material)))
     }
 
-    /// The library trusts what an accessor says about its place.
-    fn check_accessor(&self, accessor: &gltf::Accessor<'_>) -> Result<(), ImportError> {
+    /// The library trusts what an accessor says about its place, and that it holds what its use needs.
+    fn check_accessor(
+        &self,
+        accessor: &gltf::Accessor<'_>,
+        dimensions: Dimensions,
+        types: &[DataType],
+    ) -> Result<(), ImportError> {
         let wrong =
             |message: &str| Err(ImportError::new(self.path, format!("accessor {}: {message}", accessor.index())));
+        if accessor.dimensions() != dimensions || !types.contains(&accessor.data_type()) {
+            let (got, of) = (accessor.dimensions(), accessor.data_type());
+            return wrong(&format!("{got:?} of {of:?}; expected {dimensions:?} of one of {types:?}"));
+        }
         if accessor.sparse().is_some() {
             return wrong("sparse accessors are not read");
         }
@@ -204,6 +220,9 @@ impl Reader<'_> {
             return wrong(&format!("{} elements; expected 1 to {}", accessor.count(), 3 * MOST_TRIANGLES));
         }
         let stride = view.stride().unwrap_or(accessor.size());
+        if stride < accessor.size() {
+            return wrong(&format!("its elements of {} bytes are {stride} bytes apart", accessor.size()));
+        }
         let needed = accessor
             .offset()
             .checked_add(stride.saturating_mul(accessor.count() - 1))

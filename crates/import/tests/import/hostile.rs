@@ -85,6 +85,32 @@ fn an_image_without_a_source_is_left_out() {
     }
 }
 
+/// Found by `lab hostile`: what an accessor holds and how far its elements are apart, which the reader takes for granted.
+#[test]
+fn an_accessor_that_holds_something_else_is_refused() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/sound/gltf");
+    let whole: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("carton.gltf")).unwrap()).unwrap();
+    let primitive = &whole["meshes"][0]["primitives"][0];
+    let index = |value: &serde_json::Value| usize::try_from(value.as_u64().unwrap()).unwrap();
+    let (positions, indices) = (index(&primitive["attributes"]["POSITION"]), index(&primitive["indices"]));
+    let view = index(&whole["accessors"][positions]["bufferView"]);
+    for (list, place, key, value, expected) in [
+        ("accessors", indices, "componentType", 5126.into(), "Scalar of F32; expected Scalar of one of [U8, U16, U32]"),
+        ("accessors", positions, "componentType", 5120.into(), "expected Vec3 of one of [F32]"),
+        ("accessors", positions, "type", "VEC2".into(), "Vec2 of F32; expected Vec3"),
+        ("bufferViews", view, "byteStride", 4.into(), "elements of 12 bytes are 4 bytes apart"),
+    ] {
+        let mut changed: serde_json::Value = whole.clone();
+        changed[list][place][key] = value;
+        let mut read = |path: &str, _| match path {
+            "carton.gltf" => Ok(changed.to_string().into_bytes()),
+            path => std::fs::read(folder.join(path)).map_err(|error| error.to_string()),
+        };
+        let error = import("carton.gltf", &mut read, &Given::default(), None).unwrap_err().to_string();
+        assert!(error.contains(expected), "{key}: {error}");
+    }
+}
+
 /// Found by `lab hostile`: a line of a drawer 600 times, which took physics 12 s.
 #[test]
 fn shapes_that_touch_are_counted_once_and_bounded() {
