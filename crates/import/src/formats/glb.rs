@@ -30,10 +30,7 @@ const MOST_TEXTURES: usize = 16;
 pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError> {
     let bytes = files.bytes(path, IMPORTED_MESH)?;
     check_header(path, &bytes)?;
-    let gltf = gltf::Gltf::from_slice(&bytes).map_err(|error| {
-        ImportError::new(path, format!("no glTF 2.0 that can be read: {error}"))
-            .hint("compressed meshes (Draco, meshopt) are not read: export without compression")
-    })?;
+    let gltf = parsed(path, &bytes)?;
     let mut reader = Reader { path, gltf: &gltf, buffers: Vec::new(), notes: Vec::new(), textures: BTreeMap::new() };
     for buffer in gltf.buffers() {
         let bytes = reader.buffer(&buffer, files)?;
@@ -92,6 +89,26 @@ pub fn read(path: &str, files: &mut Files<'_>) -> Result<RawObject, ImportError>
         creator: None,
         notes: reader.notes,
     })
+}
+
+/// The file as the library holds it, checked.
+fn parsed(path: &str, bytes: &[u8]) -> Result<gltf::Gltf, ImportError> {
+    let unreadable = |error: gltf::Error| {
+        ImportError::new(path, format!("no glTF 2.0 that can be read: {error}"))
+            .hint("compressed meshes (Draco, meshopt) are not read: export without compression")
+    };
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(unreadable)?;
+    let json = document.into_json();
+    // The library looks positions up before it checks where they are.
+    for (index, mesh) in json.meshes.iter().enumerate() {
+        let mut accessors = mesh.primitives.iter().flat_map(|primitive| primitive.attributes.values());
+        if let Some(missing) = accessors.find(|accessor| accessor.value() >= json.accessors.len()) {
+            let message = format!("mesh {index} names accessor {} of {}", missing.value(), json.accessors.len());
+            return Err(ImportError::new(path, message));
+        }
+    }
+    let document = gltf::Document::from_json(json).map_err(unreadable)?;
+    Ok(gltf::Gltf { document, blob })
 }
 
 /// A GLB says how long it is.

@@ -99,6 +99,13 @@ fn an_accessor_that_holds_something_else_is_refused() {
         ("accessors", positions, "componentType", 5120.into(), "expected Vec3 of one of [F32]"),
         ("accessors", positions, "type", "VEC2".into(), "Vec2 of F32; expected Vec3"),
         ("bufferViews", view, "byteStride", 4.into(), "elements of 12 bytes are 4 bytes apart"),
+        (
+            "meshes",
+            0,
+            "primitives",
+            serde_json::json!([{"attributes": {"POSITION": 3}}]),
+            "mesh 0 names accessor 3 of 3",
+        ),
     ] {
         let mut changed: serde_json::Value = whole.clone();
         changed[list][place][key] = value;
