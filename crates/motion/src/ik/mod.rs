@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::chain::Chain;
 use crate::rigid::Rigid;
 use franka::FrankaGeometry;
+use numeric::{Descent, descend};
 
 /// How solutions are searched and ranked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -120,9 +121,8 @@ impl InverseKinematics {
             solutions = self.ranked(search(self, &wanted, reference), reference);
         }
         // Rounding near a singularity costs the closed form a few digits; a step of refinement brings them back.
-        solutions.into_iter().filter_map(move |config| {
-            numeric::descend(&self.chain, &wanted, &config, self.settings.limit_margin, self.settings.tolerance, 10)
-        })
+        let how = Descent { iterations: 10, ..self.descent() };
+        solutions.into_iter().filter_map(move |config| descend(&self.chain, &wanted, &config, &how))
     }
 
     /// Solutions that are not refined, in no order.
@@ -144,25 +144,22 @@ impl InverseKinematics {
     ///
     /// `None` when no solution lies within `max_step` (largest joint difference) of `previous`.
     pub fn continue_from(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
-        let s = &self.settings;
-        let wanted = Rigid::from(world_from_tcp);
-        let solution = numeric::descend(
-            &self.chain,
-            &wanted,
-            previous,
-            s.limit_margin.min(CONTINUED_MARGIN),
-            s.tolerance,
-            s.numeric_iterations,
-        )?;
+        let how = Descent { margin: self.settings.limit_margin.min(CONTINUED_MARGIN), ..self.descent() };
+        let solution = descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)?;
         (largest_difference(&solution, previous) <= max_step).then_some(solution)
     }
 
     /// The solution that follows a tool from where the arm is, however far; joints at their limits stay there while the
     /// others go on.
     pub fn follow(&self, world_from_tcp: &Pose, previous: &[f64]) -> Option<Vec<f64>> {
-        let (s, wanted) = (&self.settings, Rigid::from(world_from_tcp));
-        let margin = s.limit_margin.min(CONTINUED_MARGIN);
-        numeric::descend_along_limits(&self.chain, &wanted, previous, margin, s.tolerance, s.numeric_iterations)
+        let margin = self.settings.limit_margin.min(CONTINUED_MARGIN);
+        let how = Descent { margin, holds_at_limits: true, ..self.descent() };
+        descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)
+    }
+
+    fn descent(&self) -> Descent {
+        let IkSettings { limit_margin, tolerance, numeric_iterations, .. } = self.settings;
+        Descent { margin: limit_margin, tolerance, iterations: numeric_iterations, holds_at_limits: false }
     }
 
     /// All branches of the closed form for one value of the free joint (joint 7), inside the joint limits,
@@ -199,11 +196,8 @@ impl InverseKinematics {
             let draw = |joint: &crate::chain::ChainJoint| rng.random_range(joint.lower..=joint.upper);
             if start == 0 { reference.to_vec() } else { self.chain.joints().iter().map(draw).collect() }
         });
-        starts
-            .filter_map(|start| {
-                numeric::descend(&self.chain, wanted, &start, s.limit_margin, s.tolerance, s.numeric_iterations)
-            })
-            .collect()
+        let how = self.descent();
+        starts.filter_map(|start| descend(&self.chain, wanted, &start, &how)).collect()
     }
 
     /// Turns each angle by whole circles into its limits; `None` when one cannot be.

@@ -13,56 +13,35 @@ pub(crate) fn tcp_error(current: &Rigid, wanted: &Rigid) -> [f64; 6] {
     [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
 }
 
-/// Walks from `config` towards the wanted tcp pose, never leaving the limits shrunk by `margin`.
-///
-/// Returns the configuration once position and rotation errors are below `tolerance` (m, rad),
-/// `None` when `iterations` steps did not get there.
-pub(crate) fn descend(
-    chain: &Chain,
-    wanted: &Rigid,
-    config: &[f64],
-    margin: f64,
-    tolerance: f64,
-    iterations: usize,
-) -> Option<Vec<f64>> {
-    walk(chain, wanted, config, margin, tolerance, iterations, false)
+/// How to walk towards a pose.
+pub(crate) struct Descent {
+    /// Distance every joint keeps from its limits, rad or m.
+    pub margin: f64,
+    /// Largest error of an arrival, m and rad.
+    pub tolerance: f64,
+    /// Steps at most.
+    pub iterations: usize,
+    /// Whether a joint at its limit stays there while the others do its part; merely clamped, a walk along a limit ends
+    /// short of the pose.
+    pub holds_at_limits: bool,
 }
 
-/// As [`descend`], but a joint that is at its limit stays there while the others do its part; clamped only, a walk along
-/// a limit ends short of the pose.
-pub(crate) fn descend_along_limits(
-    chain: &Chain,
-    wanted: &Rigid,
-    config: &[f64],
-    margin: f64,
-    tolerance: f64,
-    iterations: usize,
-) -> Option<Vec<f64>> {
-    walk(chain, wanted, config, margin, tolerance, iterations, true)
-}
-
-fn walk(
-    chain: &Chain,
-    wanted: &Rigid,
-    config: &[f64],
-    margin: f64,
-    tolerance: f64,
-    iterations: usize,
-    holds_at_limits: bool,
-) -> Option<Vec<f64>> {
+/// Walks from `config` towards the wanted tcp pose, never leaving the limits; `None` when it does not arrive.
+pub(crate) fn descend(chain: &Chain, wanted: &Rigid, config: &[f64], how: &Descent) -> Option<Vec<f64>> {
+    let margin = how.margin;
     let mut config = config.to_vec();
     let mut frames = Vec::new();
-    for _ in 0..=iterations {
+    for _ in 0..=how.iterations {
         chain.frames_into(&config, &mut frames);
         let error = tcp_error(&chain.tcp(&frames), wanted);
         let size = error.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
-        if size < tolerance {
+        if size < how.tolerance {
             return Some(config);
         }
         let mut jacobian = chain.jacobian_at(&frames);
         let damping = (0.1 * size).min(0.05).powi(2);
         let mut step = damped_step(&jacobian, &error, damping)?;
-        if holds_at_limits {
+        if how.holds_at_limits {
             while let Some(joint) = pushed_beyond(chain, &config, &step, margin) {
                 jacobian[joint] = [0.0; 6];
                 step = damped_step(&jacobian, &error, damping)?;
