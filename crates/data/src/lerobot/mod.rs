@@ -23,8 +23,9 @@ use genmanip_core::limits;
 use genmanip_core::{Document, RobotModel, Upgrade};
 use serde::{Deserialize, Serialize};
 
+use crate::aside::{self, Aside};
 use crate::export::{ExportReport, ExportSettings, Exporter, Selection};
-use crate::{DataError, EpisodeStore, aside, files};
+use crate::{DataError, EpisodeStore, files};
 
 pub use reader::{EpisodeRow, LerobotDataset};
 pub use v21::export_v21;
@@ -100,16 +101,12 @@ pub fn export(
     }
     let exporter = Exporter::new(store, selection, robot, export)?;
     let depth_dataset = export.depth.then(|| depth_path(dataset));
-    for target in [Some(dataset), depth_dataset.as_deref()].into_iter().flatten() {
-        check_owner(target, settings.run.as_deref())?;
-    }
-    aside::make_parent(dataset)?;
-
-    let mut colors = writer::DatasetWriter::new(dataset, *episodes_per_file, export.fps, &robot.name)?;
-    let mut depths = depth_dataset
-        .as_deref()
-        .map(|path| writer::DatasetWriter::new(path, *episodes_per_depth_file, export.fps, &robot.name))
-        .transpose()?;
+    let writer = |target: &Path, episodes_per_file| {
+        let aside = begin(target, settings.run.as_deref())?;
+        Ok::<_, DataError>(writer::DatasetWriter::new(aside, episodes_per_file, export.fps, &robot.name))
+    };
+    let mut colors = writer(dataset, *episodes_per_file)?;
+    let mut depths = depth_dataset.as_deref().map(|path| writer(path, *episodes_per_depth_file)).transpose()?;
     let left_out = exporter.each(|source, rows| {
         if let Some(depths) = &mut depths {
             depths.push(depth::depth_rows(source, &rows)?)?;
@@ -128,6 +125,14 @@ pub fn export(
     colors.publish()?;
     let episodes = exporter.len() - left_out.len();
     Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out })
+}
+
+/// A place aside for a data set that may lie at `target`; what a kill left unfinished there is removed.
+fn begin(target: &Path, run: Option<&str>) -> Result<Aside, DataError> {
+    check_owner(target, run)?;
+    aside::make_parent(target)?;
+    files::sweep(aside::parent(target))?;
+    Aside::replacing(target)
 }
 
 /// Where the depth data set of a data set lies.

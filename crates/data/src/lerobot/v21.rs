@@ -17,11 +17,11 @@ use serde_json::{Value, json};
 use super::info::FILES_PER_CHUNK;
 use super::ledger::Ledger;
 use super::stats::Stats;
-use super::{CONTRACT, LerobotSettings, SETTINGS, card, check_owner, features, info, record};
-use crate::aside::{self, Aside};
+use super::{CONTRACT, LerobotSettings, SETTINGS, begin, card, features, info, record};
+use crate::aside::Aside;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection};
 use crate::table::{Purpose, TableWriter};
-use crate::{DataError, EpisodeStore, files, video};
+use crate::{DataError, EpisodeStore, video};
 
 /// Writes the selected episodes as a data set of version 2.1 at `dataset`; depth has no place in it.
 ///
@@ -37,11 +37,8 @@ pub fn export_v21(
     let rows = ExportSettings { depth: false, ..settings.export.clone() };
     let settings = LerobotSettings { export: rows, ..settings.clone() };
     let exporter = Exporter::new(store, selection, robot, &settings.export)?;
-    check_owner(dataset, settings.run.as_deref())?;
-    aside::make_parent(dataset)?;
-    files::sweep(aside::parent(dataset))?;
     let mut writer = Writer {
-        aside: Aside::replacing(dataset)?,
+        aside: begin(dataset, settings.run.as_deref())?,
         ledger: Ledger::new(settings.export.fps),
         episodes: String::new(),
         statistics: String::new(),

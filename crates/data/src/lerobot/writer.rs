@@ -10,11 +10,11 @@ use super::info::{self, FILES_PER_CHUNK};
 use super::ledger::Ledger;
 use super::stats::Stats;
 use super::{LerobotSettings, features, record};
-use crate::aside::{self, Aside};
+use crate::aside::Aside;
 use crate::export::EpisodeRows;
 use crate::export::features::{Feature, VideoFeature};
 use crate::table::{Purpose, TableWriter};
-use crate::{DataError, EncodedVideo, EpisodeStore, files, video};
+use crate::{DataError, EncodedVideo, EpisodeStore, video};
 
 /// A data set under construction.
 pub(crate) struct DatasetWriter {
@@ -38,15 +38,8 @@ struct OpenFile {
 pub(crate) struct Finished(Aside);
 
 impl DatasetWriter {
-    pub(crate) fn new(target: &Path, episodes_per_file: usize, fps: u32, robot: &str) -> Result<Self, DataError> {
-        files::sweep(aside::parent(target))?;
-        Ok(Self {
-            aside: Aside::replacing(target)?,
-            robot: robot.into(),
-            episodes_per_file,
-            ledger: Ledger::new(fps),
-            file: OpenFile::default(),
-        })
+    pub(crate) fn new(aside: Aside, episodes_per_file: usize, fps: u32, robot: &str) -> Self {
+        Self { aside, robot: robot.into(), episodes_per_file, ledger: Ledger::new(fps), file: OpenFile::default() }
     }
 
     pub(crate) fn frames(&self) -> usize {
