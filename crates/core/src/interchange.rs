@@ -180,7 +180,7 @@ mod tests {
         let mut task = Task::from_json(include_str!("../testdata/task.json")).unwrap();
         let of = |id: &&str| crate::GraphNode {
             id: (*id).into(),
-            asset: crate::AssetRef::builtin(crate::asset::uid_of(id), 2),
+            asset: crate::AssetRef::builtin(crate::asset::uid_of(id), 2).into(),
             state: None,
         };
         task.scene_graph.nodes = ids.iter().map(of).collect();

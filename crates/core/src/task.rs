@@ -57,20 +57,36 @@ impl Document for Task {
 /// ```
 #[derive(Debug, Default)]
 pub struct SharedCards {
-    by_uid: BTreeMap<String, Arc<ObjectCard>>,
+    by_uid: BTreeMap<String, Shared>,
+}
+
+/// What tasks with one object have in common.
+#[derive(Debug)]
+struct Shared {
+    card: Arc<ObjectCard>,
+    asset: Arc<AssetRef>,
 }
 
 impl SharedCards {
-    /// Replaces the cards of a task that are known already, and keeps the others. The task stays equal to what it was.
+    /// Replaces the cards of a task that are known already, and keeps the others; its lists take no more room than they
+    /// need. The task stays equal to what it was.
     pub fn share(&mut self, task: &mut Task) {
-        for card in &mut task.objects {
-            match self.by_uid.get(&card.uid) {
-                Some(known) if known == card => *card = Arc::clone(known),
-                // Another version of the asset: few tasks have it.
-                Some(_) => {}
-                None => drop(self.by_uid.insert(card.uid.clone(), Arc::clone(card))),
+        for (card, node) in task.objects.iter_mut().zip(&mut task.scene_graph.nodes) {
+            let known = self.by_uid.entry(card.uid.clone());
+            let known = known.or_insert_with(|| Shared { card: Arc::clone(card), asset: Arc::clone(&node.asset) });
+            // Few tasks have another version of the asset.
+            if known.card == *card {
+                *card = Arc::clone(&known.card);
+            }
+            if known.asset == node.asset {
+                node.asset = Arc::clone(&known.asset);
             }
         }
+        task.objects.shrink_to_fit();
+        task.scene_graph.nodes.shrink_to_fit();
+        task.scene_graph.edges.shrink_to_fit();
+        task.goal.alternatives.shrink_to_fit();
+        task.goal.alternatives.iter_mut().for_each(Vec::shrink_to_fit);
     }
 }
 
@@ -194,7 +210,7 @@ pub struct GraphNode {
     /// What the scene calls it: the asset's uid where it occurs once, `001#2` for its second copy.
     pub id: String,
     /// What it is made from.
-    pub asset: AssetRef,
+    pub asset: Arc<AssetRef>,
     /// State of an articulated object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub state: Option<String>,
@@ -236,7 +252,7 @@ impl SceneGraph {
 impl GraphNode {
     /// The first instance of what a card describes, in no named state.
     pub fn of(card: &ObjectCard) -> Self {
-        Self { id: card.uid.clone(), asset: card.asset.clone(), state: None }
+        Self { id: card.uid.clone(), asset: Arc::new(card.asset.clone()), state: None }
     }
 }
 

@@ -42,8 +42,8 @@ fn documents_of_version_1_open_and_name_instances_by_their_uid() {
     let text = std::fs::read_to_string(folder.join("scenarios/001_long_horizon-000.json")).unwrap();
     let scenario = Scenario::from_json(&text).unwrap();
     for (node, placed) in scenario.task.scene_graph.nodes.iter().zip(&scenario.objects) {
-        assert_eq!((&node.id, &node.asset), (&placed.id, &AssetRef::builtin(&placed.id, 2)));
-        assert_eq!(placed.asset, node.asset);
+        assert_eq!((&node.id, &*node.asset), (&placed.id, &AssetRef::builtin(&placed.id, 2)));
+        assert_eq!(placed.asset, *node.asset);
         assert_eq!(scenario.task.card(&node.id).unwrap().uid, node.id);
         assert!(placed.physics_hash.starts_with("v1:") && placed.judging_hash.is_none());
     }

@@ -138,7 +138,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_another_layout() {
 }
 
 fn node(uid: &str) -> GraphNode {
-    GraphNode { id: uid.into(), asset: AssetRef::builtin(uid, 2), state: None }
+    GraphNode { id: uid.into(), asset: AssetRef::builtin(uid, 2).into(), state: None }
 }
 
 fn edge(subject: &str, relation: Relation, reference: &str) -> GraphEdge {

@@ -67,7 +67,7 @@ pub(crate) fn faults(task: &Task) -> Vec<Fault> {
         let fault = |flaw, reason: &str| Fault::of_object(flaw, "scene_graph.nodes", &node.id, reason);
         if graph.nodes[..index].iter().any(|other| other.id == node.id) {
             faults.push(fault("duplicate_node", "has two nodes"));
-        } else if task.card(&node.id).is_none_or(|card| card.asset != node.asset) {
+        } else if task.card(&node.id).is_none_or(|card| card.asset != *node.asset) {
             faults.push(fault("missing_card", "has no card"));
         } else if let Err(error) = Catalogue::builtin().model(&node.asset) {
             faults.push(fault("unknown_uid", &format!("cannot be made: {error}")));

@@ -346,6 +346,6 @@ fn scenes_with_copies_are_designed() {
     assert_eq!((report.flaws, report.valid), (Vec::new(), 120));
     for task in copied {
         assert_eq!(task.check_interchangeable(), Ok(()), "{}", task.id);
-        assert!(task.scene_graph.nodes.iter().zip(&task.objects).all(|(node, card)| node.asset == card.asset));
+        assert!(task.scene_graph.nodes.iter().zip(&task.objects).all(|(node, card)| *node.asset == card.asset));
     }
 }
