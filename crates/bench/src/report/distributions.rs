@@ -61,7 +61,10 @@ fn causes(input: &ReportInput, rows: &[&EpisodeRow]) -> String {
     let most = counts.iter().map(|entry| entry.count).max().unwrap_or(0);
     let line = |entry: &crate::statistics::FailureCount| {
         let share = format!("{:.1} % of episodes", 100.0 * entry.count as f64 / rows.len().max(1) as f64);
-        let mut line = vec![escape(&words(entry.cause.name())), count_bar(entry.count, most), share];
+        // The page's script shows only the rows with this outcome when it is followed.
+        let cause = escape(&words(entry.cause.name()));
+        let rows = format!("<a href=\"#episodes\" data-outcome=\"{cause}\">{cause}</a>");
+        let mut line = vec![rows, count_bar(entry.count, most), share];
         if !cases.is_empty() {
             line.push(cases.get(&entry.cause).map_or_else(String::new, |links| links.join(" ")));
         }

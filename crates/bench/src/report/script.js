@@ -102,6 +102,14 @@ if (table !== null) {
       show(first);
     });
   });
+  // A cause of failure elsewhere in the page leads to its rows.
+  for (const link of document.querySelectorAll("a[data-outcome]")) {
+    link.addEventListener("click", () => {
+      words.value = "";
+      for (const { column, choice } of choices) choice.value = column === 3 ? link.dataset.outcome : "";
+      show(first);
+    });
+  }
   words.addEventListener("input", () => show(first));
   more.addEventListener("click", () => show(limit + 1000));
   bar.append(words, ...choices.map(({ choice }) => choice), count);

@@ -27,9 +27,12 @@ addEventListener("load", () => {
     timed("clearing", () => type("")),
   ];
   const rows = document.querySelectorAll("#episodes tbody tr").length;
+  const cause = document.querySelector("a[data-outcome]");
+  took.push(timed("rows of a cause", () => cause.click()));
+  const outcomes = new Set(Array.from(document.querySelectorAll("#episodes tbody tr"), (row) => row.cells[3].textContent));
   const said = document.createElement("pre");
   said.id = "measured";
-  said.textContent = JSON.stringify({ took: Object.fromEntries(took), rows, errors });
+  said.textContent = JSON.stringify({ took: Object.fromEntries(took), rows, cause: cause.textContent, outcomes: [...outcomes], errors });
   document.body.append(said);
 });
 </script>"##;
