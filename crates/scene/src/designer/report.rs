@@ -87,18 +87,21 @@ pub fn measure(
         flaws: Vec::new(),
     };
     let mut balance = Balance::default();
+    let mut request = TaskRequest {
+        id: String::new(),
+        kind: TaskKind::PickAndPlace,
+        offered: cards.to_vec(),
+        surfaces: Vec::new(),
+        min_objects: settings.objects[0],
+        between: true,
+        source: String::new(),
+    };
     for task in &batch.tasks {
+        (request.id, request.kind, request.source) = (task.id.clone(), task.kind, task.source.clone());
         let nodes = task.scene_graph.nodes.iter().zip(&task.objects);
-        let copies = nodes.filter(|(node, card)| node.id != card.uid).map(|(_, card)| &**card);
-        let request = TaskRequest {
-            id: task.id.clone(),
-            kind: task.kind,
-            offered: cards.iter().chain(copies).cloned().collect(),
-            surfaces: Vec::new(),
-            min_objects: settings.objects[0],
-            between: true,
-            source: task.source.clone(),
-        };
+        let copies = nodes.filter(|(node, card)| node.id != card.uid).map(|(_, card)| (**card).clone());
+        request.offered.truncate(cards.len());
+        request.offered.extend(copies);
         let judged = check_answer(&as_answer(task).to_string(), &request);
         if judged.verdict == Verdict::Valid {
             report.valid += 1;
