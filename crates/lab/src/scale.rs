@@ -79,7 +79,7 @@ pub fn measure(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress)
 
     let started = Instant::now();
     let options = CollectOptions { workers: inputs::workers(None), repair: false };
-    let collected = collect(out, &known, options, progress, &AtomicBool::new(false))?;
+    let collected = collect(out, known, options, progress, &AtomicBool::new(false))?;
     let resume_s = timed("continued", started);
     if collected.finished != episodes {
         let found = format!("{} of {episodes} copies are counted", collected.finished);

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
 
 use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
 use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task, World};
@@ -93,19 +92,18 @@ pub struct Attempt<'a> {
 impl<'a> Attempt<'a> {
     /// All attempts of a run, task by task.
     pub fn all(tasks: &'a [Task], per_task: usize, seed: Seed) -> Vec<Self> {
-        let of_task = |task: &'a Task| {
-            (0..per_task as u64).map(move |number| Self {
-                task,
-                number,
-                seed: seed.fork("attempt").fork(&task.id).fork_index(number),
-            })
-        };
+        let of_task = |task: &'a Task| (0..per_task as u64).map(move |number| Self::of(task, number, seed));
         tasks.iter().flat_map(of_task).collect()
+    }
+
+    /// One attempt of a run with that seed.
+    pub fn of(task: &'a Task, number: u64, seed: Seed) -> Self {
+        Self { task, number, seed: seed.fork("attempt").fork(&task.id).fork_index(number) }
     }
 
     /// Name of the attempt, of its scenario and of its episode folder.
     pub fn id(&self) -> String {
-        format!("{}-{:03}", self.task.id, self.number)
+        attempt_id(&self.task.id, self.number)
     }
 
     /// The frozen layout of this attempt.
@@ -124,34 +122,16 @@ impl<'a> Attempt<'a> {
     }
 }
 
-/// Makes every attempt that the store does not hold yet; `finished` is given the result of each as it ends, from the
-/// thread that made it, with the wall-clock seconds it took (0 for one that was there already).
-///
-/// Returns what `finished` keeps of each, in the order of the attempts: nothing else is held of them. When `stop` becomes
-/// true, attempts under way are finished and the rest is left for the next run; nothing is returned of those.
-///
-/// # Errors
-/// The first defect of any attempt, and what `finished` could not do. A task that cannot be solved is a result, not an
-/// error.
-pub fn collect<R: Send, E: From<RolloutError> + Send>(
-    attempts: &[Attempt],
-    resources: Resources,
-    store: &EpisodeStore,
-    settings: &CollectSettings,
-    workers: usize,
-    stop: &AtomicBool,
-    finished: &(dyn Fn(EpisodeResult, f64) -> Result<R, E> + Sync),
-) -> Result<Vec<R>, E> {
-    store.sweep_partial().map_err(RolloutError::from)?;
-    in_parallel(attempts, workers, stop, &|attempt| {
-        let started = Instant::now();
-        let (result, was_there) = one(attempt, resources, store, settings)?;
-        finished(result, if was_there { 0.0 } else { started.elapsed().as_secs_f64() })
-    })
+/// Name of an attempt, of its scenario and of its episode folder.
+pub fn attempt_id(task: &str, number: u64) -> String {
+    format!("{task}-{number:03}")
 }
 
-/// One attempt with its pictures, and whether it was there already.
-fn one(
+/// Makes an attempt with its pictures, or what the store lacks of it; says whether its result was there already.
+///
+/// # Errors
+/// A defect. A task that cannot be solved is a result, not an error.
+pub fn complete(
     attempt: &Attempt,
     resources: Resources,
     store: &EpisodeStore,

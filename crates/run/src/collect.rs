@@ -7,10 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use genmanip_bench::{MOST_ROWS, Outcome, attention, text_table};
-use genmanip_core::{Document, EpisodeResult, Task, TaskKind};
+use genmanip_core::{Document, EpisodeResult, TaskKind};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{EpisodeStore, ExportSettings, Selection};
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
+use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, attempt_id, complete, in_parallel};
 use serde::Serialize;
 
 use crate::error::{RunError, Stopped};
@@ -18,6 +18,7 @@ use crate::folder::{Run, RunFolder, Timings};
 use crate::index::{Known, Survey};
 use crate::inputs;
 use crate::progress::Progress;
+use crate::shelf::{Shelf, Shelved};
 
 /// What a run came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,28 +73,31 @@ pub struct TaskRow {
 /// When the folder holds another run, cannot be written, or a stage broke; finished episodes are kept.
 pub fn collect(
     path: &Path,
-    run: &Run,
+    run: Run,
     options: CollectOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Collected, RunError> {
-    let folder = RunFolder::begin(path, run)?;
+    let folder = RunFolder::begin(path, &run)?;
     let known_timings = folder.timings();
+    let hash = if run.settings.images.is_some() { run.hash() } else { String::new() };
     if run.settings.images.is_some() {
-        check_datasets(&folder, run)?;
+        check_datasets(&folder, &hash)?;
     }
     let store = folder.store()?;
-    let planner = inputs::planner(&run.settings.world, &run.settings.planner)?;
+    let Run { tasks, settings, seed, episodes_per_task, .. } = run;
+    let shelf = Shelf::new(tasks, path)?;
+    let planner = inputs::planner(&settings.world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
-    let mut attempts = Attempt::all(&run.tasks, run.episodes_per_task, run.seed);
+    let mut attempts = Planned::all(&shelf, episodes_per_task);
     let all = attempts.len();
     let survey = folder.survey(&store)?;
     let mut damaged = damaged(&folder, &store, &attempts, &survey, options.repair, progress)?;
-    attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id()));
+    attempts.retain(|attempt| damaged.iter().all(|(id, _)| *id != attempt.id));
     // What was set aside is to be made anew.
     let survey = if options.repair { folder.survey(&store)? } else { survey };
     let mut outcomes = Outcomes::new();
-    let left = left(&attempts, survey, &folder, &store, &run.settings, &mut outcomes);
+    let left = left(&attempts, survey, &folder, &store, &settings, &mut outcomes);
 
     let started = Instant::now();
     let has_made = AtomicBool::new(false);
@@ -118,8 +122,14 @@ pub fn collect(
         heard(&result.id, &outcome);
         Ok((result.id, outcome))
     };
-    let made =
-        genmanip_rollout::collect::collect(&left, resources, &store, &run.settings, options.workers, stop, &finished);
+    store.sweep_partial().map_err(|error| RunError::broken("cannot use the episodes", error))?;
+    let made = in_parallel(&left, options.workers, stop, &|planned| {
+        let since = Instant::now();
+        let task = shelf.read(planned.task).map_err(Stopped::Run)?;
+        let attempt = Attempt::of(&task, planned.number, seed);
+        let (result, was_there) = complete(&attempt, resources, &store, &settings)?;
+        finished(result, if was_there { 0.0 } else { since.elapsed().as_secs_f64() })
+    });
     let made = made.map_err(|stopped| match stopped {
         Stopped::Run(error) => error,
         Stopped::Episode(error) => RunError::broken("collecting stopped", error)
@@ -135,17 +145,17 @@ pub fn collect(
     let interrupted = stop.load(Ordering::Relaxed);
     let is_wanted = !interrupted && outcomes.values().any(|outcome| outcome.success);
     let dataset_since = Instant::now();
-    let dataset = if is_wanted { export(run, &folder, &store, &mut damaged, progress)? } else { None };
+    let dataset = if is_wanted { export(&settings, hash, &folder, &store, &mut damaged, progress)? } else { None };
     if dataset.is_some() && (has_made || !folder.timings().phases.contains_key("dataset")) {
         folder.time_phase("dataset", dataset_since.elapsed().as_secs_f64());
     }
     if folder.timings() != known_timings {
         folder.save_timings()?;
     }
-    let rows = rows(&run.tasks, &attempts, &outcomes, &folder.timings());
+    let rows = rows(&shelf, &attempts, &outcomes, &folder.timings());
     // Also those that an interrupted call had no time to look at.
-    let is_finished = |id: &String| outcomes.contains_key(id) || store.contains(id);
-    let finished = attempts.iter().map(Attempt::id).filter(is_finished).count();
+    let is_finished = |planned: &&Planned| outcomes.contains_key(&planned.id) || store.contains(&planned.id);
+    let finished = attempts.iter().filter(is_finished).count();
     if !left.is_empty() {
         // Brings the index up to date.
         folder.survey(&store)?;
@@ -153,18 +163,39 @@ pub fn collect(
     Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged })
 }
 
+/// An attempt that is to be made; its task lies on the shelf.
+#[derive(Clone)]
+struct Planned {
+    id: String,
+    /// Place of the task in the run.
+    task: usize,
+    /// Number among the task's attempts.
+    number: u64,
+}
+
+impl Planned {
+    /// All attempts of a run, task by task.
+    fn all(shelf: &Shelf, per_task: usize) -> Vec<Self> {
+        let of_task = |(task, entry): (usize, &Shelved)| {
+            let named = |number| Self { id: attempt_id(&entry.id, number), task, number };
+            (0..per_task as u64).map(named).collect::<Vec<_>>()
+        };
+        shelf.entries().iter().enumerate().flat_map(of_task).collect()
+    }
+}
+
 /// How attempts went, by their ids: all that is kept of each.
 type Outcomes = BTreeMap<String, Outcome>;
 
 /// The attempts that something is to be done for; the outcomes of the others are told.
-fn left<'a>(
-    attempts: &[Attempt<'a>],
+fn left(
+    attempts: &[Planned],
     survey: Survey,
     folder: &RunFolder,
     store: &EpisodeStore,
     settings: &CollectSettings,
     outcomes: &mut Outcomes,
-) -> Vec<Attempt<'a>> {
+) -> Vec<Planned> {
     let scenarios: BTreeSet<_> = std::fs::read_dir(folder.join("scenarios"))
         .map(|entries| entries.filter_map(|entry| Some(entry.ok()?.file_name())).collect())
         .unwrap_or_default();
@@ -177,7 +208,7 @@ fn left<'a>(
         });
         known.is_settled() && has_scenario && has_pictures
     };
-    let is_left = |attempt: &&Attempt| match known.remove(&attempt.id()) {
+    let is_left = |attempt: &&Planned| match known.remove(&attempt.id) {
         Some(known) if has_all(&known) => {
             outcomes.insert(known.id, known.outcome);
             false
@@ -255,43 +286,43 @@ fn causes(rows: &[&TaskRow]) -> String {
 fn damaged(
     folder: &RunFolder,
     store: &EpisodeStore,
-    attempts: &[Attempt],
+    attempts: &[Planned],
     survey: &Survey,
     repair: bool,
     progress: &dyn Progress,
 ) -> Result<Vec<(String, String)>, RunError> {
     let looks_sound: BTreeSet<&str> = survey.sound.iter().map(|known| known.id.as_str()).collect();
     let mut damaged = Vec::new();
-    for id in attempts.iter().map(Attempt::id).filter(|id| repair || !looks_sound.contains(id.as_str())) {
-        if !store.is_taken(&id) {
+    for Planned { id, .. } in attempts.iter().filter(|known| repair || !looks_sound.contains(known.id.as_str())) {
+        if !store.is_taken(id) {
             continue;
         }
         // What is to be mended is read whole; else sizes must do, and damage within shows when it is read.
-        let looked_at = if repair { store.verify(&id) } else { store.look_at(&id).map(drop) };
+        let looked_at = if repair { store.verify(id) } else { store.look_at(id).map(drop) };
         let Err(error) = looked_at else { continue };
         if !repair {
             progress.note(&format!("episode {id} is damaged and left out: {error}"));
-            damaged.push((id, error.to_string()));
+            damaged.push((id.clone(), error.to_string()));
             continue;
         }
         let aside =
             (0..).map(|number| folder.join("damaged").join(format!("{id}.{number}"))).find(|path| !path.exists());
         let aside = aside.unwrap_or_default();
-        store.move_out(&id, &aside).map_err(|error| RunError::broken(format!("cannot set {id} aside"), error))?;
+        store.move_out(id, &aside).map_err(|error| RunError::broken(format!("cannot set {id} aside"), error))?;
         progress.note(&format!("episode {id} is damaged, set aside as {} and made anew: {error}", aside.display()));
     }
-    let own: BTreeSet<String> = attempts.iter().map(Attempt::id).collect();
-    for name in survey.strangers.iter().filter(|name| !own.contains(*name)) {
+    let own: BTreeSet<&str> = attempts.iter().map(|known| known.id.as_str()).collect();
+    for name in survey.strangers.iter().filter(|name| !own.contains(name.as_str())) {
         progress.note(&format!("{name} in the episodes is no episode; it is ignored"));
     }
     Ok(damaged)
 }
 
 /// Refuses to begin work whose data set could not be written in the end.
-fn check_datasets(folder: &RunFolder, run: &Run) -> Result<(), RunError> {
+fn check_datasets(folder: &RunFolder, hash: &str) -> Result<(), RunError> {
     let path = folder.join("dataset");
     for target in [lerobot::depth_path(&path), path] {
-        lerobot::check_owner(&target, Some(&run.hash())).map_err(|error| {
+        lerobot::check_owner(&target, Some(hash)).map_err(|error| {
             let hint = error.hint().unwrap_or_default();
             RunError::input("the data set of this run has no place").because(error).with_hint(hint)
         })?;
@@ -311,19 +342,20 @@ fn write_scenario(folder: &RunFolder, store: &EpisodeStore, id: &str) -> Result<
 
 /// The dataset of a run whose settings ask for images, and where it is.
 fn export(
-    run: &Run,
+    settings: &CollectSettings,
+    hash: String,
     folder: &RunFolder,
     store: &EpisodeStore,
     damaged: &mut Vec<(String, String)>,
     progress: &dyn Progress,
 ) -> Result<Option<PathBuf>, RunError> {
-    let Some(images) = &run.settings.images else { return Ok(None) };
+    let Some(images) = &settings.images else { return Ok(None) };
     let rows = ExportSettings { fps: images.fps, is_varied: !images.vary.is_empty(), ..ExportSettings::default() };
-    let settings = LerobotSettings { export: rows, run: Some(run.hash()), ..LerobotSettings::default() };
-    let selection = if run.settings.keep_failed { Selection::Recorded } else { Selection::Verified };
+    let dataset = LerobotSettings { export: rows, run: Some(hash), ..LerobotSettings::default() };
+    let selection = if settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");
-    let robot = inputs::robot(&run.settings.world)?;
-    let exported = lerobot::export(store, &selection, &robot, &settings, &path).map_err(|error| {
+    let robot = inputs::robot(&settings.world)?;
+    let exported = lerobot::export(store, &selection, &robot, &dataset, &path).map_err(|error| {
         RunError::broken("cannot write the dataset", error).with_hint("the episodes are safe; start again")
     })?;
     for (id, why) in
@@ -335,18 +367,17 @@ fn export(
     Ok(Some(path))
 }
 
-fn rows(tasks: &[Task], attempts: &[Attempt], outcomes: &Outcomes, timings: &Timings) -> Vec<TaskRow> {
-    let mut of_task: BTreeMap<&str, Vec<(String, &Outcome)>> = BTreeMap::new();
-    for attempt in attempts {
-        let id = attempt.id();
-        if let Some(outcome) = outcomes.get(&id) {
-            of_task.entry(&attempt.task.id).or_default().push((id, outcome));
+fn rows(shelf: &Shelf, attempts: &[Planned], outcomes: &Outcomes, timings: &Timings) -> Vec<TaskRow> {
+    let mut of_task: BTreeMap<usize, Vec<(&str, &Outcome)>> = BTreeMap::new();
+    for Planned { id, task, .. } in attempts {
+        if let Some(outcome) = outcomes.get(id) {
+            of_task.entry(*task).or_default().push((id, outcome));
         }
     }
-    tasks
-        .iter()
-        .map(|task| {
-            let mine = || of_task.get(task.id.as_str()).into_iter().flatten();
+    let entries = shelf.entries().iter().enumerate();
+    entries
+        .map(|(index, task)| {
+            let mine = || of_task.get(&index).into_iter().flatten();
             TaskRow {
                 task: task.id.clone(),
                 kind: task.kind,
@@ -354,7 +385,7 @@ fn rows(tasks: &[Task], attempts: &[Attempt], outcomes: &Outcomes, timings: &Tim
                 verified: mine().filter(|(_, outcome)| outcome.success).count(),
                 failures: mine().filter_map(|(_, outcome)| Some(outcome.failure()?.to_string())).collect(),
                 // A sum of nothing is -0.0.
-                seconds: mine().filter_map(|(id, _)| timings.attempts.get(id)).sum::<f64>() + 0.0,
+                seconds: mine().filter_map(|(id, _)| timings.attempts.get(*id)).sum::<f64>() + 0.0,
             }
         })
         .collect()

@@ -46,6 +46,7 @@ pub mod render;
 pub mod replay;
 pub mod report;
 pub mod robots;
+mod shelf;
 pub mod views;
 pub mod worlds;
 

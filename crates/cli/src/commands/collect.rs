@@ -24,7 +24,7 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();
     let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: arguments.repair };
-    let collected = collect_run(&arguments.out, &run, options, printer, &stop)?;
+    let collected = collect_run(&arguments.out, run, options, printer, &stop)?;
     printer.data(&collected.rows, &collected.table(arguments.each));
     Ok(status(&collected))
 }
@@ -37,7 +37,7 @@ pub fn vary(named: &[Vary]) -> Vec<Vary> {
 /// Collects a run and says what came of it; also used by the demo.
 pub fn collect_run(
     out: &Path,
-    run: &Run,
+    run: Run,
     options: CollectOptions,
     printer: &Printer,
     stop: &AtomicBool,

@@ -28,7 +28,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     let settings = CollectSettings { images, ..CollectSettings::in_world(inputs::read_world(None)?) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: false };
-    let collected = collect::collect_run(out, &run, options, printer, &stop)?;
+    let collected = collect::collect_run(out, run, options, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(ExitStatus::NotMet);
     }

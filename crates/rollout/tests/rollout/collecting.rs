@@ -11,7 +11,7 @@ use genmanip_assets::worlds::default_world;
 use genmanip_core::{EpisodeResult, FailureCause, Policy, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::LayoutSettings;
-use genmanip_rollout::collect::{Attempt, CollectSettings, collect};
+use genmanip_rollout::collect::{Attempt, CollectSettings, complete, in_parallel};
 use genmanip_rollout::evaluate::{Case, evaluate};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::ImageSettings;
@@ -29,16 +29,34 @@ fn with_images() -> CollectSettings {
     CollectSettings { images: Some(images), ..CollectSettings::in_world((*default_world()).clone()) }
 }
 
+/// Every attempt, by some threads; `heard` is given the result of each and whether it was there already.
+fn collect(
+    attempts: &[Attempt],
+    store: &EpisodeStore,
+    settings: &CollectSettings,
+    workers: usize,
+    stop: &AtomicBool,
+    heard: &(dyn Fn(&EpisodeResult, bool) + Sync),
+) -> Vec<EpisodeResult> {
+    store.sweep_partial().unwrap();
+    let work = |attempt: &Attempt| -> Result<EpisodeResult, RolloutError> {
+        let (result, was_there) = complete(attempt, resources(), store, settings)?;
+        heard(&result, was_there);
+        Ok(result)
+    };
+    in_parallel(attempts, workers, stop, &work).unwrap()
+}
+
 fn collect_all(
     root: &Path,
     settings: &CollectSettings,
     workers: usize,
     stop: &AtomicBool,
-    heard: &(dyn Fn(EpisodeResult, f64) -> Result<EpisodeResult, RolloutError> + Sync),
-) -> Result<Vec<EpisodeResult>, RolloutError> {
+    heard: &(dyn Fn(&EpisodeResult, bool) + Sync),
+) -> Vec<EpisodeResult> {
     let tasks = tasks();
     let attempts = Attempt::all(&tasks, 1, Seed::new(21));
-    collect(&attempts, resources(), &EpisodeStore::create(root).unwrap(), settings, workers, stop, heard)
+    collect(&attempts, &EpisodeStore::create(root).unwrap(), settings, workers, stop, heard)
 }
 
 /// All files under a folder with their bytes.
@@ -65,25 +83,16 @@ fn one_worker_and_two_make_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
     let (never, stop) = (AtomicBool::new(false), AtomicBool::new(false));
-    let silent = |result: EpisodeResult, _: f64| Ok::<_, RolloutError>(result);
 
-    let interrupt = |result: EpisodeResult, _: f64| {
-        stop.store(true, Ordering::Relaxed);
-        Ok(result)
-    };
-    let first = collect_all(&one, &with_images(), 1, &stop, &interrupt).unwrap();
+    let first = collect_all(&one, &with_images(), 1, &stop, &|_, _| stop.store(true, Ordering::Relaxed));
     assert_eq!(first.len(), 1, "the attempt under way is finished, no other is begun");
-    let seconds = Mutex::new(Vec::new());
-    let hear = |result: EpisodeResult, took: f64| {
-        seconds.lock().unwrap().push((result.id.clone(), took));
-        Ok(result)
-    };
-    let continued = collect_all(&one, &with_images(), 1, &never, &hear).unwrap();
-    let seconds = seconds.into_inner().unwrap();
-    assert_eq!(seconds[0], (first[0].id.clone(), 0.0), "the finished attempt is heard of and costs nothing");
-    assert!(seconds[1].1 > 0.0);
+    let known = Mutex::new(Vec::new());
+    let hear = |result: &EpisodeResult, was_there: bool| known.lock().unwrap().push((result.id.clone(), was_there));
+    let continued = collect_all(&one, &with_images(), 1, &never, &hear);
+    let known = known.into_inner().unwrap();
+    assert_eq!(known, [(first[0].id.clone(), true), (continued[1].id.clone(), false)], "what is finished is not made");
 
-    let straight = collect_all(&two, &with_images(), 2, &never, &silent).unwrap();
+    let straight = collect_all(&two, &with_images(), 2, &never, &|_, _| {});
     assert_eq!(continued, straight, "results in the order of the attempts");
     assert!(straight.iter().all(|result| result.success), "{straight:?}");
     let (one, two) = (tree(&one), tree(&two));
@@ -104,13 +113,12 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
     let settings = CollectSettings::in_world((*default_world()).clone());
     let cramped = LayoutSettings { x_m: [0.4, 0.41], y_m: [0.0, 0.01], max_restarts: 3, ..LayoutSettings::default() };
     let hopeless = CollectSettings { layout: cramped, ..settings.clone() };
-    let silent = |result: EpisodeResult, _: f64| Ok::<_, RolloutError>(result);
-    let failed = collect(&attempts[..1], resources(), &store, &hopeless, 1, &never, &silent).unwrap();
+    let failed = collect(&attempts[..1], &store, &hopeless, 1, &never, &|_, _| {});
     let [failure] = &failed[0].failures[..] else { panic!("{:?}", failed[0]) };
     assert_eq!((failure.cause, failed[0].ending), (FailureCause::Layout, None));
     assert!(failure.evidence.contains("3 attempts"), "{failure}");
 
-    let all = collect(&attempts, resources(), &store, &settings, 2, &never, &silent).unwrap();
+    let all = collect(&attempts, &store, &settings, 2, &never, &|_, _| {});
     assert_eq!(all[0], failed[0], "a counted failure is not tried again");
     assert!(all[1].success);
     let recorded = store.read(&all[1].id).unwrap();

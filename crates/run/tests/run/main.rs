@@ -64,7 +64,7 @@ fn run(episodes: usize) -> Run {
 }
 
 fn collected(folder: &Path, run: &Run, progress: &dyn Progress, stop: &AtomicBool) -> Collected {
-    collect(folder, run, ALONE, progress, stop).unwrap()
+    collect(folder, run.clone(), ALONE, progress, stop).unwrap()
 }
 
 /// The planner and the expert knew of grasps apart; today's settings still are what was fixed then.
@@ -103,7 +103,7 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     assert_eq!((looked.interrupted, looked.finished, looked.attempts), (true, 2, 2));
     assert!(!looked.table(false).contains("-0"), "{}", looked.table(false));
     let other = Run { seed: Seed::new(4), ..run.clone() };
-    let refused = collect(&folder, &other, ALONE, &Silent, &never).unwrap_err();
+    let refused = collect(&folder, other.clone(), ALONE, &Silent, &never).unwrap_err();
     assert!(matches!(refused, RunError::AnotherRun { .. }), "{refused:?}");
 
     let still = [PolicyFactory::resolve("do_nothing:seconds=0.5").unwrap()];
