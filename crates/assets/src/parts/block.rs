@@ -30,6 +30,11 @@ pub struct Block {
     /// Radius of the edges.
     #[serde(default)]
     pub round: f64,
+    /// What remains of the rounding at the corners of the collider's top and bottom, 0-1; with 0 a corner is a single
+    /// vertex. Small roundings crowd vertices: the physics engine keeps four contacts of a face, and a thing whose
+    /// contacts all lie at two opposite corners rocks for ever.
+    #[serde(default = "corner")]
+    pub corner: f64,
     /// Draw only.
     #[serde(default)]
     pub ghost: bool,
@@ -120,7 +125,7 @@ impl Block {
         .into_iter()
         .filter(|&(inset, z)| !(inset == 0.0 && z > 0.0 && half.z - round < 1e-4))
         .map(|(inset, z)| {
-            let corner = (round - inset).max(round * 0.05);
+            let corner = (round - inset).max(round * self.corner);
             let ring = rounded_rectangle(flat - inset, corner, z, 3);
             ring.into_iter().map(|point| object_from_block.transform_point(point)).collect()
         })
@@ -174,6 +179,13 @@ fn append(mesh: &mut TriMesh, other: &TriMesh) {
     mesh.normals.extend(&other.normals);
     mesh.uvs.extend(&other.uvs);
     mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|index| index + offset)));
+}
+
+/// Chosen for the first objects.
+pub(super) const CORNER: f64 = 0.05;
+
+fn corner() -> f64 {
+    CORNER
 }
 
 fn body() -> String {

@@ -88,6 +88,7 @@ impl Case {
             at: ((min + max) / 2.0).with_z(min.z),
             turn_deg: [0.0; 3],
             round: 0.0,
+            corner: super::block::CORNER,
             ghost: false,
             finish: self.outside.clone(),
             faces: inner.iter().map(|&face| (face, self.inside.clone())).collect(),
