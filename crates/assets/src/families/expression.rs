@@ -280,8 +280,12 @@ impl<'a> Parser<'a> {
 
 /// `a red mug`, `an old mug`.
 fn with_article(text: &str) -> String {
-    let vowel = text.trim_start().starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O']);
-    format!("{} {text}", if vowel { "an" } else { "a" })
+    format!("{} {text}", if takes_an(text.trim_start()) { "an" } else { "a" })
+}
+
+/// Whether a word begins with the sound of a vowel, as far as its letters say it.
+pub(super) fn takes_an(word: &str) -> bool {
+    word.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O'])
 }
 
 /// Every word with a capital letter.

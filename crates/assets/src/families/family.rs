@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::expression::{Scope, evaluate, number};
+use super::expression::{Scope, evaluate, is_true, number, takes_an};
 use super::template::{Library, expand};
 use crate::recipe::Recipe;
 
@@ -183,7 +183,7 @@ impl Family {
     fn words(&self, draw: &Draw, library: &Library) -> Result<Words, String> {
         let card = &self.card;
         let one = |template: &Value| expand(template, draw, library);
-        let truth = |template: &Value| one(template).map(|value| Value::Bool(super::expression::is_true(&value)));
+        let truth = |template: &Value| one(template).map(|value| Value::Bool(is_true(&value)));
         read(serde_json::json!({
             "name": one(&card.name)?,
             "description": one(&card.description)?,
@@ -344,9 +344,15 @@ fn read<T: serde::de::DeserializeOwned>(value: Value) -> Result<T, String> {
     serde_path_to_error::deserialize(value).map_err(|error| error.to_string())
 }
 
-/// Single spaces, none before a comma or full stop.
+/// Single spaces, none before a comma or full stop, and the article that fits the word behind it.
 fn tidy(text: &str) -> String {
-    let joined = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let fitting = |(index, word): (usize, &&str)| match (*word, words.get(index + 1)) {
+        ("A" | "An", Some(next)) => if takes_an(next) { "An" } else { "A" }.to_owned(),
+        ("a" | "an", Some(next)) => if takes_an(next) { "an" } else { "a" }.to_owned(),
+        (word, _) => word.to_owned(),
+    };
+    let joined = words.iter().enumerate().map(fitting).collect::<Vec<_>>().join(" ");
     joined.replace(" ,", ",").replace(" .", ".")
 }
 

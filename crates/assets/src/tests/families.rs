@@ -152,6 +152,12 @@ fn the_list_is_whole_and_as_the_families_make_it() {
         |of: &dyn Fn(&genmanip_core::ObjectCard) -> String| full.cards().iter().map(of).collect::<BTreeSet<_>>().len();
     assert_eq!(distinct(&|card| card.uid.clone()), 1120);
     assert!(distinct(&|card| card.description.clone()) >= 1120 * 97 / 100);
+    for text in full.cards().iter().map(|card| &card.description) {
+        let words: Vec<&str> = text.split(' ').collect();
+        let misfit =
+            words.windows(2).find(|pair| ["a", "A"].contains(&pair[0]) && pair[1].starts_with(['a', 'e', 'i', 'o']));
+        assert_eq!(misfit, None, "{text}");
+    }
     for one in listed().iter().step_by(23) {
         let model = full.model(&one.card.asset).unwrap();
         assert_eq!(model.card, one.card, "the list is stale: `genmanip assets freeze` makes it anew");
