@@ -10,7 +10,10 @@ use genmanip_bench::text_table;
 use genmanip_core::limits;
 use genmanip_core::{Document, ObjectModel, Seed, TriedGrasp, World};
 use genmanip_motion::{GraspSettings, PlannerSettings};
-use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, try_all};
+use genmanip_rollout::collect::in_parallel;
+use genmanip_rollout::grasp_trial::{
+    GraspTrials, LOST, TrialError, TryingSettings, ViewSettings, WANTED, sound_grasps, tried_grasps,
+};
 use serde::Serialize;
 use serde_json::json;
 
@@ -23,6 +26,8 @@ use crate::progress::Progress;
 pub struct BakeSettings {
     /// The trials.
     pub trying: TryingSettings,
+    /// Whether only a few grasps that always held are wanted of each object, as of one that somebody waits for.
+    pub brief: bool,
     /// Where candidates come from.
     pub generator: GraspSettings,
     /// Name of the catalogue whose objects are tried.
@@ -73,7 +78,7 @@ pub fn bake(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Baked, RunError> {
-    let BakeSettings { trying, generator, catalog } = settings;
+    let BakeSettings { trying, brief, generator, catalog } = settings;
     let settings = PlannerSettings { grasp: generator.clone(), ..PlannerSettings::default() };
     let (planner, robot) = (inputs::planner(world, &settings)?, inputs::robot(world)?);
     let made_by = GraspProvenance {
@@ -82,7 +87,13 @@ pub fn bake(
         engine: genmanip_sim::engine_version(),
         robot: robot.name.clone(),
         robot_hash: Some(robot.physics_hash()),
-        settings: json!({ "trying": trying, "generator": generator, "physics": world.physics, "drives": robot.drives }),
+        settings: match brief {
+            false => {
+                json!({ "trying": trying, "generator": generator, "physics": world.physics, "drives": robot.drives })
+            }
+            // As importing makes them.
+            true => json!({ "trying": trying, "physics": world.physics, "drives": robot.drives }),
+        },
     };
     let catalogue = Catalogue::named(catalog).unwrap_or_else(Catalogue::builtin);
     let models = graspable(catalogue, uids)?;
@@ -114,7 +125,16 @@ pub fn bake(
         }
         progress.advance();
     };
-    try_all(&trials, &missing, trying, made_by.seed, workers, stop, &finished).map_err(|error| {
+    let tried = in_parallel(&missing, workers, stop, &|model| -> Result<(), TrialError> {
+        let seed = made_by.seed.fork(&model.card.uid);
+        let grasps = match brief {
+            false => tried_grasps(&trials, model, trying, seed),
+            true => sound_grasps(&trials, model, trying, WANTED, LOST, seed),
+        };
+        finished(model, grasps?);
+        Ok(())
+    });
+    tried.map_err(|error| {
         RunError::broken("baking stopped", error).with_hint("finished objects are kept; start again to continue")
     })?;
     progress.end();

@@ -18,7 +18,11 @@ const DEPTH_M: f64 = 0.02;
 
 pub fn bake(arguments: &BakeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let settings = grasps::BakeSettings {
-        trying: TryingSettings { trials: arguments.trials, ..TryingSettings::default() },
+        trying: match arguments.brief {
+            true => TryingSettings::brief(),
+            false => TryingSettings { trials: arguments.trials, ..TryingSettings::default() },
+        },
+        brief: arguments.brief,
         generator: GraspSettings { max_candidates: arguments.count, ..GraspSettings::default() },
         catalog: arguments.catalog.clone(),
     };

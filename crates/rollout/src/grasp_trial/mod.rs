@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use arm::Ending;
 pub use table::Table;
-pub use tried::{TryingSettings, sound_grasps, tried_grasps, try_all};
+pub use tried::{LOST, TryingSettings, WANTED, sound_grasps, tried_grasps};
 pub use view::{Cloud, ViewSettings};
 
 /// What is grasped, and among what.

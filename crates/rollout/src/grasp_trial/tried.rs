@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use genmanip_core::glam::{DQuat, DVec3};
 use genmanip_core::{Grasp, MassProperties, ObjectModel, Pose, Seed, TriedGrasp};
@@ -13,7 +12,6 @@ use serde::{Deserialize, Serialize};
 
 use super::arm::{self, Ending};
 use super::{GraspTrials, Table, TrialError};
-use crate::collect::in_parallel;
 
 /// How grasps are tried, and by how much every trial is off.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -68,27 +66,11 @@ impl TryingSettings {
     }
 }
 
-/// Tries the grasps of several objects; `finished` hears of each object as it ends.
-///
-/// When `stop` becomes true, objects under way are finished and the rest is left out.
-///
-/// # Errors
-/// The first object whose physics refused or diverged.
-pub fn try_all(
-    trials: &GraspTrials,
-    models: &[Arc<ObjectModel>],
-    settings: &TryingSettings,
-    seed: Seed,
-    workers: usize,
-    stop: &AtomicBool,
-    finished: &(dyn Fn(&ObjectModel, Vec<TriedGrasp>) + Sync),
-) -> Result<(), TrialError> {
-    in_parallel(models, workers, stop, &|model| {
-        finished(model, tried_grasps(trials, model, settings, seed.fork(&model.card.uid))?);
-        Ok(())
-    })
-    .map(|_: Vec<()>| ())
-}
+/// Grasps that are wanted of an object that somebody waits for, and grasps that may be lost for them: about 2 s of
+/// processor time.
+pub const WANTED: usize = 4;
+/// See [`WANTED`].
+pub const LOST: usize = 8;
 
 /// The candidates of the planner's exact generator for an object that stands upright on the table, with how often they
 /// held: those that held in the largest share first, then by score; object frame.

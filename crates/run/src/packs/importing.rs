@@ -15,7 +15,7 @@ use genmanip_import::report::Guess;
 use genmanip_import::{Given, Imported, pack};
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_rollout::grasp_trial::{GraspTrials, TryingSettings, ViewSettings, sound_grasps};
+use genmanip_rollout::grasp_trial::{GraspTrials, LOST, TryingSettings, ViewSettings, WANTED, sound_grasps};
 use serde::Serialize;
 use serde_json::json;
 
@@ -24,10 +24,6 @@ use crate::assets::portrait;
 use crate::error::RunError;
 use crate::inputs;
 use crate::progress::Progress;
-
-/// Grasps that are wanted, and grasps that may be lost for them: about 2 s of processor time.
-const WANTED: usize = 4;
-const LOST: usize = 8;
 /// A thing that turns farther while it comes to rest has fallen over, rad.
 const FALLEN_RAD: f64 = 0.3;
 /// Times that a thing is laid down as it came to rest; the new base is cut where it touched, so once nearly always does.
