@@ -90,13 +90,15 @@ fn png(camera: &Camera, picture: &FrameBuffers) -> Result<Vec<u8>, RunError> {
 /// One picture per camera.
 fn draw(setting: &Setting, cameras: &[Camera]) -> Result<Vec<FrameBuffers>, RunError> {
     let robot = inputs::robot(setting.world())?;
-    let objects = match setting {
-        Setting::World(_) => &[][..],
-        Setting::Scenario(scenario) => &scenario.objects,
+    let (id, objects) = match setting {
+        Setting::World(_) => ("", &[][..]),
+        Setting::Scenario(scenario) => (scenario.id.as_str(), &scenario.objects[..]),
     };
     let models = objects.iter().map(|placed| {
-        let broken = |error| RunError::broken(format!("cannot draw object {}", placed.id), error);
-        Catalogue::builtin().instance(placed).map_err(broken)
+        Catalogue::builtin().instance(placed).map_err(|error| {
+            RunError::broken(format!("cannot draw object {} of scenario {id}", placed.id), error)
+                .with_hint("a scenario belongs to the objects it was made with; lay its task out again")
+        })
     });
     let models = models.collect::<Result<Vec<_>, RunError>>()?;
     let not_drawn = |error| RunError::broken("the cameras give no picture", error);
