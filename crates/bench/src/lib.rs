@@ -10,6 +10,7 @@
 //! - [`failure_page`]: why a policy that asks failed, with what it was shown.
 //! - [`text_table`]: a table for people who read a terminal.
 
+mod dataset_page;
 pub mod drawing;
 pub mod evaluation;
 mod failure_page;
@@ -19,6 +20,7 @@ pub mod rows;
 pub mod statistics;
 mod text_table;
 
+pub use dataset_page::dataset_page;
 pub use drawing::{
     DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg, graph_svg, layout_svg,
 };

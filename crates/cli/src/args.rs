@@ -10,6 +10,7 @@ use genmanip_run::render::Vary;
 
 pub use agent::*;
 pub use assets::*;
+pub use data::*;
 pub use evaluate::*;
 pub use export::*;
 pub use lab::*;
@@ -19,6 +20,7 @@ pub use world::*;
 
 mod agent;
 mod assets;
+mod data;
 mod evaluate;
 mod export;
 mod lab;
@@ -111,6 +113,12 @@ pub enum Command {
                       Pictures of another rate are drawn from the recorded states; docs/formats/lerobot-dataset.md\n\
                       says what the columns mean.")]
     Export(ExportArguments),
+    /// Check datasets and show what is in them
+    Data {
+        /// What to do with datasets
+        #[command(subcommand)]
+        command: DataCommand,
+    },
     /// Try grasps of the catalogue's objects in physics beforehand, and show them
     Grasps {
         /// What to do with grasps

@@ -54,7 +54,8 @@ pub enum ActionSpace {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DeltaFrom {
-    /// The command in force when the action begins; the robot's home before the first one.
+    /// The command in force when the action begins; the robot's home before the first one. Changes of the tool are counted
+    /// from the pose that the action before asked for, also where the arm is too slow to be there yet.
     #[default]
     Command,
     /// The joint positions measured when the action begins.

@@ -196,7 +196,7 @@ impl ColorHistogram {
     /// Pixels and rows between samples.
     const STRIDE: usize = 4;
 
-    fn add_image(&mut self, rgb: &[u8], width: usize) {
+    pub(crate) fn add_image(&mut self, rgb: &[u8], width: usize) {
         for row in rgb.chunks_exact(width * 3).step_by(Self::STRIDE) {
             for pixel in row.chunks_exact(3).step_by(Self::STRIDE) {
                 for (counts, value) in self.counts.iter_mut().zip(pixel) {

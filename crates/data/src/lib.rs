@@ -16,6 +16,7 @@
 //! ```
 
 mod aside;
+pub mod check;
 pub mod depth;
 mod error;
 pub mod export;

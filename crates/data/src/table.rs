@@ -226,11 +226,41 @@ impl Table {
         Ok(Self { path: path.into(), builder })
     }
 
+    /// All rows of the columns that are wanted, at once.
+    pub(crate) fn whole(self, is_wanted: impl Fn(&str) -> bool) -> Result<RecordBatch, DataError> {
+        let rows = usize::try_from(self.builder.metadata().file_metadata().num_rows()).unwrap_or(0);
+        let names = self.names();
+        let wanted: Vec<&str> = names.iter().map(String::as_str).filter(|name| is_wanted(name)).collect();
+        let (path, schema) = (self.path.clone(), Arc::clone(self.builder.schema()));
+        // Columns are checked against the largest table before rows are reserved for.
+        match self.batches(&wanted, rows.max(1))?.next() {
+            Some(batch) if batch.as_ref().is_ok_and(|batch| batch.num_rows() != rows) => {
+                Err(DataError::table(&path, format!("expected {rows} rows at once")))
+            }
+            Some(batch) => batch,
+            None => Ok(RecordBatch::new_empty(schema)),
+        }
+    }
+
+    /// Names of the columns.
+    pub(crate) fn names(&self) -> Vec<String> {
+        let schema = self.builder.parquet_schema();
+        schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect()
+    }
+
     /// The rows of some columns, batch by batch.
     pub(crate) fn columns(
         self,
         names: &[&str],
-    ) -> Result<impl Iterator<Item = Result<RecordBatch, DataError>>, DataError> {
+    ) -> Result<impl Iterator<Item = Result<RecordBatch, DataError>> + use<>, DataError> {
+        self.batches(names, ROWS_AT_ONCE)
+    }
+
+    fn batches(
+        self,
+        names: &[&str],
+        rows_at_once: usize,
+    ) -> Result<impl Iterator<Item = Result<RecordBatch, DataError>> + use<>, DataError> {
         let Self { path, builder } = self;
         let fail = |error: &dyn std::fmt::Display| DataError::table(&path, error);
         let schema = builder.parquet_schema();
@@ -249,7 +279,7 @@ impl Table {
             return Err(fail(&format!("expected columns of at most {expected} MiB, got {size} bytes")));
         }
         let reader =
-            builder.with_projection(mask).with_batch_size(ROWS_AT_ONCE).build().map_err(|error| fail(&error))?;
+            builder.with_projection(mask).with_batch_size(rows_at_once).build().map_err(|error| fail(&error))?;
         Ok(reader.map(move |batch| batch.map_err(|error| DataError::table(&path, error))))
     }
 }

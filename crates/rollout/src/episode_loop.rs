@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::adapter::{Adapter, AdapterError, ArmReference};
+use crate::adapter::{Adapter, AdapterError, ArmReference, NativeAction};
 use crate::environment::{Conclusion, Environment};
 use crate::{RolloutError, RolloutSettings, Stage};
 use genmanip_core::{
@@ -93,7 +93,7 @@ fn drive(
     adapter: &Adapter,
     watch: &mut Watch,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
-    let mut looked_at = None;
+    let (mut looked_at, mut asked) = (None, None);
     loop {
         let left = environment.steps_left();
         if left == 0 {
@@ -128,11 +128,13 @@ fn drive(
             let (command, measured) = (environment.command()?, environment.joint_positions()?);
             let width_m = command.last().copied().unwrap_or_default();
             let command: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
-            let from = ArmReference { command: &command, width_m, measured: &measured, chunk_start: &chunk_start };
-            let commands = match adapter.to_native(action, from) {
-                Ok(commands) => commands,
+            let from =
+                ArmReference { command: &command, width_m, measured: &measured, chunk_start: &chunk_start, asked };
+            let NativeAction { commands, world_from_tcp } = match adapter.to_native(action, from) {
+                Ok(native) => native,
                 Err(error) => return Ok(no_action(error, environment)),
             };
+            asked = world_from_tcp;
             cut_off |= commands.len() > left;
             for command in commands.iter().take(left) {
                 match environment.step(command) {

@@ -73,7 +73,8 @@ pub enum LabCommand {
                       One thread, processor time, bare and environment by turns, median of five.")]
     Environment(EnvironmentArguments),
     /// Collect episodes, export them, and play every kind of action at every rate back: cost, size, success
-    #[command(after_help = "Example:\n  genmanip lab data --seed 7 --episodes 60 --json\n\n\
+    #[command(after_help = "Examples:\n  genmanip lab data --seed 7 --episodes 60 --json\n  \
+                      genmanip lab data --synthetic --episodes 10000 --json\n\n\
                       Processor time; playback is open loop, from the rows of exported datasets, through the policy\n\
                       interface; docs/formats/lerobot-dataset.md says what is measured.")]
     Data(LabDataArguments),
@@ -268,9 +269,12 @@ pub struct LabDataArguments {
     /// Seed of tasks, layouts and attempts
     #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
     pub seed: u64,
-    /// Designed tasks, one attempt of the expert each
+    /// Designed tasks, one attempt of the expert each; with --synthetic episodes
     #[arg(long, default_value_t = 60, value_parser = super::parse_count)]
     pub episodes: usize,
+    /// Made-up episodes of 30 rows with pictures of 64x64, to measure what checking and opening a large dataset costs
+    #[arg(long)]
+    pub synthetic: bool,
     /// Keep episodes and dataset in this new folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,

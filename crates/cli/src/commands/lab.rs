@@ -67,10 +67,16 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             printer.data(&measured, &environment::in_words(&measured));
         }
         LabCommand::Data(arguments) => {
-            let tasks = inputs::designed_tasks(arguments.episodes, arguments.seed, Catalogue::builtin())?;
+            // Made-up episodes take turns with the layouts of a few tasks.
+            let count = if arguments.synthetic { 24 } else { arguments.episodes };
+            let tasks = inputs::designed_tasks(count, arguments.seed, Catalogue::builtin())?;
             let temporary = std::env::temp_dir().join(format!("genmanip-lab-data-{}", std::process::id()));
             let folder = arguments.out.as_ref().unwrap_or(&temporary);
-            let measured = data::measure(&tasks, Seed::new(arguments.seed), folder, printer);
+            let seed = Seed::new(arguments.seed);
+            let measured = match arguments.synthetic {
+                true => data::measure_synthetic(arguments.episodes, &tasks, seed, folder, printer),
+                false => data::measure(&tasks, seed, folder, printer),
+            };
             if arguments.out.is_none() {
                 // Best effort: what is left is in the system's folder for such things.
                 let _ = std::fs::remove_dir_all(&temporary);

@@ -4,6 +4,7 @@ pub mod ablate;
 pub mod agent;
 pub mod assets;
 pub mod collect;
+pub mod data;
 pub mod demo;
 pub mod doctor;
 pub mod evaluate;

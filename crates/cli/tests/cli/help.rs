@@ -21,6 +21,8 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["replay"],
         &["report"],
         &["export"],
+        &["data", "check"],
+        &["data", "show"],
         &["grasps", "bake"],
         &["grasps", "show"],
         &["lab", "layout"],

@@ -6,8 +6,8 @@ use crate::{ActionSpec, Document};
 
 /// What the `action` column of a data set means; a policy that was trained on it returns such actions.
 ///
-/// Row i holds for `1 / rate_hz` from the time of row i on. Changes and speeds are counted from the command that is in
-/// force at that time, the robot's home and the open hand in the first row.
+/// Row i holds for `1 / rate_hz` from the time of row i on. Changes and speeds are counted as `delta_from` says; from the
+/// robot's home and the open hand in the first row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActionContract {

@@ -43,6 +43,19 @@ impl Default for ExportSettings {
     }
 }
 
+impl ExportSettings {
+    /// The contract of the `action` column for a robot.
+    pub(crate) fn contract(&self, robot: &RobotModel) -> ActionContract {
+        let joints: Vec<&str> = robot.arm_joints().map(|joint| joint.name.as_str()).collect();
+        ActionContract {
+            action: self.action,
+            rate_hz: f64::from(self.fps),
+            robot: robot.name.clone(),
+            names: self.action.names(&joints),
+        }
+    }
+}
+
 /// Absolute joint targets and the opening, between which the commands move evenly: so a row of any rate ends with the
 /// very command that was recorded.
 pub fn default_action() -> ActionSpec {
@@ -58,7 +71,8 @@ pub(crate) fn action_in_words(spec: &ActionSpec) -> String {
         ActionSpace::JointVelocity => "speeds of the arm joint targets during the row (rad/s)".into(),
         ActionSpace::EePose => format!("absolute tool pose that the joint targets lead to: position (m), {rotation}"),
         ActionSpace::EeDelta => format!(
-            "change of the commanded tool pose over the row, along and about the world's axes: position (m), {rotation}"
+            "change of the commanded tool pose over the row, along and about the world's axes, from the pose that the row \
+             before asked for: position (m), {rotation}"
         ),
     };
     let between = match (spec.space, spec.between) {
@@ -166,13 +180,7 @@ impl<'a> Exporter<'a> {
 
     /// The contract of the `action` column.
     pub(crate) fn contract(&self) -> ActionContract {
-        let joints: Vec<&str> = self.robot.arm_joints().map(|joint| joint.name.as_str()).collect();
-        ActionContract {
-            action: self.settings.action,
-            rate_hz: f64::from(self.settings.fps),
-            robot: self.robot.name.clone(),
-            names: self.settings.action.names(&joints),
-        }
+        self.settings.contract(self.robot)
     }
 
     /// Hands the rows of every sound episode to a writer; returns the damaged ones with what is wrong.

@@ -13,27 +13,28 @@ mod info;
 mod ledger;
 mod reader;
 mod record;
-mod stats;
+pub(crate) mod stats;
 mod v21;
 mod writer;
 
 use std::path::{Path, PathBuf};
 
 use genmanip_core::limits;
-use genmanip_core::{Document, RobotModel, Upgrade};
+use genmanip_core::{ActionContract, Document, Episode, RobotModel, Upgrade};
 use serde::{Deserialize, Serialize};
 
 use crate::aside::{self, Aside};
-use crate::export::{ExportReport, ExportSettings, Exporter, Selection};
-use crate::{DataError, EpisodeStore, files};
+use crate::export::rows::rows;
+use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source};
+use crate::{CameraTrack, DataError, EpisodeStore, files};
 
 pub use reader::{EpisodeRow, LerobotDataset};
 pub use v21::export_v21;
 
 /// Where a data set says how it was made.
-const SETTINGS: &str = "meta/lerobot_settings.json";
+pub(crate) const SETTINGS: &str = "meta/lerobot_settings.json";
 /// Where it says what its actions mean.
-const CONTRACT: &str = "meta/action_contract.json";
+pub(crate) const CONTRACT: &str = "meta/action_contract.json";
 
 /// How a data set is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -95,36 +96,88 @@ pub fn export(
     settings: &LerobotSettings,
     dataset: &Path,
 ) -> Result<ExportReport, DataError> {
-    let LerobotSettings { export, episodes_per_file, episodes_per_depth_file, .. } = settings;
-    if *episodes_per_file == 0 || *episodes_per_depth_file == 0 {
-        return Err(DataError::mismatch("episodes per file", "at least 1", 0));
-    }
-    let exporter = Exporter::new(store, selection, robot, export)?;
-    let depth_dataset = export.depth.then(|| depth_path(dataset));
-    let writer = |target: &Path, episodes_per_file| {
-        let aside = begin(target, settings.run.as_deref())?;
-        Ok::<_, DataError>(writer::DatasetWriter::new(aside, episodes_per_file, export.fps, &robot.name))
-    };
-    let mut colors = writer(dataset, *episodes_per_file)?;
-    let mut depths = depth_dataset.as_deref().map(|path| writer(path, *episodes_per_depth_file)).transpose()?;
+    let exporter = Exporter::new(store, selection, robot, &settings.export)?;
+    let mut writers = Writers::begin(settings, robot, dataset)?;
     let left_out = exporter.each(|source, rows| {
-        if let Some(depths) = &mut depths {
-            depths.push(depth::depth_rows(source, &rows)?)?;
-        }
-        colors.push(rows)?;
-        if settings.record { colors.copy_record(store, &source.episode.result.id) } else { Ok(()) }
+        writers.push(source, rows)?;
+        if settings.record { writers.colors.copy_record(store, &source.episode.result.id) } else { Ok(()) }
     })?;
-    let frames = colors.frames();
-    let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let contract = exporter.contract();
-    let depths = depths.map(|depths| depths.finish(&card::depth(&name), settings, None)).transpose()?;
-    let colors = colors.finish(&card::color(&name, settings, "v3.0"), settings, Some(&contract))?;
-    if let Some(depths) = depths {
-        depths.publish()?;
-    }
-    colors.publish()?;
+    let frames = writers.colors.frames();
+    let depth_dataset = writers.publish(settings, &exporter.contract(), dataset)?;
     let episodes = exporter.len() - left_out.len();
     Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out })
+}
+
+/// Writes episodes that are in no store, with their tracks, as a data set without a native record at `dataset` (and
+/// `<dataset>-depth`).
+///
+/// # Errors
+/// As [`export`].
+pub fn write(
+    episodes: &mut dyn Iterator<Item = (Episode, Vec<CameraTrack>)>,
+    robot: &RobotModel,
+    settings: &LerobotSettings,
+    dataset: &Path,
+) -> Result<ExportReport, DataError> {
+    let settings = LerobotSettings { record: false, ..settings.clone() };
+    let mut writers = Writers::begin(&settings, robot, dataset)?;
+    for (episode, tracks) in episodes {
+        let source = Source { episode, tracks };
+        writers.push(&source, rows(&source, robot, &settings.export)?)?;
+    }
+    let (episodes, frames) = (writers.colors.episodes(), writers.colors.frames());
+    if episodes == 0 {
+        return Err(DataError::mismatch("episodes to write", "at least one", 0));
+    }
+    let depth_dataset = writers.publish(&settings, &settings.export.contract(robot), dataset)?;
+    Ok(ExportReport { dataset: dataset.into(), depth_dataset, episodes, frames, left_out: Vec::new() })
+}
+
+/// A data set and its depth sibling under construction.
+struct Writers {
+    colors: writer::DatasetWriter,
+    depths: Option<writer::DatasetWriter>,
+}
+
+impl Writers {
+    fn begin(settings: &LerobotSettings, robot: &RobotModel, dataset: &Path) -> Result<Self, DataError> {
+        let LerobotSettings { export, episodes_per_file, episodes_per_depth_file, .. } = settings;
+        if *episodes_per_file == 0 || *episodes_per_depth_file == 0 {
+            return Err(DataError::mismatch("episodes per file", "at least 1", 0));
+        }
+        let writer = |target: &Path, episodes_per_file| {
+            let aside = begin(target, settings.run.as_deref())?;
+            Ok::<_, DataError>(writer::DatasetWriter::new(aside, episodes_per_file, export.fps, &robot.name))
+        };
+        let colors = writer(dataset, *episodes_per_file)?;
+        let depths = export.depth.then(|| writer(&depth_path(dataset), *episodes_per_depth_file)).transpose()?;
+        Ok(Self { colors, depths })
+    }
+
+    fn push(&mut self, source: &Source, rows: EpisodeRows) -> Result<(), DataError> {
+        if let Some(depths) = &mut self.depths {
+            depths.push(depth::depth_rows(source, &rows)?)?;
+        }
+        self.colors.push(rows)
+    }
+
+    /// Makes both visible; where the depth data set lies.
+    fn publish(
+        self,
+        settings: &LerobotSettings,
+        contract: &ActionContract,
+        dataset: &Path,
+    ) -> Result<Option<PathBuf>, DataError> {
+        let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), settings, None)).transpose()?;
+        let colors = self.colors.finish(&card::color(&name, settings, "v3.0"), settings, Some(contract))?;
+        let depth_dataset = depths.is_some().then(|| depth_path(dataset));
+        if let Some(depths) = depths {
+            depths.publish()?;
+        }
+        colors.publish()?;
+        Ok(depth_dataset)
+    }
 }
 
 /// A place aside for a data set that may lie at `target`; what a kill left unfinished there is removed.

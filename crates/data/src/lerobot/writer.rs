@@ -42,6 +42,10 @@ impl DatasetWriter {
         Self { aside, robot: robot.into(), episodes_per_file, ledger: Ledger::new(fps), file: OpenFile::default() }
     }
 
+    pub(crate) fn episodes(&self) -> usize {
+        self.ledger.episodes
+    }
+
     pub(crate) fn frames(&self) -> usize {
         self.ledger.frames
     }

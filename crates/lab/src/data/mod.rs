@@ -1,17 +1,19 @@
 //! Data sets: what collecting and exporting cost, and whether exported actions still solve the tasks they come from.
 
 mod playback;
+mod synthetic;
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use genmanip_assets::worlds::default_world;
 use genmanip_bench::text_table;
 use genmanip_core::{CameraRequest, Episode, ImageChannels, Seed, Task};
-use genmanip_data::lerobot::{self, LerobotSettings};
-use genmanip_data::{DataError, EpisodeStore, Selection, TrackRecorder};
+use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
+use genmanip_data::{DataError, EpisodeStore, Selection, TrackRecorder, check};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::{ImageSettings, Painter};
@@ -24,9 +26,10 @@ use crate::clock::{cpu_clock, process_clock};
 use crate::episodes::laid_out;
 
 pub use playback::Missed;
+pub use synthetic::measure as measure_synthetic;
 
 /// What data sets of some episodes cost and are good for.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub struct Measured {
     /// Seed of tasks, layouts and attempts.
     pub seed: u64,
@@ -47,8 +50,12 @@ pub struct Measured {
     pub playback: BTreeMap<String, f64>,
     /// Episodes that did not succeed again.
     pub missed: Vec<Missed>,
-    /// Time of `data check`, s; null as long as there is none.
+    /// Time of `data check`, s.
     pub check_s: Option<f64>,
+    /// Time to open the data set and its index of episodes, s.
+    pub open_s: Option<f64>,
+    /// Size of the data set and its depth sibling.
+    pub dataset_bytes: u64,
 }
 
 /// Where the processor time goes.
@@ -104,6 +111,16 @@ pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progres
     let export_s = BTreeMap::from([("lerobot", clock())]);
     let pictures = exported.frames * lerobot.export.cameras.len();
     let bytes = bytes_below(&dataset.join("videos")) + bytes_below(&lerobot::depth_path(&dataset).join("data"));
+    let clock = Instant::now();
+    LerobotDataset::open(&dataset).map_err(broke)?;
+    let open_s = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let checked = check::check(&dataset, &[Arc::clone(planner.robot())]).map_err(broke)?;
+    let check_s = clock.elapsed().as_secs_f64();
+    if let Some(finding) = checked.findings.first() {
+        let what = format!("what was exported is not sound: {finding:?}");
+        return Err(LabError::input(what).with_hint("this is a defect of the program"));
+    }
     let (playback, missed) = playback::measure(&recorded, &store, (&planner, &settings), folder, progress)?;
     Ok(Measured {
         seed: seed.value(),
@@ -115,7 +132,9 @@ pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progres
         export_s,
         playback,
         missed,
-        check_s: None,
+        check_s: Some(check_s),
+        open_s: Some(open_s),
+        dataset_bytes: bytes_below(&dataset) + bytes_below(&lerobot::depth_path(&dataset)),
     })
 }
 
@@ -210,6 +229,12 @@ pub fn in_words(measured: &Measured) -> String {
     for (format, seconds) in &measured.export_s {
         row(&format!("export to {format}, processor time"), format!("{seconds:.2} s"));
     }
+    for (what, seconds) in [("open the dataset", measured.open_s), ("check the dataset", measured.check_s)] {
+        if let Some(seconds) = seconds {
+            row(what, format!("{seconds:.2} s"));
+        }
+    }
+    row("dataset", format!("{:.1} MB", measured.dataset_bytes as f64 / 1e6));
     for (action, success) in &measured.playback {
         row(&format!("played back, {action} Hz"), format!("{:.1} %", 100.0 * success));
     }

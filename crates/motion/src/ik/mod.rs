@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::chain::Chain;
 use crate::rigid::Rigid;
 use franka::FrankaGeometry;
-use numeric::{Descent, descend};
+use numeric::{Descent, Range, descend};
 
 /// How solutions are searched and ranked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -144,22 +144,35 @@ impl InverseKinematics {
     ///
     /// `None` when no solution lies within `max_step` (largest joint difference) of `previous`.
     pub fn continue_from(&self, world_from_tcp: &Pose, previous: &[f64], max_step: f64) -> Option<Vec<f64>> {
-        let how = Descent { margin: self.settings.limit_margin.min(CONTINUED_MARGIN), ..self.descent() };
+        let how = Descent { ranges: self.ranges(self.continued_margin()).collect(), ..self.descent() };
         let solution = descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)?;
         (largest_difference(&solution, previous) <= max_step).then_some(solution)
     }
 
-    /// The solution that follows a tool from where the arm is, however far; joints at their limits stay there while the
-    /// others go on.
-    pub fn follow(&self, world_from_tcp: &Pose, previous: &[f64]) -> Option<Vec<f64>> {
-        let margin = self.settings.limit_margin.min(CONTINUED_MARGIN);
-        let how = Descent { margin, holds_at_limits: true, ..self.descent() };
+    /// The solution that follows a tool from where the arm is. A joint at its limit, or as far from where it was as it may
+    /// come (`reach`, rad or m, base to hand), stays there while the others go on.
+    ///
+    /// `None` when the pose is not to be had so; with an infinite reach the arm may go however far.
+    pub fn follow(&self, world_from_tcp: &Pose, previous: &[f64], reach: &[f64]) -> Option<Vec<f64>> {
+        let near = previous.iter().zip(reach);
+        let ranges = self.ranges(self.continued_margin()).zip(near).map(|(range, (&q, &reach))| range.around(q, reach));
+        let how = Descent { ranges: ranges.collect(), holds_at_limits: true, ..self.descent() };
         descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)
     }
 
     fn descent(&self) -> Descent {
         let IkSettings { limit_margin, tolerance, numeric_iterations, .. } = self.settings;
-        Descent { margin: limit_margin, tolerance, iterations: numeric_iterations, holds_at_limits: false }
+        let ranges = self.ranges(limit_margin).collect();
+        Descent { ranges, tolerance, iterations: numeric_iterations, holds_at_limits: false }
+    }
+
+    fn continued_margin(&self) -> f64 {
+        self.settings.limit_margin.min(CONTINUED_MARGIN)
+    }
+
+    /// The joints' ranges less a margin at either end.
+    fn ranges(&self, margin: f64) -> impl Iterator<Item = Range> + use<'_> {
+        self.chain.joints().iter().map(move |joint| Range::new(joint.lower + margin, joint.upper - margin))
     }
 
     /// All branches of the closed form for one value of the free joint (joint 7), inside the joint limits,

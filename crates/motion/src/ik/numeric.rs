@@ -15,20 +15,42 @@ pub(crate) fn tcp_error(current: &Rigid, wanted: &Rigid) -> [f64; 6] {
 
 /// How to walk towards a pose.
 pub(crate) struct Descent {
-    /// Distance every joint keeps from its limits, rad or m.
-    pub margin: f64,
+    /// Range of each joint, rad or m.
+    pub ranges: Vec<Range>,
     /// Largest error of an arrival, m and rad.
     pub tolerance: f64,
     /// Steps at most.
     pub iterations: usize,
-    /// Whether a joint at its limit stays there while the others do its part; merely clamped, a walk along a limit ends
-    /// short of the pose.
+    /// Whether a joint at an end of its range stays there while the others do its part; merely clamped, a walk along a
+    /// limit ends short of the pose.
     pub holds_at_limits: bool,
 }
 
-/// Walks from `config` towards the wanted tcp pose, never leaving the limits; `None` when it does not arrive.
+/// What a joint may take on, rad or m.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Range {
+    pub lower: f64,
+    pub upper: f64,
+}
+
+impl Range {
+    /// All between two ends; their middle alone when they have changed sides.
+    pub fn new(lower: f64, upper: f64) -> Self {
+        let middle = (lower + upper) / 2.0;
+        if lower <= upper { Self { lower, upper } } else { Self { lower: middle, upper: middle } }
+    }
+
+    /// What of it lies within `reach` of a value; the end next to it when nothing does.
+    pub fn around(self, value: f64, reach: f64) -> Self {
+        Self {
+            lower: (value - reach).clamp(self.lower, self.upper),
+            upper: (value + reach).clamp(self.lower, self.upper),
+        }
+    }
+}
+
+/// Walks from `config` towards the wanted tcp pose, never leaving the ranges; `None` when it does not arrive.
 pub(crate) fn descend(chain: &Chain, wanted: &Rigid, config: &[f64], how: &Descent) -> Option<Vec<f64>> {
-    let margin = how.margin;
     let mut config = config.to_vec();
     let mut frames = Vec::new();
     for _ in 0..=how.iterations {
@@ -42,26 +64,27 @@ pub(crate) fn descend(chain: &Chain, wanted: &Rigid, config: &[f64], how: &Desce
         let damping = (0.1 * size).min(0.05).powi(2);
         let mut step = damped_step(&jacobian, &error, damping)?;
         if how.holds_at_limits {
-            while let Some(joint) = pushed_beyond(chain, &config, &step, margin) {
+            while let Some(joint) = pushed_beyond(&config, &step, &how.ranges) {
                 jacobian[joint] = [0.0; 6];
                 step = damped_step(&jacobian, &error, damping)?;
             }
         }
         let largest = step.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
         let shorten = (0.3 / largest.max(1e-12)).min(1.0);
-        for ((q, step), joint) in config.iter_mut().zip(&step).zip(chain.joints()) {
-            let (lower, upper) = (joint.lower + margin, joint.upper - margin);
-            *q = if lower <= upper { (*q + step * shorten).clamp(lower, upper) } else { (lower + upper) / 2.0 };
+        for ((q, step), range) in config.iter_mut().zip(&step).zip(&how.ranges) {
+            *q = (*q + step * shorten).clamp(range.lower, range.upper);
         }
     }
     None
 }
 
-/// The first joint at its limit that a step would move beyond it.
-fn pushed_beyond(chain: &Chain, config: &[f64], step: &[f64], margin: f64) -> Option<usize> {
-    config.iter().zip(step).zip(chain.joints()).position(|((&q, &step), joint)| {
-        (step > 0.0 && q >= joint.upper - margin) || (step < 0.0 && q <= joint.lower + margin)
-    })
+/// The first joint at an end of its range that a step would move beyond it.
+fn pushed_beyond(config: &[f64], step: &[f64], ranges: &[Range]) -> Option<usize> {
+    config
+        .iter()
+        .zip(step)
+        .zip(ranges)
+        .position(|((&q, &step), range)| (step > 0.0 && q >= range.upper) || (step < 0.0 && q <= range.lower))
 }
 
 /// Jᵀ(J·Jᵀ + damping·1)⁻¹ · error.

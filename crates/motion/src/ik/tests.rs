@@ -78,13 +78,42 @@ fn a_tool_is_followed_along_limits() {
         goal[joint] = start[joint] - rng.random_range(0.0..0.05);
         let wanted = chain.tcp_pose(&goal);
         clamped += usize::from(ik.continue_from(&wanted, &start, f64::INFINITY).is_some());
-        if let Some(solution) = ik.follow(&wanted, &start) {
+        if let Some(solution) = ik.follow(&wanted, &start, &[f64::INFINITY; 7]) {
             followed += 1;
             assert!(error(&chain, &solution, &wanted).0 < 1e-9);
             assert!(chain.limit_margin(&solution) >= 0.005 - 1e-9);
         }
     }
     assert!(followed >= 396 && clamped < followed, "{followed} followed, {clamped} with clamped joints");
+}
+
+/// Where one joint may not go as far as it would, the others bring the tool there all the same.
+#[test]
+fn a_tool_is_followed_within_reach() {
+    let (chain, ik) = solver();
+    let mut rng = Seed::new(7).rng();
+    let (mut asked, mut followed) = (0, 0);
+    for _ in 0..400 {
+        let start = random_config(&chain, 0.3, &mut rng);
+        let goal: Vec<f64> = start.iter().map(|q| q + rng.random_range(-0.1..0.1)).collect();
+        let wanted = chain.tcp_pose(&goal);
+        let Some(free) = ik.follow(&wanted, &start, &[f64::INFINITY; 7]) else { continue };
+        let (fastest, far) = free
+            .iter()
+            .zip(&start)
+            .map(|(a, b)| (a - b).abs())
+            .enumerate()
+            .fold((0, 0.0), |most, (joint, step)| if step > most.1 { (joint, step) } else { most });
+        let mut reach = [f64::INFINITY; 7];
+        reach[fastest] = 0.8 * far;
+        asked += 1;
+        if let Some(solution) = ik.follow(&wanted, &start, &reach) {
+            followed += 1;
+            assert!((solution[fastest] - start[fastest]).abs() <= reach[fastest] + 1e-12);
+            assert!(error(&chain, &solution, &wanted).0 < 1e-9);
+        }
+    }
+    assert!(followed * 10 >= asked * 8 && asked > 300, "{followed} of {asked} followed");
 }
 
 #[test]

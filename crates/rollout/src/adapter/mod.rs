@@ -4,6 +4,11 @@
 //! actions stands beside the contract, in [`ActionSpec::encode`].
 //! End-effector motions become joint targets by inverse kinematics that continues from where the motion is counted
 //! from; a pose that no configuration reaches is refused, never replaced by another.
+//!
+//! An arm of seven joints follows a tool in more than one posture, and where its own is near a singularity it may be too
+//! slow for a while.
+//! Changes of the tool are therefore counted from the pose that was asked for, not from where the arm's speeds let the
+//! command get: what it missed it makes up for, and is not lost to all actions after.
 
 #[cfg(test)]
 mod tests;
@@ -21,9 +26,20 @@ pub struct Adapter {
     robot: Arc<RobotModel>,
     /// Only for end-effector spaces.
     kinematics: Option<InverseKinematics>,
+    /// How far each arm joint can turn while an action lasts, rad.
+    reach: Vec<f64>,
     control_period_s: f64,
     /// Control steps that one action lasts.
     repeat: usize,
+}
+
+/// An action as native commands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NativeAction {
+    /// One per control step that the action lasts.
+    pub commands: Vec<Vec<f32>>,
+    /// The tool pose that it asks for, in end-effector spaces.
+    pub world_from_tcp: Option<Pose>,
 }
 
 /// Where changes are counted from; all in radians, base to hand.
@@ -37,6 +53,8 @@ pub struct ArmReference<'a> {
     pub measured: &'a [f64],
     /// Arm joint positions when the chunk was asked for.
     pub chunk_start: &'a [f64],
+    /// The tool pose that the action before asked for; none where the command comes from elsewhere.
+    pub asked: Option<Pose>,
 }
 
 /// Why an action is none.
@@ -103,14 +121,17 @@ impl Adapter {
             true => None,
             false => Some(InverseKinematics::new(Chain::new(robot)?, ik.clone())),
         };
-        Ok(Self { spec, robot: Arc::clone(robot), kinematics, control_period_s, repeat: repeat.max(1) })
+        let repeat = repeat.max(1);
+        let duration_s = control_period_s * repeat as f64;
+        let reach = robot.arm_joints().map(|joint| joint.max_velocity * duration_s).collect();
+        Ok(Self { spec, robot: Arc::clone(robot), kinematics, reach, control_period_s, repeat })
     }
 
-    /// The native commands of an action, one per control step that it lasts.
+    /// The native commands of an action.
     ///
     /// # Errors
     /// An action of the wrong length, with a number that is none, with no rotation, or out of reach.
-    pub fn to_native(&self, action: &[f32], from: ArmReference) -> Result<Vec<Vec<f32>>, AdapterError> {
+    pub fn to_native(&self, action: &[f32], from: ArmReference) -> Result<NativeAction, AdapterError> {
         let dof = self.robot.arm_dof();
         let expected = self.spec.length(dof);
         if action.len() != expected {
@@ -125,18 +146,22 @@ impl Adapter {
         let reference = self.reference(from);
         let command = |arm: &[f64]| arm.iter().map(|&q| q as f32).chain([width]).collect::<Vec<f32>>();
         let moved = |share: f64| reference.iter().zip(&motion).map(|(q, v)| q + v * share).collect::<Vec<f64>>();
-        let arm = match self.spec.space {
-            ActionSpace::JointPosition => motion,
-            ActionSpace::JointDelta => moved(1.0),
-            ActionSpace::JointVelocity => {
-                let steps = 1..=self.repeat;
-                return Ok(steps.map(|step| command(&moved(step as f64 * self.control_period_s))).collect());
-            }
-            ActionSpace::EePose => self.configuration(&self.decode_pose(&motion)?, reference)?,
+        let world_from_tcp = match self.spec.space {
+            ActionSpace::EePose => Some(self.decode_pose(&motion)?),
             ActionSpace::EeDelta => {
-                let world_from_tcp = self.robot.tcp_pose(reference);
-                self.configuration(&self.spec.frame.apply(&self.decode_pose(&motion)?, &world_from_tcp), reference)?
+                Some(self.spec.frame.apply(&self.decode_pose(&motion)?, &self.reference_pose(from)))
             }
+            _ => None,
+        };
+        let arm = match (self.spec.space, &world_from_tcp) {
+            (ActionSpace::JointVelocity, _) => {
+                let steps = 1..=self.repeat;
+                let commands = steps.map(|step| command(&moved(step as f64 * self.control_period_s))).collect();
+                return Ok(NativeAction { commands, world_from_tcp: None });
+            }
+            (ActionSpace::JointDelta, _) => moved(1.0),
+            (_, Some(world_from_tcp)) => self.configuration(world_from_tcp, reference)?,
+            (_, None) => motion,
         };
         let target = command(&arm);
         let step = |step: usize| match self.spec.between {
@@ -148,26 +173,7 @@ impl Adapter {
             // To the last bit.
             Between::Linear | Between::Hold => target.clone(),
         };
-        Ok((1..=self.repeat).map(step).collect())
-    }
-
-    /// The action whose last native command is `command`: [`Adapter::to_native`] backwards.
-    ///
-    /// See [`ActionSpec::encode`].
-    ///
-    /// # Errors
-    /// A command of the wrong length or not finite.
-    pub fn from_native(&self, command: &[f32], from: ArmReference) -> Result<Vec<f32>, AdapterError> {
-        let dof = self.robot.arm_dof();
-        if command.len() != dof + 1 {
-            let (expected, got) = (dof + 1, command.len());
-            return Err(AdapterError::Length { expected, spec: ActionSpec::native().to_string(), got });
-        }
-        if let Some((index, &value)) = command.iter().enumerate().find(|(_, value)| !value.is_finite()) {
-            return Err(AdapterError::NotFinite { index, value });
-        }
-        let duration_s = self.control_period_s * self.repeat as f64;
-        Ok(self.spec.encode(&self.robot, command, self.reference(from), duration_s))
+        Ok(NativeAction { commands: (1..=self.repeat).map(step).collect(), world_from_tcp })
     }
 
     fn reference<'a>(&self, from: ArmReference<'a>) -> &'a [f64] {
@@ -179,11 +185,22 @@ impl Adapter {
         }
     }
 
+    /// Where a change of the tool is counted from.
+    fn reference_pose(&self, from: ArmReference) -> Pose {
+        match (self.spec.delta_from, from.asked) {
+            (DeltaFrom::Command, Some(asked)) => asked,
+            _ => self.robot.tcp_pose(self.reference(from)),
+        }
+    }
+
     fn configuration(&self, world_from_tcp: &Pose, reference: &[f64]) -> Result<Vec<f64>, AdapterError> {
         let DVec3 { x: x_m, y: y_m, z: z_m } = world_from_tcp.position;
         let kinematics = self.kinematics.as_ref().ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })?;
+        // What the drives can do in time, else what they can do later.
+        let however_far = vec![f64::INFINITY; self.reach.len()];
         kinematics
-            .follow(world_from_tcp, reference)
+            .follow(world_from_tcp, reference, &self.reach)
+            .or_else(|| kinematics.follow(world_from_tcp, reference, &however_far))
             .or_else(|| kinematics.solutions(world_from_tcp, reference).next())
             .ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })
     }

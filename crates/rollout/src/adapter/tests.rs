@@ -44,6 +44,11 @@ fn adapter(spec: ActionSpec) -> Adapter {
     Adapter::new(spec, &robot(), &IkSettings::default(), 1.0 / 60.0, 4).unwrap()
 }
 
+/// A hand that is open, and an arm that stands where it was sent.
+fn at(arm: &[f64]) -> ArmReference<'_> {
+    ArmReference { command: arm, width_m: 0.08, measured: arm, chunk_start: arm, asked: None }
+}
+
 /// Every contract there is, but for thresholds.
 fn any_spec() -> impl Strategy<Value = ActionSpec> {
     let frames = [ActionFrame::World, ActionFrame::EndEffector];
@@ -79,11 +84,11 @@ proptest! {
         spec in any_spec(), [command, measured, chunk_start, target] in any_motion(), width in 0.0..0.08_f32,
     ) {
         let (adapter, robot) = (adapter(spec), robot());
-        let from = ArmReference { command: &command, width_m: 0.03, measured: &measured, chunk_start: &chunk_start };
+        let from = ArmReference { command: &command, width_m: 0.03, measured: &measured, chunk_start: &chunk_start, asked: None };
         let wanted: Vec<f32> = target.iter().map(|&q| q as f32).chain([width]).collect();
-        let action = adapter.from_native(&wanted, from).unwrap();
+        let action = spec.encode(&robot, &wanted, adapter.reference(from), 4.0 / 60.0);
         prop_assert_eq!(action.len(), spec.length(7));
-        let commands = adapter.to_native(&action, from).unwrap();
+        let commands = adapter.to_native(&action, from).unwrap().commands;
         prop_assert_eq!(commands.len(), 4);
         let last = commands.last().unwrap();
         prop_assert!((last[7] - width).abs() < 1e-6, "{} for {}", last[7], width);
@@ -116,14 +121,14 @@ proptest! {
 #[test]
 fn grippers_open_and_shut_the_right_way_round() {
     let home = robot().home.clone();
-    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
+    let from = at(&home);
     let width = |encoding, binary_threshold, number: f32| {
         let spec = ActionSpec {
             gripper: GripperSpec { encoding, binary_threshold },
             ..ActionSpec::new(ActionSpace::JointPosition, encoding)
         };
         let action: Vec<f32> = home.iter().map(|&q| q as f32).chain([number]).collect();
-        adapter(spec).to_native(&action, from).unwrap()[0][7]
+        adapter(spec).to_native(&action, from).unwrap().commands[0][7]
     };
     let cases = [
         (GripperEncoding::WidthM, None, [(0.0, 0.0), (0.03, 0.03), (0.08, 0.08)]),
@@ -149,7 +154,7 @@ fn grippers_open_and_shut_the_right_way_round() {
 fn changes_are_along_the_axes_of_the_contract() {
     let robot = robot();
     let home = robot.home.clone();
-    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
+    let from = at(&home);
     let start = robot.tcp_pose(&home);
     for (frame, along, about) in [
         (ActionFrame::World, DVec3::new(0.02, 0.0, 0.0), DVec3::X),
@@ -164,7 +169,7 @@ fn changes_are_along_the_axes_of_the_contract() {
             rotation: RotationEncoding::AxisAngle,
             ..ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::OpenFraction)
         };
-        let commands = adapter(spec).to_native(&[0.02, 0.0, 0.0, 0.1, 0.0, 0.0, 1.0], from).unwrap();
+        let commands = adapter(spec).to_native(&[0.02, 0.0, 0.0, 0.1, 0.0, 0.0, 1.0], from).unwrap().commands;
         let arm: Vec<f64> = commands[0][..7].iter().map(|&q| f64::from(q)).collect();
         let expected = Pose::new(start.position + along, DQuat::from_axis_angle(about, 0.1) * start.rotation);
         let reached = robot.tcp_pose(&arm);
@@ -173,13 +178,46 @@ fn changes_are_along_the_axes_of_the_contract() {
     }
 }
 
+/// A tool that is to go faster than the arm can is late, and not somewhere else: a change is counted from where the tool
+/// was to be, not from where the drives let it get.
+#[test]
+fn what_the_drives_could_not_do_in_time_is_made_up_for() {
+    let robot = robot();
+    let spec = ActionSpec {
+        rotation: RotationEncoding::AxisAngle,
+        ..ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::WidthM)
+    };
+    let adapter = adapter(spec);
+    let (mut command, mut asked) = (robot.home.clone(), None);
+    let steps = [[0.0, 0.25, 0.0, 0.0, 0.0, 1.0, 0.08], [0.0, 0.05, 0.02, 0.0, 0.0, 0.2, 0.08]];
+    let mut expected = robot.tcp_pose(&command);
+    let mut lost = 0.0_f64;
+    for row in steps.iter().chain(&[[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08]; 14]) {
+        let native = adapter.to_native(row, ArmReference { asked, ..at(&command) }).unwrap();
+        let change = Pose::new(DVec3::new(0.0, row[1].into(), row[2].into()), DQuat::from_rotation_z(row[5].into()));
+        expected = ActionFrame::World.apply(&change, &expected);
+        for target in &native.commands {
+            for ((q, target), joint) in command.iter_mut().zip(target).zip(robot.arm_joints()) {
+                let far = joint.max_velocity / 60.0;
+                *q = f64::from(*target).clamp(*q - far, *q + far);
+            }
+        }
+        asked = native.world_from_tcp;
+        lost = lost.max(robot.tcp_pose(&command).position.distance(expected.position));
+    }
+    assert!(lost > 0.05, "the arm was never late: {lost} m");
+    let reached = robot.tcp_pose(&command);
+    assert!(reached.position.distance(expected.position) < 1e-5, "{reached:?} for {expected:?}");
+    assert!(reached.angle_to(&expected) < 1e-3, "{reached:?} for {expected:?}");
+}
+
 /// A joint that turns at 0.6 rad/s has gone 0.01 rad further after each control step.
 #[test]
 fn speeds_are_a_ramp() {
     let home = robot().home.clone();
-    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
+    let from = at(&home);
     let spec = ActionSpec::new(ActionSpace::JointVelocity, GripperEncoding::WidthM);
-    let commands = adapter(spec).to_native(&[0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08], from).unwrap();
+    let commands = adapter(spec).to_native(&[0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08], from).unwrap().commands;
     for (step, command) in commands.iter().enumerate() {
         let gone = f64::from(command[0]) - home[0];
         assert!((gone - 0.01 * (step + 1) as f64).abs() < 1e-6, "step {step}: {gone} rad");
@@ -190,24 +228,24 @@ fn speeds_are_a_ramp() {
 #[test]
 fn a_linear_contract_moves_evenly_to_the_action() {
     let home = robot().home.clone();
-    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
+    let from = at(&home);
     let mut action: Vec<f32> = home.iter().map(|&q| q as f32).chain([0.04]).collect();
     action[0] += 0.1;
     let spec = |between| ActionSpec { between, ..ActionSpec::native() };
-    let linear = adapter(spec(Between::Linear)).to_native(&action, from).unwrap();
+    let linear = adapter(spec(Between::Linear)).to_native(&action, from).unwrap().commands;
     for (step, width) in [0.07, 0.06, 0.05, 0.04].into_iter().enumerate() {
         let gone = f64::from(linear[step][0]) - home[0];
         assert!((gone - 0.025 * (step + 1) as f64).abs() < 1e-6, "step {step}: {gone} rad");
         assert!((linear[step][7] - width).abs() < 1e-6, "step {step}: {} m", linear[step][7]);
     }
     assert_eq!(linear[3], action);
-    assert_eq!(adapter(spec(Between::Hold)).to_native(&action, from).unwrap(), vec![action; 4]);
+    assert_eq!(adapter(spec(Between::Hold)).to_native(&action, from).unwrap().commands, vec![action; 4]);
 }
 
 #[test]
 fn what_is_no_action_is_refused() {
     let home = robot().home.clone();
-    let from = ArmReference { command: &home, width_m: 0.08, measured: &home, chunk_start: &home };
+    let from = at(&home);
     let pose = |rotation| ActionSpec { rotation, ..ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM) };
     let cases: [(ActionSpec, &[f32], &str); 5] = [
         (ActionSpec::native(), &[0.0; 7], "expected 8 numbers (joint_position, gripper width_m), got 7"),

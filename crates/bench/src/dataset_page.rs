@@ -1,0 +1,26 @@
+//! What is in a data set, as a page.
+
+use std::fmt::Write;
+
+use crate::markup::escape;
+
+/// A page with a heading, a note and tables; the first row of each is its head.
+pub fn dataset_page(title: &str, note: &str, tables: &[(&str, &[Vec<String>])]) -> String {
+    let mut html = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n<style>\n{style}</style>\n\
+         </head>\n<body>\n<header>\n<h1>Dataset</h1>\n<p>{title}</p>\n<pre>{note}</pre>\n</header>\n",
+        title = escape(title),
+        note = escape(note),
+        style = include_str!("report/style.css"),
+    );
+    for (heading, rows) in tables {
+        let _ = write!(html, "<section>\n<h2>{}</h2>\n<table>\n", escape(heading));
+        for (index, row) in rows.iter().enumerate() {
+            let tag = if index == 0 { "th" } else { "td" };
+            let cells: String = row.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
+            let _ = writeln!(html, "<tr>{cells}</tr>");
+        }
+        html += "</table>\n</section>\n";
+    }
+    html + "</body>\n</html>\n"
+}

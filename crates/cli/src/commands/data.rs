@@ -1,0 +1,115 @@
+//! `genmanip data`.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_assets::robots;
+use genmanip_bench::{dataset_page, text_table};
+use genmanip_core::RobotModel;
+use genmanip_data::DataError;
+use genmanip_data::check::{self, Checked, Finding, Overview};
+use genmanip_run::inputs;
+use serde_json::json;
+
+use crate::args::{DataCheckArguments, DataCommand, DataShowArguments};
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+/// Leaks that are printed; with --json all are.
+const LISTED_LEAKS: usize = 12;
+
+pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
+    match command {
+        DataCommand::Check(arguments) => check_all(arguments, printer),
+        DataCommand::Show(arguments) => show(arguments, printer),
+    }
+}
+
+fn check_all(arguments: &DataCheckArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let mut checked = Vec::new();
+    for dataset in &arguments.datasets {
+        printer.say(format!("checking {}", dataset.display()));
+        checked.push(read(dataset)?);
+    }
+    let mut leaks = Vec::new();
+    for (number, later) in checked.iter().enumerate() {
+        leaks.extend(checked[..number].iter().flat_map(|earlier| check::leaks(earlier, later)));
+    }
+    let mut text = String::new();
+    for one in &checked {
+        let Checked { dataset, format, episodes, frames, findings, further, .. } = one;
+        let verdict = match findings.len() + further {
+            0 => "sound".to_owned(),
+            count => format!("{count} findings"),
+        };
+        text += &format!("{dataset}: {format}, {episodes} episodes, {frames} rows: {verdict}\n");
+        text += &findings.iter().map(in_words).collect::<String>();
+        if *further > 0 {
+            text += &format!("  and {further} more of these\n");
+        }
+    }
+    text += &leaks.iter().take(LISTED_LEAKS).map(in_words).collect::<String>();
+    if leaks.len() > LISTED_LEAKS {
+        text += &format!("  and {} more leaks\n", leaks.len() - LISTED_LEAKS);
+    }
+    let is_sound = leaks.is_empty() && checked.iter().all(|one| one.findings.is_empty());
+    printer.data(&json!({"datasets": checked, "leaks": leaks}), &text);
+    Ok(if is_sound { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
+fn in_words(finding: &Finding) -> String {
+    let Finding { check, file, place, expected, found } = finding;
+    let place = if place.is_empty() { String::new() } else { format!(", {place}") };
+    format!("  {check}: {file}{place}: expected {expected}; found {found}\n")
+}
+
+fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let checked = read(&arguments.dataset)?;
+    let overview = &checked.overview;
+    let groups = groups(overview);
+    let ranges = ranges(overview);
+    let about = format!(
+        "{}: {}, {} episodes, {} rows at {} Hz, robot {}",
+        checked.dataset, checked.format, checked.episodes, checked.frames, overview.fps, overview.robot
+    );
+    let action = overview.action.as_ref().map_or(String::new(), |action| format!("action: {action}\n"));
+    let findings = match checked.findings.len() + checked.further {
+        0 => "sound".to_owned(),
+        count => format!("{count} findings: see genmanip data check"),
+    };
+    if let Some(path) = &arguments.html {
+        let tables = [("Episodes", groups.as_slice()), ("States and actions", ranges.as_slice())];
+        inputs::write_file(path, dataset_page(&about, &format!("{action}{findings}"), &tables).as_bytes())?;
+        printer.say(format!("wrote {}", path.display()));
+        return Ok(ExitStatus::Done);
+    }
+    let text = format!("{about}\n{action}{findings}\n\n{}\n{}", text_table(&groups), text_table(&ranges));
+    printer.data(&json!({"dataset": checked, "overview": overview}), &text);
+    Ok(ExitStatus::Done)
+}
+
+fn groups(overview: &Overview) -> Vec<Vec<String>> {
+    let head = ["kind", "episodes", "succeeded", "sentences", "shortest", "median", "longest, s"].map(String::from);
+    let row = |group: &check::Group| {
+        let succeeded = group.succeeded.map_or("–".to_owned(), |count| count.to_string());
+        let counts = [group.kind.clone(), group.episodes.to_string(), succeeded, group.sentences.to_string()];
+        counts.into_iter().chain(group.seconds.map(|seconds| format!("{seconds:.1}"))).collect()
+    };
+    std::iter::once(head.to_vec()).chain(overview.groups.iter().map(row)).collect()
+}
+
+fn ranges(overview: &Overview) -> Vec<Vec<String>> {
+    let row = |range: &check::Range| vec![range.name.clone(), format!("{:.4}", range.min), format!("{:.4}", range.max)];
+    std::iter::once(["column", "least", "most"].map(String::from).to_vec())
+        .chain(overview.ranges.iter().map(row))
+        .collect()
+}
+
+fn read(dataset: &Path) -> Result<Checked, Failed> {
+    let robots: Vec<Arc<RobotModel>> = robots::NAMES.iter().filter_map(|name| robots::named(name).ok()).collect();
+    check::check(dataset, &robots).map_err(|error| {
+        let hint = "give the folder of a LeRobot dataset (with meta/info.json) or of a zarr group";
+        let hint = error.hint().filter(|_| !matches!(error, DataError::Io { .. })).unwrap_or_else(|| hint.into());
+        Failed::because(format!("cannot check {}", dataset.display()), &error).hint(hint)
+    })
+}

@@ -1,0 +1,371 @@
+//! What a LeRobot data set says of itself, whatever its version.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use arrow_array::RecordBatch;
+use genmanip_core::{ActionContract, Document, limits};
+use serde_json::Value;
+
+use super::findings::Findings;
+use crate::lerobot::CONTRACT;
+use crate::{DataError, files};
+
+pub(super) const INFO: &str = "meta/info.json";
+
+/// Version of the format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Version {
+    V30,
+    V21,
+}
+
+impl Version {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::V30 => "lerobot-v3.0",
+            Self::V21 => "lerobot-v2.1",
+        }
+    }
+}
+
+/// A column as `info.json` describes it.
+#[derive(Clone, Debug)]
+pub(super) struct Feature {
+    pub(super) key: String,
+    pub(super) dtype: String,
+    pub(super) shape: Vec<usize>,
+    pub(super) names: Vec<String>,
+}
+
+impl Feature {
+    pub(super) fn is_video(&self) -> bool {
+        self.dtype == "video"
+    }
+
+    pub(super) fn is_image(&self) -> bool {
+        self.dtype == "image"
+    }
+
+    pub(super) fn width(&self) -> usize {
+        self.shape.iter().product()
+    }
+}
+
+/// `info.json`.
+#[derive(Clone, Debug)]
+pub(super) struct Info {
+    pub(super) version: Version,
+    pub(super) robot: String,
+    pub(super) fps: f64,
+    pub(super) totals: [i64; 3],
+    pub(super) features: Vec<Feature>,
+    pub(super) json: Value,
+}
+
+/// Pictures of one episode in a file.
+#[derive(Clone, Debug)]
+pub(super) struct VideoSpan {
+    pub(super) key: String,
+    pub(super) file: String,
+    pub(super) from_s: f64,
+    pub(super) to_s: f64,
+}
+
+/// An episode as the data set lists it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Listed {
+    pub(super) index: i64,
+    pub(super) length: i64,
+    pub(super) from: i64,
+    pub(super) to: i64,
+    pub(super) sentence: String,
+    pub(super) sentences: usize,
+    pub(super) store_id: Option<String>,
+    pub(super) scenario_id: Option<String>,
+    pub(super) seed: Option<i64>,
+    pub(super) success: Option<bool>,
+    pub(super) failure: Option<String>,
+    pub(super) kind: Option<String>,
+    /// The robot's home, where the scenario tells it; rad.
+    pub(super) home: Option<Vec<f64>>,
+    pub(super) data: String,
+    pub(super) videos: Vec<VideoSpan>,
+    /// Where its row stands: file and row, or line.
+    pub(super) listed_in: (String, usize),
+}
+
+impl Listed {
+    pub(super) fn place(&self) -> String {
+        format!("episode {}", self.index)
+    }
+}
+
+/// Statistics of one feature by name.
+pub(super) type Statistics = BTreeMap<String, Vec<f64>>;
+
+/// Where the statistics of single episodes stand.
+pub(super) enum EpisodeStats {
+    /// Columns `stats/KEY/NAME` of the episodes tables, of which one file is kept.
+    Tables(RefCell<Option<(String, RecordBatch)>>),
+    /// Lines of `episodes_stats.jsonl`.
+    Lines(Vec<Value>),
+}
+
+/// All that a data set says of itself.
+pub(super) struct Book {
+    pub(super) root: PathBuf,
+    pub(super) info: Info,
+    pub(super) tasks: Vec<(i64, String)>,
+    pub(super) tasks_file: &'static str,
+    pub(super) episodes: Vec<Listed>,
+    pub(super) contract: Option<ActionContract>,
+    /// Whether this program made it.
+    pub(super) is_own: bool,
+    pub(super) meta_files: Vec<String>,
+    pub(super) stats: Value,
+    pub(super) episode_stats: EpisodeStats,
+}
+
+/// Reads `info.json`; without it nothing can be said.
+pub(super) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, DataError> {
+    let path = root.join(INFO);
+    let bytes = files::read(&path, limits::SETTINGS)?;
+    let json: Value = serde_json::from_slice(&bytes).map_err(|error| {
+        DataError::mismatch(format!("data set {}", root.display()), "JSON in meta/info.json", error)
+    })?;
+    let version = match json["codebase_version"].as_str() {
+        Some("v3.0") => Version::V30,
+        Some("v2.1") => Version::V21,
+        other => {
+            let got = other.unwrap_or("none");
+            return Err(DataError::mismatch(
+                format!("format of {}", root.display()),
+                "LeRobot v3.0 or v2.1, or zarr",
+                got,
+            ));
+        }
+    };
+    let fps = json["fps"].as_f64().filter(|fps| *fps > 0.0).unwrap_or_else(|| {
+        findings.add("info", INFO, "fps", "a positive number", &json["fps"]);
+        0.0
+    });
+    let total = |key: &str, findings: &mut Findings| {
+        json[key].as_i64().unwrap_or_else(|| {
+            findings.add("info", INFO, key, "a whole number", &json[key]);
+            -1
+        })
+    };
+    let totals = ["total_episodes", "total_frames", "total_tasks"].map(|key| total(key, findings));
+    let features = json["features"].as_object().into_iter().flatten().map(|(key, about)| feature(key, about)).collect();
+    let robot = json["robot_type"].as_str().unwrap_or_default().to_owned();
+    Ok(Info { version, robot, fps, totals, features, json })
+}
+
+fn feature(key: &str, about: &Value) -> Feature {
+    let texts = |value: &Value| -> Vec<String> {
+        value.as_array().into_iter().flatten().filter_map(|name| name.as_str().map(str::to_owned)).collect()
+    };
+    let size = |size: &Value| size.as_u64().and_then(|size| usize::try_from(size).ok());
+    Feature {
+        key: key.into(),
+        dtype: about["dtype"].as_str().unwrap_or_default().into(),
+        shape: about["shape"].as_array().into_iter().flatten().filter_map(size).collect(),
+        names: texts(&about["names"]),
+    }
+}
+
+/// A JSON file; what cannot be read is found.
+pub(super) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Value {
+    match files::read(&root.join(name), limits::EVALUATION) {
+        Ok(bytes) => serde_json::from_slice(&bytes).unwrap_or_else(|error| {
+            findings.add("info", name, "", "JSON", error);
+            Value::Null
+        }),
+        // That it is missing is found among the files.
+        Err(error) if error.is_missing() => Value::Null,
+        Err(error) => {
+            findings.add("files", name, "", "a file that can be read", error);
+            Value::Null
+        }
+    }
+}
+
+/// The contract of the actions, if there is one.
+pub(super) fn read_contract(root: &Path, findings: &mut Findings) -> Option<ActionContract> {
+    let bytes = match files::read(&root.join(CONTRACT), limits::SETTINGS) {
+        Ok(bytes) => bytes,
+        Err(error) if error.is_missing() => return None,
+        Err(error) => {
+            findings.add("contract", CONTRACT, "", "a file that can be read", error);
+            return None;
+        }
+    };
+    ActionContract::from_bytes(&bytes).map_err(|error| findings.add("contract", CONTRACT, "", "a contract", error)).ok()
+}
+
+/// What a file path template of `info.json` means.
+pub(super) fn fill(template: &str, numbers: &[(&str, i64)], video_key: &str) -> String {
+    let mut path = template.replace("{video_key}", video_key);
+    for (name, number) in numbers {
+        path = path.replace(&format!("{{{name}:03d}}"), &format!("{number:03}"));
+        path = path.replace(&format!("{{{name}:06d}}"), &format!("{number:06}"));
+        path = path.replace(&format!("{{{name}}}"), &number.to_string());
+    }
+    path
+}
+
+/// Whether totals, tasks, episodes and contract fit each other.
+pub(super) fn check(book: &Book, findings: &mut Findings) {
+    let count = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
+    let [episodes, frames, tasks] = book.info.totals;
+    findings.require("info", INFO, "total_episodes", &count(book.episodes.len()), &episodes);
+    findings.require("info", INFO, "total_tasks", &count(book.tasks.len()), &tasks);
+    let rows = book.episodes.iter().fold(0_i64, |sum, episode| sum.saturating_add(episode.length));
+    findings.require("info", INFO, "total_frames", &rows, &frames);
+    if book.is_own {
+        let split = format!("0:{}", book.episodes.len());
+        findings.require(
+            "info",
+            INFO,
+            "splits.train",
+            &Some(split.as_str()),
+            &book.info.json["splits"]["train"].as_str(),
+        );
+    }
+    tasks_and_sentences(book, findings);
+    let mut from = 0;
+    let mut ids = BTreeMap::new();
+    for (number, episode) in book.episodes.iter().enumerate() {
+        let (file, place) = (episode.listed_in.0.as_str(), episode.place());
+        findings.require(
+            "episodes",
+            file,
+            &format!("row {}, episode_index", episode.listed_in.1),
+            &count(number),
+            &episode.index,
+        );
+        findings.require("episodes", file, &format!("{place}, dataset_from_index"), &from, &episode.from);
+        findings.require(
+            "episodes",
+            file,
+            &format!("{place}, dataset_to_index"),
+            &(from.saturating_add(episode.length)),
+            &episode.to,
+        );
+        if episode.length < 1 {
+            findings.add("episodes", file, format!("{place}, length"), "at least 1", episode.length);
+        }
+        from = from.saturating_add(episode.length.max(0));
+        if let Some(id) = &episode.store_id
+            && let Some(first) = ids.insert(id.clone(), episode.index)
+        {
+            findings.add(
+                "episodes",
+                file,
+                format!("{place}, store_id"),
+                "an episode only once",
+                format!("{id}, as episode {first}"),
+            );
+        }
+        if book.is_own && episode.success == Some(false) && episode.failure.as_deref() == Some("") {
+            findings.add("episodes", file, format!("{place}, failure"), "the cause of a failure", "nothing");
+        }
+        if book.is_own && episode.success == Some(true) && episode.failure.as_deref().is_some_and(|why| !why.is_empty())
+        {
+            let why = episode.failure.clone().unwrap_or_default();
+            findings.add("episodes", file, format!("{place}, failure"), "nothing, as it succeeded", why);
+        }
+    }
+    contract(book, findings);
+    card(book, findings);
+}
+
+fn tasks_and_sentences(book: &Book, findings: &mut Findings) {
+    let mut known = BTreeMap::new();
+    for (row, (index, sentence)) in book.tasks.iter().enumerate() {
+        let place = format!("row {row}");
+        findings.require(
+            "tasks",
+            book.tasks_file,
+            &format!("{place}, task_index"),
+            &i64::try_from(row).unwrap_or(-1),
+            index,
+        );
+        if sentence.trim().is_empty() {
+            findings.add("tasks", book.tasks_file, place.clone(), "a sentence", format!("{sentence:?}"));
+        }
+        if let Some(first) = known.insert(sentence.as_str(), row) {
+            findings.add(
+                "tasks",
+                book.tasks_file,
+                place,
+                "a sentence only once",
+                format!("that of row {first}: {sentence}"),
+            );
+        }
+    }
+    for episode in &book.episodes {
+        if episode.sentences != 1 || !known.contains_key(episode.sentence.as_str()) {
+            let found = format!("{} sentences, {:?}", episode.sentences, episode.sentence);
+            let place = format!("{}, tasks", episode.place());
+            findings.add("tasks", &episode.listed_in.0, place, format!("one sentence of {}", book.tasks_file), found);
+        }
+    }
+    let used: BTreeSet<&str> = book.episodes.iter().map(|episode| episode.sentence.as_str()).collect();
+    for (sentence, row) in known {
+        if !used.contains(sentence) {
+            findings.add("tasks", book.tasks_file, format!("row {row}"), "a sentence of some episode", sentence);
+        }
+    }
+}
+
+fn contract(book: &Book, findings: &mut Findings) {
+    let Some(contract) = &book.contract else {
+        let has_actions = book.info.features.iter().any(|feature| feature.key == "action");
+        if book.is_own && has_actions {
+            findings.add("contract", CONTRACT, "", "the contract of the actions", "none that can be read");
+        }
+        return;
+    };
+    if (contract.rate_hz - book.info.fps).abs() > 1e-9 {
+        findings.add("contract", CONTRACT, "rate_hz", book.info.fps, contract.rate_hz);
+    }
+    findings.require("contract", CONTRACT, "robot", &book.info.robot, &contract.robot);
+    match book.info.features.iter().find(|feature| feature.key == "action") {
+        Some(action) => findings.require("contract", CONTRACT, "names", &action.names, &contract.names),
+        None => findings.add("contract", CONTRACT, "", "a feature `action` in info.json", "none"),
+    }
+    let spec = &contract.action;
+    if let Err(error) = spec.check() {
+        findings.add("contract", CONTRACT, error.what, error.expected, error.got);
+    }
+    let state = book.info.features.iter().find(|feature| feature.key == "observation.state");
+    let dof = state.map_or(0, |state| state.width().saturating_sub(1));
+    let length = if spec.space.is_joint() { dof + 1 } else { spec.length(dof) };
+    if dof > 0 && contract.names.len() != length {
+        let expected = format!("{length} numbers, as {spec} has");
+        findings.add("contract", CONTRACT, "names", expected, format!("{} names", contract.names.len()));
+    }
+    let joints: Vec<&str> = state.into_iter().flat_map(|state| &state.names).map(String::as_str).take(dof).collect();
+    if contract.names.len() == length && joints.len() == dof && spec.names(&joints) != contract.names {
+        findings.require("contract", CONTRACT, "names", &spec.names(&joints), &contract.names);
+    }
+}
+
+/// The card holds a copy of `info.json`.
+fn card(book: &Book, findings: &mut Findings) {
+    let Some(text) = book.is_own.then(|| files::read(&book.root.join("README.md"), limits::SETTINGS).ok()).flatten()
+    else {
+        return;
+    };
+    let text = String::from_utf8_lossy(&text);
+    let block = text.split("```json").nth(1).and_then(|rest| rest.split("```").next());
+    let copy = block.and_then(|block| serde_json::from_str::<Value>(block).ok());
+    match copy {
+        Some(copy) if copy == book.info.json => {}
+        Some(_) => findings.add("card", "README.md", "Structure", "a copy of meta/info.json", "another info.json"),
+        None => findings.add("card", "README.md", "Structure", "a copy of meta/info.json", "no JSON"),
+    }
+}

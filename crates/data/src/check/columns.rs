@@ -1,0 +1,93 @@
+//! Columns of any type as numbers.
+
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float32Type, Float64Type, Int32Type, Int64Type};
+use arrow_array::{Array, RecordBatch};
+use arrow_schema::DataType;
+
+/// A column of vectors, row after row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Column {
+    /// Name of the type of an entry, as `info.json` has it.
+    pub(super) dtype: &'static str,
+    /// Entries per row.
+    pub(super) width: usize,
+    pub(super) values: Vec<f64>,
+}
+
+impl Column {
+    /// `None` for what holds no numbers, or not the same number of them in every row.
+    pub(super) fn of(array: &dyn Array) -> Option<Self> {
+        let rows = array.len();
+        if array.null_count() > 0 {
+            return None;
+        }
+        let plain = |dtype, values| Some(Self { dtype, width: 1, values });
+        match array.data_type() {
+            DataType::Float32 => {
+                plain("float32", array.as_primitive::<Float32Type>().values().iter().map(|v| f64::from(*v)).collect())
+            }
+            DataType::Float64 => plain("float64", array.as_primitive::<Float64Type>().values().to_vec()),
+            DataType::Int32 => {
+                plain("int32", array.as_primitive::<Int32Type>().values().iter().map(|v| f64::from(*v)).collect())
+            }
+            DataType::Int64 => {
+                plain("int64", array.as_primitive::<Int64Type>().values().iter().map(|v| *v as f64).collect())
+            }
+            DataType::Boolean => {
+                plain("bool", array.as_boolean().values().iter().map(|v| f64::from(u8::from(v))).collect())
+            }
+            DataType::FixedSizeList(..) => {
+                let lists = array.as_fixed_size_list();
+                let width = usize::try_from(lists.value_length()).ok()?;
+                let inner = Self::of(lists.values())?;
+                Some(Self { width: width * inner.width, ..inner })
+            }
+            DataType::List(_) => {
+                let lists = array.as_list::<i32>();
+                let width = if rows == 0 { 0 } else { usize::try_from(lists.value_length(0)).ok()? };
+                let is_even = (0..rows).all(|row| usize::try_from(lists.value_length(row)).ok() == Some(width));
+                let (from, to) = (*lists.value_offsets().first()?, *lists.value_offsets().last()?);
+                let inner =
+                    Self::of(&lists.values().slice(usize::try_from(from).ok()?, usize::try_from(to - from).ok()?))?;
+                is_even.then_some(Self { width: width * inner.width, ..inner })
+            }
+            _ => None,
+        }
+    }
+
+    /// The vector of a row.
+    pub(super) fn row(&self, row: usize) -> &[f64] {
+        self.values.get(row * self.width..(row + 1) * self.width).unwrap_or_default()
+    }
+}
+
+/// The numbers of one cell, however deep its lists are; `None` for texts and empty cells.
+pub(super) fn cell(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<f64>> {
+    let column = batch.column_by_name(name)?;
+    if row >= column.len() { None } else { Some(Column::of(&column.slice(row, 1))?.values) }
+}
+
+/// The text of a cell; of a list of texts the first, and how many there are.
+pub(super) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(String, usize)> {
+    let column = batch.column_by_name(name)?;
+    if row >= column.len() || column.is_null(row) {
+        return None;
+    }
+    match column.data_type() {
+        DataType::Utf8 => Some((column.as_string::<i32>().value(row).to_owned(), 1)),
+        DataType::LargeUtf8 => Some((column.as_string::<i64>().value(row).to_owned(), 1)),
+        DataType::List(_) => {
+            let texts = column.as_list::<i32>().value(row);
+            let first = texts.as_string_opt::<i32>().filter(|texts| !texts.is_empty())?.value(0).to_owned();
+            Some((first, texts.len()))
+        }
+        _ => None,
+    }
+}
+
+/// A whole number of a cell.
+pub(super) fn integer(batch: &RecordBatch, name: &str, row: usize) -> Option<i64> {
+    let column = batch.column_by_name(name)?.as_primitive_opt::<Int64Type>()?;
+    (row < column.len() && !column.is_null(row)).then(|| column.value(row))
+}

@@ -1,0 +1,59 @@
+//! What two data sets share that one is to be trained on and the other tested with.
+
+use std::collections::BTreeMap;
+
+use super::Checked;
+use super::book::Listed;
+use super::findings::Finding;
+
+/// What tells an episode from those of other data sets.
+#[derive(Clone, Debug)]
+pub struct Identity {
+    pub(super) episode: i64,
+    pub(super) scenario: Option<String>,
+    pub(super) sentence: String,
+    pub(super) content: u64,
+    pub(super) file: String,
+}
+
+impl Identity {
+    pub(super) fn of(episode: &Listed, content: u64) -> Self {
+        Self {
+            episode: episode.index,
+            scenario: episode.scenario_id.clone(),
+            sentence: episode.sentence.clone(),
+            content,
+            file: episode.listed_in.0.clone(),
+        }
+    }
+}
+
+/// Scenarios, sentences and episodes that the second data set shares with the first: what was trained on is no test.
+pub fn leaks(first: &Checked, second: &Checked) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let mut shared = |what: &str, key: &dyn Fn(&Identity) -> Option<String>| {
+        let mut known: BTreeMap<String, i64> = BTreeMap::new();
+        for identity in &first.identities {
+            if let Some(key) = key(identity) {
+                known.entry(key).or_insert(identity.episode);
+            }
+        }
+        let mut told: BTreeMap<String, ()> = BTreeMap::new();
+        for identity in &second.identities {
+            let Some(key) = key(identity).filter(|key| known.contains_key(key)) else { continue };
+            if told.insert(key.clone(), ()).is_none() {
+                findings.push(Finding {
+                    check: "leak",
+                    file: format!("{}/{}", second.dataset, identity.file),
+                    place: format!("episode {}", identity.episode),
+                    expected: format!("{what} that {} does not have", first.dataset),
+                    found: format!("that of episode {} there: {key}", known[&key]),
+                });
+            }
+        }
+    };
+    shared("a scenario", &|identity| identity.scenario.clone());
+    shared("a sentence", &|identity| Some(identity.sentence.trim().to_lowercase()));
+    shared("states and actions", &|identity| Some(format!("{:016x}", identity.content)));
+    findings
+}

@@ -1,0 +1,164 @@
+//! Statistics over all rows, one row at a time, against those that a data set tells.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use super::book::{Book, Statistics};
+use super::columns::Column;
+use super::findings::Findings;
+use super::rows::Rows;
+use super::v30;
+
+const STATS: &str = "meta/stats.json";
+/// Quantiles LeRobot keeps.
+const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50), ("q90", 0.90), ("q99", 0.99)];
+/// Largest difference of two equal statistics as a share of their size: sums in another order.
+const TOLERANCE: f64 = 1e-6;
+
+/// The account of one entry of a vector.
+#[derive(Clone, Debug)]
+pub(super) struct Entry {
+    pub(super) min: f64,
+    pub(super) max: f64,
+    sum: f64,
+    /// Squares of distances from the mean that is told, which keeps them exact.
+    squares: f64,
+    shift: f64,
+    /// Numbers below each quantile that is told, and not above it.
+    around: [(f64, usize, usize); 5],
+}
+
+/// The account of a data set.
+#[derive(Debug)]
+pub(super) struct Totals {
+    rows: usize,
+    features: BTreeMap<String, (Vec<Entry>, Statistics)>,
+}
+
+impl Totals {
+    pub(super) fn new(book: &Book) -> Self {
+        let mut features = BTreeMap::new();
+        for feature in book.info.features.iter().filter(|feature| !feature.is_video() && !feature.is_image()) {
+            let told = v30::named(&book.stats[&feature.key]);
+            let number = |name: &str, entry: usize| told.get(name).and_then(|values| values.get(entry)).copied();
+            let entry = |index: usize| Entry {
+                min: f64::INFINITY,
+                max: f64::NEG_INFINITY,
+                sum: 0.0,
+                squares: 0.0,
+                shift: number("mean", index).filter(|mean| mean.is_finite()).unwrap_or_default(),
+                around: QUANTILES.map(|(name, _)| (number(name, index).unwrap_or(f64::NAN), 0, 0)),
+            };
+            let entries = (0..feature.width().min(4096)).map(entry).collect();
+            features.insert(feature.key.clone(), (entries, told));
+        }
+        Self { rows: 0, features }
+    }
+
+    /// Number of rows so far.
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Smallest and largest number of each entry of a feature.
+    pub(super) fn range(&self, key: &str) -> Vec<[f64; 2]> {
+        let entries = self.features.get(key).map(|(entries, _)| entries.as_slice()).unwrap_or_default();
+        entries.iter().map(|entry| [entry.min, entry.max]).collect()
+    }
+
+    pub(super) fn add(&mut self, rows: &Rows) {
+        self.rows += rows.get("index").map_or(0, |column| column.values.len());
+        for (key, column) in rows {
+            let Some((entries, _)) = self.features.get_mut(key) else { continue };
+            if entries.len() != column.width {
+                continue;
+            }
+            for vector in column.values.chunks_exact(column.width) {
+                for (entry, value) in entries.iter_mut().zip(vector) {
+                    entry.add(*value);
+                }
+            }
+        }
+    }
+}
+
+impl Entry {
+    fn add(&mut self, value: f64) {
+        self.min = self.min.min(value);
+        self.max = self.max.max(value);
+        self.sum += value;
+        self.squares += (value - self.shift).powi(2);
+        for (quantile, below, not_above) in &mut self.around {
+            *below += usize::from(value < *quantile - tolerance(*quantile));
+            *not_above += usize::from(value <= *quantile + tolerance(*quantile));
+        }
+    }
+}
+
+/// `stats.json` against the rows.
+pub(super) fn check(book: &Book, totals: &Totals, findings: &mut Findings) {
+    if book.stats == Value::Null || totals.rows == 0 {
+        return;
+    }
+    let rows = totals.rows as f64;
+    for (key, (entries, told)) in &totals.features {
+        if told.is_empty() {
+            findings.add("statistics", STATS, key.as_str(), "statistics", "none");
+            continue;
+        }
+        if told.get("count").and_then(|count| count.first()) != Some(&rows) {
+            findings.add(
+                "statistics",
+                STATS,
+                format!("count of {key}"),
+                rows,
+                in_short(told.get("count").unwrap_or(&Vec::new())),
+            );
+        }
+        for (index, entry) in entries.iter().enumerate() {
+            let mean = entry.sum / rows;
+            let variance = (entry.squares / rows - (mean - entry.shift).powi(2)).max(0.0);
+            let size = entry.max.abs().max(entry.min.abs());
+            for (name, expected) in [("min", entry.min), ("max", entry.max), ("mean", mean), ("std", variance.sqrt())] {
+                let found = told.get(name).and_then(|values| values.get(index)).copied().unwrap_or(f64::NAN);
+                let off = (found - expected).abs();
+                if off.is_nan() || off > TOLERANCE * size.max(1e-9) {
+                    findings.add("statistics", STATS, format!("{name} of {key}[{index}]"), expected, found);
+                }
+            }
+            if book.is_own {
+                quantiles(entry, totals.rows, &format!("{key}[{index}]"), findings);
+            }
+        }
+    }
+}
+
+/// A quantile lies between two neighbours in order, so at most so many numbers are below it and so many not above.
+fn quantiles(entry: &Entry, rows: usize, what: &str, findings: &mut Findings) {
+    for ((name, q), (value, below, not_above)) in QUANTILES.iter().zip(&entry.around) {
+        let position = q * rows.saturating_sub(1) as f64;
+        let is_right = *below <= position.ceil() as usize && *not_above > position.floor() as usize;
+        if !is_right {
+            let expected = format!("the number at {position:.1} of {rows} in order");
+            findings.add("statistics", STATS, format!("{name} of {what}"), expected, format!("{value}, above {below}"));
+        }
+    }
+}
+
+fn tolerance(value: f64) -> f64 {
+    TOLERANCE * value.abs().max(1e-9)
+}
+
+/// Whether statistics of a column are the same but for rounding.
+pub(super) fn are_equal(expected: &[f64], found: &[f64], column: &Column) -> bool {
+    let size = column.values.iter().fold(1e-9_f64, |size, value| size.max(value.abs()));
+    expected.len() == found.len() && expected.iter().zip(found).all(|(a, b)| (a - b).abs() <= TOLERANCE * size)
+}
+
+/// A few numbers, to be read.
+pub(super) fn in_short(numbers: &[f64]) -> String {
+    let shown: Vec<String> = numbers.iter().take(8).map(|number| format!("{number:.6}")).collect();
+    let more = if numbers.len() > shown.len() { ", …" } else { "" };
+    format!("[{}{more}]", shown.join(", "))
+}
