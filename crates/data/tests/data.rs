@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
 
+mod checking;
 mod synthetic;
 
 use std::collections::BTreeMap;

@@ -1,9 +1,14 @@
 //! Columns of any type as numbers.
 
+use std::collections::BTreeMap;
+
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float32Type, Float64Type, Int32Type, Int64Type};
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::DataType;
+
+/// The numbers of one episode by column.
+pub(super) type Rows = BTreeMap<String, Column>;
 
 /// A column of vectors, row after row.
 #[derive(Clone, Debug, Default, PartialEq)]

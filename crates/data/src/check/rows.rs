@@ -7,7 +7,7 @@ use arrow_array::RecordBatch;
 use genmanip_core::RobotModel;
 
 use super::book::{Book, Listed};
-use super::columns::Column;
+use super::columns::{Column, Rows};
 use super::consistency;
 use super::findings::Findings;
 use super::leaks::Identity;
@@ -15,9 +15,6 @@ use super::totals::{self, Totals};
 use super::{book, v30};
 use crate::lerobot::stats::Stats;
 use crate::table::Table;
-
-/// The numbers of one episode by column.
-pub(super) type Rows = BTreeMap<String, Column>;
 
 /// Columns every data set has.
 const BOOKKEEPING: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];

@@ -5,9 +5,8 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use super::book::{Book, Statistics};
-use super::columns::Column;
+use super::columns::{Column, Rows};
 use super::findings::Findings;
-use super::rows::Rows;
 use super::v30;
 
 const STATS: &str = "meta/stats.json";

@@ -1,9 +1,5 @@
 //! Every corruption of a data set is found, and sound ones pass.
 
-#![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
-
-mod synthetic;
-
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,7 +19,8 @@ use genmanip_data::{EpisodeStore, ExportSettings, Selection, zarr};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::{Value, json};
-use synthetic::{attach_pictures, episode, robot};
+
+use crate::synthetic::{attach_pictures, episode, robot};
 
 /// Control steps of the episodes; three go into each file.
 const STEPS: [usize; 6] = [48, 60, 37, 40, 52, 44];
