@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use genmanip_core::{EpisodeStart, Observation, Policy, PolicyError, Pose, RgbdImage, Seed};
 use genmanip_motion::Planner;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::ask::{FailedStage, Transcribed};
@@ -33,7 +34,7 @@ pub struct ActQuestion {
 }
 
 /// The motions of the first sub-task, or why there are none.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Acted {
     /// Commands per second.
     pub rate_hz: f64,
@@ -44,7 +45,7 @@ pub struct Acted {
 }
 
 /// One motion from rest to rest.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ActedStep {
     /// What it does, in words.
     pub what: String,
@@ -57,7 +58,7 @@ pub struct ActedStep {
 }
 
 /// A place on the way.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Waypoint {
     /// Since the start of the first step, s.
     pub time_s: f64,

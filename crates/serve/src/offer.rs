@@ -1,14 +1,21 @@
 //! What is computed for a request, without any HTTP.
 
+use std::fmt;
 use std::sync::Arc;
 
+use genmanip_agent::ask::Transcribed;
 use genmanip_agent::segmentation::{Mask, RgbdSegmenter, SegmentQuestion, Segmenter};
+use genmanip_agent::services::act::ActRequest;
 use genmanip_agent::services::grasps::{GraspReply, GraspRequest};
 use genmanip_agent::services::masks::{RunLengths, ScoredMask, SegmentReply, SegmentRequest};
 use genmanip_agent::services::{GraspQuestion, GraspSource, SampledGrasps};
+use genmanip_agent::{ActQuestion, Agent, act_once};
+use genmanip_core::Document;
 use genmanip_motion::Planner;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+use crate::jobs::Ended;
 
 /// A service.
 #[derive(Clone, Debug)]
@@ -17,7 +24,27 @@ pub enum Offer {
     Segment(RgbdSegmenter),
     /// Grasps from points, for the gripper of a planner.
     Grasp(Arc<Planner>),
+    /// Motions from an image, the arm's joints and an instruction, as jobs.
+    Agent(AgentOffer),
 }
+
+/// An agent that is made anew for every job.
+#[derive(Clone)]
+pub struct AgentOffer {
+    /// Of the arm that is to move.
+    pub planner: Arc<Planner>,
+    /// Makes one, with [`AgentSettings::for_one_image`](genmanip_agent::AgentSettings::for_one_image), and its transcript.
+    pub make: Arc<dyn Fn() -> Result<(Agent, Transcribed), String> + Send + Sync>,
+}
+
+impl fmt::Debug for AgentOffer {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.debug_struct("AgentOffer").finish_non_exhaustive()
+    }
+}
+
+/// What a job computes.
+pub(crate) type Work = Box<dyn FnOnce() -> Ended + Send>;
 
 /// A request that gets no answer.
 #[derive(Debug, PartialEq, Eq)]
@@ -34,6 +61,7 @@ impl Offer {
         match self {
             Self::Segment(_) => "segment",
             Self::Grasp(_) => "grasp",
+            Self::Agent(_) => "agent",
         }
     }
 
@@ -42,15 +70,43 @@ impl Offer {
         match self {
             Self::Segment(_) => "/segment",
             Self::Grasp(_) => "/grasp",
+            Self::Agent(_) => "/agent",
         }
     }
 
-    /// The body of the answer to a body.
+    /// The body of the answer to a body, where the connection waits for it.
     pub(crate) fn answer(&self, body: &[u8]) -> Result<Vec<u8>, Refusal> {
         match self {
             Self::Segment(segmenter) => segmented(segmenter, &read(body)?),
             Self::Grasp(planner) => grasped(planner, &read(body)?),
+            Self::Agent(_) => Err(Refusal::Unsuited("the agent answers in jobs".into())),
         }
+    }
+
+    /// What a body asks for, checked, where it is computed as a job.
+    pub(crate) fn work(&self, body: &[u8]) -> Result<Work, Refusal> {
+        let Self::Agent(offer) = self else { return Err(Refusal::Unsuited("this is answered at once".into())) };
+        let request: ActRequest = read(body)?;
+        let question = request.read(offer.planner.robot().arm_dof()).map_err(Refusal::Malformed)?;
+        let offer = offer.clone();
+        Ok(Box::new(move || offer.ended(&question)))
+    }
+}
+
+impl AgentOffer {
+    fn ended(&self, question: &ActQuestion) -> Ended {
+        let (mut agent, transcribed) = match (self.make)() {
+            Ok(made) => made,
+            Err(error) => return Ended { error: Some(error), ..Ended::default() },
+        };
+        let (acted, error) = match act_once(&mut agent, &transcribed, &self.planner, question) {
+            Ok(acted) => (Some(acted), None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        let pictures = transcribed.pictures();
+        let drawn = pictures.iter().filter_map(|(name, picture)| Some((name.clone(), Arc::new(picture.png().ok()?))));
+        let transcript = serde_json::from_str(&transcribed.transcript().to_json()).unwrap_or_default();
+        Ended { acted, error, transcript, pictures: drawn.collect() }
     }
 }
 

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use genmanip_chat::Usage;
 use genmanip_core::Document;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::question::Question;
@@ -78,7 +79,7 @@ pub struct Exchange {
 }
 
 /// A stage that failed, which ends the episode.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, thiserror::Error)]
 #[error("{stage} failed ({cause}): {evidence}")]
 #[serde(deny_unknown_fields)]
 pub struct FailedStage {

@@ -136,36 +136,46 @@ impl SegmentRequest {
     /// # Errors
     /// Says what does not fit together.
     pub fn read(&self) -> Result<(RgbdImage, Vec<bool>, Option<Mask>), String> {
-        let k = &self.intrinsics;
-        let (width, height) = (k.width, k.height);
-        if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
-            return Err(format!("an image of {width} x {height} pixels, expected 1 to {MAX_SIDE} each way"));
-        }
-        if ![k.fx, k.fy, k.cx, k.cy].iter().all(|value| value.is_finite()) || k.fx <= 0.0 || k.fy <= 0.0 {
-            return Err("intrinsics that are not finite, or no focal length".into());
-        }
-        let Pose { position, rotation } = self.world_from_camera;
-        if !(position.is_finite() && rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-3) {
-            return Err("world_from_camera is no finite pose".into());
-        }
-        let count = width as usize * height as usize;
-        let bytes = |name: &str, text: &str, expected: usize| {
-            let bytes = STANDARD.decode(text).map_err(|error| format!("{name} is no base64: {error}"))?;
-            let fits = bytes.len() == expected;
-            let got = bytes.len();
-            fits.then_some(bytes).ok_or_else(|| format!("{name} has {got} bytes, expected {expected}"))
-        };
-        let rgb = bytes("rgb", &self.rgb, 3 * count)?;
-        let depth =
-            self.depth_m.as_ref().map(|depth| bytes("depth_m", depth, 4 * count)).transpose()?.unwrap_or_default();
-        let depth =
-            depth.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect();
+        let (width, height) = (self.intrinsics.width, self.intrinsics.height);
+        let image = posted_image(self.intrinsics, self.world_from_camera, &self.rgb, self.depth_m.as_deref())?;
         let named = |name: &'static str| move |error: String| format!("{name}: {error}");
         let ignore = self.ignore.as_ref().map(|runs| runs.mask(width, height)).transpose().map_err(named("ignore"))?;
         let within = self.within.as_ref().map(|runs| runs.mask(width, height)).transpose().map_err(named("within"))?;
-        let image = RgbdImage { rgb, ..RgbdImage::of_depth(*k, self.world_from_camera, depth) };
         Ok((image, ignore.map_or_else(Vec::new, |mask| mask.pixels), within))
     }
+}
+
+/// The image of a request: `rgb` and `depth_m` as [`SegmentRequest`] says.
+///
+/// # Errors
+/// Says what does not fit together.
+pub(crate) fn posted_image(
+    intrinsics: Intrinsics,
+    world_from_camera: Pose,
+    rgb: &str,
+    depth_m: Option<&str>,
+) -> Result<RgbdImage, String> {
+    let Intrinsics { width, height, fx, fy, cx, cy } = intrinsics;
+    if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+        return Err(format!("an image of {width} x {height} pixels, expected 1 to {MAX_SIDE} each way"));
+    }
+    if ![fx, fy, cx, cy].iter().all(|value| value.is_finite()) || fx <= 0.0 || fy <= 0.0 {
+        return Err("intrinsics that are not finite, or no focal length".into());
+    }
+    let Pose { position, rotation } = world_from_camera;
+    if !(position.is_finite() && rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-3) {
+        return Err("world_from_camera is no finite pose".into());
+    }
+    let count = width as usize * height as usize;
+    let bytes = |name: &str, text: &str, expected: usize| {
+        let bytes = STANDARD.decode(text).map_err(|error| format!("{name} is no base64: {error}"))?;
+        let got = bytes.len();
+        (got == expected).then_some(bytes).ok_or_else(|| format!("{name} has {got} bytes, expected {expected}"))
+    };
+    let rgb = bytes("rgb", rgb, 3 * count)?;
+    let depth = depth_m.map(|depth| bytes("depth_m", depth, 4 * count)).transpose()?.unwrap_or_default();
+    let depth = depth.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect();
+    Ok(RgbdImage { rgb, ..RgbdImage::of_depth(intrinsics, world_from_camera, depth) })
 }
 
 /// Masks from a service.

@@ -2,10 +2,12 @@
 //!
 //! - [`masks`]: `POST /segment`, for servers like SAM 2.
 //! - [`grasps`]: `POST /grasp`, for servers like AnyGrasp or Contact-GraspNet.
+//! - [`act`]: `POST /agent`, what the agent itself is asked when it is offered to a camera and an arm.
 //!
-//! Both ask a [`genmanip_chat::Service`], which is a server, a recording, or a recording of a server.
+//! The first two ask a [`genmanip_chat::Service`], which is a server, a recording, or a recording of a server.
 //! An answer is checked number by number before anything is made of it.
 
+pub mod act;
 pub mod grasps;
 pub mod masks;
 

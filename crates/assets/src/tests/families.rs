@@ -137,10 +137,10 @@ fn earlier_versions_are_still_made() {
         let AssetRef::Generated { version, .. } = model.asset else { panic!("not generated") };
         (version, model.links[0].pieces.len(), catalogue.hashes(&asset).unwrap().physics)
     };
-    let (before, now) = (pan(1), pan(2));
-    assert_eq!((before.0, now.0, pan(7).0), (1, 2, 2));
-    assert_eq!(now.1 - before.1, 4, "24 wedges instead of 20");
-    assert_ne!(before.2, now.2);
+    let [first, second, third] = [1, 2, 3].map(pan);
+    assert_eq!([first.0, second.0, third.0, pan(7).0], [1, 2, 3, 3]);
+    assert_eq!(second.1 - first.1, 4, "24 wedges instead of 20");
+    assert!(first.2 != second.2 && second.2 != third.2, "physics of its own");
 }
 
 #[test]

@@ -16,6 +16,31 @@ pub enum ServeCommand {
     /// Grasps of a thing that is known by its points, for the Panda's hand
     #[command(after_help = "Example:\n  genmanip serve grasp --address 127.0.0.1:8092")]
     Grasp(ServeArguments),
+    /// Motions from an RGB-D image, the arm's joints and an instruction, for a real camera and arm; nothing is moved
+    #[command(
+        after_help = "Example:\n  genmanip serve agent --vlm model.toml --address 127.0.0.1:8093\n\nA question begins a \
+                      job; docs/guides/services.md says how it is asked about."
+    )]
+    Agent(ServeAgentArguments),
+}
+
+/// Arguments of the agent as a service.
+#[derive(Debug, Args)]
+pub struct ServeAgentArguments {
+    /// Settings of the model that answers: see docs/guides/agent.md
+    #[arg(long, value_name = "FILE")]
+    pub vlm: String,
+    /// Where masks come from
+    #[arg(long, value_name = "rgbd|http:URL", default_value = "rgbd")]
+    pub masks: String,
+    /// Where grasps come from
+    #[arg(long, value_name = "rgbd|http:URL", default_value = "rgbd")]
+    pub grasps: String,
+    /// One cell for the placement, or a path over the grid
+    #[arg(long, default_value = "p2p", value_parser = ["p2p", "grid"])]
+    pub path: String,
+    #[command(flatten)]
+    pub serve: ServeArguments,
 }
 
 /// Arguments of every service.

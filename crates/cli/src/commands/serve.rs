@@ -1,12 +1,15 @@
-//! `genmanip serve`: masks and grasps for other programs.
+//! `genmanip serve`: masks, grasps and the agent for other programs.
+
+use std::sync::Arc;
 
 use genmanip_agent::segmentation::RgbdSegmenter;
 use genmanip_assets::worlds::default_world;
 use genmanip_motion::PlannerSettings;
+use genmanip_run::agents::AgentChoice;
 use genmanip_run::inputs;
-use genmanip_serve::{Offer, ServeSettings, Server, openapi};
+use genmanip_serve::{AgentOffer, Offer, ServeSettings, Server, openapi};
 
-use crate::args::{ServeArguments, ServeCommand};
+use crate::args::{ServeAgentArguments, ServeArguments, ServeCommand};
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
@@ -17,7 +20,19 @@ pub fn run(command: &ServeCommand, printer: &Printer) -> Result<ExitStatus, Fail
             let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
             serve(Offer::Grasp(planner), arguments, printer)
         }
+        ServeCommand::Agent(arguments) => serve(Offer::Agent(agent(arguments)?), &arguments.serve, printer),
     }
+}
+
+fn agent(arguments: &ServeAgentArguments) -> Result<AgentOffer, Failed> {
+    let ServeAgentArguments { vlm, masks, grasps, path, .. } = arguments;
+    let choice = AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?;
+    let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
+    // What cannot be made is told now, not to whoever asks first.
+    choice.for_one_image(&planner)?;
+    let own = Arc::clone(&planner);
+    let make = Arc::new(move || choice.for_one_image(&own).map_err(|error| error.to_string()));
+    Ok(AgentOffer { planner, make })
 }
 
 fn serve(offer: Offer, arguments: &ServeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {

@@ -18,6 +18,8 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["evaluate"],
         &["ablate"],
         &["agent", "act"],
+        &["serve", "segment"],
+        &["serve", "agent"],
         &["replay"],
         &["report"],
         &["export"],

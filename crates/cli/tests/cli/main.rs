@@ -15,6 +15,7 @@ mod planning;
 mod refusals;
 mod render;
 mod runs;
+mod serving;
 
 use std::collections::BTreeMap;
 use std::fs;
