@@ -1,6 +1,6 @@
 //! HTTP around an offer.
 
-use std::future::Future;
+use std::future::IntoFuture;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::Duration;
@@ -258,15 +258,10 @@ async fn arrived(request: Request, limit: usize) -> Result<Vec<u8>, Response> {
 }
 
 /// Computes on a thread of its own when it is its turn; a defect costs one answer, not the server.
-fn computed<T: Send + 'static>(
-    shared: &Shared,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> impl Future<Output = Result<T, String>> {
-    async move {
-        let _turn = shared.at_once.acquire().await.map_err(|_| "the server is ending".to_owned())?;
-        let done = tokio::task::spawn_blocking(work).await;
-        done.map_err(|_| "the computation failed, which is a defect".to_owned())
-    }
+async fn computed<T: Send + 'static>(shared: &Shared, work: impl FnOnce() -> T + Send + 'static) -> Result<T, String> {
+    let _turn = shared.at_once.acquire().await.map_err(|_| "the server is ending".to_owned())?;
+    let done = tokio::task::spawn_blocking(work).await;
+    done.map_err(|_| "the computation failed, which is a defect".to_owned())
 }
 
 impl IntoResponse for Refusal {

@@ -88,7 +88,8 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_named() {
-        let cases: [(fn(&mut ActRequest), &str); 6] = [
+        type Spoil = fn(&mut ActRequest);
+        let cases: [(Spoil, &str); 6] = [
             (|it| it.joints.truncate(6), "joints has 6 numbers, expected 7 finite ones"),
             (|it| it.joints[2] = f64::NAN, "joints has 7 numbers, expected 7 finite ones"),
             (|it| it.gripper_width_m = 80.0, "gripper_width_m is 80, expected metres"),
