@@ -15,6 +15,7 @@ mod planning;
 mod refusals;
 mod render;
 mod runs;
+mod sharding;
 
 use std::collections::BTreeMap;
 use std::fs;
