@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand};
 use genmanip_core::Seed;
 use genmanip_run::policies;
 use genmanip_run::render::Vary;
+use genmanip_run::shard::Choice;
 
 pub use agent::*;
 pub use assets::*;
@@ -73,9 +74,18 @@ pub enum Command {
     /// Collect verified demonstrations with the expert and export them as LeRobotDataset v3.0
     #[command(
         after_help = "An interrupted run continues where it stopped: start the same command again.\n\nExample:\n  \
-                      genmanip collect examples/tasks --episodes 2 --seed 7 --out out/run"
+                      genmanip collect examples/tasks --episodes 2 --seed 7 --out out/run\n  \
+                      genmanip collect examples/tasks --seed 7 --out out/shards --shard 0/3"
     )]
     Collect(CollectArguments),
+    /// Bring the shards of a run together: the bytes of a run in one go, with its dataset
+    #[command(
+        after_help = "Examples:\n  genmanip collect TASKS --out out/shards --shard 0/3   # and 1/3, 2/3, anywhere\n  \
+                      genmanip merge out/shards --out out/run\n\n\
+                      Missing pieces are named, and nothing is merged; --finish makes them here. Episodes are linked\n\
+                      where the disk allows that, and the shards stay as they are."
+    )]
+    Merge(MergeArguments),
     /// Evaluate policies on the scenarios of a run, or on any scenario files
     #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),
@@ -437,6 +447,30 @@ pub struct CollectArguments {
     /// Set damaged episodes aside, in damaged/ of the run, and make them anew
     #[arg(long)]
     pub repair: bool,
+    /// Only the I-th of N parts, counted from 0, into a folder of its own in OUT; `auto` or `auto/N`: the number of the
+    /// task in a job array of Slurm or Kubernetes. `genmanip merge` brings the parts together
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Choice>,
+    /// Print a row per task also where there are more than 30
+    #[arg(long)]
+    pub each: bool,
+}
+
+/// Arguments of `merge`.
+#[derive(Clone, Debug, Args)]
+pub struct MergeArguments {
+    /// Folders of shards, or folders that hold them
+    #[arg(required = true, value_name = "SHARD")]
+    pub shards: Vec<PathBuf>,
+    /// Folder of the whole run
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Make here what no shard has
+    #[arg(long)]
+    pub finish: bool,
+    /// Worker threads of --finish; results do not depend on it [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
     /// Print a row per task also where there are more than 30
     #[arg(long)]
     pub each: bool,

@@ -31,6 +31,11 @@ fn main() -> std::process::ExitCode {
     }
 }
 
+/// What the environment says under a name; what is empty says nothing.
+fn environment(name: &str) -> Option<String> {
+    std::env::var(name).ok().filter(|value| !value.is_empty())
+}
+
 /// Help, the version, or what is wrong with the command line.
 fn tell(told: &clap::Error) -> std::process::ExitCode {
     use std::io::{ErrorKind, Write};
@@ -70,6 +75,7 @@ fn run(arguments: &Arguments, printer: &printer::Printer) -> Result<ExitStatus, 
         Command::Layout(arguments) => commands::layout::run(arguments, printer),
         Command::Plan(arguments) => commands::plan::run(arguments, printer),
         Command::Collect(arguments) => commands::collect::run(arguments, printer),
+        Command::Merge(arguments) => commands::collect::merge_run(arguments, printer),
         Command::Agent { command } => commands::agent::run(command, printer),
         Command::Ablate(arguments) => commands::ablate::run(arguments, printer),
         Command::Evaluate(arguments) => commands::evaluate::run(arguments, printer),

@@ -179,6 +179,19 @@ pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     file.sync_all()
 }
 
+/// Gives a file a second name, or copies it where the disk refuses that; there must be none of that name.
+pub(crate) fn link_or_copy(from: &Path, to: &Path) -> Result<(), DataError> {
+    if fs::hard_link(from, to).is_ok() {
+        return Ok(());
+    }
+    let copied = File::open(from).and_then(|mut from| {
+        let mut to = OpenOptions::new().write(true).create_new(true).open(to)?;
+        std::io::copy(&mut from, &mut to)?;
+        to.sync_all()
+    });
+    copied.map_err(DataError::io("write", to))
+}
+
 /// Removes unfinished files and folders in a folder whose writers certainly died on this host; returns their names,
 /// sorted.
 ///

@@ -417,6 +417,32 @@ impl EpisodeStore {
         Ok(removed.into_iter().map(|name| format!("{id}/{name}")).collect())
     }
 
+    /// Takes an attempt of another store, with its groups: linked where both lie on one disk that knows links, else
+    /// copied. Only what belongs to it comes along.
+    ///
+    /// # Errors
+    /// When it is not there, damaged or unfinished, or another one of that name is here; the store is then unchanged.
+    pub fn take(&self, from: &Self, id: &str) -> Result<(), DataError> {
+        let (source, target) = (from.root.join(id), self.root.join(id));
+        let is_same = || Ok(self.record_hash(id)? == from.record_hash(id)?);
+        if self.contains(id) && is_same()? {
+            return Ok(());
+        }
+        let parts = from.look_at(id)?.parts.ok_or_else(|| {
+            let why = "something unfinished lies among it".to_owned();
+            DataError::NotWritable { what: format!("episode {}", source.display()), why }
+        })?;
+        let aside = Aside::new(&target)?;
+        for name in parts.files.keys() {
+            files::link_or_copy(&source.join(name), &aside.path(name)?)?;
+        }
+        match aside.publish() {
+            // Another program that merges the same was quicker.
+            Err(DataError::Exists { .. }) if is_same()? => Ok(()),
+            published => published,
+        }
+    }
+
     /// Copies the files of an attempt, without its groups, into another store.
     pub(crate) fn copy_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
         let record = self.record(id)?;

@@ -18,6 +18,7 @@ use crate::folder::{Run, RunFolder, Timings};
 use crate::index::{Known, Survey};
 use crate::inputs;
 use crate::progress::Progress;
+use crate::shard::Shard;
 use crate::shelf::{Shelf, Shelved};
 
 /// What a run came to.
@@ -35,6 +36,8 @@ pub struct Collected {
     pub interrupted: bool,
     /// Damaged episodes that were left out, with what is wrong.
     pub damaged: Vec<(String, String)>,
+    /// Which part of the run it is, where it is not all of it.
+    pub shard: Option<Shard>,
 }
 
 /// How a run is collected, whatever its result.
@@ -44,6 +47,8 @@ pub struct CollectOptions {
     pub workers: usize,
     /// Whether damaged episodes are set aside, in `damaged/` of the run, and made anew; else they are left out.
     pub repair: bool,
+    /// The part of the run that is made, without its dataset; `None` for all of it.
+    pub shard: Option<Shard>,
 }
 
 /// A task and what became of its attempts.
@@ -79,9 +84,11 @@ pub fn collect(
     stop: &AtomicBool,
 ) -> Result<Collected, RunError> {
     let folder = RunFolder::begin(path, &run)?;
+    folder.claim(options.shard)?;
     let known_timings = folder.timings();
-    let hash = if run.settings.images.is_some() { run.hash() } else { String::new() };
-    if run.settings.images.is_some() {
+    let wants_dataset = run.settings.images.is_some() && options.shard.is_none();
+    let hash = if wants_dataset { run.hash() } else { String::new() };
+    if wants_dataset {
         check_datasets(&folder, &hash)?;
     }
     let store = folder.store()?;
@@ -89,7 +96,7 @@ pub fn collect(
     let shelf = Shelf::new(tasks, path)?;
     let planner = inputs::planner(&settings.world, &settings.planner)?;
     let resources = Resources::builtin(&planner);
-    let mut attempts = Planned::all(&shelf, episodes_per_task);
+    let mut attempts = Planned::all(&shelf, episodes_per_task, options.shard);
     let all = attempts.len();
     let survey = folder.survey(&store)?;
     let mut damaged = damaged(&folder, &store, &attempts, &survey, options.repair, progress)?;
@@ -143,7 +150,7 @@ pub fn collect(
         folder.lengthen_phase("collect", started.elapsed().as_secs_f64());
     }
     let interrupted = stop.load(Ordering::Relaxed);
-    let is_wanted = !interrupted && outcomes.values().any(|outcome| outcome.success);
+    let is_wanted = wants_dataset && !interrupted && outcomes.values().any(|outcome| outcome.success);
     let dataset_since = Instant::now();
     let dataset = if is_wanted { export(&settings, hash, &folder, &store, &mut damaged, progress)? } else { None };
     if dataset.is_some() && (has_made || !folder.timings().phases.contains_key("dataset")) {
@@ -160,7 +167,7 @@ pub fn collect(
         // Brings the index up to date.
         folder.survey(&store)?;
     }
-    Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged })
+    Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged, shard: options.shard })
 }
 
 /// An attempt that is to be made; its task lies on the shelf.
@@ -174,14 +181,28 @@ struct Planned {
 }
 
 impl Planned {
-    /// All attempts of a run, task by task.
-    fn all(shelf: &Shelf, per_task: usize) -> Vec<Self> {
-        let of_task = |(task, entry): (usize, &Shelved)| {
-            let named = |number| Self { id: attempt_id(&entry.id, number), task, number };
-            (0..per_task as u64).map(named).collect::<Vec<_>>()
+    /// The attempts of a run or of a shard of it, task by task.
+    fn all(shelf: &Shelf, per_task: usize, shard: Option<Shard>) -> Vec<Self> {
+        let named = |(task, number)| {
+            let entry: &Shelved = &shelf.entries()[task];
+            Self { id: attempt_id(&entry.id, number), task, number }
         };
-        shelf.entries().iter().enumerate().flat_map(of_task).collect()
+        places(shelf.entries().len(), per_task, shard).map(named).collect()
     }
+}
+
+/// Place of the task and number of each attempt of a run or of a shard of it, task by task.
+fn places(tasks: usize, per_task: usize, shard: Option<Shard>) -> impl Iterator<Item = (usize, u64)> {
+    let (first, step) = shard.map_or((0, 1), |shard| (shard.index(), shard.count()));
+    (first..tasks.saturating_mul(per_task))
+        .step_by(step)
+        .map(move |piece| (piece / per_task, (piece % per_task) as u64))
+}
+
+/// Ids of the attempts of a run or of a shard of it.
+pub(crate) fn share(run: &Run, shard: Option<Shard>) -> impl Iterator<Item = String> {
+    let named = |(task, number): (usize, u64)| attempt_id(&run.tasks[task].id, number);
+    places(run.tasks.len(), run.episodes_per_task, shard).map(named)
 }
 
 /// How attempts went, by their ids: all that is kept of each.
@@ -219,9 +240,11 @@ fn left(
 }
 
 impl Collected {
-    /// Whether the run is over, nothing of it damaged, and at least one attempt was verified.
+    /// Whether the run is over, nothing of it damaged, and at least one attempt was verified; of a shard, which may hold
+    /// few attempts, none need be.
     pub fn is_met(&self) -> bool {
-        !self.interrupted && self.damaged.is_empty() && self.rows.iter().any(|row| row.verified > 0)
+        let is_any_verified = self.shard.is_some() || self.rows.iter().any(|row| row.verified > 0);
+        !self.interrupted && self.damaged.is_empty() && is_any_verified
     }
 
     /// The rows as a table with their sum; above [`MOST_ROWS`] tasks, unless `each` is asked for, a row per kind and the
@@ -374,7 +397,9 @@ fn rows(shelf: &Shelf, attempts: &[Planned], outcomes: &Outcomes, timings: &Timi
             of_task.entry(*task).or_default().push((id, outcome));
         }
     }
-    let entries = shelf.entries().iter().enumerate();
+    // A shard may have no attempt of a task.
+    let planned: BTreeSet<usize> = attempts.iter().map(|attempt| attempt.task).collect();
+    let entries = shelf.entries().iter().enumerate().filter(|(index, _)| planned.contains(index));
     entries
         .map(|(index, task)| {
             let mine = || of_task.get(&index).into_iter().flatten();
@@ -412,7 +437,7 @@ mod tests {
             seconds: 1.0,
         };
         let rows = (0..tasks).map(row).collect();
-        Collected { rows, dataset: None, attempts: 0, finished: 0, interrupted: false, damaged: vec![] }
+        Collected { rows, dataset: None, attempts: 0, finished: 0, interrupted: false, damaged: vec![], shard: None }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! run.json          what the run depends on; a folder never mixes two runs
+//! shard.json        which part of the run lies here, where it is not all of it
 //! scenarios/        one file per laid-out attempt
 //! episodes/         the episode store
 //! dataset/          LeRobotDataset v3.0, with its depth sibling dataset-depth/
@@ -30,6 +31,7 @@ use sha2::{Digest, Sha256};
 use crate::error::RunError;
 use crate::index::{INDEX, Survey};
 use crate::inputs;
+use crate::shard::{Manifest, Shard};
 
 /// Everything a run depends on: its input, settings and seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,7 +82,12 @@ impl Run {
 
     /// Hash of its record: what is made for a run names it, so that it is known from what others made.
     pub fn hash(&self) -> String {
-        Sha256::digest(self.to_json()).iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+        Self::hash_of(self.to_json().as_bytes())
+    }
+
+    /// The same from the bytes of the record.
+    pub(crate) fn hash_of(record: &[u8]) -> String {
+        Sha256::digest(record).iter().take(16).map(|byte| format!("{byte:02x}")).collect()
     }
 }
 
@@ -134,6 +141,51 @@ impl RunFolder {
         let folder = Self::at(path);
         folder.sweep()?;
         Ok(folder)
+    }
+
+    /// Says which part of the run lies here, all of it without a shard, or sees that it is this one.
+    ///
+    /// # Errors
+    /// [`RunError::AnotherRun`] when it is another part; when `shard.json` cannot be read or written.
+    pub(crate) fn claim(&self, shard: Option<Shard>) -> Result<(), RunError> {
+        let in_words = |shard: Option<Shard>| shard.map_or("the whole run".to_owned(), |shard| shard.to_string());
+        let other = |found: Option<Shard>| {
+            let difference = format!("it is {}, not {}", in_words(found), in_words(shard));
+            Err(RunError::AnotherRun { path: self.path.clone(), difference })
+        };
+        let path = self.join(SHARD);
+        match (Self::manifest(&self.path)?.map(|manifest| manifest.shard), shard) {
+            (found, shard) if found.is_some() && found != shard => other(found),
+            (None, Some(_)) if is_there(&self.join("episodes")) => other(None),
+            (None, Some(shard)) => {
+                let record = self.join(RECORD);
+                let bytes = files::read_own(&record, limits::RUN);
+                let bytes = bytes.map_err(|error| RunError::of_file("read", &record, error))?;
+                let manifest = Manifest { shard, run: Run::hash_of(&bytes) };
+                let created = files::create(&path, manifest.to_json().as_bytes());
+                // Another program may have been quicker; then it is looked at again.
+                if created.map_err(|error| unwritable(&path, error))? { Ok(()) } else { self.claim(Some(shard)) }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Which part of a run lies in a folder; `None` where it is all of it.
+    ///
+    /// # Errors
+    /// When `shard.json` is there and is no such document.
+    pub(crate) fn manifest(path: &Path) -> Result<Option<Manifest>, RunError> {
+        let file = path.join(SHARD);
+        is_there(&file).then(|| inputs::read_own_document(&file, limits::IDENTITY)).transpose()
+    }
+
+    /// Opens a part of a run whose record is known.
+    ///
+    /// # Errors
+    /// When the folder has links inside.
+    pub(crate) fn open_part(path: &Path) -> Result<Self, RunError> {
+        check_links(path)?;
+        Ok(Self::at(path))
     }
 
     /// Removes what a kill left unfinished wherever files are written, the episodes apart.
@@ -223,8 +275,12 @@ impl RunFolder {
 /// The run's own record.
 const RECORD: &str = "run.json";
 
+/// Which part of a run it is.
+const SHARD: &str = "shard.json";
+
 /// What a run writes into its folder besides its record.
-const OWN: [&str; 10] = [
+const OWN: [&str; 11] = [
+    SHARD,
     "episodes",
     "scenarios",
     "dataset",
@@ -279,7 +335,8 @@ fn unwritable(path: &Path, error: DataError) -> RunError {
     }
 }
 
-fn difference(known: &Run, asked: &Run) -> String {
+/// The first difference between two runs, in words.
+pub(crate) fn difference(known: &Run, asked: &Run) -> String {
     if known.seed != asked.seed {
         return format!("its seed is {}, not {}", known.seed, asked.seed);
     }

@@ -3,6 +3,7 @@
 //! - [`folder`]: what a run folder holds; a folder never mixes two runs, and an interrupted run continues.
 //! - [`Survey`]: what lies in the store of a run, from its index.
 //! - [`collect`]: demonstrations, their pictures and the dataset.
+//! - [`shard`]: a part of a run or evaluation that one of several machines does; [`merge`] brings parts together.
 //! - [`designs`]: tasks by rules into a folder; [`checks`]: what is wrong with task files.
 //! - [`export`]: further data sets of a run.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
@@ -35,6 +36,7 @@ mod index;
 pub mod inputs;
 pub mod layouts;
 mod ledger;
+pub mod merge;
 pub mod motion_pictures;
 mod oracle_segmenter;
 pub mod packs;
@@ -46,6 +48,7 @@ pub mod render;
 pub mod replay;
 pub mod report;
 pub mod robots;
+pub mod shard;
 mod shelf;
 pub mod views;
 pub mod worlds;

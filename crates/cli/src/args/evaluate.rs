@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use genmanip_run::shard::Choice;
 
 use super::{parse_count, parse_sum};
 
@@ -39,6 +40,10 @@ pub struct EvaluateArguments {
     /// Cameras to use instead of the scenarios': a JSON list; the results say so
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
+    /// Only the I-th of N parts of the episodes, counted from 0; `auto` or `auto/N`: the number of the task in a job
+    /// array of Slurm or Kubernetes. The same call without --shard gathers what the parts left
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Choice>,
     #[command(flatten)]
     pub asking: AskingArguments,
     /// Refuse scenarios that were laid out for another robot than this

@@ -12,6 +12,7 @@ pub fn run(arguments: &AblateArguments, printer: &Printer) -> Result<ExitStatus,
     let suite = Suite::of_run(&arguments.run)?;
     let options = EvaluateOptions {
         keep_episodes: false,
+        shard: None,
         out: Some(arguments.run.clone()),
         workers: inputs::workers(arguments.asking.workers),
         at_once: arguments.asking.at_once,

@@ -7,10 +7,11 @@ use genmanip_core::Seed;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_run::collect::{CollectOptions, Collected, collect};
+use genmanip_run::merge::merge;
 use genmanip_run::render::Vary;
 use genmanip_run::{Run, inputs};
 
-use crate::args::CollectArguments;
+use crate::args::{CollectArguments, MergeArguments};
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
@@ -23,10 +24,24 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     let settings = CollectSettings { images, keep_failed: arguments.keep_failed, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();
-    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: arguments.repair };
-    let collected = collect_run(&arguments.out, run, options, printer, &stop)?;
+    let shard = arguments.shard.map(|choice| choice.resolve(&crate::environment)).transpose()?;
+    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: arguments.repair, shard };
+    let out = shard.map_or_else(|| arguments.out.clone(), |shard| arguments.out.join(shard.name()));
+    let collected = collect_run(&out, run, options, printer, &stop)?;
+    if let Some(shard) = shard {
+        printer.say(format!("{shard}: {}", out.display()));
+    }
     printer.data(&collected.rows, &collected.table(arguments.each));
     Ok(status(&collected))
+}
+
+pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let stop = crate::stop::on_interrupt();
+    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: false, shard: None };
+    let merged = merge(&arguments.shards, &arguments.out, arguments.finish, options, printer, &stop)?;
+    tell(&merged, printer);
+    printer.data(&merged.rows, &merged.table(arguments.each));
+    Ok(status(&merged))
 }
 
 /// What is varied: the parts that are named, in the order of all, or all of them.
@@ -43,18 +58,22 @@ pub fn collect_run(
     stop: &AtomicBool,
 ) -> Result<Collected, Failed> {
     let collected = collect(out, run, options, printer, stop)?;
+    tell(&collected, printer);
+    Ok(collected)
+}
+
+fn tell(collected: &Collected, printer: &Printer) {
     if let Some(dataset) = &collected.dataset {
         printer.say(format!("dataset: {}", dataset.display()));
     }
     if collected.interrupted {
-        let Collected { finished, attempts, .. } = &collected;
+        let Collected { finished, attempts, .. } = collected;
         printer.say(format!("interrupted after {finished} of {attempts} attempts; start again to continue"));
     }
     if !collected.damaged.is_empty() {
         let count = collected.damaged.len();
         printer.say(format!("{count} damaged episodes left out; start again with --repair to make them anew"));
     }
-    Ok(collected)
 }
 
 pub fn status(collected: &Collected) -> ExitStatus {

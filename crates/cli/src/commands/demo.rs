@@ -27,7 +27,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     let images = Some(ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
     let settings = CollectSettings { images, ..CollectSettings::in_world(inputs::read_world(None)?) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
-    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: false };
+    let options = CollectOptions { workers: inputs::workers(arguments.workers), repair: false, shard: None };
     let collected = collect::collect_run(out, run, options, printer, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(ExitStatus::NotMet);

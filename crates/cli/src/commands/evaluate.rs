@@ -36,11 +36,16 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
         (None, None) if arguments.keep_episodes => {
             return Err(Failed::new("there is no folder to keep episodes in").hint("name one with --out DIR"));
         }
+        (None, None) if arguments.shard.is_some() => {
+            return Err(Failed::new("there is no folder that the shards could share").hint("name one with --out DIR"));
+        }
         (run, out) => run.or(out.as_ref()),
     };
+    let shard = arguments.shard.map(|choice| choice.resolve(&crate::environment)).transpose()?;
     let options = EvaluateOptions {
         keep_episodes: arguments.keep_episodes || run.is_none() && out.is_some(),
         out: out.cloned(),
+        shard,
         workers: inputs::workers(arguments.asking.workers),
         at_once: arguments.asking.at_once,
         max_cost: arguments.asking.max_cost,
@@ -49,6 +54,10 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;
     let values: Vec<_> = reports.iter().map(Document::to_value).collect();
     printer.data(&values, &table(&reports));
+    if let Some(shard) = shard.filter(|_| !stop.load(Ordering::Relaxed)) {
+        printer
+            .say(format!("{shard} is kept; the same call without --shard gathers all shards and writes the results"));
+    }
     let is_left = reports.iter().any(|report| !report.not_run.is_empty());
     Ok(if is_left || stop.load(Ordering::Relaxed) { ExitStatus::NotMet } else { ExitStatus::Done })
 }

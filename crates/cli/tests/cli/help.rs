@@ -15,6 +15,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["layout"],
         &["plan"],
         &["collect"],
+        &["merge"],
         &["evaluate"],
         &["ablate"],
         &["agent", "act"],

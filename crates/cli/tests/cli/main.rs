@@ -16,6 +16,7 @@ mod refusals;
 mod render;
 mod runs;
 mod serving;
+mod sharding;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -4,6 +4,7 @@
 //! evaluation/LABEL.json          the results, when every case was tried
 //! evaluation/LABEL/episodes/     the episodes, where they are kept
 //! evaluation/LABEL/results.jsonl, identity.json   an evaluation that is not finished: it continues there
+//! evaluation/LABEL/results.shard-I-of-N.jsonl   what shards of it finished; a call that is no shard gathers them
 //! ```
 
 mod stream;
@@ -27,6 +28,7 @@ use crate::folder::RunFolder;
 use crate::inputs;
 use crate::policies::{PolicyContext, PolicyFactory};
 use crate::progress::Progress;
+use crate::shard::Shard;
 
 use stream::{Identity, Stream};
 pub use suite::Suite;
@@ -43,6 +45,9 @@ pub struct EvaluateOptions {
     /// Episodes under way at once; `None` for as many as there are cores, or [`AT_ONCE`] of a policy that waits for a
     /// service.
     pub at_once: Option<usize>,
+    /// The part of the cases that is evaluated, without a results file: a call that is no shard gathers the results of
+    /// all shards and writes it.
+    pub shard: Option<Shard>,
     /// Most that the service of a policy may cost, in the currency of its settings.
     pub max_cost: Option<f64>,
 }
@@ -74,6 +79,10 @@ pub fn evaluate(
     let mut reports = Vec::new();
     for policy in policies {
         let started = Instant::now();
+        if options.shard.is_some_and(|shard| shard.index() >= suite.cases.len()) {
+            // There are fewer cases than shards.
+            break;
+        }
         let report = one(suite, policy, folder.as_ref(), options, progress, stop)?;
         if stop.load(Ordering::Relaxed) {
             break;
@@ -82,14 +91,14 @@ pub fn evaluate(
             RunError::input(format!("policy {} could not be reached for any episode", policy.label()))
                 .with_hint("see that it runs, then start again; nothing was counted")
         })?;
-        if let Some(folder) = &folder {
+        if let (Some(folder), None) = (&folder, options.shard) {
             let file = folder.join("evaluation").join(format!("{}.json", report.label));
             inputs::write_file(&file, report.to_json().as_bytes())?;
             folder.time_phase(&format!("evaluate {}", report.label), started.elapsed().as_secs_f64());
         }
         reports.push(report);
     }
-    if let Some(folder) = &folder {
+    if let (Some(folder), None) = (&folder, options.shard) {
         folder.save_timings()?;
     }
     Ok(reports)
@@ -108,11 +117,14 @@ fn one(
     let planner = inputs::planner(&suite.settings.world, &suite.settings.planner)?;
     let resources = Resources::builtin(&planner);
     let identity = Identity::of(suite, policy, options.keep_episodes);
-    let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity)).transpose()?;
+    let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity, options.shard));
+    let stream = stream.transpose()?;
     let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());
     let known: BTreeSet<&str> = results.iter().map(|result| result.id.as_str()).collect();
-    let is_left = |case: &&Case| !known.contains(case.id.as_str());
-    let cases: Vec<Case> = suite.cases.iter().filter(is_left).cloned().collect();
+    let is_left = |(number, case): &(usize, &Case)| {
+        options.shard.is_none_or(|shard| shard.has(*number)) && !known.contains(case.id.as_str())
+    };
+    let cases: Vec<Case> = suite.cases.iter().enumerate().filter(is_left).map(|(_, case)| case.clone()).collect();
     let keep = match &stream {
         Some(stream) if options.keep_episodes => {
             let store = EpisodeStore::create(stream.folder().join("episodes"));
@@ -201,9 +213,10 @@ fn one(
         RunError::broken(format!("cannot summarise {label}{kept}"), error)
             .with_hint("move what was kept of this evaluation away; it then starts again")
     })?;
-    if let (Some(stream), true) = (stream, evaluated.not_run.is_empty()) {
+    if let (Some(stream), true) = (stream, evaluated.not_run.is_empty() && options.shard.is_none()) {
         stream.close()?;
     }
+    let label = options.shard.map_or_else(|| label.clone(), |shard| format!("{label}, {shard}"));
     Ok(Some(EvaluationReport { label, cameras: suite.cameras.clone(), ..report }.leaving(evaluated.not_run)))
 }
 

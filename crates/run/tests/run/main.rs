@@ -20,7 +20,7 @@ use genmanip_run::report::gather;
 use genmanip_run::{PolicyFactory, Progress, Run, RunError, Silent, inputs, replay};
 
 const TASK: &str = "024_appearance";
-const ALONE: CollectOptions = CollectOptions { workers: 1, repair: false };
+const ALONE: CollectOptions = CollectOptions { workers: 1, repair: false, shard: None };
 
 /// Counts what it hears, and raises a flag once enough is done.
 struct Listener<'a> {
