@@ -441,6 +441,10 @@ pub struct CollectArguments {
     /// What differs between the looks [default: all]
     #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = render::parse_vary, requires = "variation")]
     pub vary: Vec<Vary>,
+    /// Where the expert's grasps come from: the geometry of objects, depth images of the fixed cameras, or a server that
+    /// is shown these points
+    #[arg(long, value_name = "mesh|rgbd|http:URL", default_value = "mesh")]
+    pub grasps: String,
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,

@@ -15,7 +15,7 @@ use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
 use serde::{Deserialize, Serialize};
 
-use crate::expert::{Expert, ExpertSettings};
+use crate::expert::{Expert, ExpertSettings, SeenGrasps};
 use crate::images::{self, ImageSettings};
 use crate::{RolloutError, RolloutSettings, Stage, run_episode};
 
@@ -43,6 +43,20 @@ pub struct CollectSettings {
     /// Pictures of failed episodes too.
     #[serde(default)]
     pub keep_failed: bool,
+    /// Where the expert's grasps come from: `mesh`, `rgbd`, or `http:URL`.
+    #[serde(default = "mesh", skip_serializing_if = "is_mesh")]
+    pub grasps: String,
+}
+
+/// Grasps from the geometry of objects.
+pub const MESH: &str = "mesh";
+
+fn mesh() -> String {
+    MESH.into()
+}
+
+fn is_mesh(source: &String) -> bool {
+    source == MESH
 }
 
 impl CollectSettings {
@@ -56,6 +70,7 @@ impl CollectSettings {
             expert: ExpertSettings::default(),
             images: None,
             keep_failed: false,
+            grasps: mesh(),
         }
     }
 }
@@ -69,12 +84,14 @@ pub struct Resources<'a> {
     pub planner: &'a Arc<Planner>,
     /// Grasps that were tried beforehand.
     pub grasps: &'a GraspLibrary,
+    /// Who proposes the expert's grasps from images instead.
+    pub seeing: Option<&'a Arc<dyn SeenGrasps>>,
 }
 
 impl<'a> Resources<'a> {
     /// The process's objects and grasps, with a planner.
     pub fn builtin(planner: &'a Arc<Planner>) -> Self {
-        Self { catalogue: Catalogue::builtin(), planner, grasps: GraspLibrary::builtin() }
+        Self { catalogue: Catalogue::builtin(), planner, grasps: GraspLibrary::builtin(), seeing: None }
     }
 }
 
@@ -116,7 +133,7 @@ impl<'a> Attempt<'a> {
         world: &World,
         settings: &LayoutSettings,
     ) -> Result<Scenario, genmanip_layout::LayoutError> {
-        let Resources { catalogue, planner, grasps } = resources;
+        let Resources { catalogue, planner, grasps, .. } = resources;
         let scenario = lay_out(self.task, catalogue, world, planner, grasps, self.seed, settings)?;
         Ok(Scenario { id: self.id(), ..scenario })
     }
@@ -215,6 +232,9 @@ fn play(
     };
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot())?;
     let mut expert = Expert::new(&stage, resources.planner, resources.grasps, settings.expert.clone())?;
+    if let Some(source) = resources.seeing {
+        expert = expert.seeing(Arc::clone(source));
+    }
     Ok(Ok(run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?))
 }
 

@@ -18,6 +18,7 @@ use crate::folder::{Run, RunFolder, Timings};
 use crate::index::{Known, Survey};
 use crate::inputs;
 use crate::progress::Progress;
+use crate::seeing;
 use crate::shard::Shard;
 use crate::shelf::{Shelf, Shelved};
 
@@ -83,6 +84,7 @@ pub fn collect(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Collected, RunError> {
+    let grasps = seeing::choice(&run.settings.grasps)?;
     let folder = RunFolder::begin(path, &run)?;
     folder.claim(options.shard)?;
     let known_timings = folder.timings();
@@ -95,7 +97,8 @@ pub fn collect(
     let Run { tasks, settings, seed, episodes_per_task, .. } = run;
     let shelf = Shelf::new(tasks, path)?;
     let planner = inputs::planner(&settings.world, &settings.planner)?;
-    let resources = Resources::builtin(&planner);
+    let seeing = grasps.map(|choice| seeing::source(&choice, &planner));
+    let resources = Resources { seeing: seeing.as_ref(), ..Resources::builtin(&planner) };
     let mut attempts = Planned::all(&shelf, episodes_per_task, options.shard);
     let all = attempts.len();
     let survey = folder.survey(&store)?;

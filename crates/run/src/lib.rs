@@ -48,6 +48,7 @@ pub mod render;
 pub mod replay;
 pub mod report;
 pub mod robots;
+mod seeing;
 pub mod shard;
 mod shelf;
 pub mod views;

@@ -21,7 +21,8 @@ pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus
     let images =
         (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, vary, ..ImageSettings::default() });
     let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
-    let settings = CollectSettings { images, keep_failed: arguments.keep_failed, ..CollectSettings::in_world(world) };
+    let (keep_failed, grasps) = (arguments.keep_failed, arguments.grasps.clone());
+    let settings = CollectSettings { images, keep_failed, grasps, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();
     let shard = arguments.shard.map(|choice| choice.resolve(&crate::environment)).transpose()?;

@@ -12,7 +12,7 @@ use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, Intrinsics, RgbdImage};
 use serde_json::{Value, json};
 
-use super::{genmanip, program};
+use super::{example, genmanip, program};
 
 /// A red cube of 5 cm on a table before the robot, seen from the far side at a slant.
 fn one_cube() -> RgbdImage {
@@ -144,4 +144,27 @@ fn an_agent_that_needs_the_simulator_is_not_offered() {
     let folder = tempfile::tempdir().unwrap();
     let outcome = genmanip(folder.path(), &["serve", "agent", "--vlm", "oracle"]);
     outcome.assert_refused(&["the oracle's answers are the simulator's", "expected --vlm FILE"]);
+}
+
+/// Demonstrations with grasps from depth images alone: of our sampler in the program, and of the same behind HTTP.
+#[test]
+fn demonstrations_with_grasps_from_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let task = example("021_spatial");
+    let collect = |grasps: &str, out: &str| {
+        let usual = ["collect", &task, "--episodes", "1", "--no-dataset", "--json"];
+        genmanip(folder.path(), &[&usual[..], &["--grasps", grasps, "--out", out]].concat())
+    };
+    let verified = |outcome: &super::Outcome| outcome.json(0)[0]["verified"].clone();
+    assert_eq!(verified(&collect("rgbd", "rgbd")), json!(1));
+    let serving = Serving::start(folder.path(), &["serve", "grasp", "--address", "127.0.0.1:0"]);
+    let url = format!("http://{}/grasp", serving.address);
+    assert_eq!(verified(&collect(&url, "http")), json!(1));
+
+    // A server that is gone is no failed attempt: the run stops, and the same call continues it.
+    drop(serving);
+    collect(&url, "gone").assert_refused(&["the grasp service"]);
+    assert!(!folder.path().join("gone/episodes/021_spatial-000").exists());
+    collect("camera", "wrong").assert_refused(&["unknown source of grasps `camera`", "mesh, rgbd, http:URL"]);
+    assert!(!folder.path().join("wrong").exists(), "nothing is touched");
 }

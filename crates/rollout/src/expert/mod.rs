@@ -8,8 +8,10 @@
 mod joint;
 mod pick;
 mod place;
+mod seen;
 mod settings;
 
+pub use seen::{SeenGrasps, SeenObject};
 pub use settings::ExpertSettings;
 
 use std::sync::Arc;
@@ -17,7 +19,7 @@ use std::sync::Arc;
 use genmanip_assets::{AssetError, GraspLibrary};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{
-    Aabb, ActionChunk, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, Pose,
+    Aabb, ActionChunk, EpisodeStart, Failure, FailureCause, Grasp, Observation, Policy, PolicyError, PolicySpec, Pose,
     PrivilegedState, Seed, TriedGrasp,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
@@ -41,6 +43,8 @@ pub struct Expert {
     planner: Arc<Planner>,
     /// Per object, its grasps that were tried beforehand.
     tried: Vec<Vec<TriedGrasp>>,
+    /// Who proposes grasps from images instead.
+    seeing: Option<Arc<dyn SeenGrasps>>,
     settings: ExpertSettings,
     seed: Seed,
     /// Alternatives not yet given up, the current one last.
@@ -95,6 +99,7 @@ impl Expert {
         Ok(Self {
             tried: tried.collect::<Result<_, AssetError>>()?,
             planner,
+            seeing: None,
             stage: stage.clone(),
             settings,
             seed: Seed::new(0),
@@ -106,6 +111,33 @@ impl Expert {
             upright: Vec::new(),
             last_failure: None,
         })
+    }
+
+    /// The same with grasps from images alone, in place of those that were tried and those from geometry. Handles of
+    /// joints are still taken by their geometry.
+    #[must_use]
+    pub fn seeing(self, source: Arc<dyn SeenGrasps>) -> Self {
+        Self { seeing: Some(source), ..self }
+    }
+
+    /// Grasps of an object from images, in its own frame, where they are wanted.
+    fn seen(
+        &self,
+        observation: &Observation,
+        scene: &PosedScene,
+        object: usize,
+    ) -> Result<Option<Vec<Grasp>>, PolicyError> {
+        let Some(source) = &self.seeing else { return Ok(None) };
+        let Some(posed) = scene.objects().nth(object) else { return Ok(None) };
+        let table_height = scene.bounds(object).map_or(0.0, |bounds| bounds.min.z);
+        let seen = seen::seen(observation, object, table_height);
+        // What nobody sees is not asked for.
+        if seen.points.is_empty() {
+            return Ok(Some(Vec::new()));
+        }
+        let object_from_world = posed.pose.inverse();
+        let own = |grasp: Grasp| Grasp { pose: object_from_world * grasp.pose, ..grasp };
+        Ok(Some(source.grasps(&seen)?.into_iter().map(own).collect()))
     }
 
     /// Grasps of an object that were tried beforehand.
@@ -159,20 +191,26 @@ impl Expert {
         &self,
         scene: &PosedScene,
         step: Move,
-        arm: &[f64],
-        width: f64,
+        (arm, width): (&[f64], f64),
+        seen: Option<Vec<Grasp>>,
         seed: Seed,
     ) -> Result<(Vec<Vec<f32>>, Phase), Failure> {
         if step.state().is_some() {
             let (commands, turning) = joint::plan(self, scene, &step, arm, width, seed)?;
             return Ok((commands, Phase::Turning(Box::new(turning))));
         }
-        let Pick { commands, open_width, hold_width } = pick::plan(self, scene, &step, arm, width, seed)?;
+        let Pick { commands, open_width, hold_width } = pick::plan(self, scene, &step, (arm, width), seen, seed)?;
         let taken_from = self.taken_from(scene, step.object);
         Ok((commands, Phase::Picked { step, open_width, hold_width, taken_from }))
     }
 
-    fn next(&mut self, scene: &PosedScene, arm: &[f64], width: f64) -> Result<ActionChunk, PolicyError> {
+    fn next(
+        &mut self,
+        observation: &Observation,
+        scene: &PosedScene,
+        arm: &[f64],
+        width: f64,
+    ) -> Result<ActionChunk, PolicyError> {
         loop {
             let Some(step) = self.next_move(scene) else {
                 self.phase = Phase::Home;
@@ -185,7 +223,8 @@ impl Expert {
             let failure = if self.tries > self.settings.tries_per_move {
                 self.last_failure.clone()
             } else {
-                match self.begin(scene, step, arm, width, seed) {
+                let seen = if step.state().is_some() { None } else { self.seen(observation, scene, step.object)? };
+                match self.begin(scene, step, (arm, width), seen, seed) {
                     Ok((actions, phase)) => {
                         self.phase = phase;
                         return Ok(ActionChunk { actions, finished: false });
@@ -282,7 +321,8 @@ impl Expert {
 
 impl Policy for Expert {
     fn spec(&self) -> PolicySpec {
-        PolicySpec { privileged: true, ..PolicySpec::native("expert", 60.0) }
+        let cameras = self.seeing.as_ref().map_or_else(Vec::new, |_| seen::cameras(&self.stage.scenario));
+        PolicySpec { privileged: true, cameras, ..PolicySpec::native("expert", 60.0) }
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
@@ -320,7 +360,7 @@ impl Policy for Expert {
                 let width = self.stage.robot.gripper.max_width.min(width);
                 Ok(ActionChunk { actions: commands::wait(arm, width, self.settings.rest_steps), finished: false })
             }
-            Phase::Free => self.next(&scene, arm, width),
+            Phase::Free => self.next(observation, &scene, arm, width),
             Phase::Picked { step, open_width, hold_width, taken_from } => {
                 let hand = Hand { arm: arm.to_vec(), width, open_width, hold_width };
                 self.place(&scene, &truth, &hand, &step, &taken_from)

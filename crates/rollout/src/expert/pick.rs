@@ -1,7 +1,7 @@
 //! Picking: a grasp that can be reached, that also works where the object is to go, and the motions to take it.
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Failure, FailureCause, Pose, Seed};
+use genmanip_core::{Failure, FailureCause, Grasp, Pose, Seed};
 use genmanip_layout::{Move, obstacles};
 use genmanip_motion::commands;
 use genmanip_motion::{
@@ -21,13 +21,13 @@ pub(super) struct Pick {
     pub hold_width: f64,
 }
 
-/// Plans a pick, or says what stood in the way.
+/// Plans a pick, or says what stood in the way; with grasps from images (object frame, best first), among these alone.
 pub(super) fn plan(
     expert: &Expert,
     scene: &PosedScene,
     step: &Move,
-    arm: &[f64],
-    width: f64,
+    (arm, width): (&[f64], f64),
+    seen: Option<Vec<Grasp>>,
     seed: Seed,
 ) -> Result<Pick, Failure> {
     let name = expert.stage.name(step.object);
@@ -53,7 +53,7 @@ pub(super) fn plan(
         arm,
         settings: &settings.feasibility,
     };
-    let at = |settings| feasible(expert, scene, step.object, &PickQuery { settings, ..query }, seed);
+    let at = |settings| feasible(expert, scene, step.object, &PickQuery { settings, ..query }, seen.as_deref(), seed);
     // Flat things can only be taken with the fingers close above the table.
     let grasps = at(&settings.feasibility).or_else(|_| at(&tight))?;
     let mut problem = None;
@@ -81,15 +81,22 @@ fn feasible(
     scene: &PosedScene,
     object: usize,
     query: &PickQuery,
+    seen: Option<&[Grasp]>,
     seed: Seed,
 ) -> Result<Vec<FeasibleGrasp>, Failure> {
     let name = expert.stage.name(object);
     let (planner, settings) = (query.planner, &expert.settings);
     let flawed = |error: GeometryError| Failure { cause: FailureCause::NoGrasp, evidence: format!("{name}: {error}") };
-    let tried = obstacles::tried_grasps(planner, scene, object, expert.tried(object)).map_err(flawed)?;
+    let known = match seen {
+        Some(seen) => seen.to_vec(),
+        None => obstacles::tried_grasps(planner, scene, object, expert.tried(object)).map_err(flawed)?,
+    };
     // What has no volume has no grasps.
-    let generated = || obstacles::generated_grasps(planner, scene, object, seed).unwrap_or_default();
-    let mut candidates = tried.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
+    let generated = || match seen {
+        Some(_) => Vec::new(),
+        None => obstacles::generated_grasps(planner, scene, object, seed).unwrap_or_default(),
+    };
+    let mut candidates = known.into_iter().chain(std::iter::once_with(generated).flatten()).peekable();
     if candidates.peek().is_none() {
         let evidence = format!("{name} has no grasp that fits the hand as it lies");
         return Err(Failure { cause: FailureCause::NoGrasp, evidence });

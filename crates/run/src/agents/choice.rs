@@ -77,6 +77,28 @@ pub enum GraspChoice {
     Http(Arc<ServiceGrasps<HttpService>>),
 }
 
+impl GraspChoice {
+    /// `rgbd` or `http:URL`; `known` are the names that may be said here.
+    ///
+    /// # Errors
+    /// A name that nobody knows, and a URL that cannot be asked.
+    pub fn named(name: &str, known: &[&str]) -> Result<Self, RunError> {
+        match (name, name.strip_prefix("http:")) {
+            ("rgbd", _) => Ok(Self::Rgbd),
+            (_, Some(url)) => Ok(Self::Http(Arc::new(ServiceGrasps::new(http(url)?)))),
+            _ => Err(RunError::unknown("source of grasps", "sources of grasps", name, known)),
+        }
+    }
+
+    /// Grasps for the gripper of a planner.
+    pub fn source(&self, planner: &Arc<Planner>) -> Arc<dyn GraspSource> {
+        match self {
+            Self::Rgbd => Arc::new(SampledGrasps::new(Arc::clone(planner))),
+            Self::Http(service) => Arc::clone(service) as Arc<dyn GraspSource>,
+        }
+    }
+}
+
 /// An agent made for one episode.
 pub struct MadeAgent {
     /// The policy.
@@ -146,11 +168,7 @@ impl AgentChoice {
     /// # Errors
     /// A name that nobody knows, and an address that cannot be used.
     pub fn with_grasps(self, name: &str) -> Result<Self, RunError> {
-        let grasps = match (name, name.strip_prefix("http:")) {
-            ("rgbd", _) => GraspChoice::Rgbd,
-            (_, Some(url)) => GraspChoice::Http(Arc::new(ServiceGrasps::new(http(url)?))),
-            _ => return Err(RunError::unknown("source of grasps", "sources of grasps", name, &["rgbd", "http:URL"])),
-        };
+        let grasps = GraspChoice::named(name, &["rgbd", "http:URL"])?;
         Ok(Self { grasps, ..self })
     }
 
@@ -168,10 +186,7 @@ impl AgentChoice {
 
     /// What proposes grasps for the robot of a planner.
     pub fn grasp_source(&self, planner: &Arc<Planner>) -> Arc<dyn GraspSource> {
-        match &self.grasps {
-            GraspChoice::Rgbd => Arc::new(SampledGrasps::new(Arc::clone(planner))),
-            GraspChoice::Http(service) => Arc::clone(service) as Arc<dyn GraspSource>,
-        }
+        self.grasps.source(planner)
     }
 
     /// Lets the oracle err: `STAGE=SHARE`, e.g. `object=0.2`.
