@@ -15,6 +15,8 @@ use serde_json::{Map, Value};
 use crate::AssetError;
 
 const BUILTIN: &str = include_str!("../data/grasps.json");
+/// Four grasps of each object of the whole list: `genmanip grasps bake --catalog full --brief`.
+const INSTANCES: &str = include_str!("../data/instance_grasps.json");
 
 /// Tried grasps of several objects; a file of `genmanip grasps bake`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,7 +89,7 @@ impl GraspLibrary {
     /// The grasps that come with the program.
     pub fn builtin() -> &'static Self {
         static LIBRARY: OnceLock<GraspLibrary> = OnceLock::new();
-        LIBRARY.get_or_init(|| Self::new([GraspFile::builtin().clone()]))
+        LIBRARY.get_or_init(|| Self::new([GraspFile::instances().clone(), GraspFile::builtin().clone()]))
     }
 
     /// The grasps that a robot's hand tried on an object, or on another one with the same physics, those that held most
@@ -170,6 +172,15 @@ impl GraspFile {
     pub fn builtin() -> &'static Self {
         static FILE: OnceLock<GraspFile> = OnceLock::new();
         FILE.get_or_init(|| Self::from_json(BUILTIN).expect("built-in data files are tested"))
+    }
+
+    /// A few grasps of every object of the whole list that can be grasped, those of families included.
+    ///
+    /// # Panics
+    /// Never in a tested build: the data file is compiled in.
+    pub fn instances() -> &'static Self {
+        static FILE: OnceLock<GraspFile> = OnceLock::new();
+        FILE.get_or_init(|| Self::from_json(INSTANCES).expect("built-in data files are tested"))
     }
 
     /// The grasps of an object; `None` when the file does not know it.

@@ -44,6 +44,7 @@ pub mod pictures;
 pub mod plan;
 pub mod policies;
 mod progress;
+mod remote;
 pub mod render;
 pub mod replay;
 pub mod report;

@@ -20,9 +20,10 @@ use genmanip_rollout::{Cores, Stage as Scene};
 
 use crate::agents::{Account, AgentChoice, ModelChoice, Transcribing};
 use crate::error::RunError;
+use crate::remote;
 
 /// All policies there are, in the order in which they are listed.
-pub const POLICIES: [PolicyEntry; 5] = [
+pub const POLICIES: [PolicyEntry; 6] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
@@ -63,6 +64,28 @@ pub const POLICIES: [PolicyEntry; 5] = [
         is_usual: false,
         prepare: agent,
     },
+    PolicyEntry {
+        name: "openpi",
+        about: "asks a policy server that speaks openpi's websocket protocol; its key is OPENPI_API_KEY",
+        arguments: &OPENPI_ARGUMENTS,
+        needs_record: false,
+        is_usual: false,
+        prepare: openpi,
+    },
+];
+
+/// What may be said about a server of openpi's protocol.
+const OPENPI_ARGUMENTS: [PolicyArgument; 6] = [
+    PolicyArgument { name: "url", default: "ws://127.0.0.1:8000", about: "where it is" },
+    PolicyArgument {
+        name: "preset",
+        default: "droid",
+        about: "what it is shown and what it answers: droid (joint speeds), droid_jointpos or libero",
+    },
+    PolicyArgument { name: "exterior", default: "static", about: "the camera that stands beside the robot" },
+    PolicyArgument { name: "wrist", default: "wrist", about: "the camera at the hand" },
+    PolicyArgument { name: "execute", default: "", about: "actions of a chunk that are executed; droid 8, libero 5" },
+    PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" },
 ];
 
 /// What may be said about the agent.
@@ -182,6 +205,20 @@ fn agent(given: &Given) -> Result<Prepared, RunError> {
         })
     });
     Ok(Prepared { account, ..prepared })
+}
+
+fn openpi(given: &Given) -> Result<Prepared, RunError> {
+    let settings = remote::settings(&remote::Named {
+        url: given.text("url"),
+        preset: given.text("preset"),
+        exterior: given.text("exterior"),
+        wrist: given.text("wrist"),
+        execute: given.text("execute"),
+        timeout_s: given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?,
+    })?;
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(remote::openpi(&settings, episode))
+    }))
 }
 
 /// One policy of the registry.

@@ -47,11 +47,14 @@ pub fn show(arguments: &ShowGraspsArguments, printer: &Printer) -> Result<ExitSt
         .build(&arguments.uid)
         .map_err(|error| Failed::because(format!("no object {}", arguments.uid), &error))?;
     let own = arguments.file.as_deref().map(grasps::read).transpose()?;
-    let file = own.as_ref().unwrap_or_else(|| GraspFile::builtin());
+    let files: Vec<&GraspFile> = match &own {
+        Some(own) => vec![own],
+        None => vec![GraspFile::builtin(), GraspFile::instances()],
+    };
     let from = arguments.file.as_deref().map_or("the built-in grasps".into(), |path| path.display().to_string());
     let help = "only rigid things that fit the hand have some; `genmanip grasps bake` makes them";
-    let grasps = file
-        .of(&model)
+    let known = files.iter().find_map(|file| file.of(&model).transpose()).transpose();
+    let grasps = known
         .map_err(|error| Failed::because(format!("{from}: cannot be used"), &error).hint(help))?
         .ok_or_else(|| {
             let (uid, name) = (&model.card.uid, &model.card.name);

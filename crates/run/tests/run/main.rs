@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod act;
+mod remote;
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -127,6 +128,9 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     assert!(unpriced.to_string().contains("say no price"), "{unpriced}");
 
     act::an_image_becomes_motions(&suite.scenarios[0].clone().into(), folder.parent().unwrap());
+
+    let ids = [format!("{TASK}-000"), format!("{TASK}-001")];
+    remote::a_server_leads_the_arm(&folder, ids.each_ref().map(String::as_str));
 
     // What is answered is kept, and given again: the same verdicts, byte for byte. A lost answer is named.
     let answers = folder.with_file_name("answers");

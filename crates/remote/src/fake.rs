@@ -1,0 +1,107 @@
+//! A policy server on loopback that speaks openpi's protocol, and misbehaves on request: for tests.
+
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use rmpv::Value;
+use tungstenite::{Message, accept};
+
+use crate::numpy::{Array, Numbers, get};
+
+/// A question that a server was asked.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// Its number over all connections, from 0.
+    pub number: usize,
+    /// Its number in its connection, from 0.
+    pub in_connection: usize,
+    map: Value,
+}
+
+impl Question {
+    /// An array of the observation, e.g. `observation/state`.
+    ///
+    /// # Errors
+    /// When there is none of this name.
+    pub fn array(&self, name: &str) -> Result<Array, String> {
+        Array::read(get(&self.map, name).ok_or_else(|| format!("no `{name}`"))?)
+    }
+
+    /// The instruction.
+    pub fn prompt(&self) -> Option<&str> {
+        get(&self.map, "prompt")?.as_str()
+    }
+}
+
+/// What a server does with a question.
+#[derive(Clone, Debug)]
+pub enum Answer {
+    /// A chunk of actions, row by row.
+    Actions(Vec<Vec<f32>>),
+    /// A map without actions.
+    Nothing,
+    /// A text, as of a server that failed.
+    Traceback(String),
+    /// Any bytes.
+    Bytes(Vec<u8>),
+    /// It is silent for so long, and then gone.
+    Hangs(Duration),
+    /// It is gone.
+    Drops,
+}
+
+/// Starts a server, which runs as long as the program; it sends its metadata, then answers question by question.
+///
+/// # Errors
+/// When no port can be had.
+pub fn start(answering: impl Fn(&Question) -> Answer + Send + Sync + 'static) -> std::io::Result<SocketAddr> {
+    let listener = TcpListener::bind("127.0.0.1:0")?;
+    let address = listener.local_addr()?;
+    let (answering, asked) = (Arc::new(answering), Arc::new(AtomicUsize::new(0)));
+    std::thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let (answering, asked) = (Arc::clone(&answering), Arc::clone(&asked));
+            std::thread::spawn(move || serve(stream, &*answering, &asked));
+        }
+    });
+    Ok(address)
+}
+
+fn serve(stream: TcpStream, answering: &dyn Fn(&Question) -> Answer, asked: &AtomicUsize) -> Option<()> {
+    let mut socket = accept(stream).ok()?;
+    let metadata = Value::Map(vec![("model_name".into(), "fake".into())]);
+    socket.send(Message::binary(packed(&metadata)?)).ok()?;
+    let mut in_connection = 0;
+    while let Ok(Message::Binary(question)) = socket.read() {
+        let map = rmpv::decode::read_value(&mut question.as_ref()).ok()?;
+        let number = asked.fetch_add(1, Ordering::SeqCst);
+        let message = match answering(&Question { number, in_connection, map }) {
+            Answer::Actions(rows) => Message::binary(packed(&actions(&rows))?),
+            Answer::Nothing => Message::binary(packed(&Value::Map(Vec::new()))?),
+            Answer::Traceback(text) => Message::text(text),
+            Answer::Bytes(bytes) => Message::binary(bytes),
+            Answer::Hangs(time) => {
+                std::thread::sleep(time);
+                return None;
+            }
+            Answer::Drops => return None,
+        };
+        socket.send(message).ok()?;
+        in_connection += 1;
+    }
+    Some(())
+}
+
+fn actions(rows: &[Vec<f32>]) -> Value {
+    let shape = vec![rows.len(), rows.first().map_or(8, Vec::len)];
+    let actions = Array { shape, numbers: Numbers::F32(rows.concat()) };
+    Value::Map(vec![("actions".into(), actions.value()), ("server_timing".into(), Value::Map(Vec::new()))])
+}
+
+fn packed(value: &Value) -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    rmpv::encode::write_value(&mut bytes, value).ok()?;
+    Some(bytes)
+}
