@@ -217,7 +217,7 @@ fn openpi(given: &Given) -> Result<Prepared, RunError> {
         timeout_s: given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?,
     })?;
     Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
-        Ok(remote::openpi(&settings, episode))
+        Ok(remote::openpi(&settings, episode.planner.robot(), episode.cores))
     }))
 }
 

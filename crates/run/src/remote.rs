@@ -3,13 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
+use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, RobotModel};
 use genmanip_remote::Patience;
 use genmanip_remote::openpi::{OpenpiPolicy, OpenpiSettings, Preset};
 use genmanip_rollout::Cores;
 
 use crate::error::RunError;
-use crate::policies::PolicyContext;
 
 /// Environment variable that holds the server's API key, if it wants one.
 const KEY: &str = "OPENPI_API_KEY";
@@ -57,9 +56,13 @@ pub(crate) fn settings(named: &Named) -> Result<OpenpiSettings, RunError> {
 }
 
 /// The policy for one episode, which lends its core while it waits for the server.
-pub(crate) fn openpi(settings: &OpenpiSettings, episode: &PolicyContext) -> Box<dyn Policy> {
-    let policy = OpenpiPolicy::new(settings.clone(), Arc::clone(episode.planner.robot()));
-    match episode.cores {
+pub(crate) fn openpi(
+    settings: &OpenpiSettings,
+    robot: &Arc<RobotModel>,
+    cores: Option<&Arc<Cores>>,
+) -> Box<dyn Policy> {
+    let policy = OpenpiPolicy::new(settings.clone(), Arc::clone(robot));
+    match cores {
         Some(cores) => Box::new(Lending { policy, cores: Arc::clone(cores) }),
         None => Box::new(policy),
     }
