@@ -6,11 +6,10 @@ use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand};
 use genmanip_core::Seed;
 use genmanip_run::policies;
-use genmanip_run::render::Vary;
-use genmanip_run::shard::Choice;
 
 pub use agent::*;
 pub use assets::*;
+pub use collect::*;
 pub use data::*;
 pub use evaluate::*;
 pub use export::*;
@@ -21,6 +20,7 @@ pub use world::*;
 
 mod agent;
 mod assets;
+mod collect;
 mod data;
 mod evaluate;
 mod export;
@@ -403,81 +403,6 @@ pub struct PlanArguments {
     /// Refuse scenarios that were laid out for another robot than this
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
-}
-
-/// Arguments of `collect`.
-#[derive(Clone, Debug, Args)]
-pub struct CollectArguments {
-    /// Tasks: recorded answers, task documents or folders of them
-    #[arg(required = true)]
-    pub tasks: Vec<PathBuf>,
-    /// Folder of the run
-    #[arg(long)]
-    pub out: PathBuf,
-    /// Attempts per task, each on its own layout
-    #[arg(long, default_value_t = 2, value_parser = parse_count)]
-    pub episodes: usize,
-    /// World in which layouts are made: TOML or JSON, see `genmanip world init` [default: the built-in one]
-    #[arg(long, value_name = "FILE")]
-    pub world: Option<PathBuf>,
-    /// Robot instead of the world's: panda or panda_2f85
-    #[arg(long, value_name = "NAME")]
-    pub robot: Option<String>,
-    /// Seed
-    #[arg(long, default_value_t = 0, value_parser = parse_seed)]
-    pub seed: u64,
-    /// Worker threads; results do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
-    pub workers: Option<usize>,
-    /// Frames per second of images and dataset; states are always recorded at 60 Hz
-    #[arg(long, default_value_t = 15, value_parser = parse_fps)]
-    pub fps: u32,
-    /// Record episodes only: no images, no dataset
-    #[arg(long)]
-    pub no_dataset: bool,
-    /// Draw each episode in a look of its own; its seed is a column of the dataset
-    #[arg(long, value_parser = ["per-episode"], conflicts_with = "no_dataset")]
-    pub variation: Option<String>,
-    /// What differs between the looks [default: all]
-    #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = render::parse_vary, requires = "variation")]
-    pub vary: Vec<Vary>,
-    /// Where the expert's grasps come from: the geometry of objects, depth images of the fixed cameras, or a server that
-    /// is shown these points
-    #[arg(long, value_name = "mesh|rgbd|http:URL", default_value = "mesh")]
-    pub grasps: String,
-    /// Put failed attempts into the dataset too, labelled as such
-    #[arg(long)]
-    pub keep_failed: bool,
-    /// Set damaged episodes aside, in damaged/ of the run, and make them anew
-    #[arg(long)]
-    pub repair: bool,
-    /// Only the I-th of N parts, counted from 0, into a folder of its own in OUT; `auto` or `auto/N`: the number of the
-    /// task in a job array of Slurm or Kubernetes. `genmanip merge` brings the parts together
-    #[arg(long, value_name = "I/N")]
-    pub shard: Option<Choice>,
-    /// Print a row per task also where there are more than 30
-    #[arg(long)]
-    pub each: bool,
-}
-
-/// Arguments of `merge`.
-#[derive(Clone, Debug, Args)]
-pub struct MergeArguments {
-    /// Folders of shards, or folders that hold them
-    #[arg(required = true, value_name = "SHARD")]
-    pub shards: Vec<PathBuf>,
-    /// Folder of the whole run
-    #[arg(long)]
-    pub out: PathBuf,
-    /// Make here what no shard has
-    #[arg(long)]
-    pub finish: bool,
-    /// Worker threads of --finish; results do not depend on it [default: all cores]
-    #[arg(long, value_parser = parse_count)]
-    pub workers: Option<usize>,
-    /// Print a row per task also where there are more than 30
-    #[arg(long)]
-    pub each: bool,
 }
 
 /// The policies of the registry, and an example.
