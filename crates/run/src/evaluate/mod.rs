@@ -83,14 +83,7 @@ pub fn evaluate(
             // There are fewer cases than shards.
             break;
         }
-        let report = one(suite, policy, folder.as_ref(), options, progress, stop)?;
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
-        let report = report.ok_or_else(|| {
-            RunError::input(format!("policy {} could not be reached for any episode", policy.label()))
-                .with_hint("see that it runs, then start again; nothing was counted")
-        })?;
+        let Some(report) = one(suite, policy, folder.as_ref(), options, progress, stop)? else { break };
         if let (Some(folder), None) = (&folder, options.shard) {
             let file = folder.join("evaluation").join(format!("{}.json", report.label));
             inputs::write_file(&file, report.to_json().as_bytes())?;
@@ -104,7 +97,7 @@ pub fn evaluate(
     Ok(reports)
 }
 
-/// Evaluates one policy; `None` when it could not be reached at all, or was stopped.
+/// Evaluates one policy; `None` when it was stopped.
 fn one(
     suite: &Suite,
     policy: &PolicyFactory,
@@ -198,7 +191,17 @@ fn one(
         progress.note(&format!("{label}: {asked}"));
     }
     results.extend(evaluated.results);
-    if results.is_empty() || stop.load(Ordering::Relaxed) {
+    let is_stopped = stop.load(Ordering::Relaxed);
+    if let Some(first) = evaluated.not_run.first() {
+        if results.is_empty() && !is_stopped {
+            let what = format!("policy {} could not be reached for any episode: {}", policy.label(), first.reason);
+            return Err(RunError::input(what).with_hint("see that it runs, then start again; nothing was counted"));
+        }
+        let others = evaluated.not_run.len() - 1;
+        let more = if others > 0 { format!(" (and {others} more)") } else { String::new() };
+        progress.note(&format!("{} was not run{more}: {}", first.id, first.reason));
+    }
+    if results.is_empty() || is_stopped {
         return Ok(None);
     }
     let report = EvaluationReport::new(
