@@ -41,6 +41,11 @@ impl Aside {
         Ok(Self { target: target.to_owned(), folder, replaces, published: false })
     }
 
+    /// The folder until it is published.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Where a file of the folder lies until it is published; folders on the way are made.
     pub(crate) fn path(&self, name: &str) -> Result<PathBuf, DataError> {
         let path = self.folder.join(name);

@@ -17,6 +17,7 @@
 
 mod aside;
 pub mod check;
+mod columns;
 pub mod depth;
 mod error;
 pub mod export;
@@ -25,6 +26,7 @@ mod frames;
 pub mod images;
 pub mod lerobot;
 mod manifest;
+mod mp4;
 mod partial;
 mod parts;
 pub mod store;

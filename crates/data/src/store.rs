@@ -454,6 +454,17 @@ impl EpisodeStore {
         aside::write_synced(&into.join(EPISODE), record.to_json().as_bytes())
     }
 
+    /// Links or copies the files of an attempt, without its groups, into a folder; their sizes are checked.
+    pub(crate) fn link_record(&self, id: &str, into: &Path) -> Result<(), DataError> {
+        let record = self.record(id)?;
+        let folder = self.root.join(id);
+        for file in &record.files {
+            check_size(&folder, file)?;
+        }
+        let names = record.files.iter().map(|file| file.name.as_str()).chain([EPISODE]);
+        names.into_iter().try_for_each(|name| files::link_or_copy(&folder.join(name), &into.join(name)))
+    }
+
     /// Copies an attempt, without its groups, into another store under another id, which its scenario takes too, and
     /// says what it started from. For measurements: nothing is synced.
     ///

@@ -11,7 +11,7 @@ use arrow_array::{
 };
 use arrow_buffer::OffsetBuffer;
 use arrow_schema::{DataType, Field, Schema};
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::Compression;
 use parquet::file::metadata::ColumnChunkMetaData;
@@ -142,6 +142,11 @@ impl TableWriter {
         let writer = ArrowWriter::try_new(Vec::new(), schema, Some(properties))
             .map_err(|error| DataError::table(path, error))?;
         Ok(Self { writer, path: path.to_owned() })
+    }
+
+    /// Appends rows to the row group that [`TableWriter::finish`] ends.
+    pub(crate) fn add(&mut self, batch: &RecordBatch) -> Result<(), DataError> {
+        self.writer.write(batch).map_err(|error| DataError::table(&self.path, error))
     }
 
     /// Appends a row group.
@@ -281,6 +286,48 @@ impl Table {
         let reader =
             builder.with_projection(mask).with_batch_size(rows_at_once).build().map_err(|error| fail(&error))?;
         Ok(reader.map(move |batch| batch.map_err(|error| DataError::table(&path, error))))
+    }
+}
+
+/// A parquet file whose row groups are read one by one, in any order.
+pub(crate) struct RowGroups {
+    path: PathBuf,
+    file: File,
+    metadata: ArrowReaderMetadata,
+    /// First row of each group.
+    firsts: Vec<usize>,
+}
+
+impl RowGroups {
+    pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
+        let file = files::open(path)?;
+        let metadata = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new());
+        let metadata = metadata.map_err(|error| DataError::table(path, error))?;
+        let rows = |count: i64| usize::try_from(count).unwrap_or(usize::MAX);
+        let mut next = 0_usize;
+        let firsts = metadata.metadata().row_groups().iter().map(|group| {
+            let first = next;
+            next = next.saturating_add(rows(group.num_rows()));
+            first
+        });
+        Ok(Self { path: path.into(), file, firsts: firsts.collect(), metadata })
+    }
+
+    /// The row group that begins at a row, which must have so many.
+    pub(crate) fn read(&self, first: usize, rows: usize) -> Result<RecordBatch, DataError> {
+        let fail = |error: &dyn std::fmt::Display| DataError::table(&self.path, error);
+        let expected = || fail(&format!("expected {rows} rows in a row group of their own from row {first}"));
+        let group = self.firsts.binary_search(&first).map_err(|_| expected())?;
+        let about = self.metadata.metadata().row_group(group);
+        let size = about.columns().iter().map(uncompressed_size).fold(0_i64, i64::saturating_add);
+        if !(0..=MAX_TABLE_BYTES).contains(&size) || usize::try_from(about.num_rows()).ok() != Some(rows) {
+            return Err(expected());
+        }
+        let file = self.file.try_clone().map_err(DataError::io("read", &self.path))?;
+        let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone());
+        let reader = builder.with_row_groups(vec![group]).with_batch_size(rows.max(1)).build();
+        let batch = reader.map_err(|error| fail(&error))?.next().ok_or_else(expected)?.map_err(|error| fail(&error))?;
+        if batch.num_rows() == rows { Ok(batch) } else { Err(expected()) }
     }
 }
 

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // The exemption for tests does not reach helpers of an integration test.
 
 mod checking;
+mod editing;
 mod synthetic;
 
 use std::collections::BTreeMap;
@@ -427,11 +428,25 @@ fn independent_reader_finds_what_was_written() {
     };
     export(&store, &folder.path().join("set"), &settings).unwrap();
     fs::write(folder.path().join("expected.json"), expectations(&store, folder.path()).to_string()).unwrap();
+    // Merged of two, it is the same to a reader.
+    let parts = [&["scenario-0-a0"][..], &["scenario-1-a0", "scenario-2-a0"]].map(|ids| {
+        let part = folder.path().join(format!("part-{}", ids.len()));
+        let selection = Selection::Ids(ids.iter().map(|&id| id.into()).collect());
+        lerobot::export(&store, &selection, &robot(), &settings, &part).unwrap();
+        part
+    });
+    lerobot::edit::merge(&parts, &folder.path().join("merged"), &mut |_| {}).unwrap();
+    for dataset in ["set", "merged"] {
+        assert_reader_agrees(&python, folder.path(), dataset);
+    }
+}
+
+fn assert_reader_agrees(python: &Path, folder: &Path, dataset: &str) {
     let output = Command::new(python)
         .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/read_lerobot.py"))
-        .arg(folder.path().join("set"))
+        .arg(folder.join(dataset))
         .arg("--expected")
-        .arg(folder.path().join("expected.json"))
+        .arg(folder.join("expected.json"))
         .output()
         .unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

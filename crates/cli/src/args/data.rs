@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use genmanip_data::lerobot::edit::Condition;
 
 /// Verbs for data sets.
 #[derive(Debug, Subcommand)]
@@ -18,6 +19,25 @@ pub enum DataCommand {
     #[command(after_help = "Examples:\n  genmanip data show out/run/dataset\n  \
                       genmanip data show out/run/dataset --html dataset.html")]
     Show(DataShowArguments),
+    /// Put the episodes of several datasets into one
+    #[command(after_help = "Example:\n  genmanip data merge out/a/dataset out/b/dataset --out out/both\n\n\
+                      LeRobot v3.0 datasets of this program with the same columns. Nothing is encoded again: pictures are\n\
+                      copied frame by frame, with the depth sibling, all columns and extras/record. Episodes of two runs\n\
+                      with the same name get a number behind it.")]
+    Merge(DataMergeArguments),
+    /// Divide a dataset into parts, such as train and test
+    #[command(after_help = "Examples:\n  genmanip data split out/run/dataset --out out/parts\n  \
+                      genmanip data split DATASET --fractions train=0.8,val=0.1,test=0.1 --by episode --seed 7 --out out/parts\n\n\
+                      By task, all episodes of a sentence go to one part: what is tested was not trained on.")]
+    Split(DataSplitArguments),
+    /// Keep only the episodes of a dataset that are like this
+    #[command(after_help = "Examples:\n  genmanip data filter DATASET --where success=true --out out/good\n  \
+                      genmanip data filter DATASET --where kind=spatial --where object=017 --out out/mugs\n\n\
+                      object: a thing in the scene; kind, task, seed, policy, failure or any column of meta/episodes.")]
+    Filter(DataFilterArguments),
+    /// Leave some episodes of a dataset out
+    #[command(after_help = "Example:\n  genmanip data delete DATASET --episodes 3,7-9 --out out/rest")]
+    Delete(DataDeleteArguments),
 }
 
 /// Arguments of `data check`.
@@ -37,4 +57,68 @@ pub struct DataShowArguments {
     /// Write a page instead of printing
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+}
+
+/// Arguments of `data merge`.
+#[derive(Debug, Args)]
+pub struct DataMergeArguments {
+    /// Folders of datasets, in the order of their episodes
+    #[arg(required = true, value_name = "DATASET")]
+    pub datasets: Vec<PathBuf>,
+    /// Folder of the new dataset
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// Arguments of `data split`.
+#[derive(Debug, Args)]
+pub struct DataSplitArguments {
+    /// Folder of a dataset
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Folder that gets a dataset per part
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Names of the parts and their shares of the episodes
+    #[arg(long, value_name = "NAME=SHARE,…", value_delimiter = ',', value_parser = parse_share, default_value = "train=0.9,test=0.1")]
+    pub fractions: Vec<(String, f64)>,
+    /// Which episode goes where
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// What stays together: task (all episodes of a sentence) or episode
+    #[arg(long, value_name = "WHAT", default_value = "task", value_parser = ["task", "episode"])]
+    pub by: String,
+}
+
+/// Arguments of `data filter`.
+#[derive(Debug, Args)]
+pub struct DataFilterArguments {
+    /// Folder of a dataset
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// A column of the episodes and its value; given several times, all must hold
+    #[arg(long = "where", required = true, value_name = "COLUMN=VALUE")]
+    pub conditions: Vec<Condition>,
+    /// Folder of the new dataset
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// Arguments of `data delete`.
+#[derive(Debug, Args)]
+pub struct DataDeleteArguments {
+    /// Folder of a dataset
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Indices of the episodes to leave out, and ranges of them
+    #[arg(long, value_name = "N,N-N,…")]
+    pub episodes: String,
+    /// Folder of the new dataset
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+fn parse_share(text: &str) -> Result<(String, f64), String> {
+    let share = text.split_once('=').and_then(|(name, share)| Some((name.to_owned(), share.parse::<f64>().ok()?)));
+    share.filter(|(_, share)| *share > 0.0 && *share <= 1.0).ok_or_else(|| "expected NAME=SHARE, as train=0.9".into())
 }

@@ -275,6 +275,9 @@ pub struct LabDataArguments {
     /// Made-up episodes of 30 rows with pictures of 64x64, to measure what checking and opening a large dataset costs
     #[arg(long)]
     pub synthetic: bool,
+    /// Write the made-up episodes also as so many datasets, and merge these
+    #[arg(long, value_name = "N", value_parser = super::parse_count, requires = "synthetic")]
+    pub shards: Option<usize>,
     /// Keep episodes and dataset in this new folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,

@@ -5,13 +5,16 @@ use std::sync::Arc;
 
 use genmanip_assets::robots;
 use genmanip_bench::{dataset_page, text_table};
-use genmanip_core::RobotModel;
-use genmanip_data::DataError;
+use genmanip_core::{RobotModel, Seed};
 use genmanip_data::check::{self, Checked, Finding, Overview};
-use genmanip_run::inputs;
+use genmanip_data::lerobot::edit::{self, By};
+use genmanip_data::{DataError, ExportReport};
+use genmanip_run::{Progress, inputs};
 use serde_json::json;
 
-use crate::args::{DataCheckArguments, DataCommand, DataShowArguments};
+use crate::args::{
+    DataCheckArguments, DataCommand, DataDeleteArguments, DataFilterArguments, DataShowArguments, DataSplitArguments,
+};
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
@@ -22,7 +25,48 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
     match command {
         DataCommand::Check(arguments) => check_all(arguments, printer),
         DataCommand::Show(arguments) => show(arguments, printer),
+        DataCommand::Merge(arguments) => {
+            edited(printer, |heard| Ok(vec![edit::merge(&arguments.datasets, &arguments.out, heard)?]))
+        }
+        DataCommand::Split(DataSplitArguments { dataset, out, fractions, seed, by }) => {
+            let by = if by == "task" { By::Task } else { By::Episode };
+            edited(printer, |heard| edit::split(dataset, fractions, by, Seed::new(*seed), out, heard))
+        }
+        DataCommand::Filter(DataFilterArguments { dataset, conditions, out }) => {
+            edited(printer, |heard| Ok(vec![edit::filter(dataset, conditions, out, heard)?]))
+        }
+        DataCommand::Delete(DataDeleteArguments { dataset, episodes, out }) => {
+            let episodes = edit::numbers(episodes).map_err(|why| Failed::misused(format!("--episodes: {why}")))?;
+            edited(printer, |heard| Ok(vec![edit::delete(dataset, &episodes, out, heard)?]))
+        }
     }
+}
+
+/// Makes data sets of others and says what was made.
+fn edited(
+    printer: &Printer,
+    make: impl FnOnce(edit::Heard) -> Result<Vec<ExportReport>, DataError>,
+) -> Result<ExitStatus, Failed> {
+    let mut copied = 0;
+    let mut heard = |total: usize| {
+        if copied % total == 0 {
+            printer.begin("copying episodes", total);
+        }
+        copied += 1;
+        printer.advance();
+        if copied % total == 0 {
+            printer.end();
+        }
+    };
+    let made = make(&mut heard).map_err(|error| {
+        let hint =
+            error.hint().unwrap_or_else(|| "nothing was changed; genmanip data check says more of a dataset".into());
+        Failed::because("cannot make the dataset", &error).hint(hint)
+    })?;
+    let line =
+        |made: &ExportReport| format!("{}: {} episodes, {} rows\n", made.dataset.display(), made.episodes, made.frames);
+    printer.data(&made, &made.iter().map(line).collect::<String>());
+    Ok(ExitStatus::Done)
 }
 
 fn check_all(arguments: &DataCheckArguments, printer: &Printer) -> Result<ExitStatus, Failed> {

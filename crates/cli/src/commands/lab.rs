@@ -74,7 +74,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let folder = arguments.out.as_ref().unwrap_or(&temporary);
             let seed = Seed::new(arguments.seed);
             let measured = match arguments.synthetic {
-                true => data::measure_synthetic(arguments.episodes, &tasks, seed, folder, printer),
+                true => data::measure_synthetic((arguments.episodes, arguments.shards), &tasks, seed, folder, printer),
                 false => data::measure(&tasks, seed, folder, printer),
             };
             if arguments.out.is_none() {

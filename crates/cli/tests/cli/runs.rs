@@ -260,3 +260,31 @@ fn a_film_strip_is_a_jpeg() {
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
     assert!(fs::read(folder.path().join("strip.jpg")).unwrap().starts_with(&[0xff, 0xd8]));
 }
+
+/// Data sets of the finished run, made by the verbs of `data`.
+#[test]
+fn datasets_are_split_and_merged_again() {
+    let folder = copy_of_finished_run();
+    let call = |arguments: &[&str]| genmanip(folder.path(), &[&["data"], arguments, &["--json"]].concat());
+    let parts = call(&["split", "run/dataset", "--out", "parts", "--fractions", "train=0.5,test=0.5"]).json(0);
+    assert_eq!((&parts[0]["episodes"], &parts[1]["episodes"]), (&1.into(), &1.into()), "{parts}");
+    let merged = call(&["merge", "parts/train", "parts/test", "--out", "merged"]).json(0);
+    assert_eq!(merged[0]["episodes"], 2);
+    let spatial = call(&["filter", "merged", "--where", "kind=spatial", "--where", "success=true", "--out", "spatial"]);
+    assert_eq!(spatial.json(0)[0]["episodes"], 1);
+    assert_eq!(call(&["delete", "merged", "--episodes", "1", "--out", "first"]).json(0)[0]["episodes"], 1);
+    for dataset in ["parts/train", "parts/test", "merged", "spatial", "first"] {
+        assert_eq!(call(&["check", dataset]).code, Some(0), "{dataset}");
+    }
+    let replayed = genmanip(folder.path(), &["replay", "--check", "merged/extras/record", "--json"]).json(0);
+    assert!(replayed.as_array().unwrap().iter().all(|row| row["identical"] == true), "{replayed}");
+    let refused = |arguments: &[&str], code: i32, wanted: &str| {
+        genmanip(folder.path(), &[&["data"], arguments].concat()).assert_ended(code, &[wanted]);
+    };
+    refused(&["merge", "merged", "merged", "--out", "twice"], 1, "each episode once");
+    refused(&["delete", "merged", "--episodes", "7", "--out", "x"], 1, "0 to 1");
+    refused(&["delete", "merged", "--episodes", "two", "--out", "x"], 2, "3,7-9");
+    refused(&["filter", "merged", "--where", "success", "--out", "x"], 2, "COLUMN=VALUE");
+    refused(&["filter", "run", "--where", "success=true", "--out", "x"], 1, "LeRobotDataset v3.0");
+    refused(&["merge", "spatial", "first", "--out", "merged"], 1, "error:");
+}

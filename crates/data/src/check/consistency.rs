@@ -4,8 +4,8 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionSpace, Pose, RobotModel, RotationEncoding};
 
 use super::book::{Book, Listed};
-use super::columns::{Column, Rows};
 use super::findings::Findings;
+use crate::columns::{Column, Rows};
 
 /// Largest difference of two places of the tool, m, and of two turns, rad: single precision along the whole arm.
 const NEAR_M: f64 = 1e-4;

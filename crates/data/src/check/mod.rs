@@ -4,12 +4,10 @@
 //! A data set of another program is held to the format alone; one of this program also to what it says of itself.
 
 mod book;
-mod columns;
 mod consistency;
 mod depth;
 mod findings;
 mod leaks;
-mod mp4;
 mod paths;
 mod pictures;
 mod record;

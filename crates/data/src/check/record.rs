@@ -6,8 +6,8 @@ use arrow_array::Array;
 use genmanip_core::{Document, limits};
 
 use super::book::{Book, Listed};
-use super::columns::Column;
 use super::findings::Findings;
+use crate::columns::Column;
 use crate::export::sampling;
 use crate::lerobot::SETTINGS;
 use crate::table::Table;

@@ -7,12 +7,12 @@ use arrow_array::RecordBatch;
 use genmanip_core::RobotModel;
 
 use super::book::{Book, Listed};
-use super::columns::{Column, Rows};
 use super::consistency;
 use super::findings::Findings;
 use super::leaks::Identity;
 use super::totals::{self, Totals};
 use super::{book, v30};
+use crate::columns::{Column, Rows};
 use crate::lerobot::stats::Stats;
 use crate::table::Table;
 

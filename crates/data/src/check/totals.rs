@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use super::book::{Book, Statistics};
-use super::columns::{Column, Rows};
 use super::findings::Findings;
 use super::v30;
+use crate::columns::{Column, Rows};
 
 const STATS: &str = "meta/stats.json";
 /// Quantiles LeRobot keeps.

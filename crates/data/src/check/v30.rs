@@ -9,9 +9,9 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::book::{self, Book, EpisodeStats, Info, Listed, Statistics, VideoSpan};
-use super::columns::{cell, integer, text};
 use super::findings::Findings;
 use crate::DataError;
+use crate::columns::{cell, integer, text};
 use crate::lerobot::SETTINGS;
 use crate::table::Table;
 

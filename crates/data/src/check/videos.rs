@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::book::{Book, Feature, Listed, VideoSpan};
 use super::findings::Findings;
-use super::mp4::Video;
 use super::v30;
+use crate::mp4::Video;
 use crate::{DataError, EncodedVideo, video};
 
 /// Largest difference between the mean colour of an episode's pictures and the one that its statistics tell, of 1:

@@ -1,5 +1,7 @@
 //! What every version of the format keeps while episodes come in: features, sentences, indices and statistics.
 
+use std::path::Path;
+
 use serde_json::Value;
 
 use super::stats::Collected;
@@ -20,8 +22,9 @@ pub(crate) struct Ledger {
 }
 
 impl Ledger {
-    pub(crate) fn new(fps: u32) -> Self {
-        Self { fps, features: None, tasks: Vec::new(), episodes: 0, frames: 0, collected: Collected::default() }
+    /// Numbers are kept on the disk of `folder` until their statistics are taken.
+    pub(crate) fn new(fps: u32, folder: &Path) -> Self {
+        Self { fps, features: None, tasks: Vec::new(), episodes: 0, frames: 0, collected: Collected::new(folder) }
     }
 
     /// Gives the rows of the next episode their indices and takes their statistics.
@@ -30,7 +33,7 @@ impl Ledger {
         rows.features.extend(self.bookkeeping(rows.frames, task));
         self.check_features(rows)?;
         for feature in &rows.features {
-            self.collected.add(feature);
+            self.collected.add(&feature.key, feature.length(), &feature.numbers())?;
         }
         for video in &rows.videos {
             self.collected.add_colors(&video.key, &video.colors, rows.frames);

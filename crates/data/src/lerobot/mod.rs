@@ -7,6 +7,7 @@
 
 mod card;
 mod depth;
+pub mod edit;
 mod episodes;
 mod features;
 mod info;

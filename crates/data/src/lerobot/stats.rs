@@ -1,9 +1,12 @@
 //! Statistics of features, as `stats.json` and the episodes table hold them.
 
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
 use serde_json::{Value, json};
 
-use crate::ColorHistogram;
-use crate::export::features::Feature;
+use crate::{ColorHistogram, DataError};
 
 /// The quantiles LeRobot keeps, with their names.
 const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.10), ("q50", 0.50), ("q90", 0.90), ("q99", 0.99)];
@@ -20,23 +23,38 @@ pub(crate) struct Stats {
 impl Stats {
     /// Exact statistics of the frames given.
     pub(crate) fn of_vectors(values: &[f64], length: usize) -> Self {
-        let columns: Vec<Vec<f64>> = (0..length)
-            .map(|entry| {
-                let mut column: Vec<f64> = values.iter().skip(entry).step_by(length).copied().collect();
-                column.sort_by(f64::total_cmp);
-                column
-            })
-            .collect();
-        let count = columns.first().map_or(0, Vec::len);
-        let each = |value: &dyn Fn(&[f64]) -> f64| columns.iter().map(|column| value(column)).collect::<Vec<f64>>();
-        let mut named = vec![
-            ("min", each(&|column| column.first().copied().unwrap_or(0.0))),
-            ("max", each(&|column| column.last().copied().unwrap_or(0.0))),
-            ("mean", each(&mean)),
-            ("std", each(&standard_deviation)),
+        let mut stats = Self::default();
+        for entry in 0..length {
+            stats.add_entry(values.iter().skip(entry).step_by(length).copied().collect());
+        }
+        stats
+    }
+
+    /// Takes the numbers of one more entry of a vector.
+    fn add_entry(&mut self, mut column: Vec<f64>) {
+        column.sort_by(f64::total_cmp);
+        self.count = column.len();
+        let mut all = vec![
+            ("min", column.first().copied().unwrap_or(0.0)),
+            ("max", column.last().copied().unwrap_or(0.0)),
+            ("mean", mean(&column)),
+            ("std", standard_deviation(&column)),
         ];
-        named.extend(QUANTILES.map(|(name, q)| (name, each(&|column| quantile(column, q)))));
-        Self { named, count }
+        all.extend(QUANTILES.map(|(name, q)| (name, quantile(&column, q))));
+        if self.named.is_empty() {
+            self.named = all.iter().map(|(name, _)| (*name, Vec::new())).collect();
+        }
+        for ((_, values), (_, value)) in self.named.iter_mut().zip(all) {
+            values.push(value);
+        }
+    }
+
+    /// What `value` gives for the name of each statistic, in their order.
+    pub(crate) fn named(
+        mut value: impl FnMut(&str) -> Result<Vec<f64>, DataError>,
+    ) -> Result<Vec<(&'static str, Vec<f64>)>, DataError> {
+        let names = ["min", "max", "mean", "std"].into_iter().chain(QUANTILES.map(|(name, _)| name));
+        names.map(|name| Ok((name, value(name)?))).collect()
     }
 
     /// Statistics of 8-bit colours, scaled to 0-1.
@@ -66,22 +84,85 @@ impl Stats {
     }
 }
 
-/// The numbers of a feature over all episodes.
-///
-/// All numbers are kept until the end (8 bytes each, about 0.6 kB per frame of the main data set), because only then
-/// are the quantiles exact.
+/// Statistics of a whole from those of its parts, by the formulas of LeRobot's `aggregate_stats`: quantiles are means of
+/// the parts' quantiles.
 #[derive(Clone, Debug, Default)]
+pub(crate) struct Aggregated(Vec<Stats>);
+
+impl Aggregated {
+    /// Takes the statistics of a part.
+    pub(crate) fn add(&mut self, part: Stats) {
+        self.0.push(part);
+    }
+
+    /// Those of the whole.
+    pub(crate) fn whole(&self) -> Stats {
+        let count: usize = self.0.iter().map(|part| part.count).sum();
+        let length = self.0.first().and_then(|part| part.named.first()).map_or(0, |(_, values)| values.len());
+        let of = |part: &Stats, name: &str, entry: usize| {
+            let values = part.named.iter().find(|(known, _)| *known == name);
+            values.and_then(|(_, values)| values.get(entry)).copied().unwrap_or(0.0)
+        };
+        let weighted = |value: &dyn Fn(&Stats) -> f64| {
+            self.0.iter().map(|part| value(part) * part.count as f64).sum::<f64>() / count.max(1) as f64
+        };
+        let whole = |name: &'static str, entry: usize| match name {
+            "min" => self.0.iter().map(|part| of(part, name, entry)).fold(f64::INFINITY, f64::min),
+            "max" => self.0.iter().map(|part| of(part, name, entry)).fold(f64::NEG_INFINITY, f64::max),
+            "std" => {
+                let mean = weighted(&|part| of(part, "mean", entry));
+                let variance = |part: &Stats| of(part, "std", entry).powi(2) + (of(part, "mean", entry) - mean).powi(2);
+                weighted(&variance).sqrt()
+            }
+            name => weighted(&|part| of(part, name, entry)),
+        };
+        let names = self.0.first().into_iter().flat_map(|part| part.named.iter().map(|(name, _)| *name));
+        let named = names.map(|name| (name, (0..length).map(|entry| whole(name, entry)).collect())).collect();
+        Stats { named, count }
+    }
+}
+
+/// The numbers of all features over all episodes.
+///
+/// Quantiles are exact only when all numbers are there, 0.6 kB per frame of the main data set, so they wait on the disk,
+/// in unnamed files.
+#[derive(Debug)]
 pub(crate) struct Collected {
-    features: Vec<(String, usize, Vec<f64>)>,
+    folder: PathBuf,
+    features: Vec<Waiting>,
     colors: Vec<(String, ColorHistogram, usize)>,
 }
 
+/// The numbers of a feature.
+#[derive(Debug)]
+struct Waiting {
+    key: String,
+    length: usize,
+    numbers: BufWriter<File>,
+}
+
 impl Collected {
-    pub(crate) fn add(&mut self, feature: &Feature) {
-        match self.features.iter_mut().find(|(key, ..)| *key == feature.key) {
-            Some((_, _, values)) => values.extend(feature.numbers()),
-            None => self.features.push((feature.key.clone(), feature.length(), feature.numbers())),
+    /// Numbers wait on the disk of `folder`.
+    pub(crate) fn new(folder: &Path) -> Self {
+        Self { folder: folder.into(), features: Vec::new(), colors: Vec::new() }
+    }
+
+    /// Takes vectors of a feature, one after the other.
+    pub(crate) fn add(&mut self, key: &str, length: usize, numbers: &[f64]) -> Result<(), DataError> {
+        let failed = DataError::io("write statistics in", &self.folder);
+        let place = match self.features.iter().position(|waiting| waiting.key == key) {
+            Some(place) => place,
+            None => {
+                let file = tempfile::tempfile_in(&self.folder).map_err(DataError::io("write in", &self.folder))?;
+                self.features.push(Waiting { key: key.into(), length, numbers: BufWriter::new(file) });
+                self.features.len() - 1
+            }
+        };
+        let waiting = &mut self.features[place];
+        if waiting.length != length {
+            return Err(DataError::mismatch(format!("entries of {key}"), waiting.length, length));
         }
+        numbers.iter().try_for_each(|number| waiting.numbers.write_all(&number.to_le_bytes())).map_err(failed)
     }
 
     pub(crate) fn add_colors(&mut self, key: &str, colors: &ColorHistogram, frames: usize) {
@@ -95,15 +176,39 @@ impl Collected {
     }
 
     /// The contents of `stats.json`.
-    pub(crate) fn to_json(&self) -> Value {
+    pub(crate) fn to_json(&mut self) -> Result<Value, DataError> {
         let mut stats = serde_json::Map::new();
         for (key, colors, frames) in &self.colors {
             stats.insert(key.clone(), Stats::of_colors(colors, *frames).to_json(true));
         }
-        for (key, length, values) in &self.features {
-            stats.insert(key.clone(), Stats::of_vectors(values, *length).to_json(false));
+        for waiting in &mut self.features {
+            let whole = waiting.stats().map_err(DataError::io("read statistics in", &self.folder))?;
+            stats.insert(waiting.key.clone(), whole.to_json(false));
         }
-        Value::Object(stats)
+        Ok(Value::Object(stats))
+    }
+}
+
+impl Waiting {
+    /// Exact statistics; one entry of the vectors is in memory at a time.
+    fn stats(&mut self) -> std::io::Result<Stats> {
+        self.numbers.flush()?;
+        let file = self.numbers.get_mut();
+        let mut stats = Stats::default();
+        for entry in 0..self.length {
+            file.rewind()?;
+            let mut reader = BufReader::with_capacity(1 << 16, &mut *file);
+            let mut vector = vec![0; 8 * self.length];
+            let mut column = Vec::new();
+            while !std::io::BufRead::fill_buf(&mut reader)?.is_empty() {
+                reader.read_exact(&mut vector)?;
+                let mut bytes = [0; 8];
+                bytes.copy_from_slice(&vector[8 * entry..8 * entry + 8]);
+                column.push(f64::from_le_bytes(bytes));
+            }
+            stats.add_entry(column);
+        }
+        Ok(stats)
     }
 }
 

@@ -37,9 +37,10 @@ pub fn export_v21(
     let rows = ExportSettings { depth: false, ..settings.export.clone() };
     let settings = LerobotSettings { export: rows, ..settings.clone() };
     let exporter = Exporter::new(store, selection, robot, &settings.export)?;
+    let aside = begin(dataset, settings.run.as_deref())?;
     let mut writer = Writer {
-        aside: begin(dataset, settings.run.as_deref())?,
-        ledger: Ledger::new(settings.export.fps),
+        ledger: Ledger::new(settings.export.fps, aside.folder()),
+        aside,
         episodes: String::new(),
         statistics: String::new(),
     };
@@ -107,7 +108,7 @@ impl Writer {
     ) -> Result<(), DataError> {
         let features = self.ledger.features.take().unwrap_or_default();
         let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let stats = self.ledger.collected.to_json();
+        let stats = self.ledger.collected.to_json()?;
         let modality = modality(contract, &features, robot.arm_dof());
         let info = info_v21(&self.ledger, &robot.name, features);
         let task = |(index, task): (usize, &String)| format!("{}\n", json!({"task_index": index, "task": task}));

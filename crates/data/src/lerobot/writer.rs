@@ -1,4 +1,4 @@
-//! Writes one data set, episode by episode, in constant memory but for statistics and the videos of one file.
+//! Writes one data set, episode by episode, in constant memory but for the videos of one file.
 
 use std::path::Path;
 
@@ -35,11 +35,17 @@ struct OpenFile {
 }
 
 /// A complete data set that is not visible yet.
-pub(crate) struct Finished(Aside);
+pub(crate) struct Finished(pub(crate) Aside);
 
 impl DatasetWriter {
     pub(crate) fn new(aside: Aside, episodes_per_file: usize, fps: u32, robot: &str) -> Self {
-        Self { aside, robot: robot.into(), episodes_per_file, ledger: Ledger::new(fps), file: OpenFile::default() }
+        Self {
+            robot: robot.into(),
+            episodes_per_file,
+            ledger: Ledger::new(fps, aside.folder()),
+            aside,
+            file: OpenFile::default(),
+        }
     }
 
     pub(crate) fn episodes(&self) -> usize {
@@ -95,9 +101,9 @@ impl DatasetWriter {
         let totals =
             info::Totals { episodes: self.ledger.episodes, frames: self.ledger.frames, tasks: self.ledger.tasks.len() };
         let info = info::info(&self.robot, &totals, self.ledger.fps, features, has_video);
-        self.write_json("meta/info.json", &info)?;
-        self.write_json("meta/stats.json", &self.ledger.collected.to_json())?;
-        self.write_json("meta/genmanip.json", &info::meaning(settings))?;
+        write_json(&self.aside, "meta/info.json", &info)?;
+        write_json(&self.aside, "meta/stats.json", &self.ledger.collected.to_json()?)?;
+        write_json(&self.aside, "meta/genmanip.json", &info::meaning(settings))?;
         self.aside.write(super::SETTINGS, settings.to_json().as_bytes())?;
         if let Some(contract) = contract {
             self.aside.write(super::CONTRACT, contract.to_json().as_bytes())?;
@@ -142,12 +148,13 @@ impl DatasetWriter {
             facts: rows.facts.clone(),
         }
     }
+}
 
-    fn write_json(&self, name: &str, value: &Value) -> Result<(), DataError> {
-        let text = serde_json::to_string_pretty(value)
-            .map_err(|error| DataError::NotWritable { what: name.into(), why: error.to_string() })?;
-        self.aside.write(name, (text + "\n").as_bytes())
-    }
+/// Writes a JSON file of a data set.
+pub(crate) fn write_json(dataset: &Aside, name: &str, value: &Value) -> Result<(), DataError> {
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|error| DataError::NotWritable { what: name.into(), why: error.to_string() })?;
+    dataset.write(name, (text + "\n").as_bytes())
 }
 
 impl Finished {

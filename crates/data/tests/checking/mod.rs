@@ -30,7 +30,7 @@ fn robots() -> Vec<Arc<RobotModel>> {
 }
 
 /// An episode whose tool is where its joints bring it, as that of a simulator.
-fn sound(number: usize, steps: usize) -> Episode {
+pub fn sound(number: usize, steps: usize) -> Episode {
     let is_failed = number == 3;
     let mut episode = episode(number, steps, !is_failed);
     if is_failed {
@@ -42,7 +42,7 @@ fn sound(number: usize, steps: usize) -> Episode {
     episode
 }
 
-fn store(root: &Path) -> EpisodeStore {
+pub fn store(root: &Path) -> EpisodeStore {
     let store = EpisodeStore::create(root).unwrap();
     for (number, steps) in STEPS.into_iter().enumerate() {
         store.write(&sound(number, steps), &[]).unwrap();
@@ -51,7 +51,7 @@ fn store(root: &Path) -> EpisodeStore {
     store
 }
 
-fn settings(action: ActionSpec) -> LerobotSettings {
+pub fn settings(action: ActionSpec) -> LerobotSettings {
     LerobotSettings {
         export: ExportSettings { action, ..ExportSettings::default() },
         episodes_per_file: 3,
@@ -60,11 +60,11 @@ fn settings(action: ActionSpec) -> LerobotSettings {
     }
 }
 
-fn checked(dataset: &Path) -> Checked {
+pub fn checked(dataset: &Path) -> Checked {
     check::check(dataset, &robots()).unwrap()
 }
 
-fn told(checked: &Checked) -> String {
+pub fn told(checked: &Checked) -> String {
     checked.findings.iter().map(|finding| format!("{finding:?}\n")).collect()
 }
 

@@ -54,6 +54,8 @@ pub struct Measured {
     pub check_s: Option<f64>,
     /// Time to open the data set and its index of episodes, s.
     pub open_s: Option<f64>,
+    /// Time to merge the data set of shards, s; null unless asked for.
+    pub merge_s: Option<f64>,
     /// Size of the data set and its depth sibling.
     pub dataset_bytes: u64,
 }
@@ -134,6 +136,7 @@ pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progres
         missed,
         check_s: Some(check_s),
         open_s: Some(open_s),
+        merge_s: None,
         dataset_bytes: bytes_below(&dataset) + bytes_below(&lerobot::depth_path(&dataset)),
     })
 }
@@ -229,7 +232,11 @@ pub fn in_words(measured: &Measured) -> String {
     for (format, seconds) in &measured.export_s {
         row(&format!("export to {format}, processor time"), format!("{seconds:.2} s"));
     }
-    for (what, seconds) in [("open the dataset", measured.open_s), ("check the dataset", measured.check_s)] {
+    for (what, seconds) in [
+        ("open the dataset", measured.open_s),
+        ("check the dataset", measured.check_s),
+        ("merge it of shards", measured.merge_s),
+    ] {
         if let Some(seconds) = seconds {
             row(what, format!("{seconds:.2} s"));
         }

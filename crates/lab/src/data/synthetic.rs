@@ -28,12 +28,13 @@ const SCENARIOS: usize = 8;
 /// Rows per second; there is one control step per row.
 const RATE_HZ: u32 = 15;
 
-/// Writes a data set of `count` made-up episodes into `folder`, which is made and must not exist, opens and checks it.
+/// Writes a data set of `count` made-up episodes into `folder`, which is made and must not exist, opens and checks it;
+/// with `shards` also as so many data sets, which are merged.
 ///
 /// # Errors
 /// When no task can be laid out, the disk refuses, or the check finds anything.
 pub fn measure(
-    count: usize,
+    (count, shards): (usize, Option<usize>),
     tasks: &[Task],
     seed: Seed,
     folder: &Path,
@@ -64,12 +65,12 @@ pub fn measure(
     };
     progress.begin("writing", count);
     let mut clock = process_clock();
-    let mut episodes = (0..count).map(|number| {
+    let made = |number: usize| {
         progress.advance();
         let scenario = &scenarios[number % scenarios.len()];
         (episode(robot, scenario, number, seed), tracks[number % tracks.len()].clone())
-    });
-    let exported = lerobot::write(&mut episodes, robot, &lerobot, &dataset).map_err(broke)?;
+    };
+    let exported = lerobot::write(&mut (0..count).map(made), robot, &lerobot, &dataset).map_err(broke)?;
     progress.end();
     let write = clock();
     let clock = Instant::now();
@@ -82,6 +83,10 @@ pub fn measure(
         let what = format!("what was written is not sound: {finding:?}");
         return Err(LabError::input(what).with_hint("this is a defect of the program"));
     }
+    let write_range = |numbers: std::ops::Range<usize>, target: &Path| {
+        lerobot::write(&mut numbers.map(made), robot, &lerobot, target).map(drop).map_err(broke)
+    };
+    let merge_s = shards.map(|shards| merged(count, shards, &write_range, (folder, robot), progress)).transpose()?;
     let pictures = exported.frames * lerobot.export.cameras.len();
     let depth = lerobot::depth_path(&dataset);
     let bytes = bytes_below(&dataset.join("videos")) + bytes_below(&depth.join("data"));
@@ -94,9 +99,36 @@ pub fn measure(
         encode_and_write_ms_per_rgbd_frame: 1e3 * write / pictures as f64,
         check_s: Some(check_s),
         open_s: Some(open_s),
+        merge_s,
         dataset_bytes: bytes_below(&dataset) + bytes_below(&depth),
         ..Measured::default()
     })
+}
+
+/// Writes the episodes as shards, merges and checks them; how long merging took, s.
+fn merged(
+    count: usize,
+    shards: usize,
+    write: &dyn Fn(std::ops::Range<usize>, &Path) -> Result<(), LabError>,
+    (folder, robot): (&Path, &Arc<RobotModel>),
+    progress: &dyn Progress,
+) -> Result<f64, LabError> {
+    let shards = shards.min(count);
+    let range = |shard: usize| shard * count / shards..(shard + 1) * count / shards;
+    let paths: Vec<_> = (0..shards).map(|shard| folder.join("shards").join(format!("{shard:05}"))).collect();
+    progress.begin("writing shards", count);
+    paths.iter().enumerate().try_for_each(|(shard, path)| write(range(shard), path))?;
+    progress.end();
+    progress.begin("merging", 2 * count);
+    let (clock, target) = (Instant::now(), folder.join("merged"));
+    lerobot::edit::merge(&paths, &target, &mut |_| progress.advance()).map_err(broke)?;
+    let seconds = clock.elapsed().as_secs_f64();
+    progress.end();
+    match check::check(&target, &[Arc::clone(robot)]).map_err(broke)?.findings.first() {
+        None => Ok(seconds),
+        Some(finding) => Err(LabError::input(format!("what was merged is not sound: {finding:?}"))
+            .with_hint("this is a defect of the program")),
+    }
 }
 
 /// Joints that swing about home, and a tool that follows; nothing else moves.

@@ -15,14 +15,14 @@ const MOST_FRAMES: usize = 6_000_000;
 
 /// The one video track of a file.
 #[derive(Debug)]
-pub(super) struct Video {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) timescale: u32,
+pub(crate) struct Video {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) timescale: u32,
     /// How long each frame lasts, in ticks.
-    pub(super) durations: Vec<u32>,
+    pub(crate) durations: Vec<u32>,
     /// Where each frame lies in the file, and how many bytes it has.
-    pub(super) frames: Vec<(u64, u32)>,
+    pub(crate) frames: Vec<(u64, u32)>,
     /// Parameter sets.
     parameters: Vec<Vec<u8>>,
     file: File,
@@ -30,7 +30,7 @@ pub(super) struct Video {
 
 impl Video {
     /// Reads the index.
-    pub(super) fn open(path: &Path) -> Result<Self, DataError> {
+    pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
         let mut file = files::open(path)?;
         let length = file.metadata().map_err(DataError::io("read", path))?.len();
         let broken = |why: String| DataError::Video(format!("{why}: {}", path.display()));
@@ -71,7 +71,7 @@ impl Video {
     }
 
     /// A frame as a decoder takes it: start codes, and the parameter sets before it where they are wanted.
-    pub(super) fn frame(&mut self, index: usize, with_parameters: bool) -> Option<Vec<u8>> {
+    pub(crate) fn frame(&mut self, index: usize, with_parameters: bool) -> Option<Vec<u8>> {
         let (at, size) = *self.frames.get(index)?;
         let mut bytes = vec![0; usize::try_from(size).ok()?];
         self.file.seek(SeekFrom::Start(at)).ok()?;

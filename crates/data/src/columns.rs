@@ -8,21 +8,21 @@ use arrow_array::{Array, RecordBatch};
 use arrow_schema::DataType;
 
 /// The numbers of one episode by column.
-pub(super) type Rows = BTreeMap<String, Column>;
+pub(crate) type Rows = BTreeMap<String, Column>;
 
 /// A column of vectors, row after row.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Column {
+pub(crate) struct Column {
     /// Name of the type of an entry, as `info.json` has it.
-    pub(super) dtype: &'static str,
+    pub(crate) dtype: &'static str,
     /// Entries per row.
-    pub(super) width: usize,
-    pub(super) values: Vec<f64>,
+    pub(crate) width: usize,
+    pub(crate) values: Vec<f64>,
 }
 
 impl Column {
     /// `None` for what holds no numbers, or not the same number of them in every row.
-    pub(super) fn of(array: &dyn Array) -> Option<Self> {
+    pub(crate) fn of(array: &dyn Array) -> Option<Self> {
         let rows = array.len();
         if array.null_count() > 0 {
             return None;
@@ -62,19 +62,19 @@ impl Column {
     }
 
     /// The vector of a row.
-    pub(super) fn row(&self, row: usize) -> &[f64] {
+    pub(crate) fn row(&self, row: usize) -> &[f64] {
         self.values.get(row * self.width..(row + 1) * self.width).unwrap_or_default()
     }
 }
 
 /// The numbers of one cell, however deep its lists are; `None` for texts and empty cells.
-pub(super) fn cell(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<f64>> {
+pub(crate) fn cell(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<f64>> {
     let column = batch.column_by_name(name)?;
     if row >= column.len() { None } else { Some(Column::of(&column.slice(row, 1))?.values) }
 }
 
 /// The text of a cell; of a list of texts the first, and how many there are.
-pub(super) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(String, usize)> {
+pub(crate) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(String, usize)> {
     let column = batch.column_by_name(name)?;
     if row >= column.len() || column.is_null(row) {
         return None;
@@ -92,7 +92,7 @@ pub(super) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(Strin
 }
 
 /// A whole number of a cell.
-pub(super) fn integer(batch: &RecordBatch, name: &str, row: usize) -> Option<i64> {
+pub(crate) fn integer(batch: &RecordBatch, name: &str, row: usize) -> Option<i64> {
     let column = batch.column_by_name(name)?.as_primitive_opt::<Int64Type>()?;
     (row < column.len() && !column.is_null(row)).then(|| column.value(row))
 }

@@ -1,0 +1,159 @@
+//! Which episodes are meant: by conditions, or by their indices.
+
+use std::collections::BTreeSet;
+
+use arrow_array::RecordBatch;
+use serde::Deserialize;
+
+use super::source::Source;
+use crate::DataError;
+use crate::columns::{cell, text};
+use crate::table::Table;
+
+/// Most indices that a text may name: more than any data set has.
+const MOST: usize = 10_000_000;
+
+/// What episodes must be like: a column of the episodes table, or `object`, and what stands there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Condition {
+    /// The column; `kind` and `task` are short for `task_kind` and `task_id`.
+    pub key: String,
+    /// `true` and `false` for what is either; the id of an object.
+    pub value: String,
+}
+
+impl std::str::FromStr for Condition {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once('=') {
+            Some((key, value)) if !key.is_empty() && !value.is_empty() => {
+                Ok(Self { key: key.into(), value: value.into() })
+            }
+            _ => Err("expected COLUMN=VALUE, as success=true or kind=spatial".into()),
+        }
+    }
+}
+
+impl Condition {
+    fn column(&self) -> &str {
+        match self.key.as_str() {
+            "kind" => "task_kind",
+            "task" => "task_id",
+            "object" => "scenario_json",
+            key => key,
+        }
+    }
+
+    /// `None` where the cell holds nothing that could be compared.
+    fn holds(&self, batch: &RecordBatch, row: usize) -> Option<bool> {
+        let column = self.column();
+        if let Some((found, _)) = text(batch, column, row) {
+            return match self.key.as_str() {
+                "object" => serde_json::from_str::<Brief>(&found).ok().map(|scenario| scenario.has(&self.value)),
+                _ => Some(found == self.value),
+            };
+        }
+        let numbers = cell(batch, column, row)?;
+        let [found] = numbers[..] else { return None };
+        match self.value.as_str() {
+            "true" => Some(found == 1.0),
+            "false" => Some(found == 0.0),
+            value => Some(value.parse::<f64>().ok()? == found),
+        }
+    }
+}
+
+/// What is looked for in a scenario.
+#[derive(Deserialize)]
+struct Brief {
+    objects: Vec<BriefObject>,
+}
+
+#[derive(Deserialize)]
+struct BriefObject {
+    id: String,
+}
+
+impl Brief {
+    fn has(&self, id: &str) -> bool {
+        self.objects.iter().any(|object| object.id == id)
+    }
+}
+
+impl Source {
+    /// The episodes that fulfil all conditions.
+    pub(super) fn matching(&self, conditions: &[Condition]) -> Result<Vec<usize>, DataError> {
+        let mut kept = Vec::new();
+        let mut number = 0;
+        for path in &self.tables {
+            let table = Table::open(path)?;
+            let known = table.names();
+            for condition in conditions {
+                let column = condition.column();
+                if !known.iter().any(|name| name == column) {
+                    let simple = |name: &&String| !name.contains('/') && *name != "scenario_json" && *name != "tasks";
+                    let names: Vec<&str> = known.iter().filter(simple).map(String::as_str).collect();
+                    let expected = format!("object, kind, task or one of {}", names.join(", "));
+                    return Err(DataError::mismatch("column of a condition", expected, format!("`{}`", condition.key)));
+                }
+            }
+            let batch = table.whole(|name| conditions.iter().any(|condition| condition.column() == name))?;
+            for row in 0..batch.num_rows() {
+                let mut is_kept = true;
+                for condition in conditions {
+                    let Condition { key, value } = condition;
+                    is_kept &= condition.holds(&batch, row).ok_or_else(|| {
+                        DataError::mismatch(
+                            format!("condition {key}={value}"),
+                            "a value of that column",
+                            "another type",
+                        )
+                    })?;
+                }
+                if is_kept {
+                    kept.push(number);
+                }
+                number += 1;
+            }
+        }
+        Ok(kept)
+    }
+}
+
+/// Indices from a text such as `3,7-9`.
+///
+/// # Errors
+/// What was expected.
+pub fn numbers(text: &str) -> Result<BTreeSet<usize>, String> {
+    let expected = || "expected indices and ranges of them, as 3,7-9".to_owned();
+    let mut numbers = BTreeSet::new();
+    for part in text.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let parse = |text: &str| text.trim().parse::<usize>().map_err(|_| expected());
+        let (first, last) = (parse(first)?, parse(last)?);
+        if first > last || last >= MOST {
+            return Err(expected());
+        }
+        numbers.extend(first..=last);
+    }
+    Ok(numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_and_conditions_are_read() {
+        assert_eq!(numbers("3,7-9, 8").unwrap(), [3, 7, 8, 9].into());
+        for text in ["", "a", "9-7", "3,", "-1", "1-99999999999"] {
+            assert!(numbers(text).is_err(), "{text}");
+        }
+        let condition: Condition = "success=true".parse().unwrap();
+        assert_eq!((condition.key.as_str(), condition.value.as_str()), ("success", "true"));
+        for text in ["success", "=true", "success=", ""] {
+            assert!(text.parse::<Condition>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,280 @@
+//! A data set under construction from the episodes of others.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use arrow_array::types::Float64Type;
+use arrow_array::{ArrayRef, RecordBatch};
+use genmanip_core::{Document, Scenario};
+use serde_json::{Value, json};
+
+use super::super::episodes::tasks_table;
+use super::super::info::{self, FILES_PER_CHUNK, Totals};
+use super::super::stats::{Aggregated, Collected, Stats};
+use super::super::writer::{Finished, write_json};
+use super::super::{CONTRACT, LerobotSettings, SETTINGS, record};
+use super::Pick;
+use super::source::{Listed, Opened, Source};
+use crate::aside::Aside;
+use crate::columns::{Column, cell, text};
+use crate::table::{Columns, Purpose, TableWriter};
+use crate::{DataError, EncodedVideo, video};
+
+/// The columns of rows, and statistics of episodes, that say where an episode stands.
+const PLACES: [&str; 3] = ["episode_index", "index", "task_index"];
+
+pub(super) struct Composer<'a> {
+    aside: Aside,
+    sources: &'a [Source],
+    opened: (usize, Opened),
+    episodes_per_file: usize,
+    tasks: BTreeMap<String, usize>,
+    sentences: Vec<String>,
+    collected: Collected,
+    colors: BTreeMap<String, Aggregated>,
+    episodes: usize,
+    frames: usize,
+    file: OpenFile,
+}
+
+/// What goes into the files of the current index.
+#[derive(Default)]
+struct OpenFile {
+    rows: Option<TableWriter>,
+    episodes: Option<TableWriter>,
+    videos: Vec<(String, Vec<EncodedVideo>)>,
+    frames: usize,
+}
+
+impl<'a> Composer<'a> {
+    pub(super) fn new(aside: Aside, sources: &'a [Source], episodes_per_file: usize) -> Result<Self, DataError> {
+        let collected = Collected::new(aside.folder());
+        Ok(Self {
+            aside,
+            sources,
+            opened: (usize::MAX, Opened::default()),
+            episodes_per_file: episodes_per_file.max(1),
+            tasks: BTreeMap::new(),
+            sentences: Vec::new(),
+            collected,
+            colors: BTreeMap::new(),
+            episodes: 0,
+            frames: 0,
+            file: OpenFile::default(),
+        })
+    }
+
+    /// Appends an episode, under another name if one is given.
+    pub(super) fn push(&mut self, pick: Pick, name: Option<&str>) -> Result<(), DataError> {
+        if self.episodes > 0 && self.episodes.is_multiple_of(self.episodes_per_file) {
+            self.close_file()?;
+        }
+        let source = &self.sources[pick.source];
+        let episode = &source.episodes[pick.episode];
+        if self.opened.0 != pick.source {
+            self.opened = (pick.source, Opened::default());
+        }
+        let task = self.task_index(&episode.sentence);
+        let rows = self.opened.1.rows(source, episode)?;
+        let rows = replaced(&rows, self.places(episode.length, task))?;
+        self.collect(source, &rows)?;
+        let table = match &mut self.file.rows {
+            Some(table) => table,
+            none => none.insert(TableWriter::new(Path::new("data"), rows.schema(), Purpose::Dataset)?),
+        };
+        table.write(&rows)?;
+        let listed = self.opened.1.row(source, episode)?;
+        self.aggregate(source, episode, &listed)?;
+        let listed = replaced(&listed, self.entry(source, episode, task, &listed, name)?)?;
+        let table = match &mut self.file.episodes {
+            Some(table) => table,
+            none => none.insert(TableWriter::new(Path::new("meta/episodes"), listed.schema(), Purpose::Dataset)?),
+        };
+        table.add(&listed)?;
+        for (key, video) in self.opened.1.videos(source, episode)? {
+            match self.file.videos.iter_mut().find(|(known, _)| *known == key) {
+                Some((_, videos)) => videos.push(video),
+                None => self.file.videos.push((key, vec![video])),
+            }
+        }
+        if let Some(store) = &source.record {
+            record::take(&self.aside, store, &episode.store_id, name)?;
+        }
+        self.file.frames += episode.length;
+        self.episodes += 1;
+        self.frames += episode.length;
+        Ok(())
+    }
+
+    fn task_index(&mut self, sentence: &str) -> usize {
+        if let Some(index) = self.tasks.get(sentence) {
+            return *index;
+        }
+        let index = self.sentences.len();
+        self.tasks.insert(sentence.into(), index);
+        self.sentences.push(sentence.into());
+        index
+    }
+
+    /// The columns of rows that say where they stand.
+    fn places(&self, rows: usize, task: usize) -> Columns {
+        let mut columns = Columns::default();
+        columns.i64("episode_index", std::iter::repeat_n(number(self.episodes), rows));
+        columns.i64("index", (self.frames..self.frames + rows).map(number));
+        columns.i64("task_index", std::iter::repeat_n(number(task), rows));
+        columns
+    }
+
+    /// Takes the numbers of rows for the statistics of the whole.
+    fn collect(&mut self, source: &Source, rows: &RecordBatch) -> Result<(), DataError> {
+        for key in source.features(false) {
+            let column = rows.column_by_name(key).and_then(|column| Column::of(column));
+            let column = column.ok_or_else(|| {
+                DataError::mismatch(format!("column {key} of {}", source.root.display()), "numbers", "something else")
+            })?;
+            self.collected.add(key, column.width, &column.values)?;
+        }
+        Ok(())
+    }
+
+    fn aggregate(&mut self, source: &Source, episode: &Listed, listed: &RecordBatch) -> Result<(), DataError> {
+        for key in source.features(true) {
+            let numbers = |name: &str| {
+                let found = cell(listed, &format!("stats/{key}/{name}"), 0);
+                let what = || format!("statistics of {key} of {} of {}", episode.store_id, source.root.display());
+                found
+                    .filter(|found| found.len() == 3)
+                    .ok_or_else(|| DataError::mismatch(what(), "three numbers", "none"))
+            };
+            let stats = Stats { named: Stats::named(numbers)?, count: episode.length };
+            self.colors.entry(key.clone()).or_default().add(stats);
+        }
+        Ok(())
+    }
+
+    /// The columns of the episode's row that differ from those in its source.
+    fn entry(
+        &self,
+        source: &Source,
+        episode: &Listed,
+        task: usize,
+        listed: &RecordBatch,
+        name: Option<&str>,
+    ) -> Result<Columns, DataError> {
+        let place = self.episodes / self.episodes_per_file;
+        let (chunk, file) = (place / FILES_PER_CHUNK, place % FILES_PER_CHUNK);
+        let mut columns = Columns::default();
+        let mut set = |name: &str, value: usize| columns.i64(name, [number(value)]);
+        set("episode_index", self.episodes);
+        set("dataset_from_index", self.frames);
+        set("dataset_to_index", self.frames + episode.length);
+        for prefix in ["data", "meta/episodes"] {
+            set(&format!("{prefix}/chunk_index"), chunk);
+            set(&format!("{prefix}/file_index"), file);
+        }
+        let fps = f64::from(source.settings.export.fps);
+        for key in source.features(true) {
+            set(&format!("videos/{key}/chunk_index"), chunk);
+            set(&format!("videos/{key}/file_index"), file);
+        }
+        for key in source.features(true) {
+            let frames = [self.file.frames, self.file.frames + episode.length];
+            for (which, frame) in ["from", "to"].iter().zip(frames) {
+                columns.f64(&format!("videos/{key}/{which}_timestamp"), [frame as f64 / fps]);
+            }
+        }
+        let [repeated, counted, tasks] = [
+            vec![self.episodes as f64; episode.length],
+            (self.frames..self.frames + episode.length).map(|row| row as f64).collect(),
+            vec![task as f64; episode.length],
+        ];
+        for (key, values) in PLACES.iter().zip([repeated, counted, tasks]) {
+            for (which, values) in Stats::of_vectors(&values, 1).named {
+                columns.lists::<Float64Type>(&format!("stats/{key}/{which}"), &[&values]);
+            }
+        }
+        if let Some(name) = name {
+            let scenario = text(listed, "scenario_json", 0).map(|(text, _)| renamed(&text, name)).transpose()?;
+            columns.text("store_id", [name]);
+            columns.text("scenario_id", [name]);
+            scenario.into_iter().for_each(|scenario| columns.text("scenario_json", [scenario]));
+        }
+        Ok(columns)
+    }
+
+    fn close_file(&mut self) -> Result<(), DataError> {
+        let OpenFile { rows, episodes, videos, .. } = std::mem::take(&mut self.file);
+        let place = self.episodes.saturating_sub(1) / self.episodes_per_file;
+        let (chunk, file) = (place / FILES_PER_CHUNK, place % FILES_PER_CHUNK);
+        let name = |ending: &str| format!("chunk-{chunk:03}/file-{file:03}.{ending}");
+        if let Some(table) = rows {
+            self.aside.write(&format!("data/{}", name("parquet")), &table.finish()?)?;
+        }
+        if let Some(table) = episodes {
+            self.aside.write(&format!("meta/episodes/{}", name("parquet")), &table.finish()?)?;
+        }
+        for (key, videos) in videos {
+            self.aside.write(&format!("videos/{key}/{}", name("mp4")), &video::mux_mp4(&videos)?)?;
+        }
+        Ok(())
+    }
+
+    /// Writes what describes the whole; also says how many rows there are.
+    pub(super) fn finish(mut self, card: &str, settings: &LerobotSettings) -> Result<(Finished, usize), DataError> {
+        self.close_file()?;
+        let first = &self.sources[0];
+        let totals = Totals { episodes: self.episodes, frames: self.frames, tasks: self.sentences.len() };
+        let robot = first.info["robot_type"].as_str().unwrap_or_default();
+        let (features, has_video) = (first.info["features"].clone(), first.features(true).next().is_some());
+        let info = info::info(robot, &totals, settings.export.fps, features, has_video);
+        write_json(&self.aside, "meta/info.json", &info)?;
+        let mut stats: serde_json::Map<String, Value> =
+            self.colors.into_iter().map(|(key, colors)| (key, colors.whole().to_json(true))).collect();
+        if let Value::Object(numbers) = self.collected.to_json()? {
+            stats.extend(numbers);
+        }
+        write_json(&self.aside, "meta/stats.json", &Value::Object(stats))?;
+        let mut meaning = info::meaning(settings);
+        meaning["statistics"] = json!(
+            "numbers exact over all frames; colours from those of the episodes as LeRobot does it, quantiles being means \
+             of theirs; none for depth"
+        );
+        write_json(&self.aside, "meta/genmanip.json", &meaning)?;
+        self.aside.write(SETTINGS, settings.to_json().as_bytes())?;
+        if let Some(contract) = &first.contract {
+            self.aside.write(CONTRACT, contract.to_json().as_bytes())?;
+        }
+        self.aside.write("meta/tasks.parquet", &tasks_table(&self.sentences)?)?;
+        self.aside.write("README.md", info::card_with_info(card, &info).as_bytes())?;
+        Ok((Finished(self.aside), self.frames))
+    }
+}
+
+fn number(value: usize) -> i64 {
+    i64::try_from(value).unwrap_or(i64::MAX)
+}
+
+/// A scenario under another id.
+fn renamed(scenario: &str, name: &str) -> Result<String, DataError> {
+    let scenario = Scenario::from_json(scenario)
+        .map_err(|error| DataError::mismatch("column scenario_json", "a scenario", error))?;
+    Ok(Scenario { id: name.into(), ..scenario }.to_value().to_string())
+}
+
+/// A table with some columns in the place of those of the same name; all others stay as they are.
+fn replaced(batch: &RecordBatch, columns: Columns) -> Result<RecordBatch, DataError> {
+    let fail =
+        |error: &dyn std::fmt::Display| DataError::mismatch("columns of a data set", "those of an export", error);
+    let new = columns.batch().map_err(|error| fail(&error))?;
+    let schema = batch.schema();
+    let mut arrays: Vec<ArrayRef> = batch.columns().to_vec();
+    for (field, column) in new.schema().fields().iter().zip(new.columns()) {
+        let place = schema.index_of(field.name()).map_err(|error| fail(&error))?;
+        if schema.field(place).data_type() != column.data_type() {
+            return Err(fail(&format!("`{}` of {}", field.name(), schema.field(place).data_type())));
+        }
+        arrays[place] = Arc::clone(column);
+    }
+    RecordBatch::try_new(schema, arrays).map_err(|error| fail(&error))
+}

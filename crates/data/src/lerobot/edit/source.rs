@@ -1,0 +1,243 @@
+//! A data set whose episodes are copied.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use arrow_array::RecordBatch;
+use genmanip_core::{ActionContract, Document, limits};
+use serde_json::Value;
+
+use super::super::{CONTRACT, LerobotSettings, SETTINGS};
+use crate::columns::{cell, integer, text};
+use crate::mp4::Video;
+use crate::table::{self, RowGroups, Table};
+use crate::{DataError, EncodedVideo, EpisodeStore, files};
+
+/// A data set of this program.
+pub(super) struct Source {
+    pub(super) root: PathBuf,
+    pub(super) settings: LerobotSettings,
+    pub(super) contract: Option<ActionContract>,
+    pub(super) info: Value,
+    /// Tables of episodes, in order.
+    pub(super) tables: Vec<PathBuf>,
+    pub(super) episodes: Vec<Listed>,
+    /// The record that it carries along.
+    pub(super) record: Option<EpisodeStore>,
+    /// Index of the first row in each file of rows, by chunk and file.
+    firsts: BTreeMap<[i64; 2], i64>,
+}
+
+/// What is kept of an episode in memory.
+#[derive(Clone, Debug)]
+pub(super) struct Listed {
+    pub(super) sentence: String,
+    pub(super) store_id: String,
+    pub(super) seed: i64,
+    pub(super) length: usize,
+    from: i64,
+    /// Chunk and file of its rows.
+    data: [i64; 2],
+    /// Of each video, its feature, chunk and file, and where it begins, s.
+    videos: Vec<(String, [i64; 2], f64)>,
+    /// Its table and row.
+    listed_in: (usize, usize),
+}
+
+impl Source {
+    pub(super) fn open(root: &Path) -> Result<Self, DataError> {
+        let read = |name: &str| files::read(&root.join(name), limits::SETTINGS);
+        let document = |name: &str, source| DataError::Document { path: root.join(name), source };
+        let settings = match read(SETTINGS) {
+            Err(error) if error.is_missing() => {
+                let expected = "a LeRobotDataset v3.0 that this program wrote";
+                return Err(DataError::mismatch(root.display().to_string(), expected, format!("no {SETTINGS} in it")));
+            }
+            bytes => LerobotSettings::from_bytes(&bytes?).map_err(|error| document(SETTINGS, error))?,
+        };
+        let contract = match read(CONTRACT) {
+            Err(error) if error.is_missing() => None,
+            bytes => Some(ActionContract::from_bytes(&bytes?).map_err(|error| document(CONTRACT, error))?),
+        };
+        let named = |what: &str| format!("{what} of {}", root.display());
+        let info: Value = serde_json::from_slice(&read("meta/info.json")?)
+            .map_err(|error| DataError::mismatch(named("meta/info.json"), "JSON", error))?;
+        if info["codebase_version"] != "v3.0" {
+            return Err(DataError::mismatch(named("format"), "LeRobot v3.0", &info["codebase_version"]));
+        }
+        let record = root.join("extras/record");
+        let record = if settings.record && contract.is_some() { Some(EpisodeStore::open(record)?) } else { None };
+        let tables = table::files_below(&root.join("meta/episodes"))?;
+        let mut source = Self {
+            root: root.into(),
+            settings,
+            contract,
+            info,
+            tables,
+            episodes: Vec::new(),
+            record,
+            firsts: BTreeMap::new(),
+        };
+        source.list()?;
+        Ok(source)
+    }
+
+    /// Features whose columns hold numbers, or are video.
+    pub(super) fn features(&self, is_video: bool) -> impl Iterator<Item = &String> {
+        let fits = move |entry: &Value| match entry["dtype"].as_str() {
+            Some("video") => is_video,
+            Some("image") => false,
+            _ => !is_video,
+        };
+        self.info["features"]
+            .as_object()
+            .into_iter()
+            .flatten()
+            .filter(move |(_, entry)| fits(entry))
+            .map(|(key, _)| key)
+    }
+
+    fn list(&mut self) -> Result<(), DataError> {
+        let keys: Vec<String> = self.features(true).cloned().collect();
+        for (number, path) in self.tables.iter().enumerate() {
+            let is_light = |name: &str| !name.starts_with("stats/") && name != "scenario_json";
+            let batch = Table::open(path)?.whole(is_light)?;
+            for row in 0..batch.num_rows() {
+                let missing = |name: &str| DataError::table(path, format!("no `{name}` in row {row}"));
+                let whole = |name: &str| integer(&batch, name, row).ok_or_else(|| missing(name));
+                let word = |name: &str| text(&batch, name, row).map(|(text, _)| text).ok_or_else(|| missing(name));
+                let index = whole("episode_index")?;
+                if usize::try_from(index).ok() != Some(self.episodes.len()) {
+                    return Err(DataError::table(
+                        path,
+                        format!("expected episode {}, got {index}", self.episodes.len()),
+                    ));
+                }
+                let mut videos = Vec::new();
+                for key in &keys {
+                    let place = |name: &str| format!("videos/{key}/{name}");
+                    let from = place("from_timestamp");
+                    let from_s = cell(&batch, &from, row).and_then(|cell| cell.first().copied());
+                    let file = [whole(&place("chunk_index"))?, whole(&place("file_index"))?];
+                    videos.push((key.clone(), file, from_s.ok_or_else(|| missing(&from))?));
+                }
+                let (from, data) =
+                    (whole("dataset_from_index")?, [whole("data/chunk_index")?, whole("data/file_index")?]);
+                let first = self.firsts.entry(data).or_insert(from);
+                *first = from.min(*first);
+                self.episodes.push(Listed {
+                    sentence: word("tasks")?,
+                    store_id: word("store_id")?,
+                    seed: whole("seed")?,
+                    length: usize::try_from(whole("length")?).map_err(|_| missing("length"))?,
+                    from,
+                    data,
+                    videos,
+                    listed_in: (number, row),
+                });
+            }
+        }
+        if self.episodes.is_empty() {
+            return Err(DataError::mismatch(format!("episodes of {}", self.root.display()), "at least one", 0));
+        }
+        Ok(())
+    }
+
+    /// Refuses what cannot stand in one data set with the episodes of another.
+    pub(super) fn check_fits(&self, first: &Self) -> Result<(), DataError> {
+        let told = |source: &Self, what: &str| format!("{what} of {}", source.root.display());
+        let fits = |what: &str, known: &Value, found: &Value| {
+            if known == found {
+                return Ok(());
+            }
+            let expected = format!("as in {}: {}", first.root.display(), shortened(known));
+            Err(DataError::mismatch(told(self, what), expected, shortened(found)))
+        };
+        for key in ["robot_type", "fps"] {
+            fits(key, &first.info[key], &self.info[key])?;
+        }
+        let [known, found] = [first, self].map(|source| &source.info["features"]);
+        let keys = |features: &Value| features.as_object().into_iter().flatten().map(|(key, _)| key.clone()).collect();
+        let (known_keys, found_keys): (Vec<String>, Vec<String>) = (keys(known), keys(found));
+        fits("features", &Value::from(known_keys.clone()), &Value::from(found_keys))?;
+        for key in known_keys {
+            fits(&format!("feature {key}"), &known[&key], &found[&key])?;
+        }
+        let contract = |source: &Self| source.contract.as_ref().map_or(Value::Null, Document::to_value);
+        fits("action contract", &contract(first), &contract(self))?;
+        let settings = |source: &Self| LerobotSettings {
+            run: None,
+            episodes_per_file: 1,
+            episodes_per_depth_file: 1,
+            ..source.settings.clone()
+        };
+        fits("export settings", &settings(first).to_value(), &settings(self).to_value())
+    }
+}
+
+fn shortened(value: &Value) -> String {
+    let text = value.to_string();
+    let more = if text.chars().count() > 300 { "…" } else { "" };
+    text.chars().take(300).collect::<String>() + more
+}
+
+/// Files of a data set that are open, the last of each kind.
+#[derive(Default)]
+pub(super) struct Opened {
+    rows: Option<(PathBuf, RowGroups)>,
+    videos: BTreeMap<String, (PathBuf, Video)>,
+    episodes: Option<(PathBuf, RecordBatch)>,
+}
+
+impl Opened {
+    /// The rows of an episode.
+    pub(super) fn rows(&mut self, source: &Source, episode: &Listed) -> Result<RecordBatch, DataError> {
+        let [chunk, file] = episode.data;
+        let path = source.root.join(format!("data/chunk-{chunk:03}/file-{file:03}.parquet"));
+        if self.rows.as_ref().is_none_or(|(known, _)| *known != path) {
+            self.rows = Some((path.clone(), RowGroups::open(&path)?));
+        }
+        let first = source.firsts.get(&episode.data).copied().unwrap_or_default();
+        let from = usize::try_from(episode.from - first).unwrap_or(usize::MAX);
+        match &self.rows {
+            Some((_, rows)) => rows.read(from, episode.length),
+            None => Err(DataError::table(&path, "it was not opened")),
+        }
+    }
+
+    /// The row of an episode in its table.
+    pub(super) fn row(&mut self, source: &Source, episode: &Listed) -> Result<RecordBatch, DataError> {
+        let (table, row) = episode.listed_in;
+        let path = &source.tables[table];
+        if self.episodes.as_ref().is_none_or(|(known, _)| known != path) {
+            self.episodes = Some((path.clone(), Table::open(path)?.whole(|_| true)?));
+        }
+        match &self.episodes {
+            Some((_, batch)) if row < batch.num_rows() => Ok(batch.slice(row, 1)),
+            _ => Err(DataError::table(path, "it became shorter meanwhile")),
+        }
+    }
+
+    /// The pictures of an episode as they lie in their files, by feature.
+    pub(super) fn videos(
+        &mut self,
+        source: &Source,
+        episode: &Listed,
+    ) -> Result<Vec<(String, EncodedVideo)>, DataError> {
+        let fps = source.settings.export.fps;
+        let mut videos = Vec::new();
+        for (key, [chunk, file], from_s) in &episode.videos {
+            let path = source.root.join(format!("videos/{key}/chunk-{chunk:03}/file-{file:03}.mp4"));
+            if self.videos.get(key).is_none_or(|(known, _)| *known != path) {
+                self.videos.insert(key.clone(), (path.clone(), Video::open(&path)?));
+            }
+            let Some((_, video)) = self.videos.get_mut(key) else { continue };
+            let from = (from_s * f64::from(fps)).round() as usize;
+            let unreadable = |frame: usize| DataError::Video(format!("no picture {frame} in {}", path.display()));
+            let frame = |frame: usize| video.frame(frame, false).ok_or_else(|| unreadable(frame));
+            let frames = (from..from.saturating_add(episode.length)).map(frame).collect::<Result<Vec<_>, _>>()?;
+            videos.push((key.clone(), EncodedVideo { width: video.width, height: video.height, fps, frames }));
+        }
+        Ok(videos)
+    }
+}
