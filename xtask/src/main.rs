@@ -9,6 +9,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is a command-line program")]
 
 mod demo;
+mod interop;
 mod mujoco;
 mod offline;
 mod packs;
@@ -31,6 +32,7 @@ Usage: cargo xtask <verb>
   demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
   test [PHASE…]    everything CI runs, or only the named phases
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
+  test --interop   let published packages of other projects ask and answer us (downloads 30 MB; not part of CI)
   tidy             check the rules that the compiler does not know
 
 Example: cargo xtask test fmt clippy";
@@ -53,6 +55,7 @@ fn run(args: &[String]) -> Result {
         Some("setup") => setup::run(&workspace),
         Some("demo") => demo::run(&workspace, rest),
         Some("test") if rest == ["--packs"] => packs::run(&workspace),
+        Some("test") if rest == ["--interop"] => interop::run(&workspace),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root),
         Some("help" | "--help" | "-h") => {

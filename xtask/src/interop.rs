@@ -1,0 +1,70 @@
+//! `cargo xtask test --interop`: published packages of other projects speak with our side of their protocol.
+
+use crate::problem::{OnPath, Problem, Result};
+use crate::process::{self, Workspace};
+use std::fs;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+const SERVER: &str = "crates/remote/testdata/openpi_server.py";
+/// What is installed into an environment of its own.
+const PACKAGES: [&str; 2] = ["openpi-client==0.1.2", "websockets==17.4"];
+/// Until the server listens.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Evaluates a policy that asks a server made of openpi's own client package.
+pub fn run(workspace: &Workspace) -> Result {
+    let place = workspace.target_dir()?.join("interop");
+    let python = place.join("python/bin/python");
+    if !python.exists() {
+        eprintln!("interop: installing {}", PACKAGES.join(", "));
+        process::output(workspace.command("python3").args(["-m", "venv"]).arg(place.join("python")))?;
+        let mut pip = workspace.command(&python);
+        process::output(pip.args(["-m", "pip", "install", "--quiet", "--only-binary=:all:"]).args(PACKAGES))?;
+    }
+    let (port, run) = (place.join("port"), place.join("run"));
+    let _ = fs::remove_file(&port);
+    let _ = fs::remove_dir_all(&run);
+    let genmanip = workspace.genmanip()?;
+    let told = fs::File::create(place.join("told.jsonl")).on("write", &place)?;
+    let mut command = workspace.command(&python);
+    let server = command.arg(SERVER).arg(&port).stdout(told).stderr(Stdio::inherit()).spawn();
+    let _server = Ending(server.map_err(|error| process::cannot_start("python", &error))?);
+    let start = Instant::now();
+    while !port.exists() && start.elapsed() < PATIENCE {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let port = fs::read_to_string(&port).on("read", &port)?;
+    let mut layout = workspace.command(&genmanip);
+    let scenario = place.join("scenario");
+    let _ = fs::remove_dir_all(&scenario);
+    let layout = layout.args(["--quiet", "layout", "examples/tasks/021_spatial.json", "--seed", "1", "--out"]);
+    process::output(layout.arg(&scenario))?;
+    let mut evaluate = workspace.command(&genmanip);
+    let policy = format!("openpi:url=ws://127.0.0.1:{},preset=droid", port.trim());
+    evaluate.args(["--quiet", "evaluate"]).arg(&scenario).args(["--policy", &policy, "--out"]).arg(&run);
+    process::output(&mut evaluate)?;
+    let told = fs::read_to_string(place.join("told.jsonl")).on("read", &place)?;
+    let shown = told.lines().next().unwrap_or_default();
+    let wanted =
+        ["\"observation/exterior_image_1_left\": {\"shape\": [224, 224, 3], \"dtype\": \"|u1\"", "\"prompt\": \""];
+    if let Some(missing) = wanted.into_iter().find(|part| !shown.contains(part)) {
+        return Err(Problem {
+            what: format!("openpi's client did not read `{missing}`"),
+            expected: "pictures, joints and the instruction".into(),
+            hint: format!("it read {shown}"),
+        });
+    }
+    println!("openpi-client: {} questions read by the real client, as they were meant", told.lines().count());
+    Ok(())
+}
+
+/// A process that ends with its owner.
+struct Ending(Child);
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
