@@ -4,6 +4,7 @@
 
 mod checking;
 mod editing;
+mod mcap;
 mod synthetic;
 
 use std::collections::BTreeMap;
@@ -16,7 +17,7 @@ use genmanip_core::{ActionSpace, Document, Failure, FailureCause, Pose, Rotation
 use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
 use genmanip_data::lerobot::{self, LerobotDataset};
 use genmanip_data::{
-    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, zarr,
+    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, paper, zarr,
 };
 use serde_json::{Value, json};
 use synthetic::{attach_pictures, episode, picture, result, robot, scenario};
@@ -527,6 +528,27 @@ fn all_formats_hold_the_same() {
         let again = lerobot::export_v21(&store, &Selection::Verified, &robot(), &settings, &v21).unwrap_err();
         assert!(matches!(again, DataError::Exists { .. }), "{again}");
     }
+}
+
+#[test]
+fn the_layout_of_the_paper_holds_the_same() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    let [v30, paper] = ["v30", "paper"].map(|name| folder.path().join(name));
+    let settings = LerobotSettings::default();
+    export(&store, &v30, &settings).unwrap();
+    let report = paper::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap();
+    assert_eq!((report.episodes, report.frames), (3, 12 + 15 + 10));
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/compare_paper.py");
+    let output = Command::new(python).arg(script).args([&v30, &paper]).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+    let compared: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&compared["episodes"], &compared["pictures"]), (&3.into(), &74.into()), "{compared}");
+    assert!(compared["worst_color"].as_f64().unwrap() < 3.0, "of 255, hard edges included: {compared}");
+    let again = paper::export(&store, &Selection::Verified, &robot(), &settings.export, &paper).unwrap_err();
+    assert!(matches!(again, DataError::Exists { .. }), "{again}");
 }
 
 /// The interpreter with pyarrow and av; CI must have one.

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use genmanip_core::Episode;
 use genmanip_data::export::choice::action_name;
 use genmanip_data::lerobot::{self, LerobotSettings};
-use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection, zarr};
+use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection, mcap, paper, zarr};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::images::{self, ImageSettings};
 
@@ -18,8 +18,13 @@ use crate::progress::Progress;
 use crate::{inputs, replay};
 
 /// Formats by name.
-pub const FORMATS: [(&str, Format); 3] =
-    [("lerobot", Format::Lerobot), ("lerobot-v2.1", Format::LerobotV21), ("zarr", Format::Zarr)];
+pub const FORMATS: [(&str, Format); 5] = [
+    ("lerobot", Format::Lerobot),
+    ("lerobot-v2.1", Format::LerobotV21),
+    ("zarr", Format::Zarr),
+    ("mcap", Format::Mcap),
+    ("paper", Format::Paper),
+];
 
 /// A format of data sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +35,10 @@ pub enum Format {
     LerobotV21,
     /// zarr version 2, as Diffusion Policy's replay buffer reads it.
     Zarr,
+    /// MCAP with Foxglove's schemas, a file per episode, for viewers.
+    Mcap,
+    /// The layout of the paper's recordings, a folder per episode.
+    Paper,
 }
 
 /// How a run is exported.
@@ -92,6 +101,8 @@ pub fn export(
         Format::Lerobot => lerobot::export(&store, &selection, &robot, &settings, &target),
         Format::LerobotV21 => lerobot::export_v21(&store, &selection, &robot, &settings, &target),
         Format::Zarr => zarr::export(&store, &selection, &robot, rows, &target),
+        Format::Mcap => mcap::export(&store, &selection, &robot, rows, &target),
+        Format::Paper => paper::export(&store, &selection, &robot, rows, &target),
     };
     let exported = exported.map_err(|error| {
         let hint = error.hint().unwrap_or_else(|| "the episodes are safe; start again".into());

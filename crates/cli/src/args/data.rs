@@ -38,6 +38,9 @@ pub enum DataCommand {
     /// Leave some episodes of a dataset out
     #[command(after_help = "Example:\n  genmanip data delete DATASET --episodes 3,7-9 --out out/rest")]
     Delete(DataDeleteArguments),
+    /// Write the card of a dataset anew: what is in it, seeds, licences; and croissant.json for catalogues
+    #[command(after_help = "Example:\n  genmanip data card out/run/dataset")]
+    Card(DataCardArguments),
 }
 
 /// Arguments of `data check`.
@@ -102,6 +105,14 @@ pub struct DataFilterArguments {
     /// Folder of the new dataset
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+/// Arguments of `data card`.
+#[derive(Debug, Args)]
+pub struct DataCardArguments {
+    /// Folder of a LeRobot v3.0 dataset of this program
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
 }
 
 /// Arguments of `data delete`.

@@ -7,13 +7,17 @@ use genmanip_assets::robots;
 use genmanip_bench::{dataset_page, text_table};
 use genmanip_core::{RobotModel, Seed};
 use genmanip_data::check::{self, Checked, Finding, Overview};
-use genmanip_data::lerobot::edit::{self, By};
+use genmanip_data::lerobot::{
+    self,
+    edit::{self, By},
+};
 use genmanip_data::{DataError, ExportReport};
 use genmanip_run::{Progress, inputs};
 use serde_json::json;
 
 use crate::args::{
-    DataCheckArguments, DataCommand, DataDeleteArguments, DataFilterArguments, DataShowArguments, DataSplitArguments,
+    DataCardArguments, DataCheckArguments, DataCommand, DataDeleteArguments, DataFilterArguments, DataShowArguments,
+    DataSplitArguments,
 };
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -34,6 +38,15 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
         }
         DataCommand::Filter(DataFilterArguments { dataset, conditions, out }) => {
             edited(printer, |heard| Ok(vec![edit::filter(dataset, conditions, out, heard)?]))
+        }
+        DataCommand::Card(DataCardArguments { dataset }) => {
+            let card = lerobot::write_card(dataset).map_err(|error| {
+                let hint = error.hint().unwrap_or_else(|| "genmanip data check says what is wrong with it".into());
+                Failed::because("cannot write the card", &error).hint(hint)
+            })?;
+            let text: String = card.written.iter().map(|path| format!("{}\n", path.display())).collect();
+            printer.data(&card, &text);
+            Ok(ExitStatus::Done)
         }
         DataCommand::Delete(DataDeleteArguments { dataset, episodes, out }) => {
             let episodes = edit::numbers(episodes).map_err(|why| Failed::misused(format!("--episodes: {why}")))?;

@@ -30,6 +30,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["data", "split"],
         &["data", "filter"],
         &["data", "delete"],
+        &["data", "card"],
         &["grasps", "bake"],
         &["grasps", "show"],
         &["lab", "layout"],

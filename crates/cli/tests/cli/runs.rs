@@ -276,6 +276,9 @@ fn datasets_are_split_and_merged_again() {
     for dataset in ["parts/train", "parts/test", "merged", "spatial", "first"] {
         assert_eq!(call(&["check", dataset]).code, Some(0), "{dataset}");
     }
+    assert_eq!(call(&["card", "merged"]).json(0)["sentences"], 2);
+    assert!(folder.path().join("merged/croissant.json").exists());
+    assert_eq!(call(&["check", "merged"]).code, Some(0));
     let replayed = genmanip(folder.path(), &["replay", "--check", "merged/extras/record", "--json"]).json(0);
     assert!(replayed.as_array().unwrap().iter().all(|row| row["identical"] == true), "{replayed}");
     let refused = |arguments: &[&str], code: i32, wanted: &str| {
@@ -286,5 +289,6 @@ fn datasets_are_split_and_merged_again() {
     refused(&["delete", "merged", "--episodes", "two", "--out", "x"], 2, "3,7-9");
     refused(&["filter", "merged", "--where", "success", "--out", "x"], 2, "COLUMN=VALUE");
     refused(&["filter", "run", "--where", "success=true", "--out", "x"], 1, "LeRobotDataset v3.0");
+    refused(&["card", "run"], 1, "error:");
     refused(&["merge", "spatial", "first", "--out", "merged"], 1, "error:");
 }

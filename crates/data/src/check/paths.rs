@@ -45,7 +45,8 @@ pub(super) fn check(book: &Book, listed: &BTreeSet<String>, findings: &mut Findi
     for missing in expected.difference(listed) {
         findings.add("files", missing, "", "a file", "nothing");
     }
-    let optional = ["README.md", "meta/action_contract.json", ".gitattributes", "LICENSE", "meta/stats.json"];
+    let optional =
+        ["README.md", "croissant.json", "meta/action_contract.json", ".gitattributes", "LICENSE", "meta/stats.json"];
     let foreign = listed.difference(&expected).filter(|path| {
         let is_known = optional.contains(&path.as_str()) || path.starts_with("extras/");
         // Of a data set of others we do not know what else it keeps beside its tables.

@@ -6,6 +6,7 @@
 //! `camera.*`, and depth lives in a data set of its own, `<name>-depth`, with the same indices.
 
 mod card;
+mod croissant;
 mod depth;
 pub mod edit;
 mod episodes;
@@ -29,6 +30,7 @@ use crate::export::rows::rows;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source};
 use crate::{CameraTrack, DataError, EpisodeStore, files};
 
+pub use croissant::{Card, write_card};
 pub use reader::{EpisodeRow, LerobotDataset};
 pub use v21::export_v21;
 

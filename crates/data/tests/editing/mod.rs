@@ -266,3 +266,32 @@ fn what_is_damaged_is_not_copied() {
     }
     edit::delete(&whole, &[0].into(), &bench.at("made"), &mut |_| {}).unwrap();
 }
+
+#[test]
+fn cards_tell_what_is_there() {
+    let bench = Bench::new();
+    let whole = bench.export("whole", &[0, 1, 2, 3]);
+    for dataset in [whole.clone(), lerobot::depth_path(&whole)] {
+        let card = lerobot::write_card(&dataset).unwrap();
+        assert_eq!((card.kinds["pick_and_place"], card.sentences), ([4, 3], 2));
+        assert_eq!(card.objects, ["uid-0", "uid-1"].map(String::from).into());
+        assert_eq!(card.imported.len(), 0);
+        let before = tree(&dataset);
+        assert_eq!(lerobot::write_card(&dataset).unwrap(), card);
+        assert_eq!(tree(&dataset), before, "a card is written again as it was");
+        assert_eq!(told(&checked(&whole)), "");
+        let described = json(dataset.join("croissant.json"));
+        let info = json(dataset.join("meta/info.json"));
+        let fields: BTreeSet<&str> = described["recordSet"][0]["field"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|field| field["name"].as_str().unwrap())
+            .collect();
+        let is_column = |entry: &Value| entry["dtype"] != "video";
+        let features = info["features"].as_object().unwrap().iter().filter(|(_, entry)| is_column(entry));
+        assert_eq!(fields, features.map(|(key, _)| key.as_str()).collect());
+        assert!(fs::read_to_string(dataset.join("README.md")).unwrap().contains("| pick_and_place | 4 | 3 |"));
+    }
+    assert!(lerobot::write_card(&bench.at("store")).is_err());
+}

@@ -1,0 +1,230 @@
+//! What a data set holds, for people in its card and for catalogues as Croissant 1.0 (JSON-LD).
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use genmanip_core::{AssetRef, Document, limits};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::{LerobotSettings, SETTINGS, card, info};
+use crate::columns::{cell, integer, text};
+use crate::table::{self, Table};
+use crate::{DataError, files};
+
+/// File of the description in the data set.
+pub(crate) const CROISSANT: &str = "croissant.json";
+
+/// What was written, and what is told.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Card {
+    /// The files.
+    pub written: Vec<PathBuf>,
+    /// Episodes and verified ones by kind of task.
+    pub kinds: BTreeMap<String, [usize; 2]>,
+    /// Different sentences.
+    pub sentences: usize,
+    /// Smallest and largest seed of an episode.
+    pub seeds: Option<[i64; 2]>,
+    /// Who acted, on which engine, by which version of the program.
+    pub origins: BTreeSet<String>,
+    /// Objects of the catalogue or of families that are seen, by uid or family.
+    pub objects: BTreeSet<String>,
+    /// Imported objects that are seen: hashes of their files, whose licences their packs tell.
+    pub imported: BTreeSet<String>,
+}
+
+/// What is read of a scenario.
+#[derive(Deserialize)]
+struct Brief {
+    objects: Vec<BriefObject>,
+}
+
+#[derive(Deserialize)]
+struct BriefObject {
+    asset: AssetRef,
+}
+
+/// Writes `README.md` anew, with what is in the data set, and `croissant.json`.
+///
+/// # Errors
+/// When it is no LeRobotDataset v3.0 of this program, or a file cannot be read or written.
+pub fn write_card(dataset: &Path) -> Result<Card, DataError> {
+    let read = |name: &str| files::read(&dataset.join(name), limits::SETTINGS);
+    let settings = LerobotSettings::from_bytes(&read(SETTINGS)?)
+        .map_err(|source| DataError::Document { path: dataset.join(SETTINGS), source })?;
+    let info: Value = serde_json::from_slice(&read("meta/info.json")?)
+        .map_err(|error| DataError::mismatch("meta/info.json", "JSON", error))?;
+    if info["codebase_version"] != "v3.0" {
+        return Err(DataError::mismatch("format of the data set", "LeRobot v3.0", &info["codebase_version"]));
+    }
+    let tables = table::files_below(&dataset.join("meta/episodes"))?;
+    let mut told = Card::default();
+    let mut sentences = BTreeSet::new();
+    let mut columns = BTreeMap::new();
+    for path in &tables {
+        told.read(path, &mut sentences, &mut columns)?;
+    }
+    told.sentences = sentences.len();
+    let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let is_depth = info["video_path"].is_null();
+    let general =
+        if is_depth { card::depth(name.trim_end_matches("-depth")) } else { card::color(&name, &settings, "v3.0") };
+    let text = info::card_with_info(&format!("{general}\n{}", told.in_words()), &info);
+    let described = croissant(&name, &info, &told, &columns);
+    let described = serde_json::to_string_pretty(&described)
+        .map_err(|error| DataError::NotWritable { what: CROISSANT.into(), why: error.to_string() })?;
+    for (file, text) in [("README.md", text), (CROISSANT, described + "\n")] {
+        let path = dataset.join(file);
+        files::write(&path, text.as_bytes())?;
+        told.written.push(path);
+    }
+    Ok(told)
+}
+
+impl Card {
+    fn read(
+        &mut self,
+        path: &Path,
+        sentences: &mut BTreeSet<String>,
+        columns: &mut BTreeMap<String, &'static str>,
+    ) -> Result<(), DataError> {
+        let batch = Table::open(path)?.whole(|name| !name.contains('/'))?;
+        for field in batch.schema().fields() {
+            let kind = match field.data_type().to_string().as_str() {
+                "Int64" => "sc:Integer",
+                "Boolean" => "sc:Boolean",
+                "Float64" => "sc:Float",
+                "Utf8" => "sc:Text",
+                _ => continue,
+            };
+            columns.insert(field.name().clone(), kind);
+        }
+        for row in 0..batch.num_rows() {
+            let word = |name: &str| text(&batch, name, row).map(|(text, _)| text).unwrap_or_default();
+            let success = cell(&batch, "success", row).is_some_and(|cell| cell.first() == Some(&1.0));
+            let counts = self.kinds.entry(word("task_kind")).or_default();
+            counts[0] += 1;
+            counts[1] += usize::from(success);
+            sentences.insert(word("tasks"));
+            if let Some(seed) = integer(&batch, "seed", row) {
+                let [low, high] = self.seeds.unwrap_or([seed, seed]);
+                self.seeds = Some([low.min(seed), high.max(seed)]);
+            }
+            self.origins.insert(format!(
+                "{}, {}, genmanip {}",
+                word("policy"),
+                word("engine"),
+                word("genmanip_version")
+            ));
+            let scenario: Brief = serde_json::from_str(&word("scenario_json"))
+                .map_err(|error| DataError::table(path, format!("scenario_json in row {row}: {error}")))?;
+            for object in scenario.objects {
+                match object.asset {
+                    AssetRef::Builtin { uid, .. } => self.objects.insert(uid),
+                    AssetRef::Generated { family, .. } => self.objects.insert(family),
+                    AssetRef::Imported { hash } => self.imported.insert(hash),
+                };
+            }
+        }
+        Ok(())
+    }
+
+    /// A section of the card.
+    fn in_words(&self) -> String {
+        let mut text = "## Contents\n\n| kind of task | episodes | verified |\n|---|---|---|\n".to_owned();
+        for (kind, [episodes, verified]) in &self.kinds {
+            text += &format!("| {kind} | {episodes} | {verified} |\n");
+        }
+        let joined = |names: &BTreeSet<String>| names.iter().cloned().collect::<Vec<_>>().join(", ");
+        text += &format!("\n{} different sentences.\n", self.sentences);
+        if let Some([low, high]) = self.seeds {
+            text +=
+                &format!("Seeds of the episodes lie between {low} and {high}; each stands in the episodes table.\n");
+        }
+        for origin in &self.origins {
+            text += &format!("Made by {origin}.\n");
+        }
+        text += &format!("\nObjects of the program, CC0-1.0: {}.\n", joined(&self.objects));
+        if !self.imported.is_empty() {
+            text += &format!(
+                "Imported objects, by hash: {}. Their licences stand in the packs that they came from and hold for the \
+                 pictures of them; see to them before you pass the data set on.\n",
+                joined(&self.imported)
+            );
+        }
+        text
+    }
+}
+
+/// The description in Croissant's vocabulary.
+fn croissant(name: &str, info: &Value, told: &Card, columns: &BTreeMap<String, &'static str>) -> Value {
+    let set = |id: &str, kind: &str, includes: &str| json!({"@type": "cr:FileSet", "@id": id, "name": id, "encodingFormat": kind, "includes": includes});
+    let mut distribution = vec![
+        set("row-files", "application/x-parquet", "data/*/*.parquet"),
+        set("episode-files", "application/x-parquet", "meta/episodes/*/*.parquet"),
+    ];
+    let field = |records: &str, files: &str, column: &str, kind: &str| {
+        json!({
+            "@type": "cr:Field", "@id": format!("{records}/{column}"), "name": column, "dataType": kind,
+            "source": {"fileSet": {"@id": files}, "extract": {"column": column}},
+        })
+    };
+    let mut rows = Vec::new();
+    for (key, entry) in info["features"].as_object().into_iter().flatten() {
+        let kind = match entry["dtype"].as_str() {
+            Some("video") => {
+                distribution.push(set(key, "video/mp4", &format!("videos/{key}/*/*.mp4")));
+                continue;
+            }
+            Some("image") => "sc:ImageObject",
+            Some("bool") => "sc:Boolean",
+            Some("int64") => "sc:Integer",
+            _ => "sc:Float",
+        };
+        let mut described = field("rows", "row-files", key, kind);
+        if entry["shape"] != json!([1]) && kind != "sc:ImageObject" {
+            described["repeated"] = json!(true);
+        }
+        rows.push(described);
+    }
+    let episodes: Vec<Value> =
+        columns.iter().map(|(column, kind)| field("episodes", "episode-files", column, kind)).collect();
+    let total = |key: &str| info[key].as_u64().unwrap_or_default();
+    let seeds = told.seeds.map_or_else(String::new, |[low, high]| format!(", seeds {low} to {high}"));
+    let made = told.origins.iter().cloned().collect::<Vec<_>>().join("; ");
+    json!({
+        "@context": {
+            "@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
+            "cr": "http://mlcommons.org/croissant/", "rai": "http://mlcommons.org/croissant/RAI/",
+            "dct": "http://purl.org/dc/terms/", "citeAs": "cr:citeAs", "column": "cr:column",
+            "conformsTo": "dct:conformsTo", "data": {"@id": "cr:data", "@type": "@json"},
+            "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+            "examples": {"@id": "cr:examples", "@type": "@json"}, "extract": "cr:extract", "field": "cr:field",
+            "fileProperty": "cr:fileProperty", "fileObject": "cr:fileObject", "fileSet": "cr:fileSet",
+            "format": "cr:format", "includes": "cr:includes", "isLiveDataset": "cr:isLiveDataset",
+            "jsonPath": "cr:jsonPath", "key": "cr:key", "md5": "cr:md5", "parentField": "cr:parentField",
+            "path": "cr:path", "recordSet": "cr:recordSet", "references": "cr:references", "regex": "cr:regex",
+            "repeated": "cr:repeated", "replace": "cr:replace", "separator": "cr:separator", "source": "cr:source",
+            "subField": "cr:subField", "transform": "cr:transform"
+        },
+        "@type": "sc:Dataset",
+        "conformsTo": ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"],
+        "name": name,
+        "description": format!(
+            "{} tabletop manipulation demonstrations, {} rows at {} Hz, robot {}, {} sentences{seeds}.",
+            total("total_episodes"), total("total_frames"), total("fps"),
+            info["robot_type"].as_str().unwrap_or_default(), told.sentences
+        ),
+        "license": "https://creativecommons.org/publicdomain/zero/1.0/",
+        "version": "1.0.0",
+        "keywords": ["robotics", "manipulation", "simulation", "LeRobot"],
+        "rai:dataCollection": format!("Simulated and verified after settling. Made by {made}."),
+        "rai:dataCollectionType": "Software Collection",
+        "distribution": distribution,
+        "recordSet": [
+            {"@type": "cr:RecordSet", "@id": "rows", "name": "rows", "field": rows},
+            {"@type": "cr:RecordSet", "@id": "episodes", "name": "episodes", "field": episodes},
+        ],
+    })
+}

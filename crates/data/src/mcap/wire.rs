@@ -1,0 +1,172 @@
+//! Protocol buffers as bytes: what a message of a few fields needs, and descriptions of messages for readers.
+
+/// A message under construction.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Wire(Vec<u8>);
+
+impl Wire {
+    pub(super) fn into_bytes(self) -> Vec<u8> {
+        self.0
+    }
+
+    /// A whole number that is not negative, or an enumeration's.
+    #[must_use]
+    pub(super) fn number(mut self, field: u32, value: u64) -> Self {
+        self.key(field, 0);
+        self.varint(value);
+        self
+    }
+
+    #[must_use]
+    pub(super) fn flag(self, field: u32, value: bool) -> Self {
+        self.number(field, u64::from(value))
+    }
+
+    #[must_use]
+    pub(super) fn double(mut self, field: u32, value: f64) -> Self {
+        self.key(field, 1);
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    #[must_use]
+    pub(super) fn fixed32(mut self, field: u32, value: u32) -> Self {
+        self.key(field, 5);
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    #[must_use]
+    pub(super) fn bytes(mut self, field: u32, value: &[u8]) -> Self {
+        self.key(field, 2);
+        self.varint(value.len() as u64);
+        self.0.extend_from_slice(value);
+        self
+    }
+
+    #[must_use]
+    pub(super) fn text(self, field: u32, value: &str) -> Self {
+        self.bytes(field, value.as_bytes())
+    }
+
+    #[must_use]
+    pub(super) fn message(self, field: u32, value: Self) -> Self {
+        self.bytes(field, &value.0)
+    }
+
+    /// Repeated numbers, packed.
+    #[must_use]
+    pub(super) fn doubles(self, field: u32, values: &[f64]) -> Self {
+        self.bytes(field, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
+    }
+
+    fn key(&mut self, field: u32, kind: u64) {
+        self.varint(u64::from(field) << 3 | kind);
+    }
+
+    fn varint(&mut self, mut value: u64) {
+        while value >= 0x80 {
+            self.0.push(value as u8 | 0x80);
+            value >>= 7;
+        }
+        self.0.push(value as u8);
+    }
+}
+
+/// What a field of a message holds, by the numbers of `FieldDescriptorProto.Type`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Double,
+    Int64,
+    Int32,
+    Fixed32,
+    Bool,
+    Text,
+    Bytes,
+    /// Another message, by its full name.
+    Message(&'static str),
+    /// The one enumeration of the message itself, by its full name.
+    Enum(&'static str),
+}
+
+/// A field: name, number, what it holds, whether it is repeated.
+pub(super) type Field = (&'static str, u32, Kind, bool);
+
+/// A message as schemas describe it.
+#[derive(Debug)]
+pub(super) struct Message {
+    pub(super) package: &'static str,
+    pub(super) name: &'static str,
+    pub(super) fields: &'static [Field],
+    /// Values of the enumeration that it defines, if any, and its name.
+    pub(super) values: Option<(&'static str, &'static [&'static str])>,
+}
+
+impl Message {
+    fn full_name(&self) -> String {
+        format!("{}.{}", self.package, self.name)
+    }
+
+    fn describe(&self) -> Wire {
+        let mut described = Wire::default().text(1, self.name);
+        for (name, number, kind, is_repeated) in self.fields {
+            let (code, type_name) = match kind {
+                Kind::Double => (1, None),
+                Kind::Int64 => (3, None),
+                Kind::Int32 => (5, None),
+                Kind::Fixed32 => (7, None),
+                Kind::Bool => (8, None),
+                Kind::Text => (9, None),
+                Kind::Message(name) => (11, Some(name)),
+                Kind::Bytes => (12, None),
+                Kind::Enum(name) => (14, Some(name)),
+            };
+            let label = if *is_repeated { 3 } else { 1 };
+            let field = Wire::default().text(1, name).number(3, u64::from(*number)).number(4, label).number(5, code);
+            let field = type_name.map_or(field.clone(), |name| field.text(6, &format!(".{name}")));
+            described = described.message(2, field);
+        }
+        if let Some((name, values)) = self.values {
+            let mut enumeration = Wire::default().text(1, name);
+            for (number, value) in (0..).zip(values) {
+                enumeration = enumeration.message(2, Wire::default().text(1, value).number(2, number));
+            }
+            described = described.message(4, enumeration);
+        }
+        described
+    }
+}
+
+/// A `FileDescriptorSet` with a message and all that it holds, one file per package.
+pub(super) fn descriptor(name: &str, known: &[Message]) -> Vec<u8> {
+    let mut needed: Vec<&Message> = Vec::new();
+    let mut asked = vec![name.to_owned()];
+    while let Some(name) = asked.pop() {
+        let Some(message) = known.iter().find(|message| message.full_name() == name) else { continue };
+        if !needed.iter().any(|other| std::ptr::eq(*other, message)) {
+            needed.push(message);
+            asked.extend(message.fields.iter().filter_map(|(_, _, kind, _)| match kind {
+                Kind::Message(name) => Some((*name).to_owned()),
+                _ => None,
+            }));
+        }
+    }
+    let package = name.rsplit_once('.').map_or("", |(package, _)| package);
+    let file = |package: &str| format!("{}/{}.proto", package.replace('.', "/"), name.replace('.', "_"));
+    let mut others: Vec<&str> =
+        needed.iter().map(|message| message.package).filter(|other| *other != package).collect();
+    others.sort_unstable();
+    others.dedup();
+    let mut set = Wire::default();
+    for own in others.iter().copied().chain([package]) {
+        let mut described = Wire::default().text(1, &file(own)).text(2, own);
+        for other in others.iter().filter(|_| own == package) {
+            described = described.text(3, &file(other));
+        }
+        for message in needed.iter().filter(|message| message.package == own) {
+            described = described.message(4, message.describe());
+        }
+        set = set.message(1, described.text(12, "proto3"));
+    }
+    set.into_bytes()
+}
