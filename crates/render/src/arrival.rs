@@ -22,6 +22,11 @@ use crate::shadow::{Doubts, ShadowMap, Span};
 use crate::variation::RenderVariation;
 use crate::view::View;
 
+/// Where a pixel covers less than this many texels of the shadow map, four pixels share an estimate of the key light:
+/// the softest edges that the map can show are three times as wide.
+const COARSE_TEXELS: f32 = 0.75;
+/// Pixels of one surface whose depths differ by less than this share lie on one piece of it.
+const LEVEL: f32 = 0.02;
 /// Tiles beyond the reach of the taps on which a blurred pixel depends.
 const BLUR_TILES: isize = 1;
 /// Pixels around a tile that its blur reads.
@@ -67,6 +72,8 @@ struct Work {
     points: Points,
     taps: Taps,
     doubts: Doubts,
+    /// Tiles whose pixels share estimates of the key light.
+    coarse: Vec<usize>,
 }
 
 /// Pixels by the part they show, [`packed`].
@@ -93,6 +100,10 @@ struct TileSummary {
     reach: isize,
     /// Where it lies on the shadow map.
     span: Span,
+    /// Whether its pixels are much smaller than the shadow map's texels.
+    is_coarse: bool,
+    /// Whether all its pixels show one surface at about one depth.
+    is_level: bool,
     /// Smallest and largest share of the key light as estimated.
     key: [f32; 2],
     /// The same of the ambient light.
@@ -120,7 +131,15 @@ impl Arrival {
         }
         self.surface.clear();
         self.surface.resize(width * height, 0);
-        let tile = TileSummary { surface: 0, reach: 0, span: Span::default(), key: NO_RANGE, ambient: NO_RANGE };
+        let tile = TileSummary {
+            surface: 0,
+            reach: 0,
+            span: Span::default(),
+            is_coarse: false,
+            is_level: false,
+            key: NO_RANGE,
+            ambient: NO_RANGE,
+        };
         self.tiles.clear();
         self.tiles.resize(self.columns * self.rows, tile);
     }
@@ -191,8 +210,11 @@ impl Arrival {
                 shadow.span_of(corners)
             };
             let surface = if is_mixed { SEVERAL } else { first_surface };
-            self.tiles[tile] =
-                TileSummary { surface, reach: reach as isize + 2, span, key: NO_RANGE, ambient: NO_RANGE };
+            let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
+            let reach = reach as isize + 2;
+            let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
+            let (key, ambient) = (NO_RANGE, NO_RANGE);
+            self.tiles[tile] = TileSummary { surface, reach, span, is_coarse, is_level, key, ambient };
         }
     }
 
@@ -251,8 +273,8 @@ impl Arrival {
     pub fn estimate(&mut self, scene: &Scene<'_>, view: &View, opaque: &Target, tiles: &[usize], bins: &mut Bins) {
         let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
         let mut work = std::mem::take(&mut self.work);
-        let Work { pixels, points, taps, doubts } = &mut *work;
-        self.find_key(shadow, tiles, bins, assets.parts.len());
+        let Work { pixels, points, taps, doubts, coarse } = &mut *work;
+        self.find_key(shadow, tiles, bins, assets.parts.len(), coarse);
         bins.for_each(pixels, opaque, &self.depth, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
             shadow.judge(points, &mut self.raw_key, doubts);
@@ -260,6 +282,7 @@ impl Arrival {
         if shadow.is_on() {
             shadow.settle(doubts, &mut self.raw_key);
         }
+        coarse.drain(..).for_each(|tile| self.share_key(tile));
         self.find_ambient(tiles, bins, assets.parts.len());
         bins.for_each(pixels, opaque, &self.depth, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
@@ -284,8 +307,16 @@ impl Arrival {
         }
     }
 
-    /// Writes the share of the key light of tiles for which one is certain, and lists the pixels of the others.
-    fn find_key(&mut self, shadow: &ShadowMap, tiles: &[usize], bins: &mut Bins, parts: usize) {
+    /// Writes the share of the key light of tiles for which one is certain, and lists the pixels of the others; of
+    /// coarse tiles, which are listed too, only those that do not share the estimate of another.
+    fn find_key(
+        &mut self,
+        shadow: &ShadowMap,
+        tiles: &[usize],
+        bins: &mut Bins,
+        parts: usize,
+        coarse: &mut Vec<usize>,
+    ) {
         bins.clear(parts);
         for &tile in tiles {
             let summary = &self.tiles[tile];
@@ -294,11 +325,56 @@ impl Arrival {
                 _ if shadow.is_on() => shadow.certain_share(&summary.span),
                 _ => Some(1.0),
             };
-            if share.is_none() {
+            let [columns, rows] = self.pixels_of(tile);
+            if share.is_none() && summary.is_coarse && summary.is_level {
+                for row in rows.clone().step_by(2) {
+                    let even = columns.clone().step_by(2).map(|column| packed(column, row));
+                    bins.parts[summary.surface as usize - 1].pixels.extend(even);
+                }
+                coarse.push(tile);
+            } else if share.is_none() && summary.is_coarse {
+                for row in rows.clone() {
+                    for column in columns.clone() {
+                        if self.giver_of(column, row).is_none() {
+                            bins.push(self.surface[row * self.width + column], packed(column, row));
+                        }
+                    }
+                }
+                coarse.push(tile);
+            } else if share.is_none() {
                 bins.push_tile(self, tile);
             }
-            let [columns, rows] = self.pixels_of(tile);
             rows.for_each(|row| self.raw_key[row * self.width..][columns.clone()].fill(share.unwrap_or(UNKNOWN)));
+        }
+    }
+
+    /// The pixel at an even row and column whose estimate of the key light another pixel of a coarse tile shares: it must
+    /// show the same surface.
+    #[inline(always)]
+    fn giver_of(&self, column: usize, row: usize) -> Option<usize> {
+        let (pixel, giver) = (row * self.width + column, (row & !1) * self.width + (column & !1));
+        let is_same = (self.surface[giver] == self.surface[pixel])
+            & ((self.depth[giver] - self.depth[pixel]).abs() < LEVEL * self.depth[pixel]);
+        (pixel != giver && is_same).then_some(giver)
+    }
+
+    fn share_key(&mut self, tile: usize) {
+        let [columns, rows] = self.pixels_of(tile);
+        if self.tiles[tile].is_level {
+            for row in rows {
+                let (giver, first) = ((row & !1) * self.width, row * self.width);
+                for column in columns.clone() {
+                    self.raw_key[first + column] = self.raw_key[giver + (column & !1)];
+                }
+            }
+            return;
+        }
+        for row in rows {
+            for column in columns.clone() {
+                if let Some(giver) = self.giver_of(column, row) {
+                    self.raw_key[row * self.width + column] = self.raw_key[giver];
+                }
+            }
         }
     }
 
@@ -538,7 +614,7 @@ impl<const SIDE: usize> Window<SIDE> {
                 for tap in 0..5 {
                     let value = self.value[row][column + tap];
                     let is_same = (self.surface[row][column + tap] == surface)
-                        & ((self.depth[row][column + tap] - depth).abs() < 0.02 * depth)
+                        & ((self.depth[row][column + tap] - depth).abs() < LEVEL * depth)
                         & (value >= 0.0);
                     let weight = if is_same { WEIGHTS[tap] } else { 0.0 };
                     sum += weight * value;
@@ -556,7 +632,7 @@ impl<const SIDE: usize> Window<SIDE> {
                 for tap in 0..5 {
                     let value = lines[row + tap][column];
                     let is_same = (self.surface[row + tap][column + MARGIN] == surface)
-                        & ((self.depth[row + tap][column + MARGIN] - depth).abs() < 0.02 * depth)
+                        & ((self.depth[row + tap][column + MARGIN] - depth).abs() < LEVEL * depth)
                         & (value >= 0.0);
                     let weight = if is_same { WEIGHTS[tap] } else { 0.0 };
                     sum += weight * value;

@@ -18,6 +18,18 @@ use crate::shade::{Shading, Spot};
 use crate::texture::srgb8_from_linear;
 use crate::view::{PartView, View, surface_of};
 
+/// The samples around a pixel's centre with two per pixel along each axis, and their share of the pixel.
+const BESIDE: [([isize; 2], f32); 8] = [
+    ([-1, -1], 0.0625),
+    ([0, -1], 0.125),
+    ([1, -1], 0.0625),
+    ([-1, 0], 0.125),
+    ([1, 0], 0.125),
+    ([-1, 1], 0.0625),
+    ([0, 1], 0.125),
+    ([1, 1], 0.0625),
+];
+
 /// What is found on the edges of a picture; memory kept from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct Edges {
@@ -116,37 +128,76 @@ impl Edges {
         let n = around.n;
         let center = keys.center([x % TILE, y % TILE]);
         let own = keys.keys[center];
-        let (width, height) = (around.view.lens.width as isize, around.view.lens.height as isize);
-        let (x, y) = (x as isize, y as isize);
+        let size = [around.view.lens.width as isize, around.view.lens.height as isize];
+        let place = [x as isize, y as isize];
         let (mut sum, mut own_weight) = (Vec3A::ZERO, 0.0);
-        for dy in 1 - n..n {
-            for dx in 1 - n..n {
-                let weight = ((n - dx.abs()) * (n - dy.abs())) as f32 / (n * n * n * n) as f32;
+        let is_inside = x > 0 && y > 0 && place[0] + 1 < size[0] && place[1] + 1 < size[1];
+        // Samples that are left for a closer look, in bits.
+        let mut left = 0_u32;
+        if n == 2 && is_inside {
+            // Nearly all samples show what the pixel shows, or what the one shows that they lean to.
+            for (index, &([dx, dy], weight)) in BESIDE.iter().enumerate() {
                 let key = keys.keys[keys.beside(center, dx, dy)];
-                if key == own {
-                    own_weight += weight;
-                    continue;
-                }
-                let (sx, sy) = (dx.signum(), dy.signum());
-                let shows = |[sx, sy]: [isize; 2]| {
-                    let (x, y) = (x + sx, y + sy);
-                    let inside = x >= 0 && y >= 0 && x < width && y < height;
-                    (inside && keys.keys[keys.beside(center, sx * n, sy * n)] == key).then(|| (y * width + x) as usize)
-                };
-                // The pixel that the sample leans to first, then the others.
-                let neighbour = shows([sx, sy]).or_else(|| {
-                    const OTHERS: [[isize; 2]; 8] =
-                        [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
-                    shows([sx, 0]).or_else(|| shows([0, sy])).or_else(|| OTHERS.into_iter().find_map(shows))
-                });
-                if let Some(neighbour) = neighbour {
-                    sum += colors[neighbour] * weight;
-                } else {
-                    self.add_extra(around, arrival, around.cut(x * n + dx, y * n + dy), pixel, key, weight);
+                let (is_own, leans) = (key == own, key == keys.keys[keys.beside(center, 2 * dx, 2 * dy)]);
+                own_weight += if is_own { weight } else { 0.0 };
+                let weight = if leans & !is_own { weight } else { 0.0 };
+                sum += colors[((place[1] + dy) * size[0] + place[0] + dx) as usize] * weight;
+                left |= u32::from(!is_own & !leans) << index;
+            }
+            own_weight += 0.25;
+            while left != 0 {
+                let (offset, weight) = BESIDE[left.trailing_zeros() as usize];
+                left &= left - 1;
+                sum += self.sample(around, keys, arrival, place, offset, weight, pixel, colors);
+            }
+        } else {
+            for dy in 1 - n..n {
+                for dx in 1 - n..n {
+                    let weight = ((n - dx.abs()) * (n - dy.abs())) as f32 / (n * n * n * n) as f32;
+                    if keys.keys[keys.beside(center, dx, dy)] == own {
+                        own_weight += weight;
+                    } else {
+                        sum += self.sample(around, keys, arrival, place, [dx, dy], weight, pixel, colors);
+                    }
                 }
             }
         }
         self.mixed.push((pixel as u32, sum + colors[pixel] * own_weight));
+    }
+
+    /// What a sample beside a pixel's centre adds to it: the colour of a pixel near by that shows the same, or nothing
+    /// and the sample is listed to be shaded.
+    #[expect(clippy::too_many_arguments, reason = "part of a loop that is written twice")]
+    fn sample(
+        &mut self,
+        around: &Around<'_>,
+        keys: &TileKeys,
+        arrival: &Arrival,
+        [x, y]: [isize; 2],
+        [dx, dy]: [isize; 2],
+        weight: f32,
+        pixel: usize,
+        colors: &[Vec3A],
+    ) -> Vec3A {
+        let (width, height, n) = (around.view.lens.width as isize, around.view.lens.height as isize, around.n);
+        let center = keys.center([x as usize % TILE, y as usize % TILE]);
+        let key = keys.keys[keys.beside(center, dx, dy)];
+        let (sx, sy) = (dx.signum(), dy.signum());
+        let shows = |[sx, sy]: [isize; 2]| {
+            let (x, y) = (x + sx, y + sy);
+            let inside = x >= 0 && y >= 0 && x < width && y < height;
+            (inside && keys.keys[keys.beside(center, sx * n, sy * n)] == key).then(|| (y * width + x) as usize)
+        };
+        // The pixel that the sample leans to first, then the others.
+        let neighbour = shows([sx, sy]).or_else(|| {
+            const OTHERS: [[isize; 2]; 8] = [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, -1], [-1, 1], [1, 1]];
+            shows([sx, 0]).or_else(|| shows([0, sy])).or_else(|| OTHERS.into_iter().find_map(shows))
+        });
+        if let Some(neighbour) = neighbour {
+            return colors[neighbour] * weight;
+        }
+        self.add_extra(around, arrival, around.cut(x * n + dx, y * n + dy), pixel, key, weight);
+        Vec3A::ZERO
     }
 
     /// A sample of a surface that no centre near by shows; several of one surface are shaded together.

@@ -48,6 +48,8 @@ pub(crate) struct Layers {
     layer: Target,
     in_layer: Vec<bool>,
     is_layered: bool,
+    /// Tiles in which something is drawn over the layer.
+    over: Vec<bool>,
     pub tile_columns: usize,
     pub tile_rows: usize,
     /// Tiles that the last update may have changed.
@@ -82,7 +84,8 @@ impl Layers {
         let scale = self.target.scale;
         let (width, height) = (self.target.width / scale, self.target.height / scale);
         let leaves = |(motion, in_layer): (&Motion, &bool)| motion.moved && *in_layer;
-        if !self.is_layered || motions.iter().zip(&self.in_layer).any(leaves) {
+        let is_new = !self.is_layered || motions.iter().zip(&self.in_layer).any(leaves);
+        if is_new {
             self.in_layer.clear();
             self.in_layer.extend(motions.iter().map(|motion| !motion.moved));
             self.layer.reset::<IDS>(width, height, scale);
@@ -90,6 +93,8 @@ impl Layers {
             for part in (0..motions.len()).filter(|&part| self.in_layer[part]) {
                 draw(part, &mut self.layer);
             }
+            self.over.clear();
+            self.over.resize(self.changed.len(), false);
         }
         for motion in motions.iter().filter(|motion| motion.moved) {
             self.mark(&motion.before);
@@ -110,6 +115,18 @@ impl Layers {
         }
         for part in (0..motions.len()).filter(|&part| !self.in_layer[part]) {
             draw(part, &mut self.target);
+        }
+        // Rectangles are generous: a tile that shows the layer alone as it did before has not changed.
+        for tile in 0..self.changed.len() {
+            if !self.changed[tile] {
+                continue;
+            }
+            let (column, row) = (tile % self.tile_columns * TILE, tile / self.tile_columns * TILE);
+            let columns = column * scale..(column + TILE).min(width) * scale;
+            let rows = row * scale..(row + TILE).min(height) * scale;
+            let is_over = self.target.differs(&self.layer, columns, rows);
+            self.changed[tile] = is_new || is_over || self.over[tile];
+            self.over[tile] = is_over;
         }
     }
 

@@ -8,8 +8,8 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::raster::Planes;
 
-/// Cells of the coarser copies of a mesh, metres; a copy is drawn where its cell is smaller than a pixel.
-pub(crate) const CELLS_M: [f32; 4] = [0.0015, 0.003, 0.006, 0.012];
+/// Cells of the coarser copies of a mesh, metres; a copy is drawn where its cell is smaller than one and a half pixels.
+pub(crate) const CELLS_M: [f32; 5] = [0.0015, 0.003, 0.006, 0.012, 0.02];
 
 /// A mesh in the frame of its body, with what shading wants to know of each triangle.
 #[derive(Debug)]

@@ -145,8 +145,9 @@ impl Points {
     /// Which of sixteen turns the taps of a point get.
     #[inline(always)]
     pub fn turn(&self, point: usize) -> u8 {
-        let pixel = |lane: &Lane| nearest_integer(lane[point]) as usize % 4;
-        PATTERN[pixel(&self.row)][pixel(&self.column)]
+        let pixel = |lane: &Lane| nearest_integer(lane[point]) as usize;
+        let (row, column) = (pixel(&self.row), pixel(&self.column));
+        PATTERN[row / 2 % 4][column / 2 % 4] + WITHIN[row % 2][column % 2]
     }
 }
 
@@ -177,5 +178,7 @@ fn locate(points: &mut Points, depths: &Lane, placed: &PartView, lens: &Lens) {
     }
 }
 
-/// Order of the sixteen turns of the taps within a block: neighbours get far-apart turns.
+/// Turns of blocks of 2×2 pixels: neighbours get far-apart ones, and all sixteen come in every 4×4 blocks.
 const PATTERN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
+/// What each pixel of a block adds, modulo 16, so that nearly all turns come in 4×4 pixels too.
+const WITHIN: [[u8; 2]; 2] = [[0, 2], [3, 1]];

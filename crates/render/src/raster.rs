@@ -248,6 +248,16 @@ impl Target {
         }
     }
 
+    /// Whether a rectangle of samples, ends excluded, is not that of a target of the same size, to the bit.
+    pub fn differs(&self, other: &Self, columns: std::ops::Range<usize>, mut rows: std::ops::Range<usize>) -> bool {
+        rows.any(|row| {
+            let range = row * self.width + columns.start..row * self.width + columns.end;
+            // Equal nearness of another triangle is told by the ids; nearness is positive, so equal is the same bits.
+            self.nearness[range.clone()] != other.nearness[range.clone()]
+                || (!self.ids.is_empty() && self.ids[range.clone()] != other.ids[range])
+        })
+    }
+
     /// Draws a triangle of either orientation; corners must be finite.
     #[inline(always)]
     pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {

@@ -21,7 +21,7 @@ const KEPT_PIXELS: usize = 4 << 20;
 /// Images with no more pixels along the longer side get by with coarser shadows.
 const SMALL_PX: u32 = 128;
 /// Texels per side of the shadow map of small images.
-const SMALL_SHADOW: usize = 256;
+const SMALL_SHADOW: usize = 192;
 
 /// Draws jobs on the thread that calls it; keeps its memory from job to job.
 ///

@@ -105,6 +105,11 @@ impl ShadowMap {
         self.light.size > 0
     }
 
+    /// Size of a texel, metres.
+    pub fn texel_m(&self) -> f32 {
+        1.0 / self.light.texels_per_m
+    }
+
     /// Counts the updates so far.
     pub fn version(&self) -> u64 {
         self.version
@@ -388,7 +393,7 @@ impl Caster {
 /// the coarse one of small images.
 fn caster_level(mesh: &Mesh, is_coarse: bool) -> usize {
     if is_coarse {
-        return 3;
+        return CELLS_M.len();
     }
     CELLS_M[..3].iter().take_while(|&&cell| cell < mesh.bounds_radius / 10.0).count()
 }

@@ -262,13 +262,14 @@ impl PartView {
 }
 
 impl Lens {
-    /// The coarsest level of detail whose cells are smaller than a pixel at a distance; 0 in large images.
+    /// The coarsest level of detail whose cells are smaller than one and a half pixels at a distance; 0 in large images.
     fn level(&self, distance_m: f32) -> usize {
         if self.width.max(self.height) >= FULL_DETAIL_PX {
             return 0;
         }
+        // Corners move by half a cell at most.
         let pixel_m = distance_m / self.focal.x;
-        CELLS_M.iter().take_while(|&&cell| cell < pixel_m).count()
+        CELLS_M.iter().take_while(|&&cell| cell < 1.5 * pixel_m).count()
     }
 
     #[inline(always)]
