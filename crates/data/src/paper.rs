@@ -124,7 +124,7 @@ impl Folder<'_> {
     fn pictures(&self, source: &Source, settings: &ExportSettings) -> Result<(), DataError> {
         for track in &source.tracks {
             let folder = format!("observation/{}", track.camera.name);
-            let poses = (0..self.rows).filter_map(|row| track.pose_at(row)).flat_map(|pose| matrix(pose));
+            let poses = (0..self.rows).filter_map(|row| track.pose_at(row)).flat_map(matrix);
             self.array(&format!("{folder}/camera2env_pose"), &[4, 4], poses)?;
             let mut row = 0;
             video::decode(&track.video, &mut |rgb| {

@@ -461,8 +461,8 @@ impl EpisodeStore {
         for file in &record.files {
             check_size(&folder, file)?;
         }
-        let names = record.files.iter().map(|file| file.name.as_str()).chain([EPISODE]);
-        names.into_iter().try_for_each(|name| files::link_or_copy(&folder.join(name), &into.join(name)))
+        let mut names = record.files.iter().map(|file| file.name.as_str()).chain([EPISODE]);
+        names.try_for_each(|name| files::link_or_copy(&folder.join(name), &into.join(name)))
     }
 
     /// Copies an attempt, without its groups, into another store under another id, which its scenario takes too, and

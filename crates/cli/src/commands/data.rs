@@ -60,14 +60,14 @@ fn edited(
     printer: &Printer,
     make: impl FnOnce(edit::Heard) -> Result<Vec<ExportReport>, DataError>,
 ) -> Result<ExitStatus, Failed> {
-    let mut copied = 0;
+    let mut copied = 0_usize;
     let mut heard = |total: usize| {
-        if copied % total == 0 {
+        if copied.is_multiple_of(total) {
             printer.begin("copying episodes", total);
         }
         copied += 1;
         printer.advance();
-        if copied % total == 0 {
+        if copied.is_multiple_of(total) {
             printer.end();
         }
     };
