@@ -176,7 +176,7 @@ impl Collected {
     }
 
     /// The contents of `stats.json`.
-    pub(crate) fn to_json(&mut self) -> Result<Value, DataError> {
+    pub(crate) fn finish(&mut self) -> Result<Value, DataError> {
         let mut stats = serde_json::Map::new();
         for (key, colors, frames) in &self.colors {
             stats.insert(key.clone(), Stats::of_colors(colors, *frames).to_json(true));

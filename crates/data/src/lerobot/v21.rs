@@ -108,7 +108,7 @@ impl Writer {
     ) -> Result<(), DataError> {
         let features = self.ledger.features.take().unwrap_or_default();
         let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let stats = self.ledger.collected.to_json()?;
+        let stats = self.ledger.collected.finish()?;
         let modality = modality(contract, &features, robot.arm_dof());
         let info = info_v21(&self.ledger, &robot.name, features);
         let task = |(index, task): (usize, &String)| format!("{}\n", json!({"task_index": index, "task": task}));

@@ -102,7 +102,7 @@ impl DatasetWriter {
             info::Totals { episodes: self.ledger.episodes, frames: self.ledger.frames, tasks: self.ledger.tasks.len() };
         let info = info::info(&self.robot, &totals, self.ledger.fps, features, has_video);
         write_json(&self.aside, "meta/info.json", &info)?;
-        write_json(&self.aside, "meta/stats.json", &self.ledger.collected.to_json()?)?;
+        write_json(&self.aside, "meta/stats.json", &self.ledger.collected.finish()?)?;
         write_json(&self.aside, "meta/genmanip.json", &info::meaning(settings))?;
         self.aside.write(super::SETTINGS, settings.to_json().as_bytes())?;
         if let Some(contract) = contract {

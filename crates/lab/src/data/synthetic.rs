@@ -105,11 +105,14 @@ pub fn measure(
     })
 }
 
+/// Writes episodes of these numbers as a data set.
+type Write<'a> = dyn Fn(std::ops::Range<usize>, &Path) -> Result<(), LabError> + 'a;
+
 /// Writes the episodes as shards, merges and checks them; how long merging took, s.
 fn merged(
     count: usize,
     shards: usize,
-    write: &dyn Fn(std::ops::Range<usize>, &Path) -> Result<(), LabError>,
+    write: &Write,
     (folder, robot): (&Path, &Arc<RobotModel>),
     progress: &dyn Progress,
 ) -> Result<f64, LabError> {

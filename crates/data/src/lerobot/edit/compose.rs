@@ -231,7 +231,7 @@ impl<'a> Composer<'a> {
         write_json(&self.aside, "meta/info.json", &info)?;
         let mut stats: serde_json::Map<String, Value> =
             self.colors.into_iter().map(|(key, colors)| (key, colors.whole().to_json(true))).collect();
-        if let Value::Object(numbers) = self.collected.to_json()? {
+        if let Value::Object(numbers) = self.collected.finish()? {
             stats.extend(numbers);
         }
         write_json(&self.aside, "meta/stats.json", &Value::Object(stats))?;
