@@ -5,8 +5,10 @@
 //! - [`drawing`]: the scene graph and the top view of a layout as SVG.
 //! - [`statistics`]: rates and means with confidence intervals, summaries per policy, paired comparisons.
 //! - [`evaluation`]: the results of one policy on one suite as a versioned file.
+//! - [`suite`]: scenarios that are frozen to be evaluated on, and how they are chosen.
 //! - [`rows`]: every episode of a run as a row, totals over rows, and which episodes are worth a picture.
 //! - [`report`]: one self-contained HTML page.
+//! - [`leaderboard_html`]: how policies did on the same suites.
 //! - [`failure_page`]: why a policy that asks failed, with what it was shown.
 //! - [`text_table`]: a table for people who read a terminal.
 
@@ -14,10 +16,12 @@ mod dataset_page;
 pub mod drawing;
 pub mod evaluation;
 mod failure_page;
+mod leaderboard;
 mod markup;
 pub mod report;
 pub mod rows;
 pub mod statistics;
+pub mod suite;
 mod text_table;
 
 pub use dataset_page::dataset_page;
@@ -26,6 +30,7 @@ pub use drawing::{
 };
 pub use evaluation::{EvaluationError, EvaluationReport, reference_paths_m, suite_hash};
 pub use failure_page::{CaseMoment, FailureCase, FailurePage, KindFailures, failure_page};
+pub use leaderboard::{Board, Entry, boards, leaderboard_html, leaderboard_markdown};
 pub use report::{AttemptRow, FilmFrame, ReportError, ReportInput, ReportSettings, TaskSection, Timing, report_html};
 pub use rows::{EpisodeRow, Outcome, TaskRow};
 pub use statistics::{

@@ -89,6 +89,17 @@ pub enum Command {
     /// Evaluate policies on the scenarios of a run, or on any scenario files
     #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),
+    /// Say which of two policies is better, from evaluations of the same scenarios
+    #[command(
+        after_help = "Example:\n  genmanip compare out/run/evaluation/agent.json out/run/evaluation/do_nothing.json\n\n\
+                      Episodes are paired by scenario and seed; tests are exact, by scenario where scenarios have\n\
+                      several episodes. docs/guides/evaluate.md says how."
+    )]
+    Compare(CompareArguments),
+    /// Write a table of all evaluations below a folder, one for each suite
+    #[command(after_help = "Example:\n  genmanip leaderboard out --html out/leaderboard.html > leaderboard.md\n\n\
+                      Policies that read simulator truth stand in a table of their own.")]
+    Leaderboard(LeaderboardArguments),
     /// Let the agent plan from images of files, without a simulator
     Agent {
         /// What to do

@@ -26,6 +26,7 @@ pub mod render;
 pub mod rendered;
 pub mod scale;
 pub mod segment;
+pub mod statistics;
 
 pub use clock::cpu_clock;
 /// Why a measurement could not be made.

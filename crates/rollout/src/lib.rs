@@ -5,6 +5,7 @@
 
 pub mod adapter;
 pub mod collect;
+pub mod controls;
 mod cores;
 pub mod environment;
 pub mod episode_loop;

@@ -7,6 +7,7 @@
 //! - [`designs`]: tasks by rules into a folder; [`checks`]: what is wrong with task files.
 //! - [`export`]: further data sets of a run.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
+//! - [`compare`]: two evaluations of one suite; [`leaderboard`]: all evaluations below a folder.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
 //! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
@@ -25,6 +26,7 @@ pub mod assets;
 pub mod audit;
 pub mod checks;
 pub mod collect;
+pub mod compare;
 pub mod designs;
 mod documents;
 mod error;
@@ -35,6 +37,7 @@ pub mod grasps;
 mod index;
 pub mod inputs;
 pub mod layouts;
+pub mod leaderboard;
 mod ledger;
 pub mod merge;
 pub mod motion_pictures;

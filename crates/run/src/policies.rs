@@ -14,6 +14,7 @@ use genmanip_data::DataError;
 use genmanip_data::lerobot::LerobotDataset;
 use genmanip_motion::Planner;
 use genmanip_rollout::collect::CollectSettings;
+use genmanip_rollout::controls::{Blind, RandomActions};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, Stage as Scene};
@@ -23,7 +24,7 @@ use crate::error::RunError;
 use crate::remote;
 
 /// All policies there are, in the order in which they are listed.
-pub const POLICIES: [PolicyEntry; 6] = [
+pub const POLICIES: [PolicyEntry; 8] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
@@ -47,6 +48,22 @@ pub const POLICIES: [PolicyEntry; 6] = [
         needs_record: false,
         is_usual: true,
         prepare: do_nothing,
+    },
+    PolicyEntry {
+        name: "random",
+        about: "moves joints and fingers at random: the control that shows what chance reaches",
+        arguments: &[PolicyArgument { name: "seconds", default: "20", about: "how long it moves, s" }],
+        needs_record: false,
+        is_usual: false,
+        prepare: random,
+    },
+    PolicyEntry {
+        name: "blind",
+        about: "takes a random thing to a random place as the expert does, blind to the instruction; says oracle",
+        arguments: &[],
+        needs_record: false,
+        is_usual: false,
+        prepare: blind,
     },
     PolicyEntry {
         name: "playback",
@@ -117,9 +134,26 @@ const AGENT_ARGUMENTS: [PolicyArgument; 19] = [
 
 fn expert(_given: &Given) -> Result<Prepared, RunError> {
     Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
-        let expert = Expert::new(episode.stage, episode.planner, episode.grasps, episode.settings.expert.clone());
-        Ok(Box::new(expert.map_err(|error| RunError::broken("the expert cannot be made", error))?))
+        Ok(Box::new(expert_of(episode)?))
     }))
+}
+
+fn random(given: &Given) -> Result<Prepared, RunError> {
+    let duration_s = given.number("seconds", 0.0..=600.0)?;
+    Ok(Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(RandomActions::new(episode.stage, duration_s)))
+    }))
+}
+
+fn blind(_given: &Given) -> Result<Prepared, RunError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(Blind::new(episode.stage, expert_of(episode)?)))
+    }))
+}
+
+fn expert_of(episode: &PolicyContext) -> Result<Expert, RunError> {
+    Expert::new(episode.stage, episode.planner, episode.grasps, episode.settings.expert.clone())
+        .map_err(|error| RunError::broken("the expert cannot be made", error))
 }
 
 fn replay(_given: &Given) -> Result<Prepared, RunError> {

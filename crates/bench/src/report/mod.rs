@@ -4,7 +4,7 @@ mod distributions;
 mod episodes;
 mod overview;
 mod page;
-mod tables;
+pub(crate) mod tables;
 mod task;
 
 use genmanip_core::{AttemptOutcome, EpisodeResult, Scenario, Seed, Task};

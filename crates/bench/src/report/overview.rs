@@ -212,8 +212,7 @@ fn comparisons(comparisons: &[PairedComparison]) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let headings =
-        ["On the same episodes", "Pairs", "Difference in success", "Only first / only second", "p (exact McNemar)"];
+    let headings = ["On the same episodes", "Pairs", "Difference in success", "Only first / only second", "p (exact)"];
     String::from("<h3>Policies in pairs</h3>\n") + &table("figures", &headings, &rows)
 }
 

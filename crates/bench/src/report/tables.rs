@@ -6,7 +6,7 @@ use crate::markup::escape;
 use crate::statistics::{FailureCount, Mean, Rate};
 
 /// A table in a box that scrolls sideways on narrow screens; cells are markup, the first column is a row heading.
-pub(super) fn table(class: &str, headings: &[&str], rows: &[Vec<String>]) -> String {
+pub(crate) fn table(class: &str, headings: &[&str], rows: &[Vec<String>]) -> String {
     let head: String = headings.iter().map(|heading| format!("<th scope=\"col\">{}</th>", escape(heading))).collect();
     let body: String = rows
         .iter()
@@ -28,7 +28,7 @@ pub(super) fn table(class: &str, headings: &[&str], rows: &[Vec<String>]) -> Str
 }
 
 /// A rate as a bar with its interval, and in figures.
-pub(super) fn rate_bar(rate: &Rate) -> String {
+pub(crate) fn rate_bar(rate: &Rate) -> String {
     if rate.trials == 0 {
         return "<span class=\"muted\">no trials</span>".into();
     }

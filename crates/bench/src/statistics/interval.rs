@@ -4,6 +4,7 @@ use genmanip_core::Seed;
 use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::StatisticsSettings;
 
@@ -42,6 +43,28 @@ impl Rate {
             flags.into_iter().fold((0, 0), |(successes, trials), flag| (successes + usize::from(flag), trials + 1));
         Self::new(successes, trials, settings)
     }
+
+    /// Of successes and trials per scenario, whose episodes resemble each other.
+    ///
+    /// A Wilson interval of as many independent trials as would vary as much (the effective sample size of Korn and
+    /// Graubard 1998, with their correction for few scenarios): no fewer than scenarios, no more than trials. Without
+    /// any success, or any failure, nothing says how alike episodes are, and scenarios are counted.
+    pub fn clustered(scenarios: &[(usize, usize)], settings: &StatisticsSettings) -> Self {
+        let (successes, trials) = scenarios.iter().fold((0, 0), |(s, n), scenario| (s + scenario.0, n + scenario.1));
+        let count = scenarios.iter().filter(|scenario| scenario.1 > 0).count();
+        if count == trials || count < 2 {
+            return Self::new(successes, trials, settings);
+        }
+        let (clusters, all) = (count as f64, trials as f64);
+        let value = successes as f64 / all;
+        let squares = scenarios.iter().map(|&(s, n)| (s as f64 - value * n as f64).powi(2)).sum::<f64>();
+        let variance = clusters / (clusters - 1.0) * squares / (all * all);
+        let is_certain = successes == 0 || successes == trials;
+        let effective = if is_certain { clusters } else { value * (1.0 - value) / variance.max(f64::MIN_POSITIVE) };
+        let shrunk = (settings.z / student_quantile(count, settings.coverage)).powi(2);
+        let [low, high] = wilson(value, effective.clamp(clusters, all) * shrunk, settings.z);
+        Self { successes, trials, value, low, high }
+    }
 }
 
 impl std::fmt::Display for Rate {
@@ -68,16 +91,34 @@ pub struct Mean {
 
 /// Wilson score interval of a share, without continuity correction (Wilson 1927); everything without trials.
 pub fn wilson_interval(successes: usize, trials: usize, z: f64) -> [f64; 2] {
-    if trials == 0 {
-        return [0.0, 1.0];
+    match trials {
+        0 => [0.0, 1.0],
+        trials => wilson(successes as f64 / trials as f64, trials as f64, z),
     }
-    let (n, share, z2) = (trials as f64, successes as f64 / trials as f64, z * z);
+}
+
+fn wilson(share: f64, n: f64, z: f64) -> [f64; 2] {
+    let z2 = z * z;
     let center = (share + z2 / (2.0 * n)) / (1.0 + z2 / n);
     let half = z / (1.0 + z2 / n) * (share * (1.0 - share) / n + z2 / (4.0 * n * n)).sqrt();
-    // The ends are exact at 0 and n, where rounding would leave 1e-17.
-    let low = if successes == 0 { 0.0 } else { (center - half).max(0.0) };
-    let high = if successes >= trials { 1.0 } else { (center + half).min(1.0) };
+    // The ends are exact at 0 and 1, where rounding would leave 1e-17.
+    let low = if share <= 0.0 { 0.0 } else { (center - half).max(0.0) };
+    let high = if share >= 1.0 { 1.0 } else { (center + half).min(1.0) };
     [low, high]
+}
+
+/// Two-sided quantile of Student's distribution for `count` values.
+pub(super) fn student_quantile(count: usize, coverage: f64) -> f64 {
+    let freedom = count.saturating_sub(1).max(1) as f64;
+    let student = StudentsT::new(0.0, 1.0, freedom).expect("positive degrees of freedom");
+    student.inverse_cdf(0.5 + coverage.clamp(0.0, 1.0 - 1e-9) / 2.0)
+}
+
+/// Tail of the bootstrap distribution of `count` values beyond which an interval of `coverage` ends: a bootstrap varies
+/// too little by count / (count - 1), and is as narrow as if the variance were known (Hesterberg 2015).
+pub(super) fn expanded_tail(count: usize, coverage: f64) -> f64 {
+    let few = count.max(2) as f64;
+    Normal::standard().cdf(-(few / (few - 1.0)).sqrt() * student_quantile(count, coverage))
 }
 
 /// Mean and percentile bootstrap interval (Efron 1979), the same for the same values in the same order.

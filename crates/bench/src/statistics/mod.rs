@@ -2,12 +2,16 @@
 
 mod interval;
 mod paired;
+mod power;
+mod sequential;
 mod summary;
 #[cfg(test)]
 mod tests;
 
 pub use interval::{Mean, Rate, mean_with_interval, wilson_interval};
-pub use paired::{PairedComparison, compare, mcnemar_exact};
+pub use paired::{PairedComparison, compare, mcnemar_exact, paired_difference, permutation_test};
+pub use power::{detectable_difference, power};
+pub use sequential::{Sequential, sequential};
 pub use summary::{FailureCount, KindSummary, StatisticsError, SuiteSummary, failure_counts, spl, summarise};
 
 use genmanip_core::Seed;

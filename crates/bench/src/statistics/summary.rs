@@ -133,7 +133,13 @@ fn summarise_policy(
         mean_with_interval(&values, settings, settings.seed.fork(label))
     };
     let rate = |results: &[&EpisodeResult], flag: &dyn Fn(&EpisodeResult) -> bool| {
-        Rate::of(results.iter().map(|result| flag(result)), settings)
+        let mut scenarios: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+        for result in results {
+            let (successes, trials) = scenarios.entry(&result.scenario_id).or_default();
+            *successes += usize::from(flag(result));
+            *trials += 1;
+        }
+        Rate::clustered(&scenarios.into_values().collect::<Vec<_>>(), settings)
     };
     let spl_values: Vec<f64> = results
         .iter()

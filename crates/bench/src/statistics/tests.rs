@@ -2,6 +2,8 @@ use std::collections::BTreeMap;
 
 use genmanip_core::{Ending, EpisodeResult, Failure, FailureCause, GoalVerdict, Seed, TaskKind};
 
+use proptest::prelude::*;
+
 use super::*;
 
 const Z: f64 = 1.959_963_984_540_054;
@@ -139,6 +141,73 @@ fn a_comparison_pairs_episodes_by_scenario_and_seed() {
 
     let twice = [result("a", 1, true), result("a", 1, false)];
     assert!(matches!(compare(&twice, &second, &settings), Err(StatisticsError::RepeatedEpisode { .. })));
+}
+
+#[test]
+fn scenarios_with_several_episodes_are_the_unit_of_comparison() {
+    let settings = StatisticsSettings::default();
+    // Five episodes of each of eight scenarios, alike within a scenario: as certain as eight episodes, not as forty.
+    let results = |policy: &str, wins: u64| -> Vec<EpisodeResult> {
+        let episode = |number: u64| {
+            let (scenario, seed) = (number / 5, Seed::new(number));
+            let result = result(policy, scenario, scenario < wins);
+            EpisodeResult { id: format!("{policy}-{number}"), seed, ..result }
+        };
+        (0..40).map(episode).collect()
+    };
+    let pair = compare(&results("a", 6), &results("b", 0), &settings).unwrap();
+    assert_eq!((pair.scenarios, pair.pairs, pair.only_first), (8, 40, 30));
+    assert!((pair.p_value - mcnemar_exact(6, 0)).abs() < 1e-9);
+    assert_eq!(pair.sequential.decided_after, None);
+    let single: Vec<Vec<i8>> = (0..40).map(|number| vec![i8::from(number < 30)]).collect();
+    let by_episode = paired_difference(&single, &settings, Seed::new(0));
+    assert!(pair.difference.high - pair.difference.low > 1.5 * (by_episode.high - by_episode.low));
+
+    let summary = &summarise(&results("a", 6), &kinds(), &BTreeMap::new(), &settings).unwrap()[0];
+    assert_eq!((summary.success.successes, summary.success.trials), (30, 40));
+    let few = Rate::new(6, 8, &settings);
+    assert!(summary.success.low <= few.low && summary.success.high >= few.high, "{:?} {few:?}", summary.success);
+}
+
+#[test]
+fn policies_that_always_agree_are_not_known_to_be_equal() {
+    let settings = StatisticsSettings::default();
+    for scenarios in [vec![vec![0]; 20], vec![vec![0, 0, 0]; 20]] {
+        let difference = paired_difference(&scenarios, &settings, Seed::new(0));
+        assert!(difference.value == 0.0 && difference.low < -0.05 && difference.high > 0.05, "{difference:?}");
+    }
+    assert_eq!(paired_difference(&[], &settings, Seed::new(0)).count, 0);
+}
+
+proptest! {
+    #[test]
+    fn one_episode_per_scenario_makes_the_permutation_test_mcnemars(wins in 0_usize..60, losses in 0_usize..60, ties in 0_usize..20) {
+        let counts = [(wins, 1), (losses, -1), (ties, 0)];
+        let sums: Vec<i64> = counts.iter().flat_map(|&(count, sum)| std::iter::repeat_n(sum, count)).collect();
+        prop_assert!((permutation_test(&sums) - mcnemar_exact(wins, losses)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn larger_differences_and_suites_are_found_more_often(scenarios in 20_usize..300, permille in 0_u32..300) {
+        let difference = f64::from(permille) / 1000.0;
+        let chance = power(scenarios, 0.4, difference, 0.05);
+        prop_assert!(power(scenarios, 0.4, difference + 0.05, 0.05) >= chance);
+        // Exact tests of counts jump, so that a few scenarios more may find a little less.
+        prop_assert!(power(2 * scenarios, 0.4, difference, 0.05) >= chance - 0.02);
+        prop_assert!((0.0..=1.0).contains(&chance));
+        let least = detectable_difference(scenarios, 0.4, 0.05);
+        prop_assert!(least.is_none_or(|least| power(scenarios, 0.4, least, 0.05) >= 0.8));
+    }
+}
+
+#[test]
+fn a_bet_that_is_looked_at_all_the_time_pays_only_for_real_differences() {
+    let mixed = sequential(&[1, -1, 0, 1, -1, 1, -1], 0.05);
+    assert!(mixed.decided_after.is_none() && mixed.p_value > 0.5, "{mixed:?}");
+    let clear = sequential(&[[1; 30].as_slice(), &[-1; 40]].concat(), 0.05);
+    // Decided at the eighth, whatever comes later; the bet itself is worth little in the end.
+    assert!(clear.decided_after == Some(8) && clear.p_value < 1e-6 && clear.e_value < 1.0, "{clear:?}");
+    assert_eq!(sequential(&[], 0.05), Sequential { e_value: 1.0, p_value: 1.0, decided_after: None });
 }
 
 #[test]

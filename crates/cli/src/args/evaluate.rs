@@ -40,6 +40,9 @@ pub struct EvaluateArguments {
     /// Cameras to use instead of the scenarios': a JSON list; the results say so
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
+    /// Episodes of each scenario, with streams of their own: for policies that draw
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = parse_count)]
+    pub episodes_per_scenario: usize,
     /// Only the I-th of N parts of the episodes, counted from 0; `auto` or `auto/N`: the number of the task in a job
     /// array of Slurm or Kubernetes. The same call without --shard gathers what the parts left
     #[arg(long, value_name = "I/N")]
@@ -49,4 +52,26 @@ pub struct EvaluateArguments {
     /// Refuse scenarios that were laid out for another robot than this
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
+}
+
+/// Arguments of `compare`.
+#[derive(Clone, Debug, Args)]
+pub struct CompareArguments {
+    /// Evaluation of the first policy
+    #[arg(value_name = "A.json")]
+    pub first: PathBuf,
+    /// Evaluation of the second policy on the same scenarios
+    #[arg(value_name = "B.json")]
+    pub second: PathBuf,
+}
+
+/// Arguments of `leaderboard`.
+#[derive(Clone, Debug, Args)]
+pub struct LeaderboardArguments {
+    /// Folder with evaluations, or with runs that hold some
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Also write a page
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
 }

@@ -27,6 +27,7 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
     if let Some(file) = &arguments.cameras {
         suite = suite.with_cameras(file)?;
     }
+    suite = suite.with_episodes(arguments.episodes_per_scenario);
     let policies = if named.is_empty() { PolicyFactory::all(suite.is_recorded())? } else { named };
     let out = match (run, &arguments.out) {
         (Some(run), Some(_)) => {

@@ -4,6 +4,7 @@
 
 mod answers;
 mod cameras;
+mod comparing;
 mod designing;
 mod help;
 mod hostile;

@@ -19,8 +19,8 @@ use std::sync::Arc;
 use genmanip_assets::{AssetError, GraspLibrary};
 use genmanip_core::glam::DQuat;
 use genmanip_core::{
-    Aabb, ActionChunk, EpisodeStart, Failure, FailureCause, Grasp, Observation, Policy, PolicyError, PolicySpec, Pose,
-    PrivilegedState, Seed, TriedGrasp,
+    Aabb, ActionChunk, EpisodeStart, Failure, FailureCause, Goal, Grasp, Observation, Policy, PolicyError, PolicySpec,
+    Pose, PrivilegedState, Seed, TriedGrasp,
 };
 use genmanip_layout::{GoalPose, GoalSearch, Move, moves, obstacles};
 use genmanip_motion::commands;
@@ -118,6 +118,11 @@ impl Expert {
     #[must_use]
     pub fn seeing(self, source: Arc<dyn SeenGrasps>) -> Self {
         Self { seeing: Some(source), ..self }
+    }
+
+    /// From the next reset on, works towards this goal instead of the task's.
+    pub(crate) fn aim_at(&mut self, goal: Goal) {
+        self.stage.goal = Arc::new(goal);
     }
 
     /// Grasps of an object from images, in its own frame, where they are wanted.

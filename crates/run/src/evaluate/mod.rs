@@ -113,6 +113,9 @@ fn one(
     let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity, options.shard));
     let stream = stream.transpose()?;
     let mut results: Vec<EpisodeResult> = stream.as_ref().map_or_else(Vec::new, |stream| stream.known().to_vec());
+    // An evaluation with more episodes per scenario may have been begun before.
+    let wanted: BTreeSet<&str> = suite.cases.iter().map(|case| case.id.as_str()).collect();
+    results.retain(|result| wanted.contains(result.id.as_str()));
     let known: BTreeSet<&str> = results.iter().map(|result| result.id.as_str()).collect();
     let is_left = |(number, case): &(usize, &Case)| {
         options.shard.is_none_or(|shard| shard.has(*number)) && !known.contains(case.id.as_str())

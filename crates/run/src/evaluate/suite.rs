@@ -15,6 +15,9 @@ use crate::error::{Cause, RunError};
 use crate::folder::{Run, RunFolder};
 use crate::inputs;
 
+/// Stands between the id of a scenario's first episode and the number of a further one.
+const AGAIN: char = '+';
+
 /// Scenarios with the streams of their episodes.
 pub struct Suite {
     /// Its name.
@@ -171,6 +174,22 @@ impl Suite {
         Ok(self)
     }
 
+    /// The same suite with so many episodes per scenario, each with a stream of its own: for policies that draw.
+    /// The first has the id and the stream that it has alone.
+    #[must_use]
+    pub fn with_episodes(mut self, count: usize) -> Self {
+        let again = |case: &Case, number: usize| match number {
+            0 => case.clone(),
+            _ => Case {
+                id: format!("{}{AGAIN}{number}", case.id),
+                scenario: Arc::clone(&case.scenario),
+                seed: case.seed.fork(&format!("episode {number}")),
+            },
+        };
+        self.cases = self.cases.iter().flat_map(|case| (0..count.max(1)).map(|number| again(case, number))).collect();
+        self
+    }
+
     /// Whether episodes were recorded on the scenarios; whether each is sound shows when it is read.
     pub fn is_recorded(&self) -> bool {
         self.store.is_some()
@@ -185,6 +204,9 @@ impl Suite {
 
     /// What was recorded on the scenario of a case.
     pub(super) fn recorded(&self, id: &str) -> Result<Option<Episode>, DataError> {
+        let is_case = |id: &&str| self.cases.iter().any(|case| case.id == *id);
+        let first = id.rsplit_once(AGAIN).filter(|(_, n)| n.parse::<usize>().is_ok()).map(|(first, _)| first);
+        let id = first.filter(is_case).unwrap_or(id);
         self.store.as_ref().map(|store| store.read(id)).transpose()
     }
 

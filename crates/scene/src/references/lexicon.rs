@@ -173,6 +173,15 @@ impl Lexicon {
         }
     }
 
+    /// The noun of a group, without what is said about it; vague groups stay whole.
+    pub fn bare<'w>(&self, words: &[&'w str]) -> Vec<&'w str> {
+        if self.vague.contains(&words.join(" ")) {
+            return words.to_vec();
+        }
+        let said = words.iter().position(|word| TRAITS.contains(word) || *word == "of").unwrap_or(words.len());
+        words[..said].last().copied().into_iter().collect()
+    }
+
     /// A plural's singular, any other word as it is.
     pub fn singular(&self, word: &str) -> String {
         if let Some(one) = self.plurals.get(word) {

@@ -16,6 +16,7 @@
 mod grammar;
 mod lexicon;
 mod meaning;
+mod necessity;
 mod space;
 #[cfg(test)]
 mod tests;
@@ -25,7 +26,9 @@ use std::sync::Arc;
 
 use genmanip_core::{Atom, MOST_INTERCHANGEABLE, ObjectCard, Relation, SceneGraph, Task};
 
+use grammar::Heard;
 use meaning::Listener;
+pub use necessity::{Clue, clues_at_places, is_needless};
 
 /// What an instruction asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,7 +115,11 @@ impl Mismatch {
 /// [`Mismatch`] when it is not understood, or a phrase has no referent or several.
 pub fn read(instruction: &str, cards: &[Arc<ObjectCard>], graph: &SceneGraph) -> Result<Reading, Mismatch> {
     let unreadable = || Mismatch::Unreadable { phrase: instruction.to_owned() };
-    let heard = grammar::read(instruction).ok_or_else(unreadable)?;
+    understand(&grammar::read(instruction).ok_or_else(unreadable)?, cards, graph)
+}
+
+/// What commands that were heard mean in a scene.
+fn understand(heard: &Heard, cards: &[Arc<ObjectCard>], graph: &SceneGraph) -> Result<Reading, Mismatch> {
     let mut listener = Listener::new(cards, graph, &heard.context);
     let goal = listener.goal(&heard.commands)?;
     let (phrases, choices) = listener.into_phrases();
@@ -177,8 +184,12 @@ pub fn resolved(task: &Task) -> usize {
 /// # Errors
 /// The first [`Mismatch`].
 pub fn check(task: &Task) -> Result<(), Mismatch> {
-    let reading = read(&task.instruction, &task.objects, &task.scene_graph)?;
-    let groups = open(&reading);
+    is_goal_of(task, &read(&task.instruction, &task.objects, &task.scene_graph)?)
+}
+
+/// Whether what was read is exactly the task's goal.
+fn is_goal_of(task: &Task, reading: &Reading) -> Result<(), Mismatch> {
+    let groups = open(reading);
     let meant = &task.goal.alternatives;
     let same = |read: &Vec<ReadAtom>, meant: &Vec<Atom>| {
         read.len() == meant.len() && meant.iter().all(|atom| read.iter().any(|read| says(read, atom, &groups)))

@@ -6,7 +6,7 @@ use genmanip_assets::Catalogue;
 use genmanip_core::asset::uid_of;
 use genmanip_core::{AssetRef, Atom, GraphEdge, GraphNode, ObjectCard, Relation, SceneGraph, Seed, Task, TaskKind};
 
-use super::{Mismatch, check, intended, interchangeable, read, resolved};
+use super::{Clue, Mismatch, check, intended, interchangeable, is_needless, read, resolved};
 use crate::designer::{DesignSettings, design_many};
 
 fn card(uid: &str) -> Arc<ObjectCard> {
@@ -269,4 +269,60 @@ fn a_mismatch_is_one_sentence() {
     let mismatch = Mismatch::Ambiguous { phrase: "mug".into(), ids: vec!["001".into(), "002".into()] };
     assert_eq!(mismatch.to_string(), r#"`mug` may be any of ["001", "002"]"#);
     assert_eq!(mismatch.reason(), "an ambiguous phrase");
+}
+
+/// What a sentence could leave out without meaning something else.
+#[test]
+fn clues_that_nobody_needs_are_found() {
+    let two_mugs = ["001 left 008", "002 right 008", "027 front 008"];
+    let one_mug = ["001 left 008", "019 right 008", "027 front 008"];
+    let left = "Put the mug that is to the robot's left of the plate on the apple.";
+    let farthest = "Put the mug farthest to the robot's left on the apple.";
+    for (instruction, facts, clue, needless) in [
+        (left, two_mugs, Clue::Place, false),
+        (left, one_mug, Clue::Place, true),
+        (farthest, two_mugs, Clue::Place, false),
+        (farthest, one_mug, Clue::Place, true),
+        ("Put the red mug on the apple.", two_mugs, Clue::Trait, false),
+        ("Put the red mug on the apple.", one_mug, Clue::Trait, true),
+        ("Put the mug with the rounded handle on the red apple.", two_mugs, Clue::Trait, false),
+    ] {
+        let (objects, scene_graph) = scene(&facts);
+        let on = Atom::Relation {
+            subject: "001".into(),
+            relation: Relation::On,
+            reference: "027".into(),
+            second_reference: None,
+        };
+        let task = Task {
+            id: "t".into(),
+            kind: TaskKind::Spatial,
+            instruction: instruction.into(),
+            goal: genmanip_core::Goal { alternatives: vec![vec![on]] },
+            scene_graph,
+            objects,
+            surfaces: Vec::new(),
+            interchangeable: Vec::new(),
+            source: "test".into(),
+        };
+        assert_eq!(check(&task), Ok(()), "{instruction}");
+        assert_eq!(is_needless(&task, clue), needless, "{instruction} {facts:?}");
+    }
+}
+
+#[test]
+fn most_designed_tasks_need_what_their_kind_is_about() {
+    let mut counts = std::collections::BTreeMap::new();
+    for task in tasks(29, 360) {
+        if let Some(clue) = Clue::of(task.kind) {
+            let (needless, all) = counts.entry(task.kind).or_insert((0, 0));
+            *needless += usize::from(is_needless(&task, clue));
+            *all += 1;
+        }
+    }
+    println!("{counts:?}");
+    assert_eq!(counts.len(), 3);
+    // The designer tries that itself for needs.
+    assert_eq!(counts[&TaskKind::CommonSense].0, 0, "{counts:?}");
+    assert!(counts.values().all(|(needless, all)| 2 * needless < *all), "{counts:?}");
 }

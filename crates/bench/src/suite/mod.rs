@@ -1,0 +1,129 @@
+//! A suite: scenarios that are frozen to be evaluated on, with how they were chosen and what the expert needed.
+
+mod select;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use genmanip_core::{Atom, Document, Scenario, Seed, Task, TaskKind};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+pub use select::{Candidate, Marginal, marginals, select};
+
+/// The file `suite.json` of a suite's folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SuiteFile {
+    /// Name, e.g. `genmanip-200-rc`.
+    pub name: String,
+    /// Seed of tasks, layouts and trials.
+    pub seed: Seed,
+    /// Scenarios asked for of each kind.
+    pub per_kind: usize,
+    /// Version of the program that made it.
+    pub genmanip_version: String,
+    /// Version of the physics.
+    pub engine: String,
+    /// [`crate::suite_hash`] of its scenarios.
+    pub suite_hash: String,
+    /// How many candidates each stage of the selection let pass, in order.
+    pub funnel: Vec<Stage>,
+    /// The scenarios, ordered by id.
+    pub scenarios: Vec<SuiteEntry>,
+}
+
+impl Document for SuiteFile {
+    const SCHEMA: &'static str = "genmanip.suite/1";
+}
+
+/// What one stage of the selection refused.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Stage {
+    /// What was asked of the candidates.
+    pub asked: String,
+    /// Candidates of each kind that passed, by the kind's name.
+    pub passed: BTreeMap<String, usize>,
+    /// Reasons for which others did not, with how often.
+    pub refused: BTreeMap<String, usize>,
+}
+
+/// One scenario of a suite.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SuiteEntry {
+    /// Id of the scenario; its file is `scenarios/ID.json`.
+    pub id: String,
+    /// SHA-256 of that file, hexadecimal.
+    pub sha256: String,
+    /// Kind of its task.
+    pub kind: TaskKind,
+    /// Where the task comes from.
+    pub source: String,
+    /// What is balanced, by name.
+    pub traits: BTreeMap<String, Vec<String>>,
+    /// Simulated time that a policy has, s.
+    pub horizon_s: f64,
+    /// That it can be solved.
+    pub certificate: Certificate,
+}
+
+/// What the expert needed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Certificate {
+    /// Episodes of the expert, each with a stream of its own.
+    pub episodes: usize,
+    /// Those after which the goal held.
+    pub verified: usize,
+    /// Shortest way of the tool among these, m.
+    pub shortest_path_m: f64,
+    /// Shortest simulated time among these, s.
+    pub shortest_s: f64,
+}
+
+/// SHA-256 of a scenario's file, hexadecimal.
+pub fn scenario_sha256(scenario: &Scenario) -> String {
+    Sha256::digest(scenario.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What a suite is balanced over, of one task; `is_unseen` says of an asset whether it is kept from training.
+///
+/// `relation`: of its goal. `objects`: how many there are, in three ranges. `axis`: whether the goal names a thing that
+/// training never shows. `steps`: conditions of the shortest alternative, of long-horizon tasks. `clues`: things told
+/// by their place, of spatial tasks.
+pub fn balanced_traits(
+    task: &Task,
+    clues_at_places: usize,
+    is_unseen: &dyn Fn(&str) -> bool,
+) -> BTreeMap<String, Vec<String>> {
+    let atoms = || task.goal.alternatives.iter().flatten();
+    let mut relations: Vec<String> = atoms()
+        .filter_map(|atom| match atom {
+            Atom::Relation { relation, .. } => Some(relation.name().to_owned()),
+            Atom::State { .. } => None,
+        })
+        .collect();
+    relations.sort();
+    relations.dedup();
+    let count = task.scene_graph.nodes.len();
+    let range = match count {
+        0..=4 => "3-4",
+        5..=6 => "5-6",
+        _ => "7 or more",
+    };
+    let named = |atom: &Atom| atom.ids().any(|id| is_unseen(id.split('#').next().unwrap_or(id)));
+    let axis = if atoms().any(named) { "unseen" } else { "train" };
+    let mut traits = BTreeMap::from([
+        ("relation".to_owned(), relations),
+        ("objects".to_owned(), vec![range.to_owned()]),
+        ("axis".to_owned(), vec![axis.to_owned()]),
+    ]);
+    if task.kind == TaskKind::LongHorizon {
+        let steps = task.goal.alternatives.iter().map(Vec::len).min().unwrap_or(0);
+        traits.insert("steps".into(), vec![steps.clamp(2, 4).to_string()]);
+    }
+    if task.kind == TaskKind::Spatial {
+        traits.insert("clues".into(), vec![if clues_at_places >= 2 { "two or more" } else { "one" }.to_owned()]);
+    }
+    traits
+}

@@ -1,0 +1,159 @@
+//! Which candidates make the best balanced suite.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A scenario that may be taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Its kind; as many are taken of each.
+    pub kind: String,
+    /// What is balanced, by name, with the values that it has.
+    pub traits: BTreeMap<String, Vec<String>>,
+    /// Things that the goal names; the same thing is rather not taken twice.
+    pub things: Vec<String>,
+}
+
+/// Share of one value of a trait in a selection.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Marginal {
+    /// Name of the trait.
+    pub name: String,
+    /// The value.
+    pub value: String,
+    /// Its share among all values of the trait.
+    pub share: f64,
+    /// The share that it should have: the same for all values.
+    pub wanted: f64,
+}
+
+impl Marginal {
+    /// How far the share is from the one wanted, as a part of that.
+    pub fn deviation(&self) -> f64 {
+        (self.share - self.wanted).abs() / self.wanted
+    }
+}
+
+/// Weight of a thing that is named again, against the squared relative deviations of the marginals: chosen so that it
+/// decides among candidates that balance alike.
+const AGAIN: f64 = 0.002;
+/// Rounds of exchanges; each stops when nothing is gained.
+const ROUNDS: usize = 8;
+
+/// Counts of a selection, kept up to date as candidates come and go.
+#[derive(Default)]
+struct Tally {
+    values: BTreeMap<String, BTreeMap<String, f64>>,
+    things: BTreeMap<String, f64>,
+}
+
+impl Tally {
+    fn add(&mut self, candidate: &Candidate, weight: f64) {
+        for (name, values) in &candidate.traits {
+            for value in values {
+                *self.values.entry(name.clone()).or_default().entry(value.clone()).or_default() += weight;
+            }
+        }
+        for thing in &candidate.things {
+            *self.things.entry(thing.clone()).or_default() += weight;
+        }
+    }
+
+    fn cost(&self) -> f64 {
+        let deviation = |counts: &BTreeMap<String, f64>| {
+            let wanted = counts.values().sum::<f64>() / counts.len() as f64;
+            counts.values().map(|count| ((count - wanted) / wanted.max(1.0)).powi(2)).sum::<f64>()
+        };
+        let again = self.things.values().map(|count| (count - 1.0).max(0.0).powi(2)).sum::<f64>();
+        self.values.values().map(deviation).sum::<f64>() + AGAIN * again
+    }
+}
+
+/// Indices of `per_kind` candidates of each kind, ascending, such that every value of every trait has about the same
+/// share; fewer where a kind has fewer.
+///
+/// Candidates are taken one by one, the best first, and then exchanged while that helps. Deterministic.
+pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
+    let mut tally = Tally::default();
+    // Every value counts, also one that nothing has been taken of.
+    candidates.iter().for_each(|candidate| tally.add(candidate, 0.0));
+    let mut kinds: Vec<&str> = candidates.iter().map(|candidate| candidate.kind.as_str()).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let mut chosen = vec![false; candidates.len()];
+    for _ in 0..per_kind {
+        for kind in &kinds {
+            let free = (0..candidates.len()).filter(|&index| !chosen[index] && candidates[index].kind == *kind);
+            let cost_with = |tally: &mut Tally, index: usize| {
+                tally.add(&candidates[index], 1.0);
+                let cost = tally.cost();
+                tally.add(&candidates[index], -1.0);
+                cost
+            };
+            let best = free.map(|index| (cost_with(&mut tally, index), index)).min_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((_, index)) = best {
+                chosen[index] = true;
+                tally.add(&candidates[index], 1.0);
+            }
+        }
+    }
+    for _ in 0..ROUNDS {
+        if !exchange(candidates, &mut chosen, &mut tally) {
+            break;
+        }
+    }
+    (0..candidates.len()).filter(|&index| chosen[index]).collect()
+}
+
+/// Exchanges each chosen candidate for the best free one of its kind; whether that helped.
+fn exchange(candidates: &[Candidate], chosen: &mut [bool], tally: &mut Tally) -> bool {
+    let mut has_helped = false;
+    for out in 0..candidates.len() {
+        if !chosen[out] {
+            continue;
+        }
+        let before = tally.cost();
+        tally.add(&candidates[out], -1.0);
+        let mut best = (before - 1e-12, out);
+        for other in 0..candidates.len() {
+            if !chosen[other] && candidates[other].kind == candidates[out].kind {
+                tally.add(&candidates[other], 1.0);
+                let cost = tally.cost();
+                tally.add(&candidates[other], -1.0);
+                if cost < best.0 {
+                    best = (cost, other);
+                }
+            }
+        }
+        tally.add(&candidates[best.1], 1.0);
+        if best.1 != out {
+            (chosen[out], chosen[best.1]) = (false, true);
+            has_helped = true;
+        }
+    }
+    has_helped
+}
+
+/// Shares of all values of all traits among scenarios.
+pub fn marginals<'a>(traits: impl Iterator<Item = &'a BTreeMap<String, Vec<String>>>) -> Vec<Marginal> {
+    let mut counts: BTreeMap<&str, BTreeMap<&str, usize>> = BTreeMap::new();
+    for own in traits {
+        for (name, values) in own {
+            for value in values {
+                *counts.entry(name).or_default().entry(value).or_default() += 1;
+            }
+        }
+    }
+    let marginals = counts.iter().flat_map(|(name, values)| {
+        let all: usize = values.values().sum();
+        values.iter().map(move |(value, count)| Marginal {
+            name: (*name).into(),
+            value: (*value).into(),
+            share: *count as f64 / all as f64,
+            wanted: 1.0 / values.len() as f64,
+        })
+    });
+    marginals.collect()
+}

@@ -1,0 +1,47 @@
+use proptest::prelude::*;
+
+use super::*;
+
+fn candidate(kind: usize, relation: usize, clutter: usize, thing: usize) -> Candidate {
+    let one = |name: &str, value: usize| (name.to_owned(), vec![value.to_string()]);
+    Candidate {
+        kind: format!("kind {kind}"),
+        traits: [one("relation", relation), one("objects", clutter)].into(),
+        things: vec![format!("thing {thing}")],
+    }
+}
+
+proptest! {
+    /// Skewed candidates, of which a balanced half can be taken.
+    #[test]
+    fn a_selection_is_balanced_where_candidates_allow_it(draws in prop::collection::vec((0_usize..2, 0_usize..16, 0_usize..9, 0_usize..30), 300)) {
+        // The first value is five times as frequent as the others.
+        let skewed = |drawn: usize, values: usize| drawn.saturating_sub(drawn.min(4)) % values;
+        let candidates: Vec<Candidate> = draws
+            .iter()
+            .map(|&(kind, relation, clutter, thing)| candidate(kind, skewed(relation, 4), skewed(clutter, 3), thing))
+            .collect();
+        let chosen = select(&candidates, 24);
+        prop_assert_eq!(chosen.len(), 48);
+        prop_assert_eq!(&chosen, &select(&candidates, 24));
+        let of_first = chosen.iter().filter(|&&index| candidates[index].kind == "kind 0").count();
+        prop_assert_eq!(of_first, 24);
+        for marginal in marginals(chosen.iter().map(|&index| &candidates[index].traits)) {
+            prop_assert!(marginal.deviation() < 0.15, "{:?}", marginal);
+        }
+    }
+}
+
+#[test]
+fn what_is_not_there_is_not_taken() {
+    assert!(select(&[], 3).is_empty());
+    let few = [candidate(0, 0, 0, 0), candidate(1, 0, 0, 0)];
+    assert_eq!(select(&few, 3), [0, 1]);
+}
+
+#[test]
+fn other_things_are_preferred() {
+    let all = [candidate(0, 0, 0, 1), candidate(0, 0, 0, 1), candidate(0, 0, 0, 2)];
+    let chosen = select(&all, 2);
+    assert!(chosen.contains(&2), "{chosen:?}");
+}

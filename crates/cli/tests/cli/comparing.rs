@@ -1,0 +1,62 @@
+//! Evaluations compared, and all of them in a table.
+
+use std::fs;
+
+use crate::{copy_of_finished_run, genmanip};
+
+/// Policies on the finished run, each with several episodes per scenario.
+#[test]
+fn policies_are_compared_by_scenario_and_listed() {
+    let folder = copy_of_finished_run();
+    let evaluate = ["evaluate", "run", "--episodes-per-scenario", "2", "--json"];
+    let policies = ["--policy", "do_nothing:seconds=0.1", "--policy", "expert"];
+    let reports = genmanip(folder.path(), &[&evaluate[..], &policies].concat()).json(0);
+    let episodes = |index: usize| reports[index]["results"].as_array().unwrap().len();
+    assert_eq!((episodes(0), episodes(1)), (4, 4));
+    let names = ["021_spatial-000", "021_spatial-000+1"];
+    let ids: Vec<_> = reports[0]["results"].as_array().unwrap().iter().map(|result| &result["id"]).collect();
+    assert!(names.iter().all(|name| ids.iter().any(|id| *id == name)), "{ids:?}");
+
+    let files = ["run/evaluation/expert.json", "run/evaluation/do_nothing_seconds=0.1.json"];
+    let comparison = genmanip(folder.path(), &["compare", files[0], files[1], "--json"]).json(0);
+    let overall = &comparison["overall"];
+    assert_eq!((&overall["scenarios"], &overall["pairs"]), (&2.into(), &4.into()));
+    // Two scenarios, however often they are run, cannot show that one policy is better.
+    assert_eq!(overall["p_value"], 0.5, "{overall}");
+    let words = genmanip(folder.path(), &["compare", files[0], files[1]]).stdout;
+    for said in ["A  expert (oracle)", "exact permutation test by scenario", "too few to find any"] {
+        assert!(words.contains(said), "{said}: {words}");
+    }
+
+    let board = genmanip(folder.path(), &["leaderboard", ".", "--html", "board.html"]);
+    assert_eq!(board.code, Some(0), "{board:?}");
+    let (policies, oracle) = board.stdout.split_once("### With simulator truth (oracle)").unwrap();
+    assert!(
+        policies.contains("| do_nothing_seconds=0.1 | 4 | 0.0 % (") && oracle.contains("| expert | 4 |"),
+        "{board:?}"
+    );
+    let page = fs::read_to_string(folder.path().join("board.html")).unwrap();
+    assert!(page.contains("With simulator truth (oracle)") && !page.contains("<script"), "{page}");
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let folder = copy_of_finished_run();
+    let only = ["evaluate", "run/scenarios/021_spatial-000.json", "--policy", "do_nothing:seconds=0.1", "--out", "one"];
+    let all = ["evaluate", "run", "--policy", "do_nothing:seconds=0.1"];
+    for call in [&only[..], &all] {
+        assert_eq!(genmanip(folder.path(), call).code, Some(0));
+    }
+    let file = "evaluation/do_nothing_seconds=0.1.json";
+    let [ours, theirs] = ["run", "one"].map(|run| format!("{run}/{file}"));
+    fs::create_dir(folder.path().join("empty")).unwrap();
+    let cases: [(&[&str], &[&str]); 4] = [
+        (&["compare", &ours, &theirs], &["is of suite run (", "one/evaluation", "on the same scenarios"]),
+        (&["compare", &ours, "run"], &["run is a folder", "RUN/evaluation/expert.json"]),
+        (&["compare", &ours, "run/run.json"], &["run/run.json", "genmanip.evaluation/2"]),
+        (&["leaderboard", "empty"], &["no evaluation below empty", "RUN/evaluation/*.json"]),
+    ];
+    for (call, said) in cases {
+        genmanip(folder.path(), call).assert_refused(said);
+    }
+}
