@@ -96,6 +96,12 @@ pub enum Command {
                       several episodes. docs/guides/evaluate.md says how."
     )]
     Compare(CompareArguments),
+    /// Build, check and show suites of frozen scenarios
+    Suite {
+        /// What to do with suites
+        #[command(subcommand)]
+        command: SuiteCommand,
+    },
     /// Write a table of all evaluations below a folder, one for each suite
     #[command(after_help = "Example:\n  genmanip leaderboard out --html out/leaderboard.html > leaderboard.md\n\n\
                       Policies that read simulator truth stand in a table of their own.")]

@@ -196,7 +196,7 @@ fn lay_out(
     for task in &tasks {
         let stream = seed.fork("batch").fork(&task.id);
         if let Some((attempt, scenario)) = episodes::laid_out(task, resources, settings, stream)? {
-            cases.push(Case { id: attempt.id(), scenario: Arc::new(scenario), seed: attempt.seed });
+            cases.push(Case { id: attempt.id(), scenario: Arc::new(scenario), seed: attempt.seed, horizon_s: None });
         }
         progress.advance();
     }

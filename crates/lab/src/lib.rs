@@ -27,6 +27,7 @@ pub mod rendered;
 pub mod scale;
 pub mod segment;
 pub mod statistics;
+pub mod suite;
 
 pub use clock::cpu_clock;
 /// Why a measurement could not be made.

@@ -18,6 +18,8 @@ pub struct Case {
     pub scenario: Arc<Scenario>,
     /// Stream of the episode.
     pub seed: Seed,
+    /// Time that the policy has, s; `None` for that of the settings.
+    pub horizon_s: Option<f64>,
 }
 
 /// Makes the policy for one case, whose scenario was made ready.
@@ -87,8 +89,10 @@ fn run(
     }
     let robot = resources.planner.robot();
     let stage = Stage::open(Arc::clone(&case.scenario), resources.catalogue, robot)?;
+    let mut rollout = settings.rollout.clone();
+    rollout.horizon_s = case.horizon_s.unwrap_or(rollout.horizon_s);
     let episode = make_policy(&stage, case)
-        .and_then(|mut policy| run_episode(&stage, policy.as_mut(), &case.id, case.seed, &settings.rollout));
+        .and_then(|mut policy| run_episode(&stage, policy.as_mut(), &case.id, case.seed, &rollout));
     match episode {
         Ok(episode) => {
             if let Some(store) = keep {

@@ -8,6 +8,7 @@
 //! - [`export`]: further data sets of a run.
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
 //! - [`compare`]: two evaluations of one suite; [`leaderboard`]: all evaluations below a folder.
+//! - [`suites`]: scenarios chosen, certified and frozen, to be evaluated on.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
 //! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
@@ -55,6 +56,7 @@ pub mod robots;
 mod seeing;
 pub mod shard;
 mod shelf;
+pub mod suites;
 pub mod views;
 pub mod worlds;
 

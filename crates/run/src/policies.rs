@@ -485,7 +485,7 @@ mod tests {
     fn what_is_wrong_is_said() {
         let cases = [
             ("expret", "unknown policy `expret`", "did you mean `expert`?"),
-            ("", "unknown policy ``", "policies are expert, replay, do_nothing, playback, agent"),
+            ("", "unknown policy ``", "policies are expert, replay, do_nothing, random, blind, playback, agent"),
             ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
             ("playback:dataset=none", "cannot play none back", ""),
             ("expert:speed=2", "policy expert takes no arguments", "expected expert alone"),

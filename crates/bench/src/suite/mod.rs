@@ -6,7 +6,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{Atom, Document, Scenario, Seed, Task, TaskKind};
+use genmanip_core::{Atom, Document, Seed, Task, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -81,9 +81,9 @@ pub struct Certificate {
     pub shortest_s: f64,
 }
 
-/// SHA-256 of a scenario's file, hexadecimal.
-pub fn scenario_sha256(scenario: &Scenario) -> String {
-    Sha256::digest(scenario.to_json().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+/// SHA-256, hexadecimal.
+pub fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// What a suite is balanced over, of one task; `is_unseen` says of an asset whether it is kept from training.

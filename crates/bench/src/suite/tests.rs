@@ -12,6 +12,8 @@ fn candidate(kind: usize, relation: usize, clutter: usize, thing: usize) -> Cand
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
     /// Skewed candidates, of which a balanced half can be taken.
     #[test]
     fn a_selection_is_balanced_where_candidates_allow_it(draws in prop::collection::vec((0_usize..2, 0_usize..16, 0_usize..9, 0_usize..30), 300)) {

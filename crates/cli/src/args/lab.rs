@@ -112,6 +112,26 @@ pub enum LabCommand {
                       Rates from 2 to 98 %, 50 and 200 scenarios of one and of five episodes; differences by scenario,\n\
                       which take a bootstrap each, are repeated a tenth as often.")]
     Statistics(LabStatisticsArguments),
+    /// Check a frozen suite, and let the expert try its scenarios by streams that they were not chosen by
+    #[command(after_help = "Example:\n  genmanip lab suite --suite suites/mine --json")]
+    Suite(LabSuiteArguments),
+}
+
+/// Arguments of `lab suite`.
+#[derive(Debug, Args)]
+pub struct LabSuiteArguments {
+    /// Folder of the suite
+    #[arg(long, value_name = "DIR")]
+    pub suite: PathBuf,
+    /// Episodes per scenario
+    #[arg(long, value_name = "K", default_value_t = 5, value_parser = super::parse_count)]
+    pub episodes: usize,
+    /// Seed of the episodes
+    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = super::parse_count)]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `lab statistics`.

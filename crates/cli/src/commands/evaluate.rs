@@ -14,12 +14,14 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
     let named = arguments.policies.iter().map(|text| PolicyFactory::resolve(text));
     let named = named.collect::<Result<Vec<_>, _>>()?;
     let run = match &arguments.paths[..] {
+        _ if arguments.suite.is_some() => None,
         [only] if only.join("run.json").is_file() || !only.exists() => Some(only),
         _ => None,
     };
-    let mut suite = match run {
-        Some(run) => Suite::of_run(run)?,
-        None => Suite::of_scenarios(&arguments.paths)?,
+    let mut suite = match (&arguments.suite, run) {
+        (Some(suite), _) => Suite::frozen(suite)?,
+        (None, Some(run)) => Suite::of_run(run)?,
+        (None, None) => Suite::of_scenarios(&arguments.paths)?,
     };
     for scenario in &suite.scenarios {
         inputs::check_robot(&scenario.world, arguments.robot.as_deref())?;

@@ -15,7 +15,7 @@ use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, motion,
-    relations, render, rendered, scale, segment, statistics,
+    relations, render, rendered, scale, segment, statistics, suite,
 };
 use genmanip_run::agents::{AgentChoice, FailureClass, ModelChoice};
 use genmanip_run::{OracleSegmenter, RunError, inputs, robots};
@@ -127,6 +127,11 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
         LabCommand::Scale(arguments) => {
             let measured = scale::measure(&arguments.run, arguments.episodes, &arguments.out, printer)?;
             printer.data(&measured, &scale::in_words(&measured));
+        }
+        LabCommand::Suite(arguments) => {
+            let (seed, workers) = (Seed::new(arguments.seed), inputs::workers(arguments.workers));
+            let measured = suite::measure(&arguments.suite, arguments.episodes, seed, workers, printer)?;
+            printer.data(&measured, &suite::in_words(&measured));
         }
         LabCommand::Statistics(arguments) => {
             let measured = statistics::measure(arguments.repetitions, Seed::new(arguments.seed));

@@ -19,6 +19,7 @@ pub mod render;
 pub mod replay;
 pub mod report;
 pub mod serve;
+pub mod suite;
 pub mod task;
 pub mod task_new;
 pub mod world;

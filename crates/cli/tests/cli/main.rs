@@ -18,6 +18,7 @@ mod render;
 mod runs;
 mod serving;
 mod sharding;
+mod suites;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -122,8 +122,12 @@ fn attempts_without_layout_are_counted_and_policies_out_of_reach_are_not() {
     assert_eq!(all[0], failed[0], "a counted failure is not tried again");
     assert!(all[1].success);
     let recorded = store.read(&all[1].id).unwrap();
-    let case =
-        Case { id: all[1].id.clone(), scenario: Arc::new(recorded.scenario.clone()), seed: recorded.result.seed };
+    let case = Case {
+        id: all[1].id.clone(),
+        scenario: Arc::new(recorded.scenario.clone()),
+        seed: recorded.result.seed,
+        horizon_s: None,
+    };
     let shared = (resources(), &settings);
     for (name, solves) in [("expert", true), ("replay", true), ("do_nothing", false)] {
         let make = |stage: &Stage, _: &Case| -> Result<Box<dyn Policy>, RolloutError> {

@@ -4,16 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_bench::reference_paths_m;
+use genmanip_bench::{reference_paths_m, suite_hash};
 use genmanip_core::world::camera_faults;
-use genmanip_core::{Camera, Document, DocumentError, Episode, Scenario, Task, json, limits};
+use genmanip_core::{Camera, Document, DocumentError, Episode, Scenario, Seed, Task, json, limits};
 use genmanip_data::{DataError, EpisodeStore};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::evaluate::Case;
 
 use crate::error::{Cause, RunError};
 use crate::folder::{Run, RunFolder};
-use crate::inputs;
+use crate::{inputs, suites};
 
 /// Stands between the id of a scenario's first episode and the number of a further one.
 const AGAIN: char = '+';
@@ -65,7 +65,8 @@ impl Suite {
                 read => read.map_err(unreadable)?,
             };
             if let Some(scenario) = scenario.filter(|_| is_recorded) {
-                cases.push(Case { id, scenario: Arc::new(scenario.clone()), seed: result.seed });
+                let scenario_of_case = Arc::new(scenario.clone());
+                cases.push(Case { id, scenario: scenario_of_case, seed: result.seed, horizon_s: None });
                 scenarios.push(scenario);
             }
             results.push(result);
@@ -121,6 +122,7 @@ impl Suite {
             id: scenario.id.clone(),
             scenario: Arc::new(scenario.clone()),
             seed: scenario.seed,
+            horizon_s: None,
         };
         let name = match paths {
             [only] if only.is_dir() => name_of_folder(only),
@@ -138,6 +140,31 @@ impl Suite {
             store: None,
             is_of_run: false,
         })
+    }
+
+    /// A frozen suite: every scenario has the time that the suite gives it, and the way that the expert needed.
+    ///
+    /// # Errors
+    /// When there is no suite, or a scenario is not the one that was frozen.
+    pub fn frozen(folder: &Path) -> Result<Self, RunError> {
+        let file = suites::open(folder)?;
+        let paths: Vec<PathBuf> = file.scenarios.iter().map(|entry| suites::scenario_file(folder, &entry.id)).collect();
+        let mut suite = Self::of_scenarios(&paths)?;
+        if suite_hash(&suite.scenarios) != file.suite_hash {
+            return Err(RunError::input(format!(
+                "the scenarios of {} are not those that were frozen",
+                folder.display()
+            ))
+            .with_hint(format!("`genmanip suite check {}` names what differs", folder.display())));
+        }
+        for case in &mut suite.cases {
+            if let Some(entry) = file.scenarios.iter().find(|entry| entry.id == case.scenario.id) {
+                case.horizon_s = Some(entry.horizon_s);
+                suite.reference_paths_m.insert(entry.id.clone(), entry.certificate.shortest_path_m);
+            }
+        }
+        suite.name = file.name;
+        Ok(suite)
     }
 
     /// The same suite with the cameras of a file: each takes the place of the scenarios' camera of that name, or is
@@ -184,9 +211,19 @@ impl Suite {
                 id: format!("{}{AGAIN}{number}", case.id),
                 scenario: Arc::clone(&case.scenario),
                 seed: case.seed.fork(&format!("episode {number}")),
+                horizon_s: case.horizon_s,
             },
         };
         self.cases = self.cases.iter().flat_map(|case| (0..count.max(1)).map(|number| again(case, number))).collect();
+        self
+    }
+
+    /// The same suite with other streams of its episodes.
+    #[must_use]
+    pub fn with_seed(mut self, seed: Seed) -> Self {
+        for case in &mut self.cases {
+            case.seed = seed.fork(&case.id);
+        }
         self
     }
 
@@ -225,7 +262,7 @@ impl Suite {
             *count += 1;
         }
         let most = counts.into_values().max().unwrap_or_default();
-        let seed = self.scenarios.first().map_or(genmanip_core::Seed::new(0), |scenario| scenario.seed);
+        let seed = self.scenarios.first().map_or(Seed::new(0), |scenario| scenario.seed);
         let folder = RunFolder::begin(out, &Run::new(tasks, most, self.settings.clone(), seed))?;
         for scenario in &self.scenarios {
             let path = folder.join("scenarios").join(format!("{}.json", scenario.id));

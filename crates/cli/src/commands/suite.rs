@@ -1,0 +1,46 @@
+//! `genmanip suite`.
+
+use genmanip_core::Seed;
+use genmanip_run::inputs;
+use genmanip_run::suites::{self, BuildOptions};
+
+use crate::args::{SuiteBuildArguments, SuiteCommand};
+use crate::commands::assets::catalogue;
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
+    match command {
+        SuiteCommand::Build(arguments) => return build(arguments, printer),
+        SuiteCommand::Check(arguments) => {
+            let checked = suites::check(&arguments.folder)?;
+            printer.data(&checked, &suites::check_in_words(&checked));
+            if !checked.faults.is_empty() {
+                return Ok(ExitStatus::NotMet);
+            }
+        }
+        SuiteCommand::Show(arguments) => {
+            let shown = suites::show(&arguments.folder)?;
+            printer.data(&shown, &suites::show_in_words(&shown));
+        }
+    }
+    Ok(ExitStatus::Done)
+}
+
+fn build(arguments: &SuiteBuildArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let options = BuildOptions {
+        name: arguments.name.clone().unwrap_or_else(|| inputs::stem(&arguments.out)),
+        out: arguments.out.clone(),
+        per_kind: arguments.per_kind,
+        candidates: arguments.candidates,
+        seed: Seed::new(arguments.seed),
+        catalogue: catalogue(&arguments.catalog.catalog),
+        world: inputs::read_world(None)?,
+        workers: inputs::workers(arguments.workers),
+    };
+    let stop = crate::stop::on_interrupt();
+    let Some(_) = suites::build(&options, printer, &stop)? else { return Ok(ExitStatus::NotMet) };
+    let shown = suites::show(&arguments.out)?;
+    printer.data(&shown, &suites::show_in_words(&shown));
+    Ok(ExitStatus::Done)
+}

@@ -1,0 +1,48 @@
+//! A small suite from its seed to an evaluation, and what happens to one that somebody changed.
+
+use std::fs;
+
+use crate::{genmanip, tree};
+
+#[test]
+fn a_suite_is_built_checked_and_evaluated_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let build = ["suite", "build", "--out", "mine", "--seed", "3", "--per-kind", "1", "--candidates", "1"];
+    let shown = genmanip(here, &[&build[..], &["--catalog", "builtin", "--json"]].concat()).json(0);
+    assert_eq!(shown["scenarios"].as_array().unwrap().len(), 4);
+    assert_eq!(shown["funnel"].as_array().unwrap().len(), 3);
+    let entry = &shown["scenarios"][0];
+    assert_eq!(entry["certificate"]["verified"], 5);
+    assert!(entry["horizon_s"].as_f64().unwrap() >= 2.0 * entry["certificate"]["shortest_s"].as_f64().unwrap());
+    assert!(!here.join("mine/work").exists(), "{:?}", tree(here).keys());
+    genmanip(here, &build).assert_refused(&["mine/suite.json exists", "another --out folder"]);
+
+    let sound = genmanip(here, &["suite", "check", "mine", "--json"]).json(0);
+    assert_eq!((&sound["scenarios"], &sound["faults"]), (&4.into(), &serde_json::json!([])));
+    let words = genmanip(here, &["suite", "show", "mine"]).stdout;
+    assert!(words.contains("are solved by the expert, 5 of 5 times") && words.contains("spread"), "{words}");
+
+    let call = ["evaluate", "--suite", "mine", "--policy", "do_nothing:seconds=0.1", "--json"];
+    let reports = genmanip(here, &call).json(0);
+    assert_eq!(reports[0]["suite_hash"], shown["suite_hash"]);
+    assert_eq!(reports[0]["results"][0]["horizon_s"], entry["horizon_s"]);
+    assert_eq!(reports[0]["summary"]["success"]["successes"], 0);
+    assert_eq!(reports[0]["reference_paths_m"].as_object().unwrap().len(), 4);
+
+    // One digit of one scenario, and a scenario that nobody froze.
+    let id = entry["id"].as_str().unwrap();
+    let path = here.join(format!("mine/scenarios/{id}.json"));
+    let text = fs::read_to_string(&path).unwrap();
+    let at = text.find("\"pose\"").map(|at| at + text[at..].find('.').unwrap() + 3).unwrap();
+    let digit = if text.as_bytes()[at] == b'1' { "2" } else { "1" };
+    fs::write(&path, format!("{}{digit}{}", &text[..at], &text[at + 1..])).unwrap();
+    fs::write(here.join("mine/scenarios/stranger.json"), &text).unwrap();
+    let spoilt = genmanip(here, &["suite", "check", "mine"]);
+    assert_eq!(spoilt.code, Some(1), "{spoilt:?}");
+    for said in [&format!("{id}: is not as it was frozen"), "stranger.json belongs to no scenario"] {
+        assert!(spoilt.stdout.contains(said), "{said}: {spoilt:?}");
+    }
+    genmanip(here, &call).assert_refused(&["not those that were frozen", "genmanip suite check mine"]);
+    genmanip(here, &["suite", "check", "nowhere"]).assert_refused(&["no suite at nowhere", "suite build"]);
+}

@@ -1,0 +1,102 @@
+//! Suites: scenarios chosen by rules, certified by the expert, and frozen in a folder.
+//!
+//! ```text
+//! NAME/suite.json        what it is, how it was chosen, and per scenario its hash and certificate
+//! NAME/scenarios/*.json  the scenarios
+//! NAME/work/             layouts and trials of all candidates, while it is built: an interrupted build continues there
+//! ```
+
+mod build;
+mod check;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use genmanip_bench::suite::{Marginal, SuiteFile, marginals};
+use genmanip_bench::text_table;
+use genmanip_core::{TaskKind, limits};
+use serde::Serialize;
+
+pub use build::{BuildOptions, build};
+pub use check::{Checked, check, in_words as check_in_words};
+
+use crate::error::RunError;
+use crate::inputs;
+
+/// Kinds of tasks of a suite: those of the paper's benchmark.
+pub const KINDS: [TaskKind; 4] =
+    [TaskKind::Spatial, TaskKind::Appearance, TaskKind::CommonSense, TaskKind::LongHorizon];
+
+/// Reads the file of a suite's folder.
+///
+/// # Errors
+/// When there is none, or it is damaged.
+pub fn open(folder: &Path) -> Result<SuiteFile, RunError> {
+    let path = folder.join("suite.json");
+    if !path.is_file() {
+        return Err(RunError::input(format!("there is no suite at {}", folder.display()))
+            .with_hint("expected a folder with suite.json, as `genmanip suite build --out DIR` makes it"));
+    }
+    inputs::read_document(&path, limits::RUN)
+}
+
+/// The file of a scenario in a suite's folder.
+pub(crate) fn scenario_file(folder: &Path, id: &str) -> PathBuf {
+    folder.join("scenarios").join(format!("{id}.json"))
+}
+
+/// What a suite is like.
+#[derive(Clone, Debug, Serialize)]
+pub struct Shown {
+    /// Its file.
+    #[serde(flatten)]
+    pub file: SuiteFile,
+    /// How its traits are spread.
+    pub marginals: Vec<Marginal>,
+}
+
+/// What a suite is like, from its file.
+///
+/// # Errors
+/// As [`open`].
+pub fn show(folder: &Path) -> Result<Shown, RunError> {
+    let file = open(folder)?;
+    let marginals = marginals(file.scenarios.iter().map(|entry| &entry.traits));
+    Ok(Shown { file, marginals })
+}
+
+/// The same in words.
+pub fn show_in_words(shown: &Shown) -> String {
+    let file = &shown.file;
+    let mut text = format!(
+        "{} ({}): {} scenarios, seed {}, genmanip {}, {}\n\n",
+        file.name,
+        file.suite_hash,
+        file.scenarios.len(),
+        file.seed,
+        file.genmanip_version,
+        file.engine
+    );
+    let kinds = KINDS.map(|kind| kind.name());
+    let mut rows = vec![std::iter::once("candidates that passed").chain(kinds).map(String::from).collect::<Vec<_>>()];
+    for stage in &file.funnel {
+        let of = |kind: &&str| stage.passed.get(*kind).copied().unwrap_or(0).to_string();
+        rows.push(std::iter::once(stage.asked.clone()).chain(kinds.iter().map(of)).collect());
+    }
+    text += &text_table(&rows);
+    let refused = file.funnel.iter().flat_map(|stage| &stage.refused);
+    let reasons: Vec<String> = refused.map(|(reason, count)| format!("  {count:5}  {reason}\n")).collect();
+    if !reasons.is_empty() {
+        text += &format!("\nrefused\n{}", reasons.concat());
+    }
+    let mut spread: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for marginal in &shown.marginals {
+        let cell = format!("{} {:.0} %", marginal.value, 100.0 * marginal.share);
+        spread.entry(&marginal.name).or_default().push(cell);
+    }
+    text += "\nspread\n";
+    for (name, cells) in spread {
+        text += &format!("  {name:10} {}\n", cells.join(", "));
+    }
+    text
+}

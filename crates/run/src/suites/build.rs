@@ -1,0 +1,282 @@
+//! From a seed to a suite: tasks, layouts, trials, choice.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use genmanip_assets::Catalogue;
+use genmanip_assets::notes::Split;
+use genmanip_bench::suite::{Candidate, Certificate, Stage, SuiteEntry, SuiteFile, balanced_traits, select, sha256};
+use genmanip_bench::suite_hash;
+use genmanip_core::{Document, EpisodeResult, Scenario, Seed, Task, TaskKind, World};
+use genmanip_layout::LayoutSettings;
+use genmanip_scene::designer::{DesignSettings, Series};
+use genmanip_scene::references::{Clue, clues_at_places, is_needless};
+
+use super::{KINDS, scenario_file};
+use crate::error::RunError;
+use crate::evaluate::{EvaluateOptions, Suite, evaluate};
+use crate::inputs;
+use crate::layouts::{LayoutOutput, lay_out};
+use crate::policies::PolicyFactory;
+use crate::progress::Progress;
+
+/// Episodes in which the expert must solve a scenario, all of them.
+const TRIALS: usize = 5;
+/// Time that a policy has, as a multiple of the longest that the expert needed: learned policies are slower, and some
+/// try again.
+const HORIZON_FACTOR: f64 = 3.0;
+/// Horizons are whole multiples of this, s.
+const HORIZON_STEP_S: f64 = 5.0;
+/// Designs of a kind for each candidate that is wanted, before the kind is given up.
+const DESIGNS_PER_CANDIDATE: usize = 12;
+
+/// What is built, and where.
+#[derive(Clone, Debug)]
+pub struct BuildOptions<'a> {
+    /// Name of the suite.
+    pub name: String,
+    /// Folder that it is written into.
+    pub out: PathBuf,
+    /// Scenarios of each kind.
+    pub per_kind: usize,
+    /// Candidates per scenario that are laid out and tried.
+    pub candidates: usize,
+    /// Seed of tasks, layouts and trials.
+    pub seed: Seed,
+    /// Objects that tasks may be about.
+    pub catalogue: &'a Catalogue,
+    /// World of the scenarios.
+    pub world: World,
+    /// Threads.
+    pub workers: usize,
+}
+
+/// Builds a suite; `None` when it was stopped. An interrupted build continues where it stopped, by the same call.
+///
+/// # Errors
+/// When the folder holds another suite, too few candidates pass, or a file cannot be written.
+pub fn build(
+    options: &BuildOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<SuiteFile>, RunError> {
+    let file = options.out.join("suite.json");
+    if file.exists() {
+        return Err(RunError::input(format!("{} exists", file.display()))
+            .with_hint("a suite is frozen: choose another --out folder"));
+    }
+    let work = options.out.join("work");
+    let (tasks, designed) = design(options, progress);
+    let layouts = work.join("layouts");
+    fs::create_dir_all(&layouts).map_err(|error| RunError::file("write", &layouts, error))?;
+    let (scenarios, laid_out) = lay_out_all(&tasks, &layouts, options, progress, stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let Some((certified, tried)) = certify(scenarios, &layouts, &work.join("trials"), options, progress, stop)? else {
+        return Ok(None);
+    };
+    let funnel = vec![designed, laid_out, tried];
+    let entries: Vec<(Scenario, SuiteEntry)> =
+        certified.into_iter().map(|(scenario, trials)| entry(scenario, &trials, options.catalogue)).collect();
+    let candidate = |(scenario, entry): &(Scenario, SuiteEntry)| Candidate {
+        kind: entry.kind.name().into(),
+        traits: entry.traits.clone(),
+        things: scenario.task.goal.alternatives.iter().flatten().flat_map(|a| a.ids().map(String::from)).collect(),
+    };
+    let candidates: Vec<Candidate> = entries.iter().map(candidate).collect();
+    let chosen: BTreeSet<usize> = select(&candidates, options.per_kind).into_iter().collect();
+    for kind in KINDS {
+        let count = chosen.iter().filter(|&&index| entries[index].1.kind == kind).count();
+        if count < options.per_kind {
+            let what = format!("{count} of {} scenarios of kind {} passed", options.per_kind, kind.name());
+            return Err(RunError::input(what).with_hint("raise --candidates, or take another --seed or --catalog"));
+        }
+    }
+    let mut kept: Vec<(Scenario, SuiteEntry)> =
+        entries.into_iter().enumerate().filter(|(index, _)| chosen.contains(index)).map(|(_, own)| own).collect();
+    kept.sort_by(|a, b| a.0.id.cmp(&b.0.id));
+    write(options, kept, funnel).map(Some)
+}
+
+/// Tasks of each kind that need what their kind is about.
+fn design(options: &BuildOptions, progress: &dyn Progress) -> (Vec<Task>, Stage) {
+    let wanted = options.per_kind * options.candidates;
+    let cards = options.catalogue.cards();
+    let settings = DesignSettings::default();
+    let mut stage = stage("say what their kind is about, and need it");
+    let mut tasks = Vec::new();
+    progress.begin("designing", wanted * KINDS.len());
+    for kind in KINDS {
+        let kinds = [kind];
+        let Ok(mut series) = Series::new(&kinds, cards, options.seed, &settings, false) else { continue };
+        let mut needs: BTreeMap<String, usize> = BTreeMap::new();
+        let mut passed = 0;
+        for _ in 0..wanted * DESIGNS_PER_CANDIDATE {
+            if passed == wanted {
+                break;
+            }
+            let refused = match series.compose() {
+                Err(_) => Some("no such task could be composed".to_owned()),
+                Ok(task) => match refusal(&task, &mut needs, passed, wanted) {
+                    Some(reason) => Some(reason),
+                    None => {
+                        tasks.push(task);
+                        passed += 1;
+                        progress.advance();
+                        None
+                    }
+                },
+            };
+            if let Some(reason) = refused {
+                *stage.refused.entry(format!("{}: {reason}", kind.name())).or_default() += 1;
+            }
+        }
+        stage.passed.insert(kind.name().into(), passed);
+    }
+    progress.end();
+    (tasks, stage)
+}
+
+/// Why a task is no candidate; the need of one that is counts.
+fn refusal(task: &Task, needs: &mut BTreeMap<String, usize>, passed: usize, wanted: usize) -> Option<String> {
+    match Clue::of(task.kind).filter(|&clue| is_needless(task, clue)) {
+        Some(Clue::Need) => return Some("what is meant is clear without the need".into()),
+        Some(Clue::Place) => return Some("what is meant is clear without where it is".into()),
+        Some(Clue::Trait) => return Some("what is meant is clear without what it looks like".into()),
+        None => {}
+    }
+    if task.kind == TaskKind::CommonSense {
+        // The need is the sentence before the request.
+        let need = task.instruction.split(['.', ':', ';']).next().unwrap_or_default().to_lowercase();
+        let count = needs.entry(need).or_default();
+        if *count >= 2 {
+            return Some("its need occurs twice already".into());
+        }
+        *count += 1;
+    }
+    let is_simple = task.kind == TaskKind::Spatial && clues_at_places(task).is_ok_and(|count| count < 2);
+    // At least half of the spatial candidates tell two things by their place.
+    let simple = needs.entry("one clue".into()).or_default();
+    if is_simple {
+        if 2 * *simple >= wanted.max(passed) {
+            return Some("enough tasks with one clue".into());
+        }
+        *simple += 1;
+    }
+    None
+}
+
+fn stage(asked: &str) -> Stage {
+    Stage { asked: asked.into(), passed: BTreeMap::new(), refused: BTreeMap::new() }
+}
+
+fn lay_out_all(
+    tasks: &[Task],
+    folder: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<(Vec<Scenario>, Stage), RunError> {
+    let output = LayoutOutput { folder: folder.to_owned(), explain: false };
+    let (settings, seed) = (LayoutSettings::default(), options.seed.fork("layouts"));
+    let rows =
+        lay_out(tasks, 1, &options.world, &settings, seed, &output, options.workers, progress, stop, &mut |_| {})?;
+    let mut stage = stage("can be laid out");
+    let mut scenarios = Vec::new();
+    for row in rows {
+        match row.scenario {
+            Some(path) => {
+                let scenario = inputs::read_scenario(Path::new(&path))?;
+                *stage.passed.entry(scenario.task.kind.name().into()).or_default() += 1;
+                scenarios.push(scenario);
+            }
+            None => *stage.refused.entry("no layout found".into()).or_default() += 1,
+        }
+    }
+    Ok((scenarios, stage))
+}
+
+/// The scenarios that the expert solves every time, with its results.
+type Certified = Vec<(Scenario, Vec<EpisodeResult>)>;
+
+fn certify(
+    scenarios: Vec<Scenario>,
+    layouts: &Path,
+    folder: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<(Certified, Stage)>, RunError> {
+    let paths: Vec<PathBuf> = scenarios.iter().map(|scenario| layouts.join(format!("{}.json", scenario.id))).collect();
+    let suite = Suite::of_scenarios(&paths)?.with_episodes(TRIALS);
+    let evaluation =
+        EvaluateOptions { out: Some(folder.to_owned()), workers: options.workers, ..EvaluateOptions::default() };
+    let expert = [PolicyFactory::resolve("expert")?];
+    let reports = evaluate(&suite, &expert, &evaluation, progress, stop)?;
+    let Some(report) = reports.into_iter().next() else { return Ok(None) };
+    let mut by_scenario: BTreeMap<String, Vec<EpisodeResult>> = BTreeMap::new();
+    for result in report.results {
+        by_scenario.entry(result.scenario_id.clone()).or_default().push(result);
+    }
+    let mut stage = stage(&format!("are solved by the expert, {TRIALS} of {TRIALS} times"));
+    let mut certified = Vec::new();
+    for scenario in scenarios {
+        let trials = by_scenario.remove(&scenario.id).unwrap_or_default();
+        let verified = trials.iter().filter(|trial| trial.success).count();
+        if verified == TRIALS {
+            *stage.passed.entry(scenario.task.kind.name().into()).or_default() += 1;
+            certified.push((scenario, trials));
+        } else {
+            *stage.refused.entry(format!("solved {verified} of {TRIALS} times")).or_default() += 1;
+        }
+    }
+    Ok(Some((certified, stage)))
+}
+
+fn entry(scenario: Scenario, trials: &[EpisodeResult], catalogue: &Catalogue) -> (Scenario, SuiteEntry) {
+    let verified = || trials.iter().filter(|trial| trial.success);
+    let least = |value: fn(&EpisodeResult) -> f64| verified().map(value).fold(f64::INFINITY, f64::min);
+    let longest = verified().map(|trial| trial.duration_s).fold(0.0, f64::max);
+    let is_unseen = |uid: &str| catalogue.split(uid) != Split::Train;
+    let clues = clues_at_places(&scenario.task).unwrap_or(0);
+    let entry = SuiteEntry {
+        id: scenario.id.clone(),
+        sha256: sha256(scenario.to_json().as_bytes()),
+        kind: scenario.task.kind,
+        source: scenario.task.source.clone(),
+        traits: balanced_traits(&scenario.task, clues, &is_unseen),
+        horizon_s: (HORIZON_FACTOR * longest / HORIZON_STEP_S).ceil() * HORIZON_STEP_S,
+        certificate: Certificate {
+            episodes: trials.len(),
+            verified: verified().count(),
+            shortest_path_m: least(|trial| trial.tcp_path_m),
+            shortest_s: least(|trial| trial.duration_s),
+        },
+    };
+    (scenario, entry)
+}
+
+/// Scenarios first, the file of the suite last: where it is, all is there.
+fn write(options: &BuildOptions, kept: Vec<(Scenario, SuiteEntry)>, funnel: Vec<Stage>) -> Result<SuiteFile, RunError> {
+    let (scenarios, entries): (Vec<Scenario>, Vec<SuiteEntry>) = kept.into_iter().unzip();
+    for scenario in &scenarios {
+        inputs::write_file(&scenario_file(&options.out, &scenario.id), scenario.to_json().as_bytes())?;
+    }
+    let suite = SuiteFile {
+        name: options.name.clone(),
+        seed: options.seed,
+        per_kind: options.per_kind,
+        genmanip_version: env!("CARGO_PKG_VERSION").into(),
+        engine: genmanip_sim::engine_version(),
+        suite_hash: suite_hash(&scenarios),
+        funnel,
+        scenarios: entries,
+    };
+    inputs::write_file(&options.out.join("suite.json"), suite.to_json().as_bytes())?;
+    let work = options.out.join("work");
+    fs::remove_dir_all(&work).map_err(|error| RunError::file("write", &work, error))?;
+    Ok(suite)
+}

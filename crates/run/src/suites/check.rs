@@ -1,0 +1,122 @@
+//! Whether a suite is what its file says.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use genmanip_assets::Catalogue;
+use genmanip_bench::suite::{Marginal, marginals, sha256};
+
+use genmanip_bench::suite_hash;
+use genmanip_core::limits;
+use genmanip_rollout::Stage;
+use genmanip_scene::references::{self, Clue, is_needless};
+use serde::Serialize;
+
+use super::{open, scenario_file};
+use crate::error::RunError;
+use crate::inputs;
+
+/// What was found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Checked {
+    /// Name of the suite.
+    pub name: String,
+    /// Scenarios that were read.
+    pub scenarios: usize,
+    /// Largest deviation of a trait's value from its even share, as a part of that.
+    pub worst_marginal: f64,
+    /// What is wrong, a line each; empty for a sound suite.
+    pub faults: Vec<String>,
+}
+
+/// Checks every scenario of a suite: its bytes, its objects, that its sentence means its goal, and that it needs what
+/// its kind is about.
+///
+/// # Errors
+/// When the suite's file cannot be read; a scenario that cannot be is a fault.
+pub fn check(folder: &Path) -> Result<Checked, RunError> {
+    let suite = open(folder)?;
+    let mut faults = files(folder, &suite.scenarios.iter().map(|entry| entry.id.as_str()).collect())?;
+    let mut scenarios = Vec::new();
+    for entry in &suite.scenarios {
+        let mut fault = |what: String| faults.push(format!("{}: {what}", entry.id));
+        let path = scenario_file(folder, &entry.id);
+        let sha256 = match inputs::read_bytes(&path, limits::SCENARIO) {
+            Ok(bytes) => sha256(&bytes),
+            Err(error) => {
+                fault(error.to_string());
+                continue;
+            }
+        };
+        if sha256 != entry.sha256 {
+            fault(format!("is not as it was frozen: its SHA-256 begins with {:.12}, not {:.12}", sha256, entry.sha256));
+        }
+        let scenario = match inputs::read_scenario(&path) {
+            Ok(scenario) => scenario,
+            Err(error) => {
+                fault(error.to_string());
+                continue;
+            }
+        };
+        if scenario.id != entry.id {
+            fault(format!("calls itself {}", scenario.id));
+        }
+        if let Err(mismatch) = references::check(&scenario.task) {
+            fault(format!("its sentence does not mean its goal: {mismatch}"));
+        }
+        if Clue::of(scenario.task.kind).is_some_and(|clue| is_needless(&scenario.task, clue)) {
+            fault("its goal is clear without what its kind is about".into());
+        }
+        if entry.certificate.verified < entry.certificate.episodes || entry.certificate.episodes == 0 {
+            fault("has no certificate".into());
+        }
+        // Physics of its objects, by their hashes.
+        let robot = inputs::robot(&scenario.world)?;
+        if let Err(error) = Stage::open(Arc::new(scenario.clone()), Catalogue::builtin(), &robot) {
+            fault(error.to_string());
+        }
+        scenarios.push(scenario);
+    }
+    if suite_hash(&scenarios) != suite.suite_hash {
+        faults.push(format!("the scenarios together are not those of suite {}", suite.suite_hash));
+    }
+    let spread = marginals(suite.scenarios.iter().map(|entry| &entry.traits));
+    let worst = spread.iter().map(Marginal::deviation).fold(0.0, f64::max);
+    Ok(Checked { name: suite.name, scenarios: scenarios.len(), worst_marginal: worst, faults })
+}
+
+/// Files that are missing, strange, or not written as they were.
+fn files(folder: &Path, wanted: &BTreeSet<&str>) -> Result<Vec<String>, RunError> {
+    let path = folder.join("scenarios");
+    let entries = fs::read_dir(&path).and_then(|entries| entries.collect::<Result<Vec<_>, _>>());
+    let entries = entries.map_err(|error| RunError::file("list", &path, error))?;
+    let mut faults = Vec::new();
+    for entry in entries {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let id = name.strip_suffix(".json").unwrap_or_default();
+        if !wanted.contains(id) {
+            faults.push(format!("scenarios/{name} belongs to no scenario of the suite"));
+        }
+    }
+    faults.sort();
+    Ok(faults)
+}
+
+/// The same in words.
+pub fn in_words(checked: &Checked) -> String {
+    let mut text = format!(
+        "{}: {} scenarios, worst marginal {:.0} % of its share\n",
+        checked.name,
+        checked.scenarios,
+        100.0 * checked.worst_marginal
+    );
+    for fault in &checked.faults {
+        text += &format!("  {fault}\n");
+    }
+    if checked.faults.is_empty() {
+        text += "every scenario is as it was frozen\n";
+    }
+    text
+}
