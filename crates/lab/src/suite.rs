@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use genmanip_bench::text_table;
 use genmanip_bench::statistics::{Mean, Rate};
+use genmanip_bench::text_table;
 use genmanip_core::Seed;
-use genmanip_run::PolicyFactory;
 use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate};
-use genmanip_run::progress::Progress;
+use genmanip_run::{PolicyFactory, Progress};
+
 use genmanip_run::suites;
 use serde::Serialize;
 
