@@ -7,14 +7,15 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
-use glam::{Vec2, Vec3A};
+use std::ops::Range;
 
-use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use multiversion::multiversion;
+
+use crate::assets::RenderAssets;
 use crate::lanes::{CHUNK, nearest_integer};
 use crate::layers::{MarkCount, TILE};
-use crate::occlusion::{MAX_REACH, Taps, occlude};
-use crate::points::{Pixels, Points, packed};
-use crate::raster::Target;
+use crate::occlusion::{Taps, occlude};
+use crate::points::{Centers, Pixels, Points, packed};
 use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
 use crate::scene::Scene;
 use crate::shadow::{Doubts, ShadowMap, Span};
@@ -30,6 +31,7 @@ const LEVEL: f32 = 0.02;
 const BLUR_TILES: isize = 1;
 
 mod blur;
+mod seen;
 
 /// Arriving light per pixel, kept from frame to frame.
 #[derive(Debug, Default)]
@@ -42,7 +44,8 @@ pub(crate) struct Arrival {
     rows: usize,
     /// Depth of what is opaque, 0 where there is nothing.
     pub depth: Vec<f32>,
-    /// Part of the visibility id, 0 where there is nothing.
+    /// Visibility ids, and the part in them; 0 where there is nothing.
+    pub ids: Vec<u32>,
     pub surface: Vec<u16>,
     /// As estimated, and as blurred.
     raw_key: Vec<f32>,
@@ -69,6 +72,9 @@ struct Work {
     doubts: Doubts,
     /// Tiles whose pixels share estimates of the key light.
     coarse: Vec<usize>,
+    /// Tiles whose shares of the key light and of the ambient light follow from estimates.
+    doubtful: Vec<usize>,
+    dark: Vec<usize>,
 }
 
 /// Pixels by the part they show, [`packed`].
@@ -109,8 +115,11 @@ const SEVERAL: u16 = u16::MAX;
 const NO_RANGE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 impl Arrival {
-    /// Starts over at a size.
+    /// Starts over at a size; every tile must be seen and estimated then.
     pub fn reset(&mut self, width: usize, height: usize) {
+        if (self.width, self.height) == (width, height) {
+            return;
+        }
         (self.width, self.height) = (width, height);
         (self.half_width, self.half_height) = (width.div_ceil(2), height.div_ceil(2));
         (self.columns, self.rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
@@ -124,6 +133,8 @@ impl Arrival {
         for list in [&mut self.raw_half, &mut self.half] {
             fresh(list, self.half_width * self.half_height);
         }
+        self.ids.clear();
+        self.ids.resize(width * height, 0);
         self.surface.clear();
         self.surface.resize(width * height, 0);
         let tile = TileSummary {
@@ -139,8 +150,18 @@ impl Arrival {
         self.tiles.resize(self.columns * self.rows, tile);
     }
 
+    /// What the pixels' centres see.
+    pub fn centers(&self) -> Centers<'_> {
+        Centers { width: self.width, ids: &self.ids, depth: &self.depth }
+    }
+
+    /// Whether a tile shows nothing anywhere.
+    pub fn may_be_empty(&self, tile: usize) -> bool {
+        matches!(self.tiles[tile].surface, 0 | SEVERAL)
+    }
+
     /// Pixels of a tile: columns and rows.
-    pub fn pixels_of(&self, tile: usize) -> [std::ops::Range<usize>; 2] {
+    pub fn pixels_of(&self, tile: usize) -> [Range<usize>; 2] {
         let (column, row) = (tile % self.columns * TILE, tile / self.columns * TILE);
         [column..(column + TILE).min(self.width), row..(row + TILE).min(self.height)]
     }
@@ -149,68 +170,6 @@ impl Arrival {
     pub fn order_of(&self, pixel: usize) -> usize {
         let (column, row) = (pixel % self.width, pixel / self.width);
         ((row / TILE * self.columns + column / TILE) * TILE + row % TILE) * TILE + column % TILE
-    }
-
-    /// Takes over what is seen in the tiles that changed.
-    pub fn see(
-        &mut self,
-        assets: &RenderAssets,
-        opaque: &Target,
-        changed: &[bool],
-        view: &View,
-        shadow: &ShadowMap,
-        variation: &RenderVariation,
-    ) {
-        let scale = opaque.scale;
-        for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
-            let [columns, rows] = self.pixels_of(tile);
-            let (mut low, mut high) = (f32::INFINITY, 0.0_f32);
-            let first = opaque.ids[(rows.start * opaque.width + columns.start) * scale];
-            let (mut differ, mut is_mixed) = (0, false);
-            let first_surface = (first >> TRIANGLE_BITS) as u16;
-            for row in rows.clone() {
-                let samples = row * scale * opaque.width + columns.start * scale;
-                for (step, pixel) in (row * self.width + columns.start..row * self.width + columns.end).enumerate() {
-                    let sample = samples + step * scale;
-                    let (nearness, id) = (opaque.nearness[sample], opaque.ids[sample]);
-                    let surface = (id >> TRIANGLE_BITS) as u16;
-                    self.depth[pixel] = if nearness > 0.0 { 1.0 / nearness } else { 0.0 };
-                    self.surface[pixel] = surface;
-                    is_mixed |= surface != first_surface;
-                    differ |= id ^ first;
-                    low = if nearness > 0.0 && nearness < low { nearness } else { low };
-                    high = if nearness > high { nearness } else { high };
-                }
-            }
-            let reach = (variation.occlusion_radius_m * view.lens.focal.x * high).clamp(3.0, MAX_REACH);
-            let lens = &view.lens;
-            let point = |x: usize, y: usize, depth: f32| {
-                let ray = (Vec2::new(x as f32, y as f32) - lens.center) / lens.focal;
-                lens.turn * (Vec3A::from(ray.extend(1.0)) * depth) + lens.eye
-            };
-            let span = if !shadow.is_on() || high == 0.0 {
-                Span::default()
-            } else if differ == 0
-                && let Some(normal) = view.normal_of(assets, first)
-            {
-                let corners = [columns.start, columns.end - 1]
-                    .into_iter()
-                    .flat_map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
-                shadow.span_of_plane(corners, normal)
-            } else {
-                let depths = [1.0 / low, 1.0 / high];
-                let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
-                    [rows.start, rows.end].into_iter().flat_map(move |y| depths.map(|depth| point(x, y, depth)))
-                });
-                shadow.span_of(corners)
-            };
-            let surface = if is_mixed { SEVERAL } else { first_surface };
-            let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
-            let reach = reach as isize + 2;
-            let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
-            let (key, ambient) = (NO_RANGE, NO_RANGE);
-            self.tiles[tile] = TileSummary { surface, reach, span, is_coarse, is_level, key, ambient };
-        }
     }
 
     /// The tiles whose estimates may have changed: those that show something else, those whose taps reach one, and
@@ -265,21 +224,23 @@ impl Arrival {
     }
 
     /// Estimates both shares of the pixels of stale tiles among some.
-    pub fn estimate(&mut self, scene: &Scene<'_>, view: &View, opaque: &Target, tiles: &[usize], bins: &mut Bins) {
+    pub fn estimate(&mut self, scene: &Scene<'_>, view: &View, tiles: &[usize], bins: &mut Bins) {
         let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
         let mut work = std::mem::take(&mut self.work);
-        let Work { pixels, points, taps, doubts, coarse } = &mut *work;
-        self.find_key(shadow, tiles, bins, assets.parts.len(), coarse);
-        bins.for_each(pixels, opaque, &self.depth, |part, pixels| {
+        self.find_key(shadow, tiles, bins, assets.parts.len(), &mut work);
+        let Work { pixels, points, taps, doubts, coarse, dark, .. } = &mut *work;
+        let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
+        bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
             shadow.judge(points, &mut self.raw_key, doubts);
         });
         if shadow.is_on() {
             shadow.settle(doubts, &mut self.raw_key);
         }
-        coarse.drain(..).for_each(|tile| self.share_key(tile));
-        self.find_ambient(tiles, bins, assets.parts.len());
-        bins.for_each(pixels, opaque, &self.depth, |part, pixels| {
+        coarse.iter().for_each(|&tile| self.share_key(tile));
+        self.find_ambient(tiles, bins, assets.parts.len(), dark);
+        let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
+        bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
             occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, taps);
             for i in 0..points.count {
@@ -287,19 +248,16 @@ impl Arrival {
                 self.raw_half[row as usize / 2 * self.half_width + column as usize / 2] = taps.share[i];
             }
         });
-        self.work = work;
-        for &tile in tiles {
+        for &tile in &work.doubtful {
             let [columns, rows] = self.pixels_of(tile);
-            let (mut key, mut ambient) = (NO_RANGE, NO_RANGE);
-            for row in rows {
-                widen_range(&mut key, &self.raw_key[row * self.width..][columns.clone()]);
-                if row % 2 == 0 {
-                    let range = columns.start / 2..columns.end.div_ceil(2);
-                    widen_range(&mut ambient, &self.raw_half[row / 2 * self.half_width..][range]);
-                }
-            }
-            (self.tiles[tile].key, self.tiles[tile].ambient) = (key, ambient);
+            self.tiles[tile].key = range_of(&self.raw_key, self.width, columns, rows);
         }
+        for &tile in &work.dark {
+            let [columns, rows] = self.pixels_of(tile);
+            let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
+            self.tiles[tile].ambient = range_of(&self.raw_half, self.half_width, columns, rows);
+        }
+        self.work = work;
     }
 
     /// Writes the share of the key light of tiles for which one is certain, and lists the pixels of the others; of
@@ -310,9 +268,11 @@ impl Arrival {
         tiles: &[usize],
         bins: &mut Bins,
         parts: usize,
-        coarse: &mut Vec<usize>,
+        Work { coarse, doubtful, .. }: &mut Work,
     ) {
         bins.clear(parts);
+        coarse.clear();
+        doubtful.clear();
         for &tile in tiles {
             let summary = &self.tiles[tile];
             let share = match summary.surface {
@@ -322,10 +282,7 @@ impl Arrival {
             };
             let [columns, rows] = self.pixels_of(tile);
             if share.is_none() && summary.is_coarse && summary.is_level {
-                for row in rows.clone().step_by(2) {
-                    let even = columns.clone().step_by(2).map(|column| packed(column, row));
-                    bins.parts[summary.surface as usize - 1].pixels.extend(even);
-                }
+                bins.push_even(summary.surface, &columns, &rows);
                 coarse.push(tile);
             } else if share.is_none() && summary.is_coarse {
                 for row in rows.clone() {
@@ -339,7 +296,12 @@ impl Arrival {
             } else if share.is_none() {
                 bins.push_tile(self, tile);
             }
-            rows.for_each(|row| self.raw_key[row * self.width..][columns.clone()].fill(share.unwrap_or(UNKNOWN)));
+            let values = [share.unwrap_or(UNKNOWN); TILE];
+            rows.for_each(|row| put(&mut self.raw_key[row * self.width..][columns.clone()], &values));
+            match share {
+                Some(share) => self.tiles[tile].key = if share >= 0.0 { [share; 2] } else { NO_RANGE },
+                None => doubtful.push(tile),
+            }
         }
     }
 
@@ -358,9 +320,14 @@ impl Arrival {
         if self.tiles[tile].is_level {
             for row in rows {
                 let (giver, first) = ((row & !1) * self.width, row * self.width);
-                for column in columns.clone() {
-                    self.raw_key[first + column] = self.raw_key[giver + (column & !1)];
+                let mut given = [0.0; TILE];
+                let from = &self.raw_key[giver..][columns.clone()];
+                match from.first_chunk() {
+                    Some(whole) => given = *whole,
+                    None => given[..from.len()].copy_from_slice(from),
                 }
+                let shared = std::array::from_fn(|step| given[step & !1]);
+                put(&mut self.raw_key[first..][columns.clone()], &shared);
             }
             return;
         }
@@ -375,15 +342,33 @@ impl Arrival {
 
     /// Writes the ambient light of tiles where nothing can be darkened, and lists every other row and column of the
     /// others.
-    fn find_ambient(&mut self, tiles: &[usize], bins: &mut Bins, parts: usize) {
+    fn find_ambient(&mut self, tiles: &[usize], bins: &mut Bins, parts: usize, dark: &mut Vec<usize>) {
         bins.clear(parts);
+        dark.clear();
         for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
+            let (surface, is_plain) = (self.tiles[tile].surface, self.is_plain[tile]);
+            if surface != SEVERAL {
+                let is_lit = surface > 0 && is_plain;
+                let half = columns.start / 2..columns.end.div_ceil(2);
+                for row in rows.start / 2..rows.end.div_ceil(2) {
+                    let value = if is_lit { 1.0 } else { UNKNOWN };
+                    self.raw_half[row * self.half_width..][half.clone()].fill(value);
+                }
+                if surface == 0 || is_lit {
+                    self.tiles[tile].ambient = if is_lit { [1.0; 2] } else { NO_RANGE };
+                } else {
+                    bins.push_even(surface, &columns, &rows);
+                    dark.push(tile);
+                }
+                continue;
+            }
+            dark.push(tile);
             for row in rows.step_by(2) {
                 let first = row / 2 * self.half_width;
                 for column in columns.clone().step_by(2) {
                     let surface = self.surface[row * self.width + column];
-                    let is_lit = surface > 0 && self.is_plain[tile];
+                    let is_lit = surface > 0 && is_plain;
                     self.raw_half[first + column / 2] = if is_lit { 1.0 } else { UNKNOWN };
                     if !is_lit {
                         bins.push(surface, packed(column, row));
@@ -413,14 +398,13 @@ impl Arrival {
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
         if low >= high {
             // One value all around; where nothing was estimated, nothing is darkened.
-            let value = if low == high { low } else { 1.0 };
-            rows.for_each(|row| self.ambient[row * self.width..][columns.clone()].fill(value));
+            let values = [if low == high { low } else { 1.0 }; TILE];
+            rows.for_each(|row| put(&mut self.ambient[row * self.width..][columns.clone()], &values));
             return;
         }
         let refined = refine_tile(&self.refine_window(columns.start, rows.start));
         for (row, line) in rows.zip(&refined) {
-            let out = &mut self.ambient[row * self.width..][columns.clone()];
-            out.copy_from_slice(&line[..out.len()]);
+            put(&mut self.ambient[row * self.width..][columns.clone()], line);
         }
     }
 }
@@ -438,6 +422,14 @@ impl Bins {
     fn push(&mut self, surface: u16, place: u32) {
         if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
             bin.pixels.push(place);
+        }
+    }
+
+    /// Adds the pixels at even rows and columns of a tile that shows one surface.
+    fn push_even(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
+        let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
+        for row in rows.clone().step_by(2) {
+            bin.pixels.extend(columns.clone().step_by(2).map(|column| packed(column, row)));
         }
     }
 
@@ -464,25 +456,47 @@ impl Bins {
     }
 
     /// Calls with each part that is seen and some of its pixels, until all had their turn.
-    pub fn for_each(&self, pixels: &mut Pixels, opaque: &Target, depth: &[f32], mut call: impl FnMut(usize, &Pixels)) {
+    pub fn for_each(&self, pixels: &mut Pixels, centers: Centers<'_>, mut call: impl FnMut(usize, &Pixels)) {
         for (part, bin) in self.parts.iter().enumerate() {
             for &place in &bin.tiles {
-                pixels.tile(place, opaque, depth);
+                pixels.tile(place, centers);
                 call(part, pixels);
             }
             for places in bin.pixels.chunks(CHUNK) {
-                pixels.list(places, opaque, depth);
+                pixels.list(places, centers);
                 call(part, pixels);
             }
         }
     }
 }
 
-/// Takes values into a range, without those that are unknown.
-fn widen_range([low, high]: &mut [f32; 2], values: &[f32]) {
-    for &value in values {
-        *low = if (value >= 0.0) & (value < *low) { value } else { *low };
-        *high = if (value >= 0.0) & (value > *high) { value } else { *high };
+/// Smallest and largest value of a rectangle of at most a tile, without those that are unknown.
+#[multiversion(targets("x86_64+avx2"))]
+fn range_of(values: &[f32], width: usize, columns: Range<usize>, rows: Range<usize>) -> [f32; 2] {
+    // One pair of extremes per column: columns are independent, so this runs in vectors.
+    let (mut low, mut high) = ([f32::INFINITY; TILE], [f32::NEG_INFINITY; TILE]);
+    let mut widen = |line: &[f32]| {
+        for (column, &value) in line.iter().enumerate().take(TILE) {
+            low[column] = if (value >= 0.0) & (value < low[column]) { value } else { low[column] };
+            high[column] = if (value >= 0.0) & (value > high[column]) { value } else { high[column] };
+        }
+    };
+    for row in rows {
+        let line = &values[row * width..][columns.clone()];
+        match line.first_chunk::<TILE>() {
+            Some(whole) => widen(whole),
+            None => widen(line),
+        }
+    }
+    [low.into_iter().fold(f32::INFINITY, f32::min), high.into_iter().fold(f32::NEG_INFINITY, f32::max)]
+}
+
+/// Writes the first values of a tile's row; all of them without a call.
+#[inline(always)]
+fn put<T: Copy>(out: &mut [T], values: &[T; TILE]) {
+    match out.first_chunk_mut::<TILE>() {
+        Some(whole) => *whole = *values,
+        None => out.copy_from_slice(&values[..out.len()]),
     }
 }
 

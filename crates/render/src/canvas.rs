@@ -68,9 +68,7 @@ impl Canvas {
         } else {
             self.opaque.redraw::<true>([width, height], scale, assets.parts.len(), draw);
             self.arrival.reset(width, height);
-            self.colors.clear();
             self.colors.resize(width * height, Vec3A::ZERO);
-            self.rgb.clear();
             self.rgb.resize(width * height * 3, 0);
         }
         self.changed.clone_from(&self.opaque.changed);
@@ -119,7 +117,7 @@ impl Canvas {
                 }
             };
             select(&self.stale, 0, &mut tiles);
-            self.arrival.estimate(scene, &self.view, &self.opaque.target, &tiles, &mut self.bins);
+            self.arrival.estimate(scene, &self.view, &tiles, &mut self.bins);
             select(&self.shaded, 1, &mut tiles);
             self.arrival.blur(&tiles);
             select(&self.shaded, 2, &mut tiles);
@@ -133,23 +131,25 @@ impl Canvas {
         }
     }
 
-    /// Shades the surfaces at the centres of the pixels of tiles.
+    /// Shades the surfaces at the centres of the pixels of tiles, and writes their bytes.
     fn shade(&mut self, scene: &Scene<'_>, tiles: &[usize], background: Vec3A) {
-        let (lens, target) = (&self.view.lens, &self.opaque.target);
-        for &tile in tiles {
+        let lens = &self.view.lens;
+        let empty = srgb8_from_linear(background);
+        for &tile in tiles.iter().filter(|&&tile| self.arrival.may_be_empty(tile)) {
             let [columns, rows] = self.arrival.pixels_of(tile);
             for row in rows {
                 for pixel in row * lens.width + columns.start..row * lens.width + columns.end {
                     if self.arrival.surface[pixel] == 0 {
                         self.colors[pixel] = background;
+                        self.rgb[pixel * 3..][..3].copy_from_slice(&empty);
                     }
                 }
             }
         }
         self.bins.fill(&self.arrival, scene.assets.parts.len(), tiles);
-        let (arrival, colors, shaded) = (&self.arrival, &mut self.colors, &mut self.shaded_pixels);
+        let (arrival, colors, rgb, shaded) = (&self.arrival, &mut self.colors, &mut self.rgb, &mut self.shaded_pixels);
         let Work { pixels, shading } = &mut *self.work;
-        self.bins.for_each(pixels, target, &arrival.depth, |part, pixels| {
+        self.bins.for_each(pixels, arrival.centers(), |part, pixels| {
             *shaded += pixels.count;
             shading.take(pixels, &arrival.key, &arrival.ambient);
             shading.shade(
@@ -159,9 +159,7 @@ impl Canvas {
                 lens,
                 scene.lighting,
             );
-            for (spot, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
-                colors[pixel as usize] = shading.color_of(spot);
-            }
+            shading.write(pixels, colors, rgb);
         });
     }
 
@@ -179,10 +177,10 @@ impl Canvas {
         }
     }
 
-    /// Writes the bytes of the colours of tiles.
+    /// Writes the bytes of the colours of tiles that were not shaded, whose edges are to be drawn again.
     fn encode(&mut self, tiles: &[usize]) {
         let width = self.view.lens.width;
-        for &tile in tiles {
+        for &tile in tiles.iter().filter(|&&tile| !self.shaded[tile]) {
             let [columns, rows] = self.arrival.pixels_of(tile);
             for row in rows {
                 let pixels = row * width + columns.start..row * width + columns.end;

@@ -5,9 +5,12 @@
 //! "Subpixel Reconstruction Antialiasing", 2011); only what no centre near by shows is shaded by itself.
 //! Samples count by a tent two pixels wide.
 
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
 use std::ops::Range;
 
 use glam::Vec3A;
+use multiversion::multiversion;
 
 use crate::arrival::Arrival;
 use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
@@ -82,10 +85,15 @@ impl Edges {
             if !is_mixed && glass.is_none() {
                 continue;
             }
+            let mixed = if is_mixed { keys.mixed() } else { 0 };
             for row in rows.clone() {
                 for column in columns.clone() {
+                    let place = (row - rows.start) * TILE + (column - columns.start);
+                    if mixed >> place & 1 == 0 && glass.is_none() {
+                        continue;
+                    }
                     let pixel = row * view.lens.width + column;
-                    if is_mixed && keys.differ([column - columns.start, row - rows.start]) {
+                    if mixed >> place & 1 == 1 {
                         self.mix(&around, &keys, arrival, [column, row], pixel, colors);
                     }
                     if let Some(glass) = glass {
@@ -439,6 +447,14 @@ impl TileKeys {
         (index as isize + dy * self.side as isize + dx) as usize
     }
 
+    /// The pixels of the tile around whose centres the samples show several surfaces, in bits, row by row.
+    fn mixed(&self) -> u64 {
+        if let (2, Some(keys)) = (self.n, self.keys.first_chunk()) {
+            return mixed_of_two(keys);
+        }
+        (0..TILE * TILE).fold(0, |bits, place| bits | u64::from(self.differ([place % TILE, place / TILE])) << place)
+    }
+
     /// Whether the samples around the centre of a pixel of the tile show several surfaces.
     #[inline(always)]
     fn differ(&self, place: [usize; 2]) -> bool {
@@ -448,6 +464,35 @@ impl TileKeys {
         let line = |step: usize| &self.keys[first + step * self.side..][..2 * reach + 1];
         (0..=2 * reach).any(|step| line(step).iter().fold(false, |differ, &key| differ | (key != own)))
     }
+}
+
+/// Samples along the side of a tile with its surroundings, with two per pixel along each axis.
+const SIDE: usize = 2 * (TILE + 1) + 1;
+
+/// [`TileKeys::mixed`] for two samples per pixel along each axis.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn mixed_of_two(keys: &[u32; SIDE * SIDE]) -> u64 {
+    let mut bits = 0;
+    for y in 0..TILE {
+        // The columns first: they run in vectors.
+        let mut columns = [0_u32; SIDE];
+        let mut own = [0_u32; SIDE];
+        for column in 0..SIDE {
+            let row = |dy: usize| keys[(2 * y + 1 + dy) * SIDE + column];
+            own[column] = row(1);
+            columns[column] = (row(0) ^ row(1)) | (row(2) ^ row(1));
+        }
+        let mut differs = [0_u32; TILE];
+        for x in 0..TILE {
+            let at = 2 * x + 2;
+            differs[x] =
+                columns[at] | columns[at - 1] | columns[at + 1] | (own[at - 1] ^ own[at]) | (own[at + 1] ^ own[at]);
+        }
+        for (x, differ) in differs.into_iter().enumerate() {
+            bits |= u64::from(differ != 0) << (y * TILE + x);
+        }
+    }
+    bits
 }
 
 /// Whether a layer shows anything at the samples of some pixels or next to them.

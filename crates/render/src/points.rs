@@ -8,7 +8,6 @@ use multiversion::multiversion;
 use crate::assets::{Part, TRIANGLE_BITS};
 use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer};
 use crate::layers::TILE;
-use crate::raster::Target;
 use crate::view::{Lens, PartView};
 
 /// A pixel as one number: its column in the lower half, its row in the upper.
@@ -23,10 +22,22 @@ pub(crate) fn unpacked(place: u32) -> [usize; 2] {
     [(place & 0xffff) as usize, (place >> 16) as usize]
 }
 
+/// What the centres of an image's pixels see of what is opaque.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Centers<'a> {
+    /// Pixels per row.
+    pub width: usize,
+    /// Visibility ids.
+    pub ids: &'a [u32],
+    pub depth: &'a [f32],
+}
+
 /// Pixels whose centres show one part: a whole tile, or listed ones.
 #[derive(Debug)]
 pub(crate) struct Pixels {
     pub count: usize,
+    /// Whether they are a whole tile, row by row.
+    pub is_tile: bool,
     pub pixel: [u32; CHUNK],
     pub column: Lane,
     pub row: Lane,
@@ -39,7 +50,16 @@ pub(crate) struct Pixels {
 impl Default for Pixels {
     fn default() -> Self {
         let none = [0; CHUNK];
-        Self { count: 0, pixel: none, column: ZERO, row: ZERO, depth: ZERO, triangle: none, is_flat: false }
+        Self {
+            count: 0,
+            is_tile: false,
+            pixel: none,
+            column: ZERO,
+            row: ZERO,
+            depth: ZERO,
+            triangle: none,
+            is_flat: false,
+        }
     }
 }
 
@@ -47,46 +67,49 @@ const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
 
 impl Pixels {
     /// Becomes [`packed`] pixels.
-    pub fn list(&mut self, places: &[u32], opaque: &Target, depth: &[f32]) {
-        let (scale, width) = (opaque.scale, opaque.width / opaque.scale);
+    pub fn list(&mut self, places: &[u32], centers: Centers<'_>) {
         self.count = places.len().min(CHUNK);
+        self.is_tile = false;
         for (i, &place) in places.iter().enumerate().take(CHUNK) {
             let [column, row] = unpacked(place);
-            let pixel = row * width + column;
+            let pixel = row * centers.width + column;
             self.pixel[i] = pixel as u32;
             self.column[i] = column as i32 as f32;
             self.row[i] = row as i32 as f32;
-            self.depth[i] = depth[pixel];
-            self.triangle[i] = opaque.ids[row * scale * opaque.width + column * scale] & TRIANGLE;
+            self.depth[i] = centers.depth[pixel];
+            self.triangle[i] = centers.ids[pixel] & TRIANGLE;
         }
-        self.compare();
-    }
-
-    /// Becomes the tile of which this is the first pixel.
-    pub fn tile(&mut self, place: u32, opaque: &Target, depth: &[f32]) {
-        let (scale, width) = (opaque.scale, opaque.width / opaque.scale);
-        let [column, row] = unpacked(place);
-        self.count = CHUNK;
-        for step in 0..TILE {
-            let first = (row + step) * width + column;
-            let depths = &depth[first..first + TILE];
-            let ids = &opaque.ids[((row + step) * opaque.width + column) * scale..][..(TILE - 1) * scale + 1];
-            for x in 0..TILE {
-                let i = step * TILE + x;
-                self.pixel[i] = (first + x) as u32;
-                self.column[i] = (column + x) as i32 as f32;
-                self.row[i] = (row + step) as i32 as f32;
-                self.depth[i] = depths[x];
-                self.triangle[i] = ids[x * scale] & TRIANGLE;
-            }
-        }
-        self.compare();
-    }
-
-    fn compare(&mut self) {
         let first = self.triangle[0];
         self.is_flat = self.triangle[..self.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
     }
+
+    /// Becomes the tile of which this is the first pixel.
+    pub fn tile(&mut self, place: u32, centers: Centers<'_>) {
+        (self.count, self.is_tile) = (CHUNK, true);
+        fill_tile(self, place, centers);
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn fill_tile(pixels: &mut Pixels, place: u32, centers: Centers<'_>) {
+    let [column, row] = unpacked(place);
+    let mut differ = 0;
+    let first_triangle = centers.ids[row * centers.width + column] & TRIANGLE;
+    for step in 0..TILE {
+        let first = (row + step) * centers.width + column;
+        let (depths, ids) = (&centers.depth[first..][..TILE], &centers.ids[first..][..TILE]);
+        let (first, column, row) = (first as u32, column as u32, ((row + step) as u32) as i32 as f32);
+        for x in 0..TILE {
+            let i = step * TILE + x;
+            pixels.pixel[i] = first + x as u32;
+            pixels.column[i] = (column + x as u32) as i32 as f32;
+            pixels.row[i] = row;
+            pixels.depth[i] = depths[x];
+            pixels.triangle[i] = ids[x] & TRIANGLE;
+            differ |= pixels.triangle[i] ^ first_triangle;
+        }
+    }
+    pixels.is_flat = differ == 0;
 }
 
 /// Points of one part and the planes they lie in.

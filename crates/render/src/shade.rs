@@ -11,10 +11,11 @@ use multiversion::multiversion;
 
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
 use crate::lanes::{CHUNK, Lane, ZERO, within};
+use crate::layers::TILE;
 use crate::mesh::Face;
 use crate::points::Pixels;
 use crate::sky::{Glossy, Sky, dot};
-use crate::texture::{Samples, linear_from_srgb};
+use crate::texture::{Samples, find_codes, linear_from_srgb, srgb_table};
 use crate::variation::RenderVariation;
 use crate::view::{Lens, PartView};
 
@@ -55,11 +56,20 @@ pub(crate) struct Spot {
 }
 
 /// Shades spots of one part.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Shading {
     spots: Spots,
     samples: Samples,
     reflected: Reflected,
+    /// Places of the colours in the table of bytes.
+    codes: [[u32; CHUNK]; 3],
+}
+
+impl Default for Shading {
+    fn default() -> Self {
+        let (spots, samples, reflected) = Default::default();
+        Self { spots, samples, reflected, codes: [[0; CHUNK]; 3] }
+    }
 }
 
 /// Spots of one part, component by component.
@@ -124,11 +134,43 @@ impl Shading {
         let spots = &mut self.spots;
         (spots.count, spots.triangle) = (pixels.count, pixels.triangle);
         (spots.x, spots.y, spots.depth) = (pixels.column, pixels.row, pixels.depth);
-        for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
-            (spots.key[i], spots.ambient[i]) = (key[pixel as usize], ambient[pixel as usize]);
+        if pixels.is_tile {
+            for (step, &first) in pixels.pixel.iter().step_by(TILE).enumerate() {
+                let (from, to) = (first as usize, step * TILE);
+                spots.key[to..to + TILE].copy_from_slice(&key[from..from + TILE]);
+                spots.ambient[to..to + TILE].copy_from_slice(&ambient[from..from + TILE]);
+            }
+        } else {
+            for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
+                (spots.key[i], spots.ambient[i]) = (key[pixel as usize], ambient[pixel as usize]);
+            }
         }
         for key in &mut spots.key {
             *key = if *key > 0.0 { *key } else { 0.0 };
+        }
+    }
+
+    /// Writes the spots, which are those pixels, into an image: linear display colours, and bytes.
+    pub fn write(&mut self, pixels: &Pixels, colors: &mut [Vec3A], rgb: &mut [u8]) {
+        find_codes(&self.reflected.color, &mut self.codes);
+        let table = srgb_table();
+        let code = |channel: usize, spot: usize| table[self.codes[channel][spot] as usize & 4095];
+        if pixels.is_tile {
+            for (step, &first) in pixels.pixel.iter().step_by(TILE).enumerate() {
+                let (from, to) = (step * TILE, first as usize);
+                for (x, color) in colors[to..to + TILE].iter_mut().enumerate() {
+                    *color = self.color_of(from + x);
+                }
+                for (x, bytes) in rgb[to * 3..(to + TILE) * 3].chunks_exact_mut(3).enumerate() {
+                    bytes.copy_from_slice(&std::array::from_fn::<u8, 3, _>(|channel| code(channel, from + x)));
+                }
+            }
+        } else {
+            for (spot, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {
+                colors[pixel as usize] = self.color_of(spot);
+                let bytes: [u8; 3] = std::array::from_fn(|channel| code(channel, spot));
+                rgb[pixel as usize * 3..][..3].copy_from_slice(&bytes);
+            }
         }
     }
 
@@ -151,7 +193,7 @@ impl Shading {
 
     /// Shades the spots, which show one part made of `surface`.
     pub fn shade(&mut self, part: &Part, surface: &Surface, placed: &PartView, lens: &Lens, lighting: &Lighting) {
-        let Self { spots, samples, reflected } = self;
+        let Self { spots, samples, reflected, .. } = self;
         locate(spots, placed, lens);
         let mesh = placed.mesh(part);
         let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);

@@ -39,6 +39,8 @@ struct Level {
 /// Where a chunk of points reads a texture, and what it reads.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
+    /// Halvings of the texture's sides that fit a pixel.
+    octave: [u32; CHUNK],
     width: Lane,
     height: Lane,
     stride: [u32; CHUNK],
@@ -57,6 +59,7 @@ impl Default for Samples {
     fn default() -> Self {
         let none = [0; CHUNK];
         Self {
+            octave: none,
             width: ZERO,
             height: ZERO,
             stride: none,
@@ -115,12 +118,18 @@ impl MipTexture {
     ) {
         let pyramid = self.levels.get_or_init(|| Pyramid::new(&self.texture));
         let last = pyramid.levels.len() - 1;
-        for i in 0..count {
-            // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
-            let octave = ((texels_per_pixel[i].max(1.0) * 1.19).to_bits() >> 23) as usize - 127;
-            let level = pyramid.levels[octave.min(last)];
-            (samples.width[i], samples.height[i]) = (level.width, level.height);
-            (samples.stride[i], samples.first[i]) = (level.stride, level.first);
+        find_octaves(texels_per_pixel, &mut samples.octave);
+        let first = samples.octave[0];
+        if samples.octave[..count].iter().fold(0, |differ, &octave| differ | (octave ^ first)) == 0 {
+            let level = pyramid.levels[(first as usize).min(last)];
+            (samples.width, samples.height) = ([level.width; CHUNK], [level.height; CHUNK]);
+            (samples.stride, samples.first) = ([level.stride; CHUNK], [level.first; CHUNK]);
+        } else {
+            for i in 0..count {
+                let level = pyramid.levels[(samples.octave[i] as usize).min(last)];
+                (samples.width[i], samples.height[i]) = (level.width, level.height);
+                (samples.stride[i], samples.first[i]) = (level.stride, level.first);
+            }
         }
         find_texels(u, v, samples);
         for i in 0..count {
@@ -138,6 +147,16 @@ impl MipTexture {
                 out[i] = table[codes[i] as usize & 1023];
             }
         }
+    }
+}
+
+/// Halvings of a texture's sides after which a pixel covers about one texel.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn find_octaves(texels_per_pixel: &Lane, octaves: &mut [u32; CHUNK]) {
+    for i in 0..CHUNK {
+        // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
+        let texels = if texels_per_pixel[i] > 1.0 { texels_per_pixel[i] } else { 1.0 };
+        octaves[i] = ((texels * 1.19).to_bits() >> 23) - 127;
     }
 }
 
@@ -223,6 +242,16 @@ pub(crate) fn srgb8_from_linear(linear: Vec3A) -> [u8; 3] {
     [code(linear.x), code(linear.y), code(linear.z)]
 }
 
+/// Places of linear colours in [`srgb_table`].
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+pub(crate) fn find_codes(colors: &[Lane; 3], codes: &mut [[u32; CHUNK]; 3]) {
+    for channel in 0..3 {
+        for i in 0..CHUNK {
+            codes[channel][i] = nearest_integer(within(colors[channel][i], 0.0, 1.0) * 4095.0);
+        }
+    }
+}
+
 /// Linear light of an sRGB colour, 0-1.
 pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
     Vec3A::from_array(rgb.map(|value| {
@@ -237,7 +266,8 @@ fn linear_table() -> &'static [f32; 1024] {
     TABLE.get_or_init(|| std::array::from_fn(|quarter| linear_from_srgb([quarter as f32 / 1020.0; 3]).x))
 }
 
-fn srgb_table() -> &'static [u8; 4096] {
+/// 8-bit sRGB of linear light in steps of 1 / 4095.
+pub(crate) fn srgb_table() -> &'static [u8; 4096] {
     static TABLE: OnceLock<[u8; 4096]> = OnceLock::new();
     TABLE.get_or_init(|| {
         std::array::from_fn(|index| {

@@ -213,9 +213,7 @@ impl View {
                 polygon.push(self.lens.project(cut.with_z(NEAR_M)).scaled(scale));
             }
         }
-        for pair in polygon.get(1..).unwrap_or_default().windows(2) {
-            draw_facing([polygon[0], pair[0], pair[1]], sides, first_id + triangle as u32, target);
-        }
+        draw_fan(&polygon, sides, first_id + triangle as u32, target);
     }
 }
 
@@ -291,6 +289,7 @@ fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, t
 }
 
 /// Draws the triangles of a mesh that lie beyond the near plane; lists those that cross it.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn draw_beyond(mesh: &Mesh, corners: &[Corner], sides: Sides, first_id: u32, target: &mut Target, cut: &mut Vec<u32>) {
     let scale = target.scale as f32;
     let is_beyond = |corner: &Corner| corner.nearness > 0.0 && corner.nearness <= 1.0 / NEAR_M;
@@ -304,7 +303,16 @@ fn draw_beyond(mesh: &Mesh, corners: &[Corner], sides: Sides, first_id: u32, tar
     }
 }
 
+/// Draws the sides that are wanted of triangles around the first of some corners.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn draw_fan(polygon: &[Corner], sides: Sides, id: u32, target: &mut Target) {
+    for pair in polygon.get(1..).unwrap_or_default().windows(2) {
+        draw_facing([polygon[0], pair[0], pair[1]], sides, id, target);
+    }
+}
+
 /// Draws a triangle if its side is wanted.
+#[inline(always)]
 fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut Target) {
     let [a, b, c] = corners;
     let area = area_of([a.x, a.y], [b.x, b.y], [c.x, c.y]);

@@ -4,8 +4,7 @@
 
 use multiversion::multiversion;
 
-use super::Arrival;
-use super::LEVEL;
+use super::{Arrival, LEVEL, put};
 use crate::layers::TILE;
 use crate::refine::{HALF, UNKNOWN};
 
@@ -30,16 +29,15 @@ impl Arrival {
         let [low, high] = self.range_around(tile, |tile| tile.key);
         if low >= high {
             // One value all around, which is also that of what faces away from the light.
-            let value = if low == high { low } else { UNKNOWN };
-            rows.for_each(|row| self.key[row * self.width..][columns.clone()].fill(value));
+            let values = [if low == high { low } else { UNKNOWN }; TILE];
+            rows.for_each(|row| put(&mut self.key[row * self.width..][columns.clone()], &values));
             return;
         }
         let mut window = Window::<WINDOW>::default();
         window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
         let blurred = blur_tile(&window);
         for (row, line) in rows.zip(&blurred) {
-            let out = &mut self.key[row * self.width..][columns.clone()];
-            out.copy_from_slice(&line[..out.len()]);
+            put(&mut self.key[row * self.width..][columns.clone()], line);
         }
     }
 

@@ -1,0 +1,120 @@
+//! What the pixels' centres see, and what follows from it for each tile.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
+use std::ops::Range;
+
+use glam::{Vec2, Vec3A};
+use multiversion::multiversion;
+
+use super::{Arrival, COARSE_TEXELS, LEVEL, NO_RANGE, SEVERAL, TileSummary, put};
+use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::layers::TILE;
+use crate::occlusion::MAX_REACH;
+use crate::raster::Target;
+use crate::shadow::{ShadowMap, Span};
+use crate::variation::RenderVariation;
+use crate::view::View;
+
+impl Arrival {
+    /// Takes over what is seen in the tiles that changed.
+    pub fn see(
+        &mut self,
+        assets: &RenderAssets,
+        opaque: &Target,
+        changed: &[bool],
+        view: &View,
+        shadow: &ShadowMap,
+        variation: &RenderVariation,
+    ) {
+        for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
+            let [columns, rows] = self.pixels_of(tile);
+            let first = opaque.ids[(rows.start * opaque.width + columns.start) * opaque.scale];
+            let seen = Seen { depth: &mut self.depth, ids: &mut self.ids, surface: &mut self.surface };
+            let ([low, high], differ) = see_tile(opaque, columns.clone(), rows.clone(), first, self.width, seen);
+            let (is_mixed, first_surface) = (differ >> TRIANGLE_BITS != 0, (first >> TRIANGLE_BITS) as u16);
+            let reach = (variation.occlusion_radius_m * view.lens.focal.x * high).clamp(3.0, MAX_REACH);
+            let lens = &view.lens;
+            let point = |x: usize, y: usize, depth: f32| {
+                let ray = (Vec2::new(x as f32, y as f32) - lens.center) / lens.focal;
+                lens.turn * (Vec3A::from(ray.extend(1.0)) * depth) + lens.eye
+            };
+            let span = if !shadow.is_on() || high == 0.0 {
+                Span::default()
+            } else if differ == 0
+                && let Some(normal) = view.normal_of(assets, first)
+            {
+                let corners = [columns.start, columns.end - 1]
+                    .into_iter()
+                    .flat_map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
+                shadow.span_of_plane(corners, normal)
+            } else {
+                let depths = [1.0 / low, 1.0 / high];
+                let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
+                    [rows.start, rows.end].into_iter().flat_map(move |y| depths.map(|depth| point(x, y, depth)))
+                });
+                shadow.span_of(corners)
+            };
+            let surface = if is_mixed { SEVERAL } else { first_surface };
+            let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
+            let reach = reach as isize + 2;
+            let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
+            let (key, ambient) = (NO_RANGE, NO_RANGE);
+            self.tiles[tile] = TileSummary { surface, reach, span, is_coarse, is_level, key, ambient };
+        }
+    }
+}
+
+/// What the centres of all pixels see, to be written.
+struct Seen<'a> {
+    depth: &'a mut [f32],
+    ids: &'a mut [u32],
+    surface: &'a mut [u16],
+}
+
+/// Takes over what the centres of a tile's pixels see; returns the smallest and largest nearness of what is there, and
+/// the bits in which ids differ from a first one.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn see_tile(
+    opaque: &Target,
+    columns: Range<usize>,
+    rows: Range<usize>,
+    first: u32,
+    width: usize,
+    seen: Seen<'_>,
+) -> ([f32; 2], u32) {
+    /// Samples of a tile's row up to the last centre with two per pixel along each axis.
+    const SPAN: usize = 2 * TILE - 1;
+    let scale = opaque.scale;
+    let (mut low, mut high, mut differ) = ([f32::INFINITY; TILE], [0.0_f32; TILE], [0_u32; TILE]);
+    for row in rows {
+        let at = row * scale * opaque.width + columns.start * scale;
+        let (mut near, mut ids) = ([0.0; TILE], [first; TILE]);
+        let spans = (opaque.nearness[at..].first_chunk::<SPAN>(), opaque.ids[at..].first_chunk::<SPAN>());
+        if let (Some(nearness), Some(span), TILE, 2) = (spans.0, spans.1, columns.len(), scale) {
+            for column in 0..TILE {
+                (near[column], ids[column]) = (nearness[2 * column], span[2 * column]);
+            }
+        } else {
+            for column in 0..columns.len() {
+                (near[column], ids[column]) = (opaque.nearness[at + column * scale], opaque.ids[at + column * scale]);
+            }
+        }
+        let (mut depth, mut surface) = ([0.0; TILE], [0; TILE]);
+        for column in 0..TILE {
+            let nearness = near[column];
+            let is_there = nearness > 0.0;
+            depth[column] = if is_there { 1.0 / nearness } else { 0.0 };
+            surface[column] = (ids[column] >> TRIANGLE_BITS) as u16;
+            differ[column] |= ids[column] ^ first;
+            low[column] = if is_there & (nearness < low[column]) { nearness } else { low[column] };
+            high[column] = if nearness > high[column] { nearness } else { high[column] };
+        }
+        let pixels = row * width + columns.start..row * width + columns.end;
+        put(&mut seen.depth[pixels.clone()], &depth);
+        put(&mut seen.ids[pixels.clone()], &ids);
+        put(&mut seen.surface[pixels], &surface);
+    }
+    let (low, high) = (low.into_iter().fold(f32::INFINITY, f32::min), high.into_iter().fold(0.0, f32::max));
+    ([low, high], differ.into_iter().fold(0, |all, one| all | one))
+}
