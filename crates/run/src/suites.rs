@@ -8,6 +8,7 @@
 
 mod build;
 mod check;
+mod diff;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,6 +20,7 @@ use serde::Serialize;
 
 pub use build::{BuildOptions, build};
 pub use check::{Checked, check, in_words as check_in_words};
+pub use diff::{Difference, diff, in_words as diff_in_words};
 
 use crate::error::RunError;
 use crate::inputs;

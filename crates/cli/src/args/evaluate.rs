@@ -92,6 +92,8 @@ pub enum SuiteCommand {
     Check(SuiteArguments),
     /// Say what is in a suite, how it was chosen, and how its traits are spread
     Show(SuiteArguments),
+    /// Say in what two suites differ, and whether results on them can be compared
+    Diff(SuiteDiffArguments),
 }
 
 /// Arguments of `suite build`.
@@ -125,4 +127,15 @@ pub struct SuiteArguments {
     /// Folder of the suite
     #[arg(value_name = "SUITE")]
     pub folder: PathBuf,
+}
+
+/// Two suites.
+#[derive(Clone, Debug, Args)]
+pub struct SuiteDiffArguments {
+    /// Folder of the first suite
+    #[arg(value_name = "SUITE")]
+    pub first: PathBuf,
+    /// Folder of the second
+    #[arg(value_name = "OTHER")]
+    pub second: PathBuf,
 }

@@ -19,6 +19,10 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
                 return Ok(ExitStatus::NotMet);
             }
         }
+        SuiteCommand::Diff(arguments) => {
+            let difference = suites::diff(&arguments.first, &arguments.second)?;
+            printer.data(&difference, &suites::diff_in_words(&difference));
+        }
         SuiteCommand::Show(arguments) => {
             let shown = suites::show(&arguments.folder)?;
             printer.data(&shown, &suites::show_in_words(&shown));

@@ -30,6 +30,9 @@ fn a_suite_is_built_checked_and_evaluated_on() {
     assert_eq!(reports[0]["summary"]["success"]["successes"], 0);
     assert_eq!(reports[0]["reference_paths_m"].as_object().unwrap().len(), 4);
 
+    let same = genmanip(here, &["suite", "diff", "mine", "mine", "--json"]).json(0);
+    assert_eq!((&same["same_scenarios"], &same["changed"]), (&true.into(), &serde_json::json!({})));
+
     // One digit of one scenario, and a scenario that nobody froze.
     let id = entry["id"].as_str().unwrap();
     let path = here.join(format!("mine/scenarios/{id}.json"));

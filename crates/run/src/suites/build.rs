@@ -30,7 +30,7 @@ const HORIZON_FACTOR: f64 = 3.0;
 /// Horizons are whole multiples of this, s.
 const HORIZON_STEP_S: f64 = 5.0;
 /// Designs of a kind for each candidate that is wanted, before the kind is given up.
-const DESIGNS_PER_CANDIDATE: usize = 12;
+const DESIGNS_PER_CANDIDATE: usize = 24;
 
 /// What is built, and where.
 #[derive(Clone, Debug)]
