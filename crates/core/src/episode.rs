@@ -106,10 +106,24 @@ pub struct EpisodeResult {
     /// none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_hashes: Option<WorldHashes>,
+    /// What point clouds of the final scene say, of evaluated episodes; beside the headline, which it does not change.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cloud: Option<CloudVerdict>,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
     /// Version of this program.
     pub genmanip_version: String,
+}
+
+/// The goal judged on point clouds, as the paper judges it: from what the fixed cameras see of the final scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CloudVerdict {
+    /// Whether the goal holds.
+    pub success: bool,
+    /// Fraction of the goal reached, 0-1.
+    pub score: f64,
+    /// Things of the goal that no camera sees enough of, by id; conditions about them do not hold.
+    pub unseen: Vec<String>,
 }
 
 impl Document for EpisodeResult {

@@ -55,8 +55,8 @@ pub use camera::{Camera, CameraMount, Intrinsics};
 pub use document::{Document, LongDocument, Upgrade, long_from_json, long_to_json};
 pub use document_error::DocumentError;
 pub use episode::{
-    AttemptOutcome, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun, ObjectState,
-    StrayContact,
+    AttemptOutcome, CloudVerdict, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun,
+    ObjectState, StrayContact,
 };
 pub use geometry::{Aabb, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};

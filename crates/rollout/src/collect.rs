@@ -259,6 +259,7 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         max_stray_contact_n: 0.0,
         stray_contact: None,
         world_hashes: Some(settings.world.hashes()),
+        cloud: None,
         engine: genmanip_sim::engine_version(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     }

@@ -489,6 +489,7 @@ impl Session {
             max_stray_contact_n: record.worst_stray_n,
             stray_contact: record.stray_contact,
             world_hashes: Some(stage.scenario.world.hashes()),
+            cloud: None,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };

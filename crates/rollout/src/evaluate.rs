@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use genmanip_core::{EpisodeResult, NotRun, Policy, Scenario, Seed};
 use genmanip_data::EpisodeStore;
 
+use crate::cloud_verdict::cloud_verdict;
 use crate::collect::{CollectSettings, Resources, in_parallel};
 use crate::{Cores, RolloutError, Stage, run_episode};
 
@@ -94,7 +95,8 @@ fn run(
     let episode = make_policy(&stage, case)
         .and_then(|mut policy| run_episode(&stage, policy.as_mut(), &case.id, case.seed, &rollout));
     match episode {
-        Ok(episode) => {
+        Ok(mut episode) => {
+            episode.result.cloud = cloud_verdict(&stage, &episode)?;
             if let Some(store) = keep {
                 store.write(&episode, &[])?;
             }

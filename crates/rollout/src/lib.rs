@@ -4,6 +4,7 @@
 //! Physics runs once; pictures are jobs over recorded states, done afterwards.
 
 pub mod adapter;
+pub mod cloud_verdict;
 pub mod collect;
 pub mod controls;
 mod cores;

@@ -31,6 +31,12 @@ pub struct SuiteSummary {
     pub duration_s: Mean,
     /// Episodes in which the robot struck something.
     pub collisions: Rate,
+    /// Success as point clouds of the final scene say, over the episodes that were judged so; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cloud_success: Option<Rate>,
+    /// Episodes of which clouds and geometry say different things, by id.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cloud_disagreements: Vec<String>,
     /// The same per kind of task, in the order of [`TaskKind::ALL`]; kinds without episodes are left out.
     pub kinds: Vec<KindSummary>,
     /// Causes of failure, most frequent first.
@@ -155,6 +161,9 @@ fn summarise_policy(
             score: mean("score", &own, &|result| result.verdict.score),
         })
     };
+    let judged: Vec<&EpisodeResult> = results.iter().copied().filter(|result| result.cloud.is_some()).collect();
+    let differ = |result: &&&EpisodeResult| result.cloud.as_ref().is_some_and(|cloud| cloud.success != result.success);
+    let disagreements = judged.iter().filter(differ);
     SuiteSummary {
         policy: policy.into(),
         oracle: results.iter().any(|result| result.oracle),
@@ -165,6 +174,9 @@ fn summarise_policy(
         tcp_path_m: mean("path", results, &|result| result.tcp_path_m),
         duration_s: mean("duration", results, &|result| result.duration_s),
         collisions: rate(results, &|result| result.max_stray_contact_n >= settings.collision_n),
+        cloud_success: (!judged.is_empty())
+            .then(|| rate(&judged, &|result| result.cloud.as_ref().is_some_and(|cloud| cloud.success))),
+        cloud_disagreements: disagreements.map(|result| result.id.clone()).collect(),
         kinds: TaskKind::ALL.into_iter().filter_map(of_kind).collect(),
         failures: failure_counts(results.iter().filter_map(|result| Some(result.failures.first()?.cause))),
     }

@@ -32,6 +32,7 @@ pub(crate) fn result(policy: &str, scenario: u64, success: bool) -> EpisodeResul
         max_stray_contact_n: if success { 0.0 } else { 25.0 },
         stray_contact: None,
         world_hashes: None,
+        cloud: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

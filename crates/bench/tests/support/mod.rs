@@ -167,6 +167,7 @@ pub fn result(task: &Task, policy: &str, number: u64, success: bool, failure: Op
         max_stray_contact_n: if success { 1.2 } else { 31.0 },
         stray_contact: None,
         world_hashes: None,
+        cloud: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

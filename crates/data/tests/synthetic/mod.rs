@@ -141,6 +141,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         max_stray_contact_n: 0.1,
         stray_contact: None,
         world_hashes: None,
+        cloud: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

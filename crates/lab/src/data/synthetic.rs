@@ -185,6 +185,7 @@ fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -
         max_stray_contact_n: 0.0,
         stray_contact: None,
         world_hashes: None,
+        cloud: None,
         engine: "none".into(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     };

@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use genmanip_bench::statistics::Rate;
 use genmanip_bench::{EvaluationReport, StatisticsSettings, text_table};
 use genmanip_core::{Document, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
@@ -228,10 +229,13 @@ fn one(
 
 /// A table of success rates with their intervals.
 pub fn table(reports: &[EvaluationReport]) -> String {
-    let heads = ["policy", "episodes", "success at end", "95 % interval", "score", "not run"];
+    let heads = ["policy", "episodes", "success at end", "95 % interval", "score"];
     let any_left = reports.iter().any(|report| !report.not_run.is_empty());
-    let columns = if any_left { heads.len() } else { heads.len() - 1 };
-    let mut lines = vec![heads[..columns].iter().map(|&head| head.to_owned()).collect::<Vec<_>>()];
+    let any_clouds = reports.iter().any(|report| report.summary.cloud_success.is_some());
+    let mut head: Vec<String> = heads.map(String::from).to_vec();
+    head.extend(any_clouds.then(|| "on point clouds (disagree)".to_owned()));
+    head.extend(any_left.then(|| "not run".to_owned()));
+    let mut lines = vec![head];
     for report in reports {
         let success = &report.summary.success;
         let mut line = vec![
@@ -241,6 +245,11 @@ pub fn table(reports: &[EvaluationReport]) -> String {
             format!("{:.1}–{:.1} %", 100.0 * success.low, 100.0 * success.high),
             format!("{:.3}", report.summary.score.value),
         ];
+        if any_clouds {
+            let disagree = report.summary.cloud_disagreements.len();
+            let cell = |rate: &Rate| format!("{:.1} % ({disagree})", 100.0 * rate.value);
+            line.push(report.summary.cloud_success.as_ref().map(cell).unwrap_or_default());
+        }
         if any_left {
             line.push(report.not_run.len().to_string());
         }

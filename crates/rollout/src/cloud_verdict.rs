@@ -1,0 +1,37 @@
+//! The goal judged as the paper judges it: on point clouds of the final scene, as the fixed cameras see it.
+
+use genmanip_core::{Atom, Camera, CameraMount, CloudVerdict, Episode, ImageChannels};
+use genmanip_render::FIRST_OBJECT;
+use genmanip_scene::observed::clouds_of_views;
+use genmanip_scene::relations::{CloudScene, Rest};
+
+use crate::images::Painter;
+use crate::{RolloutError, Stage};
+
+/// What the clouds say at the end of an episode; `None` for goals about states of joints, which clouds do not show, for
+/// scenarios without a fixed camera, and for episodes without a frame.
+///
+/// # Errors
+/// When the scene cannot be drawn.
+pub fn cloud_verdict(stage: &Stage, episode: &Episode) -> Result<Option<CloudVerdict>, RolloutError> {
+    let asks_for_states = stage.goal.alternatives.iter().flatten().any(|atom| matches!(atom, Atom::State { .. }));
+    let is_fixed = |camera: &&Camera| camera.mount == CameraMount::World;
+    let cameras: Vec<&Camera> = stage.scenario.world.cameras.iter().filter(is_fixed).collect();
+    let Some(frame) = episode.frames.last().filter(|_| !asks_for_states && !cameras.is_empty()) else {
+        return Ok(None);
+    };
+    let channels = ImageChannels { rgb: false, depth: true, ids: true, ..ImageChannels::RGB };
+    let mut painter = Painter::new(stage)?;
+    let views = cameras.iter().map(|camera| painter.paint(frame, camera, channels));
+    let views = views.collect::<Result<Vec<_>, _>>()?;
+    let ids: Vec<&str> = stage.scenario.objects.iter().map(|object| object.id.as_str()).collect();
+    let instances: Vec<u16> = (0..ids.len()).map(|index| FIRST_OBJECT + index as u16).collect();
+    let clouds = ids.iter().zip(clouds_of_views(&views, &instances));
+    let scene = CloudScene::new(clouds.filter_map(|(id, cloud)| Some(((*id).to_owned(), cloud?))));
+    let named = stage.goal.alternatives.iter().flatten().flat_map(Atom::ids);
+    let mut unseen: Vec<String> = named.filter(|id| scene.index_of(id).is_none()).map(String::from).collect();
+    unseen.sort();
+    unseen.dedup();
+    let verdict = scene.judge_goal(&stage.goal, &Rest::default(), &stage.relations);
+    Ok(Some(CloudVerdict { success: verdict.success, score: verdict.score, unseen }))
+}
