@@ -177,7 +177,15 @@ pub fn resolved(task: &Task) -> usize {
 /// # Errors
 /// The first [`Mismatch`].
 pub fn check(task: &Task) -> Result<(), Mismatch> {
-    let reading = read(&task.instruction, &task.objects, &task.scene_graph)?;
+    check_said(task, &task.instruction)
+}
+
+/// Checks that a sentence, read in the task's scene, asks for exactly the task's goal, as its instruction has to.
+///
+/// # Errors
+/// The first [`Mismatch`].
+pub fn check_said(task: &Task, instruction: &str) -> Result<(), Mismatch> {
+    let reading = read(instruction, &task.objects, &task.scene_graph)?;
     let groups = open(&reading);
     let meant = &task.goal.alternatives;
     let same = |read: &Vec<ReadAtom>, meant: &Vec<Atom>| {
