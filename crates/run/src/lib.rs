@@ -34,6 +34,7 @@ pub mod folder;
 pub mod grasps;
 mod index;
 pub mod inputs;
+pub mod launch;
 pub mod layouts;
 mod ledger;
 pub mod merge;

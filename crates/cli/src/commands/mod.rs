@@ -11,6 +11,7 @@ pub mod evaluate;
 pub mod export;
 pub mod grasps;
 pub mod lab;
+pub mod launch;
 pub mod layout;
 pub mod plan;
 pub mod render;
