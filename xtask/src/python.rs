@@ -24,7 +24,7 @@ pub fn install(workspace: &Workspace) -> Result<PathBuf> {
     refuse_old(&process::output(
         workspace.command("python3").args(["-c", "import sys; print(sys.version_info[0], sys.version_info[1])"]),
     )?)?;
-    eprintln!("python:    making .python/ with the packages of {REQUIREMENTS} (80 MB, once)");
+    eprintln!("python:    making .python/ with the packages of {REQUIREMENTS} (150 MB, once)");
     if folder.exists() {
         fs::remove_dir_all(&folder).on("remove the unfinished environment", &folder)?;
     }
@@ -50,7 +50,7 @@ pub fn install(workspace: &Workspace) -> Result<PathBuf> {
             ),
         )
     })?;
-    process::output(workspace.command(&interpreter).args(["-c", "import av, numpy, pyarrow.parquet"]))?;
+    process::output(workspace.command(&interpreter).args(["-c", "import av, h5py, mujoco, numpy, pyarrow.parquet"]))?;
     let aside = folder.join("marker.tmp");
     fs::write(&aside, &wanted).on("write", &aside)?;
     process::rename(&aside, &folder.join(MARKER))?;

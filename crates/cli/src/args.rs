@@ -14,6 +14,7 @@ pub use data::*;
 pub use evaluate::*;
 pub use export::*;
 pub use lab::*;
+pub use launch::*;
 pub use render::*;
 pub use serve::*;
 pub use world::*;
@@ -25,6 +26,7 @@ mod data;
 mod evaluate;
 mod export;
 mod lab;
+mod launch;
 mod render;
 mod serve;
 mod world;
@@ -86,6 +88,16 @@ pub enum Command {
                       where the disk allows that, and the shards stay as they are."
     )]
     Merge(MergeArguments),
+    /// Divide `collect` among the machines of a cluster: a job array with time and memory from a measured sample
+    #[command(
+        after_help = "Examples:\n  genmanip launch --slurm --shards 100 -- collect tasks --seed 7 --out /shared/shards\n  \
+                      genmanip launch --local --shards 8 --at-once 4 --dry-run -- collect tasks --out out/shards\n  \
+                      genmanip merge /shared/shards --out out/run\n\n\
+                      A few attempts are made first, in OUT/sample, to learn what the others need. The job is then written\n\
+                      into OUT and submitted. A shard that was killed goes on where it stopped; submit the job again to\n\
+                      finish what is missing."
+    )]
+    Launch(LaunchArguments),
     /// Evaluate policies on the scenarios of a run, or on any scenario files
     #[command(after_help = evaluate_help())]
     Evaluate(EvaluateArguments),

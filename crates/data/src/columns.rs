@@ -91,6 +91,16 @@ pub(crate) fn text(batch: &RecordBatch, name: &str, row: usize) -> Option<(Strin
     }
 }
 
+/// All texts of a cell that holds a list of them.
+pub(crate) fn texts(batch: &RecordBatch, name: &str, row: usize) -> Option<Vec<String>> {
+    let lists = batch.column_by_name(name)?.as_list_opt::<i32>()?;
+    if row >= lists.len() || lists.is_null(row) {
+        return None;
+    }
+    let texts = lists.value(row);
+    Some(texts.as_string_opt::<i32>()?.iter().map(|text| text.unwrap_or_default().to_owned()).collect())
+}
+
 /// A whole number of a cell.
 pub(crate) fn integer(batch: &RecordBatch, name: &str, row: usize) -> Option<i64> {
     let column = batch.column_by_name(name)?.as_primitive_opt::<Int64Type>()?;

@@ -3,6 +3,7 @@
 //! ```text
 //! .zattrs                                contract of the actions, rate, versions, and an entry per episode
 //! data/KEY/                              numbers, one row per frame; keys as in the LeRobot data set
+//! data/subtask/                          index of the step in the `subtasks` of its episode's entry
 //! data/observation.images.NAME/          colour as decoded from the store's video, uint8 [frames, height, width, 3]
 //! data/observation.images.NAME_depth/    uint16 [frames, height, width], millimetres, 0 = nothing hit
 //! meta/episode_ends                      int64: the index behind the last frame of each episode
@@ -87,6 +88,9 @@ impl Writer {
             let (array, aside) = self.array(&feature.key, dtype, inner, ROWS_PER_CHUNK);
             array.push(aside, &bytes)?;
         }
+        let steps: Vec<u8> = rows.steps.iter().flat_map(|step| (*step as u64).to_le_bytes()).collect();
+        let (array, aside) = self.array("subtask", "<i8", vec![], ROWS_PER_CHUNK);
+        array.push(aside, &steps)?;
         for track in &source.tracks {
             let (width, height) = (track.video.width as usize, track.video.height as usize);
             let key = format!("observation.images.{}", track.camera.name);
@@ -114,6 +118,8 @@ impl Writer {
             "success": result.success,
             "seed": result.seed,
             "failure": result.failure().map(|failure| failure.to_string()),
+            "subtasks": rows.facts.steps.texts,
+            "paraphrases": rows.facts.paraphrases,
         }));
         Ok(())
     }

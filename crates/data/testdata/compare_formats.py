@@ -79,6 +79,8 @@ def read_v30(root):
                 "rows": columns(rows, numbers(info["features"])),
                 "pictures": pictures,
                 "task": episode["tasks"][0],
+                "subtasks": episode["subtasks"],
+                "paraphrases": episode["paraphrases"],
                 "success": episode["success"],
                 "seed": episode["seed"],
             }
@@ -118,6 +120,8 @@ def read_v21(root):
                 "rows": rows,
                 "pictures": pictures,
                 "task": episode["tasks"][0],
+                "subtasks": episode["subtasks"],
+                "paraphrases": episode["paraphrases"],
                 "success": episode["success"],
                 "seed": episode["seed"],
             }
@@ -188,11 +192,13 @@ def main():
     info30, episodes30 = read_v30(v30)
     info21, episodes21 = read_v21(v21)
     about, cut = read_zarr(zarr)
+    subtasks30 = pq.read_table(v30 / "meta/subtasks.parquet")["subtask"].to_pylist()
+    subtasks21 = [line["subtask"] for line in lines(v21 / "meta/subtasks.jsonl")]
     require(info30["features"] == info21["features"] and info30["fps"] == info21["fps"] == about["rate_hz"], "features")
     require(len(episodes30) == len(episodes21) == len(cut) == len(about["episodes"]), "numbers of episodes")
     compared = {"episodes": len(cut), "columns": 0, "pictures": 0, "depth": 0}
     for index, (a, b, c, entry) in enumerate(zip(episodes30, episodes21, cut, about["episodes"])):
-        for key in ("task", "success", "seed"):
+        for key in ("task", "success", "seed", "subtasks", "paraphrases"):
             name = {"task": "instruction"}.get(key, key)
             require(a[key] == b[key] == entry[name], f"{key} of episode {index}: {a[key]}, {b[key]}, {entry[name]}")
         for key, values in a["rows"].items():
@@ -200,6 +206,10 @@ def main():
             if key in c:
                 require(np.array_equal(values, c[key].reshape(values.shape)), f"{key} of episode {index} in zarr")
                 compared["columns"] += 1
+        steps = [entry["subtasks"][step] for step in c["subtask"]]
+        for which, rows, subtasks in (("v3.0", a, subtasks30), ("v2.1", b, subtasks21)):
+            said = [subtasks[int(step)] for step in rows["rows"]["subtask_index"][:, 0]]
+            require(said == steps, f"steps of episode {index} in {which}: {said}, in zarr {steps}")
         require({"action", "observation.state"} <= set(c), f"zarr has {sorted(c)}")
         for key, frames in a["pictures"].items():
             require(len(frames) == len(a["rows"]["action"]), f"{key} of episode {index}")

@@ -38,14 +38,23 @@ def read_tables(root, pattern):
     return tables
 
 
-def read_tasks(root, info):
+def read_sentences(root, name):
     """Sentences by index; the sentence must be the index of the pandas frame."""
-    table = pq.read_table(root / "meta/tasks.parquet")
+    table = pq.read_table(root / f"meta/{name}s.parquet")
     pandas = json.loads((table.schema.metadata or {}).get(b"pandas", b"{}"))
-    require(pandas.get("index_columns") == ["task"], f"tasks.parquet: index columns {pandas.get('index_columns')}")
-    indices = table["task_index"].to_pylist()
-    require(indices == list(range(info["total_tasks"])), f"task indices {indices}")
-    return table["task"].to_pylist()
+    require(pandas.get("index_columns") == [name], f"{name}s.parquet: index columns {pandas.get('index_columns')}")
+    indices = table[f"{name}_index"].to_pylist()
+    require(indices == list(range(table.num_rows)), f"{name} indices {indices}")
+    return table[name].to_pylist()
+
+
+def check_steps(rows, episode, subtasks):
+    """Each row is in a step of its episode, and the steps come in their order."""
+    said = [subtasks[index] for index in rows["subtask_index"].to_pylist()]
+    turns = [text for place, text in enumerate(said) if place == 0 or text != said[place - 1]]
+    listed = iter(episode["subtasks"])
+    in_order = all(any(text == known for known in listed) for text in turns)
+    require(in_order, f"episode {episode['episode_index']}: steps {turns}, listed {episode['subtasks']}")
 
 
 def check_info(info):
@@ -147,7 +156,10 @@ class Dataset:
         self.info = json.loads((root / "meta/info.json").read_text())
         self.features = self.info["features"]
         check_info(self.info)
-        self.tasks = read_tasks(root, self.info)
+        self.tasks = read_sentences(root, "task")
+        require(len(self.tasks) == self.info["total_tasks"], f"{len(self.tasks)} tasks")
+        has_steps = "subtask_index" in self.info["features"]
+        self.subtasks = read_sentences(root, "subtask") if has_steps else []
         self.stats = json.loads((root / "meta/stats.json").read_text())
         self.episodes = self._read_episodes()
         self.rows = self._read_rows()
@@ -180,6 +192,8 @@ class Dataset:
             group = tables[place].read_row_group(groups[place])
             groups[place] += 1
             check_rows(group, episode, self.info["fps"], self.tasks)
+            if self.subtasks:
+                check_steps(group, episode, self.subtasks)
             rows.append(group)
         for place, table in tables.items():
             require(table.num_row_groups == groups[place], f"data file {place}: {table.num_row_groups} row groups")

@@ -13,11 +13,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ActionSpace, Document, Failure, FailureCause, Pose, RotationEncoding};
+use genmanip_core::{ActionSpace, Document, Failure, FailureCause, PlacedObject, Pose, RotationEncoding};
+use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::{self, ACTIONS, ROTATIONS};
 use genmanip_data::lerobot::{self, LerobotDataset};
 use genmanip_data::{
-    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, paper, zarr,
+    Attachment, DataError, EpisodeStore, ExportReport, ExportSettings, LerobotSettings, Selection, hdf5, paper, zarr,
 };
 use serde_json::{Value, json};
 use synthetic::{attach_pictures, episode, picture, result, robot, scenario};
@@ -340,7 +341,7 @@ fn actions_of_every_contract_lead_to_the_recorded_commands() {
     for (number, spec) in spaces.enumerate() {
         let fps = [15, 20, 60][number % 3];
         let target = folder.path().join(format!("set-{number}"));
-        let rows = ExportSettings { fps, action: spec, cameras: vec![], depth: false, is_varied: false };
+        let rows = ExportSettings { fps, action: spec, cameras: vec![], depth: false, ..ExportSettings::default() };
         let settings = LerobotSettings { export: rows, record: false, episodes_per_file: 2, ..Default::default() };
         export(&store, &target, &settings).unwrap();
         let dataset = LerobotDataset::open(&target).unwrap();
@@ -551,15 +552,87 @@ fn the_layout_of_the_paper_holds_the_same() {
     assert!(matches!(again, DataError::Exists { .. }), "{again}");
 }
 
+/// The C library, through h5py, reads what was written without it.
+#[test]
+fn hdf5_holds_the_same() {
+    let Some(python) = python_with("pyarrow, av, numpy, h5py") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    let [v30, demos] = ["v30", "hdf5"].map(|name| folder.path().join(name));
+    let settings = LerobotSettings::default();
+    export(&store, &v30, &settings).unwrap();
+    let write = || hdf5::export(&store, &Selection::Verified, &robot(), &settings.export, &demos);
+    let report = write().unwrap();
+    assert_eq!((report.episodes, report.frames), (3, 12 + 15 + 10));
+    let first = tree(&demos);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/compare_hdf5.py");
+    let output = Command::new(python).arg(script).args([&v30, &demos]).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+    let compared: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&compared["episodes"], &compared["pictures"]), (&3.into(), &74.into()), "{compared}");
+    assert!(compared["columns"].as_u64().unwrap() > 40, "{compared}");
+    let again = write().unwrap_err();
+    assert!(matches!(again, DataError::Exists { .. }), "{again}");
+    fs::remove_dir_all(&demos).unwrap();
+    write().unwrap();
+    assert_eq!(tree(&demos), first, "the same bytes again");
+}
+
+/// Columns on request: objects by their places, and zeros where there is none.
+#[test]
+fn simulator_truth_is_told_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = filled_store(&folder.path().join("store"));
+    let rows =
+        ExportSettings { columns: vec![ExtraColumns::Sim], cameras: vec![], depth: false, ..ExportSettings::default() };
+    let settings = LerobotSettings { export: rows, ..LerobotSettings::default() };
+    let dataset = folder.path().join("dataset");
+    export(&store, &dataset, &settings).unwrap();
+    let checked = genmanip_data::check::check(&dataset, &[]).unwrap();
+    assert!(checked.findings.iter().all(|finding| finding.check == "record"), "{:?}", checked.findings);
+    let info: Value = serde_json::from_slice(&fs::read(dataset.join("meta/info.json")).unwrap()).unwrap();
+    let shape = |key: &str| info["features"][key]["shape"].clone();
+    assert_eq!((shape("sim.object_pose"), shape("sim.grasped_object")), (json!([112]), json!([1])));
+    let usual = folder.path().join("usual");
+    export(
+        &store,
+        &usual,
+        &LerobotSettings { export: ExportSettings { columns: vec![], ..settings.export.clone() }, ..settings },
+    )
+    .unwrap();
+    let info: Value = serde_json::from_slice(&fs::read(usual.join("meta/info.json")).unwrap()).unwrap();
+    assert!(info["features"].get("sim.object_pose").is_none());
+
+    let mut crowded = episode(5, 8, true);
+    let state = crowded.frames[0].objects[0].clone();
+    let placed = crowded.scenario.objects[0].clone();
+    for number in 0..20 {
+        crowded.scenario.objects.push(PlacedObject { id: format!("more-{number}"), ..placed.clone() });
+        crowded.frames.iter_mut().for_each(|frame| frame.objects.push(state.clone()));
+    }
+    let crowd = EpisodeStore::create(folder.path().join("crowd")).unwrap();
+    crowd.write(&crowded, &[]).unwrap();
+    let rows =
+        ExportSettings { columns: vec![ExtraColumns::Sim], cameras: vec![], depth: false, ..ExportSettings::default() };
+    let settings = LerobotSettings { export: rows, ..LerobotSettings::default() };
+    let error = export(&crowd, &folder.path().join("crowded"), &settings).unwrap_err();
+    assert!(error.to_string().contains("expected at most 16, got 22"), "{error}");
+}
+
 /// The interpreter with pyarrow and av; CI must have one.
 fn python() -> Option<PathBuf> {
+    python_with("pyarrow, av, numpy")
+}
+
+fn python_with(modules: &str) -> Option<PathBuf> {
     let made_by_setup = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../.python/bin/python");
     let python = std::env::var_os("GENMANIP_PYTHON").map_or(made_by_setup, PathBuf::from);
-    let usable = Command::new(&python).args(["-c", "import pyarrow, av, numpy"]).output();
+    let usable = Command::new(&python).args(["-c", &format!("import {modules}")]).output();
     if usable.is_ok_and(|output| output.status.success()) {
         return Some(python);
     }
-    let message = format!("no Python with pyarrow, av and numpy at {}; `cargo xtask setup` makes it", python.display());
+    let message = format!("no Python with {modules} at {}; `cargo xtask setup` makes it", python.display());
     assert!(std::env::var("CI").as_deref() != Ok("true"), "{message}");
     writeln_skip(&message);
     None

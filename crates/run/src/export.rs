@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use genmanip_core::Episode;
 use genmanip_data::export::choice::action_name;
 use genmanip_data::lerobot::{self, LerobotSettings};
-use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection, mcap, paper, zarr};
+use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection, hdf5, mcap, paper, zarr};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::images::{self, ImageSettings};
 
@@ -18,10 +18,11 @@ use crate::progress::Progress;
 use crate::{inputs, replay};
 
 /// Formats by name.
-pub const FORMATS: [(&str, Format); 5] = [
+pub const FORMATS: [(&str, Format); 6] = [
     ("lerobot", Format::Lerobot),
     ("lerobot-v2.1", Format::LerobotV21),
     ("zarr", Format::Zarr),
+    ("hdf5", Format::Hdf5),
     ("mcap", Format::Mcap),
     ("paper", Format::Paper),
 ];
@@ -35,6 +36,8 @@ pub enum Format {
     LerobotV21,
     /// zarr version 2, as Diffusion Policy's replay buffer reads it.
     Zarr,
+    /// HDF5 as robomimic reads it, a file per episode; without depth.
+    Hdf5,
     /// MCAP with Foxglove's schemas, a file per episode, for viewers.
     Mcap,
     /// The layout of the paper's recordings, a folder per episode.
@@ -101,6 +104,7 @@ pub fn export(
         Format::Lerobot => lerobot::export(&store, &selection, &robot, &settings, &target),
         Format::LerobotV21 => lerobot::export_v21(&store, &selection, &robot, &settings, &target),
         Format::Zarr => zarr::export(&store, &selection, &robot, rows, &target),
+        Format::Hdf5 => hdf5::export(&store, &selection, &robot, rows, &target),
         Format::Mcap => mcap::export(&store, &selection, &robot, rows, &target),
         Format::Paper => paper::export(&store, &selection, &robot, rows, &target),
     };

@@ -37,6 +37,7 @@ pub mod folder;
 pub mod grasps;
 mod index;
 pub mod inputs;
+pub mod launch;
 pub mod layouts;
 pub mod leaderboard;
 mod ledger;

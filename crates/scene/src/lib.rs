@@ -2,6 +2,7 @@
 //!
 //! - [`answer`] turns the text a model sent into a valid [`genmanip_core::Task`], or says everything that is wrong with it.
 //! - [`relations`] judges relations and goals on exact posed geometry, and explains every verdict with numbers.
+//! - [`wording`] says an instruction in other words, and what each step of a task is called.
 //! - [`observed`] makes point clouds of depth images, which [`relations::CloudScene`] judges like posed geometry.
 //! - [`clouds`] reproduces the verdicts of two released evaluators on point clouds.
 //!
@@ -15,3 +16,4 @@ pub mod observed;
 mod planar;
 pub mod references;
 pub mod relations;
+pub mod wording;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use genmanip_data::export::choice::{ACTIONS, ROTATIONS};
+use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS};
 use genmanip_run::export::FORMATS;
 
 use super::{parse_count, parse_fps};
@@ -45,6 +45,9 @@ pub struct DatasetArguments {
     /// Cameras of the scenario [default: static,wrist]
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "no_images")]
     pub cameras: Vec<String>,
+    /// Further columns: sim, poses and speeds of the objects and which one is held, as `sim.object_…`
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', value_parser = PossibleValuesParser::new(COLUMNS.map(|(name, _)| name)))]
+    pub columns: Vec<String>,
     /// Leave pictures out
     #[arg(long)]
     pub no_images: bool,

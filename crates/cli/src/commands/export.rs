@@ -1,7 +1,7 @@
 //! `genmanip export`.
 
 use genmanip_data::ExportSettings;
-use genmanip_data::export::choice::{ACTIONS, ROTATIONS, action};
+use genmanip_data::export::choice::{ACTIONS, COLUMNS, ROTATIONS, action};
 use genmanip_run::export::{ExportOptions, FORMATS, export};
 use genmanip_run::inputs;
 
@@ -55,6 +55,11 @@ fn rows(arguments: &DatasetArguments) -> Result<ExportSettings, Failed> {
         action: action(space, rotation),
         cameras,
         depth: !arguments.no_depth,
+        columns: COLUMNS
+            .iter()
+            .filter(|(name, _)| arguments.columns.iter().any(|asked| asked == name))
+            .map(|(_, columns)| *columns)
+            .collect(),
         is_varied: false,
     })
 }

@@ -12,6 +12,7 @@ pub mod evaluate;
 pub mod export;
 pub mod grasps;
 pub mod lab;
+pub mod launch;
 pub mod layout;
 pub mod leaderboard;
 pub mod plan;

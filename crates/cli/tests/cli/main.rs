@@ -13,6 +13,7 @@ mod interrupted;
 mod messages;
 mod motion;
 mod planning;
+mod reading;
 mod refusals;
 mod render;
 mod runs;

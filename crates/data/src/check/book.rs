@@ -64,6 +64,13 @@ pub(super) struct Info {
     pub(super) json: Value,
 }
 
+impl Info {
+    /// Whether rows say which step they belong to, as those of this program do.
+    pub(super) fn has_steps(&self) -> bool {
+        self.features.iter().any(|feature| feature.key == "subtask_index")
+    }
+}
+
 /// Pictures of one episode in a file.
 #[derive(Clone, Debug)]
 pub(super) struct VideoSpan {
@@ -85,6 +92,8 @@ pub(super) struct Listed {
     pub(super) store_id: Option<String>,
     pub(super) scenario_id: Option<String>,
     pub(super) seed: Option<i64>,
+    /// What its steps are called, where that is told.
+    pub(super) subtasks: Option<Vec<String>>,
     pub(super) success: Option<bool>,
     pub(super) failure: Option<String>,
     pub(super) kind: Option<String>,
@@ -119,6 +128,9 @@ pub(super) struct Book {
     pub(super) info: Info,
     pub(super) tasks: Vec<(i64, String)>,
     pub(super) tasks_file: &'static str,
+    /// What steps are called, in the order of their indices.
+    pub(super) subtasks: Vec<(i64, String)>,
+    pub(super) subtasks_file: &'static str,
     pub(super) episodes: Vec<Listed>,
     pub(super) contract: Option<ActionContract>,
     /// Whether this program made it.
@@ -235,6 +247,10 @@ pub(super) fn check(book: &Book, findings: &mut Findings) {
         );
     }
     tasks_and_sentences(book, findings);
+    for (row, (index, _)) in book.subtasks.iter().enumerate() {
+        let place = format!("row {row}, subtask_index");
+        findings.require("tasks", book.subtasks_file, &place, &i64::try_from(row).unwrap_or(-1), index);
+    }
     let mut from = 0;
     let mut ids = BTreeMap::new();
     for (number, episode) in book.episodes.iter().enumerate() {

@@ -178,6 +178,7 @@ fn check_episode(book: &Book, episode: &Listed, rows: &Rows, findings: &mut Find
         }
     }
     ends(episode, rows, findings);
+    steps(book, episode, rows, findings);
     for (key, column) in rows.iter().filter(|(_, column)| column.width > 0 && !column.values.is_empty()) {
         let names = ["min", "max", "mean", "std", "q01", "q10", "q50", "q90", "q99", "count"];
         let Some(told) = v30::statistics(book, episode, key, &names) else {
@@ -217,6 +218,20 @@ fn ends(episode: &Listed, rows: &Rows, findings: &mut Findings) {
                 findings.add("rows", &episode.data, place, expected.unwrap_or_default(), *value > 0.0);
                 break;
             }
+        }
+    }
+}
+
+/// Every row belongs to a step that its episode lists.
+fn steps(book: &Book, episode: &Listed, rows: &Rows, findings: &mut Findings) {
+    let (Some(column), Some(listed)) = (rows.get("subtask_index"), &episode.subtasks) else { return };
+    for (row, index) in column.values.iter().enumerate() {
+        let text = book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
+        if text.is_none_or(|text| !listed.contains(text)) {
+            let place = format!("{}, row {row}, subtask_index", episode.place());
+            let found = format!("{index}, {}", text.map_or("which is none", String::as_str));
+            findings.add("rows", &episode.data, place, format!("a step of {listed:?}"), found);
+            break;
         }
     }
 }

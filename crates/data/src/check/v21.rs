@@ -13,6 +13,7 @@ use crate::lerobot::SETTINGS;
 use crate::{EpisodeStore, files};
 
 const TASKS: &str = "meta/tasks.jsonl";
+const SUBTASKS: &str = "meta/subtasks.jsonl";
 const EPISODES: &str = "meta/episodes.jsonl";
 const STATISTICS: &str = "meta/episodes_stats.jsonl";
 
@@ -22,6 +23,10 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
     let task =
         |line: Value| (line["task_index"].as_i64().unwrap_or(-1), line["task"].as_str().unwrap_or_default().to_owned());
     let tasks = lines(root, TASKS, findings).into_iter().map(task).collect();
+    let step = |line: &Value| {
+        (line["subtask_index"].as_i64().unwrap_or(-1), line["subtask"].as_str().unwrap_or_default().to_owned())
+    };
+    let subtasks = lines(root, SUBTASKS, findings).iter().map(step).collect();
     // The only place where this version tells where an arm began.
     let record = EpisodeStore::open(root.join(RECORD)).ok();
     let mut from = 0;
@@ -45,16 +50,19 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
         );
     }
     findings.require("statistics", STATISTICS, "lines", &episodes.len(), &statistics.len());
-    let name = |name: &str| name.to_owned();
+    let own = [TASKS, EPISODES, STATISTICS].into_iter().chain(info.has_steps().then_some(SUBTASKS));
+    let meta_files = own.map(str::to_owned).collect();
     Book {
         root: root.into(),
         info,
         tasks,
         tasks_file: TASKS,
+        subtasks,
+        subtasks_file: SUBTASKS,
         episodes,
         contract,
         is_own: listed.contains(SETTINGS) || listed.contains("meta/genmanip.json"),
-        meta_files: vec![name(TASKS), name(EPISODES), name(STATISTICS)],
+        meta_files,
         stats,
         episode_stats: EpisodeStats::Lines(statistics),
     }
@@ -83,6 +91,9 @@ fn episode(info: &Info, line: &Value, row: usize, from: i64) -> Listed {
         store_id: word("store_id"),
         scenario_id: word("scenario_id"),
         seed: line["seed"].as_i64(),
+        subtasks: line["subtasks"]
+            .as_array()
+            .map(|texts| texts.iter().filter_map(|text| text.as_str().map(str::to_owned)).collect()),
         success: line["success"].as_bool(),
         // A line without a cause has null.
         failure: line.get("failure").map(|why| why.as_str().unwrap_or_default().to_owned()),

@@ -11,8 +11,8 @@ use serde_json::Value;
 use super::book::{self, Book, EpisodeStats, Info, Listed, Statistics, VideoSpan};
 use super::findings::Findings;
 use crate::DataError;
-use crate::columns::{cell, integer, text};
-use crate::lerobot::SETTINGS;
+use crate::columns::{cell, integer, text, texts};
+use crate::lerobot::{SETTINGS, SUBTASKS};
 use crate::table::Table;
 
 const TASKS: &str = "meta/tasks.parquet";
@@ -41,32 +41,41 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
             Err(error) => findings.add("files", name, "", "a table that can be read", error),
         }
     }
-    let tasks = whole(&root.join(TASKS), |_| true).map(|batch| {
-        (0..batch.num_rows())
-            .map(|row| {
-                let sentence = ["task", "__index_level_0__"].iter().find_map(|name| text(&batch, name, row));
-                (integer(&batch, "task_index", row).unwrap_or(-1), sentence.unwrap_or_default().0)
-            })
-            .collect()
-    });
-    let tasks = tasks.unwrap_or_else(|error| {
-        if !error.is_missing() {
-            findings.add("tasks", TASKS, "", "a table that can be read", error);
-        }
-        Vec::new()
-    });
+    let tasks = sentences(root, TASKS, "task", findings);
+    let subtasks = sentences(root, SUBTASKS, "subtask", findings);
+    let own = [TASKS].into_iter().chain(info.has_steps().then_some(SUBTASKS)).map(str::to_owned);
+    let meta_files = tables.into_iter().chain(own).collect();
     Book {
         root: root.into(),
         info,
         tasks,
         tasks_file: TASKS,
+        subtasks,
+        subtasks_file: SUBTASKS,
         episodes,
         contract,
         is_own: listed.contains(SETTINGS) || listed.contains("meta/genmanip.json"),
-        meta_files: tables.into_iter().chain([TASKS.to_owned()]).collect(),
+        meta_files,
         stats,
         episode_stats: EpisodeStats::Tables(RefCell::default()),
     }
+}
+
+/// Sentences with their indices; a table that is missing is found among the files.
+fn sentences(root: &Path, file: &str, name: &str, findings: &mut Findings) -> Vec<(i64, String)> {
+    let index = format!("{name}_index");
+    let read = |batch: RecordBatch| {
+        let sentence = |row| [name, "__index_level_0__"].iter().find_map(|name| text(&batch, name, row));
+        (0..batch.num_rows())
+            .map(|row| (integer(&batch, &index, row).unwrap_or(-1), sentence(row).unwrap_or_default().0))
+            .collect()
+    };
+    whole(&root.join(file), |_| true).map(read).unwrap_or_else(|error| {
+        if !error.is_missing() {
+            findings.add("tasks", file, "", "a table that can be read", error);
+        }
+        Vec::new()
+    })
 }
 
 fn episode(info: &Info, batch: &RecordBatch, (file, row): (&str, usize), findings: &mut Findings) -> Listed {
@@ -111,6 +120,7 @@ fn episode(info: &Info, batch: &RecordBatch, (file, row): (&str, usize), finding
         store_id: word("store_id"),
         scenario_id,
         seed: integer(batch, "seed", row),
+        subtasks: texts(batch, "subtasks", row),
         success: cell(batch, "success", row).and_then(|cell| cell.first().map(|value| *value > 0.0)),
         failure: word("failure"),
         kind: word("task_kind"),

@@ -2,7 +2,7 @@
 
 use genmanip_core::{ActionSpace, ActionSpec, GripperEncoding, RotationEncoding};
 
-use super::default_action;
+use super::{ExtraColumns, default_action};
 
 /// Actions by name.
 pub const ACTIONS: [(&str, ActionSpace); 5] = [
@@ -23,6 +23,9 @@ pub const ROTATIONS: [(&str, RotationEncoding); 4] = [
 
 /// Rows per second that can be asked for: divisors of the 60 Hz control rate.
 pub const RATES: [u32; 5] = [10, 15, 20, 30, 60];
+
+/// Columns on request by name.
+pub const COLUMNS: [(&str, ExtraColumns); 1] = [("sim", ExtraColumns::Sim)];
 
 /// The contract of an action: the opening in metres, and even motion from row to row.
 pub fn action(space: ActionSpace, rotation: RotationEncoding) -> ActionSpec {

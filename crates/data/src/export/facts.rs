@@ -1,16 +1,27 @@
 //! What is told of an episode as a whole.
 
 use genmanip_core::{Document, EpisodeResult, Seed};
+use genmanip_scene::wording;
 
+use super::steps::Steps;
 use super::{ExportSettings, Source};
 use crate::CameraTrack;
 use crate::images::variation_seed;
+
+/// Paraphrases of an instruction; chosen.
+const PARAPHRASES: usize = 6;
 
 /// What is told of an episode as a whole, whatever the format.
 #[derive(Clone, Debug)]
 pub(crate) struct EpisodeFacts {
     pub(crate) result: EpisodeResult,
     pub(crate) instruction: String,
+    /// Other sentences that ask for the same in this scene; none where the instruction is not understood.
+    pub(crate) paraphrases: Vec<String>,
+    /// What its steps are called.
+    pub(crate) steps: Steps,
+    /// Ids of the objects in the scene, in the order of the scenario.
+    pub(crate) objects: Vec<String>,
     pub(crate) kind: &'static str,
     pub(crate) scenario_json: String,
     /// Name, and fx, fy, cx, cy in pixels.
@@ -29,6 +40,9 @@ impl EpisodeFacts {
         Self {
             result: source.episode.result.clone(),
             instruction: scenario.task.instruction.clone(),
+            paraphrases: wording::paraphrases(&scenario.task, PARAPHRASES),
+            steps: Steps::of(&source.episode),
+            objects: scenario.objects.iter().map(|object| object.id.clone()).collect(),
             kind: scenario.task.kind.name(),
             scenario_json: scenario.to_value().to_string(),
             cameras: source.tracks.iter().map(intrinsics).collect(),

@@ -5,7 +5,9 @@
 pub mod choice;
 pub(crate) mod facts;
 pub(crate) mod features;
+pub(crate) mod privileged;
 pub(crate) mod rows;
+pub(crate) mod steps;
 
 use std::path::PathBuf;
 
@@ -26,6 +28,9 @@ pub struct ExportSettings {
     pub cameras: Vec<String>,
     /// Whether depth pictures are exported too. Default true.
     pub depth: bool,
+    /// Columns beside the usual ones. Default none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub columns: Vec<ExtraColumns>,
     /// Whether each episode is drawn in a look of its own; its seed is then told, `variation_seed`. Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_varied: bool,
@@ -38,9 +43,19 @@ impl Default for ExportSettings {
             action: default_action(),
             cameras: vec!["static".into(), "wrist".into()],
             depth: true,
+            columns: Vec::new(),
             is_varied: false,
         }
     }
+}
+
+/// Columns that are written on request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ExtraColumns {
+    /// Simulator truth of the objects, `sim.object_pose` and the like: for critics, teachers and analysis, not for
+    /// policies.
+    Sim,
 }
 
 impl ExportSettings {
@@ -143,6 +158,8 @@ pub(crate) struct EpisodeRows {
     pub(crate) features: Vec<features::Feature>,
     pub(crate) images: Vec<features::ImageFeature>,
     pub(crate) videos: Vec<features::VideoFeature>,
+    /// Which step of the episode each row belongs to; empty in a data set that does not tell.
+    pub(crate) steps: Vec<usize>,
     pub(crate) facts: facts::EpisodeFacts,
 }
 

@@ -5,7 +5,8 @@ use genmanip_core::{ActionSpace, ActionSpec, Frame, Pose, RobotModel, RotationEn
 
 use super::facts::EpisodeFacts;
 use super::features::{Feature, Values, VideoFeature};
-use super::{EpisodeRows, ExportSettings, Source, sampling};
+use super::privileged;
+use super::{EpisodeRows, ExportSettings, ExtraColumns, Source, sampling};
 use crate::frames::pose_to_row;
 use crate::{CameraTrack, DataError};
 
@@ -59,6 +60,10 @@ pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSetting
         numbers("sim.stray_contact_n", &intervals, |row| largest(row.steps, |step| step.stray_contact_n)),
         flags("sim.grasped", &intervals, |_, row| row.now.grasped.is_some()),
     ];
+    if settings.columns.contains(&ExtraColumns::Sim) {
+        let states: Vec<&Frame> = intervals.iter().map(|row| row.now).collect();
+        features.extend(privileged::features(&states, &result.id)?);
+    }
     features.extend(source.tracks.iter().map(|track| camera_poses(track, intervals.len())));
     features.push(flags("next.done", &intervals, |row, _| is_last(row)));
     features.push(flags("next.success", &intervals, |row, _| is_last(row) && result.success));
@@ -68,12 +73,14 @@ pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSetting
         video: track.video.clone(),
         colors: track.colors.clone(),
     };
+    let facts = EpisodeFacts::of(source, settings);
     Ok(EpisodeRows {
         frames: intervals.len(),
+        steps: (0..intervals.len()).map(|row| facts.steps.at(row * stride)).collect(),
         features,
         images: Vec::new(),
         videos: source.tracks.iter().map(video).collect(),
-        facts: EpisodeFacts::of(source, settings),
+        facts,
     })
 }
 

@@ -25,6 +25,7 @@ pub(crate) fn depth_rows(source: &Source, colors: &EpisodeRows) -> Result<Episod
         features: Vec::new(),
         images: source.tracks.iter().map(image).collect::<Result<_, _>>()?,
         videos: Vec::new(),
+        steps: Vec::new(),
         facts: colors.facts.clone(),
     })
 }

@@ -65,24 +65,35 @@ pub(crate) fn episodes_table(entries: &[EpisodeEntry]) -> Result<Vec<u8>, DataEr
 ///
 /// Without the `pandas` entry in the metadata, readers would take the row number for the sentence.
 pub(crate) fn tasks_table(tasks: &[String]) -> Result<Vec<u8>, DataError> {
+    sentences_table("task", tasks)
+}
+
+/// The bytes of `meta/subtasks.parquet`, which is made like that of the tasks.
+pub(crate) fn subtasks_table(subtasks: &[String]) -> Result<Vec<u8>, DataError> {
+    sentences_table("subtask", subtasks)
+}
+
+fn sentences_table(name: &str, sentences: &[String]) -> Result<Vec<u8>, DataError> {
+    let index = format!("{name}_index");
     let mut columns = Columns::default();
-    columns.i64("task_index", (0_i64..).take(tasks.len()));
-    columns.text("task", tasks);
+    columns.i64(&index, (0_i64..).take(sentences.len()));
+    columns.text(name, sentences);
     let text = |name| json!({"name": name, "field_name": name, "pandas_type": "unicode", "numpy_type": "object", "metadata": null});
     let pandas = json!({
-        "index_columns": ["task"],
+        "index_columns": [name],
         "column_indexes": [{
             "name": null, "field_name": null, "pandas_type": "unicode", "numpy_type": "object",
             "metadata": {"encoding": "UTF-8"},
         }],
         "columns": [
-            {"name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64", "metadata": null},
-            text("task"),
+            {"name": index, "field_name": index, "pandas_type": "int64", "numpy_type": "int64", "metadata": null},
+            text(name),
         ],
         "creator": {"library": "genmanip", "version": env!("CARGO_PKG_VERSION")},
         "pandas_version": "2.2.0",
     });
-    table::to_parquet(Path::new("meta/tasks.parquet"), columns, Purpose::Dataset, Some(("pandas", pandas.to_string())))
+    let path = format!("meta/{name}s.parquet");
+    table::to_parquet(Path::new(&path), columns, Purpose::Dataset, Some(("pandas", pandas.to_string())))
 }
 
 /// Seed, scenario, outcome and versions of every episode, to filter by and to replay from.
@@ -95,6 +106,12 @@ fn own_columns(columns: &mut Columns, entries: &[EpisodeEntry]) {
     columns.f64("score", results().map(|result| result.verdict.score));
     let failure = |result: &EpisodeResult| result.failure().map_or(String::new(), |failure| failure.to_string());
     columns.text("failure", results().map(failure));
+    let cause = |result: &EpisodeResult| result.failure().map_or("", |failure| failure.cause.name());
+    columns.text("failure_cause", results().map(cause));
+    let lists = |list: fn(&EpisodeFacts) -> &[String]| facts().map(|facts| list(facts).to_vec()).collect::<Vec<_>>();
+    columns.text_lists("subtasks", &lists(|facts| &facts.steps.texts));
+    columns.text_lists("paraphrases", &lists(|facts| &facts.paraphrases));
+    columns.text_lists("objects", &lists(|facts| &facts.objects));
     columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
     if facts().any(|facts| facts.variation_seed.is_some()) {
         let seed =

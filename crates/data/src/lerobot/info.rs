@@ -48,12 +48,17 @@ pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
             "ee.action": "as ee.state, where the commanded joint positions would bring the tool",
             "ee.quaternion": "rotation of the tool (w, x, y, z), with the sign nearest to the row before",
             "ee.rotation_6d": "rotation of the tool, the first two columns of its matrix",
+            "subtask_index": "the step of the episode that the row belongs to, by its request in meta/subtasks.parquet; \
+                              a step ends when its thing is let go of for another",
             "is_idle": "the command stays what it was during the row, and no joint moves by 0.01 rad/s",
             "sim.joint_velocity": "rad/s, simulator truth",
             "sim.joint_torque": "largest magnitude in the frame's interval, N·m, simulator truth",
             "sim.grip_force": "largest in the frame's interval, N, sum over both fingers, simulator truth",
             "sim.stray_contact_n": "largest contact force in the frame's interval between the robot and anything but the \
                                     grasped object, N, simulator truth",
+            "sim.object_pose": "on request: position (m) and quaternion (w, x, y, z) of each object, in the order of \
+                                `objects` of the episode; zeros where there is none; also sim.object_speed (m/s, rad/s), \
+                                sim.object_joint_position (the first two joints) and sim.grasped_object (its place, or -1)",
             "sim.grasped": "both fingers touch one object, simulator truth",
             "camera.<name>.world_from_camera": "position (m) and quaternion (w, x, y, z) of the optical frame: x right, y \
                                                 down, z forward",

@@ -15,6 +15,8 @@ pub(crate) struct Ledger {
     /// `features` of `info.json`, as the first episode has them; every other must have the same.
     pub(crate) features: Option<Value>,
     pub(crate) tasks: Vec<String>,
+    /// What steps are called, each once.
+    pub(crate) subtasks: Vec<String>,
     /// Episodes and frames before the present one.
     pub(crate) episodes: usize,
     pub(crate) frames: usize,
@@ -24,13 +26,27 @@ pub(crate) struct Ledger {
 impl Ledger {
     /// Numbers are kept on the disk of `folder` until their statistics are taken.
     pub(crate) fn new(fps: u32, folder: &Path) -> Self {
-        Self { fps, features: None, tasks: Vec::new(), episodes: 0, frames: 0, collected: Collected::new(folder) }
+        Self {
+            fps,
+            features: None,
+            tasks: Vec::new(),
+            subtasks: Vec::new(),
+            episodes: 0,
+            frames: 0,
+            collected: Collected::new(folder),
+        }
     }
 
     /// Gives the rows of the next episode their indices and takes their statistics.
     pub(crate) fn admit(&mut self, rows: &mut EpisodeRows) -> Result<(), DataError> {
-        let task = self.task_index(&rows.facts.instruction);
+        let task = place_of(&mut self.tasks, &rows.facts.instruction);
         rows.features.extend(self.bookkeeping(rows.frames, task));
+        if !rows.steps.is_empty() {
+            let places: Vec<usize> =
+                rows.facts.steps.texts.iter().map(|text| place_of(&mut self.subtasks, text)).collect();
+            let indices = rows.steps.iter().map(|step| number(places.get(*step).copied().unwrap_or(0)));
+            rows.features.push(Feature::new("subtask_index", &[], Values::I64(indices.collect())));
+        }
         self.check_features(rows)?;
         for feature in &rows.features {
             self.collected.add(&feature.key, feature.length(), &feature.numbers())?;
@@ -49,7 +65,6 @@ impl Ledger {
 
     /// The five columns every data set has.
     fn bookkeeping(&self, frames: usize, task: usize) -> Vec<Feature> {
-        let number = |value: usize| i64::try_from(value).unwrap_or(i64::MAX);
         let repeated = |value: usize| Values::I64(vec![number(value); frames]);
         let fps = f64::from(self.fps);
         vec![
@@ -59,14 +74,6 @@ impl Ledger {
             Feature::new("index", &[], Values::I64((0..frames).map(|row| number(self.frames + row)).collect())),
             Feature::new("task_index", &[], repeated(task)),
         ]
-    }
-
-    fn task_index(&mut self, instruction: &str) -> usize {
-        if let Some(index) = self.tasks.iter().position(|task| task == instruction) {
-            return index;
-        }
-        self.tasks.push(instruction.into());
-        self.tasks.len() - 1
     }
 
     fn check_features(&mut self, rows: &EpisodeRows) -> Result<(), DataError> {
@@ -87,4 +94,16 @@ impl Ledger {
             }
         }
     }
+}
+
+/// The place of a sentence in a list, to which it is added where it is missing.
+fn place_of(sentences: &mut Vec<String>, sentence: &str) -> usize {
+    sentences.iter().position(|known| known == sentence).unwrap_or_else(|| {
+        sentences.push(sentence.into());
+        sentences.len() - 1
+    })
+}
+
+fn number(value: usize) -> i64 {
+    i64::try_from(value).unwrap_or(i64::MAX)
 }

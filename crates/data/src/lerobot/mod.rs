@@ -38,6 +38,8 @@ pub use v21::export_v21;
 pub(crate) const SETTINGS: &str = "meta/lerobot_settings.json";
 /// Where it says what its actions mean.
 pub(crate) const CONTRACT: &str = "meta/action_contract.json";
+/// What the steps are called, by `subtask_index`.
+pub(crate) const SUBTASKS: &str = "meta/subtasks.parquet";
 
 /// How a data set is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

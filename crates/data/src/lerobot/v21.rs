@@ -1,7 +1,7 @@
 //! LeRobotDataset v2.1 with `modality.json`, for readers of that version: GR00T, and openpi with its pinned library.
 //!
 //! ```text
-//! meta/info.json, tasks.jsonl, episodes.jsonl, episodes_stats.jsonl     as LeRobot 0.3 has them
+//! meta/info.json, tasks.jsonl, subtasks.jsonl, episodes.jsonl, episodes_stats.jsonl     as LeRobot 0.3 has them
 //! meta/stats.json                        statistics over all frames, quantiles included
 //! meta/modality.json                     which entries of state and action are what, as GR00T wants it
 //! norm_stats.json                        statistics of state and action, as openpi wants them
@@ -92,6 +92,8 @@ impl Writer {
             "seed": result.seed,
             "success": result.success,
             "failure": result.failure().map(|failure| failure.to_string()),
+            "subtasks": rows.facts.steps.texts,
+            "paraphrases": rows.facts.paraphrases,
         });
         self.episodes += &format!("{line}\n");
         self.statistics += &format!("{}\n", json!({"episode_index": episode, "stats": statistics}));
@@ -111,8 +113,11 @@ impl Writer {
         let stats = self.ledger.collected.finish()?;
         let modality = modality(contract, &features, robot.arm_dof());
         let info = info_v21(&self.ledger, &robot.name, features);
-        let task = |(index, task): (usize, &String)| format!("{}\n", json!({"task_index": index, "task": task}));
-        let tasks: String = self.ledger.tasks.iter().enumerate().map(task).collect();
+        let listed = |name: &str, sentences: &[String]| -> String {
+            let line = |(index, sentence)| format!("{}\n", json!({(format!("{name}_index")): index, (name): sentence}));
+            sentences.iter().enumerate().map(line).collect()
+        };
+        let (tasks, subtasks) = (listed("task", &self.ledger.tasks), listed("subtask", &self.ledger.subtasks));
         let write = |name: &str, value: &Value| self.aside.write(name, format!("{value:#}\n").as_bytes());
         write("meta/info.json", &info)?;
         write("meta/stats.json", &stats)?;
@@ -120,6 +125,7 @@ impl Writer {
         write("norm_stats.json", &norm_stats(&stats))?;
         write("meta/genmanip.json", &info::meaning(settings))?;
         self.aside.write("meta/tasks.jsonl", tasks.as_bytes())?;
+        self.aside.write("meta/subtasks.jsonl", subtasks.as_bytes())?;
         self.aside.write("meta/episodes.jsonl", self.episodes.as_bytes())?;
         self.aside.write("meta/episodes_stats.jsonl", self.statistics.as_bytes())?;
         self.aside.write(SETTINGS, settings.to_json().as_bytes())?;

@@ -9,7 +9,7 @@ use super::episodes::{self, EpisodeEntry, VideoSpan};
 use super::info::{self, FILES_PER_CHUNK};
 use super::ledger::Ledger;
 use super::stats::Stats;
-use super::{LerobotSettings, features, record};
+use super::{LerobotSettings, SUBTASKS, features, record};
 use crate::aside::Aside;
 use crate::export::EpisodeRows;
 use crate::export::features::{Feature, VideoFeature};
@@ -109,6 +109,9 @@ impl DatasetWriter {
             self.aside.write(super::CONTRACT, contract.to_json().as_bytes())?;
         }
         self.aside.write("meta/tasks.parquet", &episodes::tasks_table(&self.ledger.tasks)?)?;
+        if !self.ledger.subtasks.is_empty() {
+            self.aside.write(SUBTASKS, &episodes::subtasks_table(&self.ledger.subtasks)?)?;
+        }
         self.aside.write("README.md", info::card_with_info(card, &info).as_bytes())?;
         Ok(Finished(self.aside))
     }

@@ -30,6 +30,7 @@ use serde_json::{Value, json};
 
 use crate::aside::{self, Aside};
 use crate::export::features::Values;
+use crate::export::steps::Steps;
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection, Source, sampling};
 use crate::{DataError, EpisodeStore, files};
 use schemas::Block;
@@ -222,6 +223,10 @@ impl Recording {
         let topic = self.topic("/events", "foxglove.Log");
         let (scenario, result) = (&source.episode.scenario, &source.episode.result);
         self.add(0, topic, schemas::event(0, false, &scenario.task.instruction));
+        for (begin, text) in Steps::of(&source.episode).begins() {
+            let time = source.episode.frames.get(begin).map_or(0, |frame| nanoseconds(frame.time_s));
+            self.add(time, topic, schemas::event(time, false, &format!("step: {text}")));
+        }
         let name = |index: usize| scenario.objects.get(index).map_or("something", |object| object.id.as_str());
         let mut held = None;
         for frame in &source.episode.frames {

@@ -261,7 +261,7 @@ const STATIC: &str = "videos/observation.images.static";
 const WRIST: &str = "videos/observation.images.wrist";
 
 /// What is done to a data set of version 3.0, and the check that must find it.
-const CORRUPTIONS: [Corruption; 50] = [
+const CORRUPTIONS: [Corruption; 53] = [
     ("one episode more", |s| s.json("meta/info.json", |info| info["total_episodes"] = json!(7)), "info"),
     ("fewer frames", |s| s.json("meta/info.json", |info| info["total_frames"] = json!(3)), "info"),
     ("tasks", |s| s.json("meta/info.json", |info| info["total_tasks"] = json!(5)), "info"),
@@ -354,6 +354,9 @@ const CORRUPTIONS: [Corruption; 50] = [
     ("an index", |s| s.number(&s.file("data"), "index", |index| index + 1.0), "rows"),
     ("an episode index", |s| s.number(&s.file("data"), "episode_index", |index| index + 1.0), "rows"),
     ("a task index", |s| s.number(&s.file("data"), "task_index", |index| index + 1.0), "rows"),
+    ("a step index", |s| s.number(&s.file("data"), "subtask_index", |index| index + 7.0), "rows"),
+    ("no steps", |s| fs::remove_file(s.path("meta/subtasks.parquet")).unwrap(), "files"),
+    ("a step", |s| s.text(&s.path("meta/subtasks.parquet"), "subtask", |text| format!("{text} Now.")), "rows"),
     ("a number that is none", |s| s.number(&s.file("data"), "sim.grip_force", |_| f64::NAN), "values"),
     ("a joint position", |s| s.number(&s.file("data"), "observation.state", |q| q + 0.01), "state"),
     ("a rotation", |s| s.number(&s.file("data"), "ee.quaternion", |w| w + 0.2), "state"),
@@ -448,10 +451,11 @@ const BESIDE: [Corruption; 9] = [
     ("what a kill left", |s| fs::write(s.path("meta/.tasks.parquet.partial-1"), b"half").unwrap(), "files"),
 ];
 
-const OF_V21: [Corruption; 10] = [
+const OF_V21: [Corruption; 11] = [
     ("totals", |s| s.json("meta/info.json", |info| info["total_frames"] = json!(3)), "info"),
     ("a line of episodes", |s| s.lines("meta/episodes.jsonl", |line| line["length"] = json!(11)), "rows"),
     ("twice", |s| s.lines("meta/episodes.jsonl", |line| line["store_id"] = json!("scenario-0-a0")), "record"),
+    ("a step", |s| s.lines("meta/subtasks.jsonl", |line| line["subtask"] = json!("Dance.")), "rows"),
     ("a sentence", |s| s.lines("meta/tasks.jsonl", |line| line["task"] = json!("Dance.")), "tasks"),
     (
         "statistics of an episode",

@@ -115,7 +115,8 @@ pub fn frame(number: usize, step: usize, objects: usize) -> Frame {
                 angular_speed: 1e-310 * at(92).abs(),
             })
             .collect(),
-        grasped: step.is_multiple_of(3).then_some(0),
+        // Each object in turn for ten steps, and nothing for ten.
+        grasped: (step / 10).is_multiple_of(2).then_some((step / 20) % objects.max(1)),
         stray_contact_n: at(42).abs(),
     }
 }

@@ -48,7 +48,7 @@ pub(super) fn measure(
     progress.begin("playing back", choices.len() * recorded.len());
     for (name, spec, fps) in choices {
         let dataset = folder.join(&name);
-        let rows = ExportSettings { fps, action: spec, cameras: Vec::new(), depth: false, is_varied: false };
+        let rows = ExportSettings { fps, action: spec, cameras: Vec::new(), depth: false, ..ExportSettings::default() };
         let lerobot = LerobotSettings { export: rows, record: false, ..LerobotSettings::default() };
         lerobot::export(store, &Selection::Verified, planner.robot(), &lerobot, &dataset).map_err(super::broke)?;
         let policy = PolicyFactory::resolve(&format!("playback:dataset={}", dataset.display()))?;

@@ -184,7 +184,15 @@ pub fn resolved(task: &Task) -> usize {
 /// # Errors
 /// The first [`Mismatch`].
 pub fn check(task: &Task) -> Result<(), Mismatch> {
-    is_goal_of(task, &read(&task.instruction, &task.objects, &task.scene_graph)?)
+    check_said(task, &task.instruction)
+}
+
+/// Checks that a sentence, read in the task's scene, asks for exactly the task's goal, as its instruction has to.
+///
+/// # Errors
+/// The first [`Mismatch`].
+pub fn check_said(task: &Task, instruction: &str) -> Result<(), Mismatch> {
+    is_goal_of(task, &read(instruction, &task.objects, &task.scene_graph)?)
 }
 
 /// Whether what was read is exactly the task's goal.

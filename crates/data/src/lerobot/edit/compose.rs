@@ -9,15 +9,15 @@ use arrow_array::{ArrayRef, RecordBatch};
 use genmanip_core::{Document, Scenario};
 use serde_json::{Value, json};
 
-use super::super::episodes::tasks_table;
+use super::super::episodes::{subtasks_table, tasks_table};
 use super::super::info::{self, FILES_PER_CHUNK, Totals};
 use super::super::stats::{Aggregated, Collected, Stats};
 use super::super::writer::{Finished, write_json};
-use super::super::{CONTRACT, LerobotSettings, SETTINGS, record};
+use super::super::{CONTRACT, LerobotSettings, SETTINGS, SUBTASKS, record};
 use super::Pick;
 use super::source::{Listed, Opened, Source};
 use crate::aside::Aside;
-use crate::columns::{Column, cell, text};
+use crate::columns::{Column, cell, text, texts};
 use crate::table::{Columns, Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, video};
 
@@ -31,6 +31,7 @@ pub(super) struct Composer<'a> {
     episodes_per_file: usize,
     tasks: BTreeMap<String, usize>,
     sentences: Vec<String>,
+    subtasks: Vec<String>,
     collected: Collected,
     colors: BTreeMap<String, Aggregated>,
     episodes: usize,
@@ -57,6 +58,7 @@ impl<'a> Composer<'a> {
             episodes_per_file: episodes_per_file.max(1),
             tasks: BTreeMap::new(),
             sentences: Vec::new(),
+            subtasks: Vec::new(),
             collected,
             colors: BTreeMap::new(),
             episodes: 0,
@@ -77,16 +79,26 @@ impl<'a> Composer<'a> {
         }
         let task = self.task_index(&episode.sentence);
         let rows = self.opened.1.rows(source, episode)?;
-        let rows = replaced(&rows, self.places(episode.length, task))?;
+        let listed = self.opened.1.row(source, episode)?;
+        let mut places = self.places(episode.length, task);
+        let steps = self.steps(source, &rows, &listed)?;
+        if let Some(steps) = &steps {
+            places.i64("subtask_index", steps.iter().copied());
+        }
+        let rows = replaced(&rows, places)?;
         self.collect(source, &rows)?;
         let table = match &mut self.file.rows {
             Some(table) => table,
             none => none.insert(TableWriter::new(Path::new("data"), rows.schema(), Purpose::Dataset)?),
         };
         table.write(&rows)?;
-        let listed = self.opened.1.row(source, episode)?;
         self.aggregate(source, episode, &listed)?;
-        let listed = replaced(&listed, self.entry(source, episode, task, &listed, name)?)?;
+        let mut entry = self.entry(source, episode, task, &listed, name)?;
+        if let Some(steps) = steps {
+            let steps: Vec<f64> = steps.into_iter().map(|step| step as f64).collect();
+            statistics_of(&mut entry, "subtask_index", &steps);
+        }
+        let listed = replaced(&listed, entry)?;
         let table = match &mut self.file.episodes {
             Some(table) => table,
             none => none.insert(TableWriter::new(Path::new("meta/episodes"), listed.schema(), Purpose::Dataset)?),
@@ -115,6 +127,35 @@ impl<'a> Composer<'a> {
         self.tasks.insert(sentence.into(), index);
         self.sentences.push(sentence.into());
         index
+    }
+
+    /// The steps of an episode's rows by their places here; `None` where the data sets do not tell.
+    fn steps(
+        &mut self,
+        source: &Source,
+        rows: &RecordBatch,
+        listed: &RecordBatch,
+    ) -> Result<Option<Vec<i64>>, DataError> {
+        let Some(column) = rows.column_by_name("subtask_index") else { return Ok(None) };
+        // In the order of the episode's list, as an export numbers them.
+        let known = texts(listed, "subtasks", 0).unwrap_or_default();
+        for text in known {
+            self.subtask_index(&text);
+        }
+        let indices = Column::of(column).map(|column| column.values).unwrap_or_default();
+        let moved = |index: f64| {
+            let text = if index >= 0.0 { source.subtasks.get(index as usize) } else { None };
+            let found = || DataError::mismatch(format!("subtask_index of {}", source.root.display()), SUBTASKS, index);
+            text.ok_or_else(found).map(|text| number(self.subtask_index(text)))
+        };
+        indices.into_iter().map(moved).collect::<Result<Vec<_>, _>>().map(Some)
+    }
+
+    fn subtask_index(&mut self, text: &str) -> usize {
+        self.subtasks.iter().position(|known| known == text).unwrap_or_else(|| {
+            self.subtasks.push(text.into());
+            self.subtasks.len() - 1
+        })
     }
 
     /// The columns of rows that say where they stand.
@@ -190,9 +231,7 @@ impl<'a> Composer<'a> {
             vec![task as f64; episode.length],
         ];
         for (key, values) in PLACES.iter().zip([repeated, counted, tasks]) {
-            for (which, values) in Stats::of_vectors(&values, 1).named {
-                columns.lists::<Float64Type>(&format!("stats/{key}/{which}"), &[&values]);
-            }
+            statistics_of(&mut columns, key, &values);
         }
         if let Some(name) = name {
             let scenario = text(listed, "scenario_json", 0).map(|(text, _)| renamed(&text, name)).transpose()?;
@@ -246,8 +285,18 @@ impl<'a> Composer<'a> {
             self.aside.write(CONTRACT, contract.to_json().as_bytes())?;
         }
         self.aside.write("meta/tasks.parquet", &tasks_table(&self.sentences)?)?;
+        if !self.subtasks.is_empty() {
+            self.aside.write(SUBTASKS, &subtasks_table(&self.subtasks)?)?;
+        }
         self.aside.write("README.md", info::card_with_info(card, &info).as_bytes())?;
         Ok((Finished(self.aside), self.frames))
+    }
+}
+
+/// The statistics of a column of single numbers in an episode's row.
+fn statistics_of(columns: &mut Columns, key: &str, values: &[f64]) {
+    for (which, values) in Stats::of_vectors(values, 1).named {
+        columns.lists::<Float64Type>(&format!("stats/{key}/{which}"), &[&values]);
     }
 }
 

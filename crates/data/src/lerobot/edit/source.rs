@@ -7,7 +7,7 @@ use arrow_array::RecordBatch;
 use genmanip_core::{ActionContract, Document, limits};
 use serde_json::Value;
 
-use super::super::{CONTRACT, LerobotSettings, SETTINGS};
+use super::super::{CONTRACT, LerobotSettings, SETTINGS, SUBTASKS};
 use crate::columns::{cell, integer, text};
 use crate::mp4::Video;
 use crate::table::{self, RowGroups, Table};
@@ -22,6 +22,8 @@ pub(super) struct Source {
     /// Tables of episodes, in order.
     pub(super) tables: Vec<PathBuf>,
     pub(super) episodes: Vec<Listed>,
+    /// What its steps are called; empty where it does not tell.
+    pub(super) subtasks: Vec<String>,
     /// The record that it carries along.
     pub(super) record: Option<EpisodeStore>,
     /// Index of the first row in each file of rows, by chunk and file.
@@ -75,10 +77,16 @@ impl Source {
             info,
             tables,
             episodes: Vec::new(),
+            subtasks: Vec::new(),
             record,
             firsts: BTreeMap::new(),
         };
         source.list()?;
+        if source.features(false).any(|key| key == "subtask_index") {
+            let table = Table::open(&root.join(SUBTASKS))?.whole(|_| true)?;
+            let known = (0..table.num_rows()).filter_map(|row| text(&table, "subtask", row));
+            source.subtasks = known.map(|(text, _)| text).collect();
+        }
         Ok(source)
     }
 

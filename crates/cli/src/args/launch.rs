@@ -1,0 +1,46 @@
+//! What the user may type after `launch`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::parse_count;
+
+/// Arguments of `launch`.
+#[derive(Clone, Debug, Args)]
+#[command(group = clap::ArgGroup::new("cluster").required(true).args(["slurm", "kubernetes", "local"]))]
+pub struct LaunchArguments {
+    /// An array job of Slurm, submitted by sbatch
+    #[arg(long)]
+    pub slurm: bool,
+    /// An indexed job of Kubernetes, submitted by kubectl; needs --image and --claim
+    #[arg(long)]
+    pub kubernetes: bool,
+    /// Shards on this machine
+    #[arg(long)]
+    pub local: bool,
+    /// Parts that the work is divided into
+    #[arg(long, value_parser = parse_count)]
+    pub shards: usize,
+    /// Cores of each shard
+    #[arg(long, default_value_t = 2, value_parser = parse_count)]
+    pub cpus: usize,
+    /// Shards at the same time [default: all; with --local one]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
+    pub at_once: Option<usize>,
+    /// Image of the containers, with this program in it
+    #[arg(long, requires = "kubernetes")]
+    pub image: Option<String>,
+    /// Persistent volume claim with inputs and output
+    #[arg(long, requires = "kubernetes")]
+    pub claim: Option<String>,
+    /// Where the claim is mounted; relative paths start there
+    #[arg(long, value_name = "DIR", default_value = "/data", requires = "kubernetes")]
+    pub mount: PathBuf,
+    /// Measure the sample and print the job, but write and submit nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// `collect` and its arguments, without --shard and --workers
+    #[arg(last = true, required = true, value_name = "collect …")]
+    pub call: Vec<String>,
+}

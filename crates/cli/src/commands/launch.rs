@@ -1,0 +1,88 @@
+//! `genmanip launch`.
+
+use std::process::Command as Process;
+
+use clap::Parser;
+use genmanip_run::inputs;
+use genmanip_run::launch::{Cluster, Container, Job, Need, Sample, measure, script, write};
+use serde::Serialize;
+
+use crate::args::{Arguments, CollectArguments, Command, LaunchArguments};
+use crate::error::{ExitStatus, Failed};
+use crate::printer::Printer;
+
+/// What was found and written.
+#[derive(Serialize)]
+struct Launched {
+    sample: Sample,
+    need: Need,
+    script: String,
+    /// What submits it, or has.
+    submission: Vec<String>,
+}
+
+pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let collect = collecting(&arguments.call)?;
+    let tasks = inputs::read_tasks(&collect.tasks)?;
+    let program = std::env::current_exe().map_err(|error| Failed::because("cannot find this program", &error))?;
+    let cluster = match arguments {
+        LaunchArguments { slurm: true, .. } => Cluster::Slurm,
+        LaunchArguments { kubernetes: true, .. } => Cluster::Kubernetes,
+        _ => Cluster::Local,
+    };
+    let container = arguments.image.clone().zip(arguments.claim.clone());
+    let at_once = if cluster == Cluster::Local { 1 } else { arguments.shards };
+    let job = Job {
+        cluster,
+        program: program.clone(),
+        arguments: arguments.call.clone(),
+        out: collect.out.clone(),
+        shards: arguments.shards,
+        attempts: tasks.len().saturating_mul(collect.episodes),
+        cpus: arguments.cpus,
+        at_once: arguments.at_once.unwrap_or(at_once),
+        container: container.map(|(image, claim)| Container { image, claim, mount: arguments.mount.clone() }),
+    };
+    job.check()?;
+    printer.say("measuring a sample …");
+    let sample = measure(&job, &program, (!arguments.dry_run).then_some(job.out.as_path()))?;
+    let need = job.need(&sample);
+    let launched = Launched { sample, need, script: script(&job, &need), submission: job.submission() };
+    let submission = launched.submission.join(" ");
+    let Need { minutes, memory_mib, disk_mib, core_hours } = need;
+    printer.say(format!(
+        "{} attempts took {:.1} s; each of {} shards gets {minutes} min and {memory_mib} MiB; together some \
+         {core_hours:.2} core hours and {disk_mib} MiB on the disk",
+        sample.attempts, sample.wall_s, job.shards
+    ));
+    if arguments.dry_run {
+        printer.data(&launched, &launched.script);
+        return Ok(ExitStatus::Done);
+    }
+    let path = write(&job, &launched.script)?;
+    printer.say(format!("wrote {}", path.display()));
+    let [submitter, rest @ ..] = launched.submission.as_slice() else { return Ok(ExitStatus::NotMet) };
+    let status = Process::new(submitter).args(rest).status().map_err(|error| {
+        Failed::because(format!("cannot start {submitter}"), &error)
+            .hint(format!("the job lies in {}; submit it where there is one: {submission}", path.display()))
+    })?;
+    printer.data(&launched, &submission);
+    Ok(if status.success() { ExitStatus::Done } else { ExitStatus::NotMet })
+}
+
+/// The call of `collect`, which is understood as if it were typed.
+fn collecting(call: &[String]) -> Result<CollectArguments, Failed> {
+    let typed = ["genmanip".to_owned()].into_iter().chain(call.iter().cloned());
+    let understood = Arguments::try_parse_from(typed)
+        .map_err(|error| Failed::misused("what follows -- is not understood").hint(error.to_string()))?;
+    let Command::Collect(collect) = understood.command else {
+        return Err(Failed::misused("only `collect` can be launched")
+            .hint("an evaluation is divided by its own --shard auto, in a script of yours"));
+    };
+    if collect.shard.is_some() || collect.workers.is_some() {
+        return Err(
+            Failed::misused("--shard and --workers are chosen by launch").hint("say --shards and --cpus before --")
+        );
+    }
+    Ok(collect)
+}

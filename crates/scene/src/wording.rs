@@ -1,0 +1,332 @@
+//! Other sentences for a task: paraphrases of its instruction, and what each step is called.
+//!
+//! A paraphrase has other verbs and prepositions, or asks politely; what things are called stays.
+//! The reader of [`references`], with which this shares no table, reads each one back: only sentences that ask for
+//! exactly the goal of the task are told.
+
+use genmanip_core::{Atom, Relation, Task};
+
+use crate::references;
+
+/// Most words of an instruction, as tasks have it.
+const MOST_WORDS: usize = 30;
+/// Sentences that are tried per task; chosen: of designed tasks all have enough after 40.
+const DRAWS: usize = 96;
+
+/// Phrases, and what says the same in their place; longer ones first.
+const SAME: [(&str, &[&str]); 24] = [
+    ("pick up", &["take", "grab", "fetch"]),
+    ("take", &["pick up", "grab", "fetch"]),
+    ("grab", &["take", "pick up"]),
+    ("fetch", &["take", "pick up"]),
+    ("put", &["place", "set", "move"]),
+    ("place", &["put", "set", "move"]),
+    ("set", &["put", "place"]),
+    ("move", &["put", "place"]),
+    ("next to", &["beside", "close to", "near"]),
+    ("close to", &["next to", "beside", "near"]),
+    ("beside", &["next to", "close to", "near"]),
+    ("near", &["next to", "beside", "close to"]),
+    ("on top of", &["on"]),
+    ("onto", &["on", "on top of"]),
+    ("on", &["on top of"]),
+    ("into", &["inside", "in"]),
+    ("inside", &["in"]),
+    ("in", &["inside"]),
+    ("turn", &["switch"]),
+    ("switch", &["turn"]),
+    ("close", &["shut"]),
+    ("shut", &["close"]),
+    ("top drawer", &["upper drawer"]),
+    ("bottom drawer", &["lower drawer"]),
+];
+
+/// What a request may begin with, and end with; the plain form most often.
+const MANNERS: [(&str, &str); 8] = [
+    ("", "."),
+    ("please ", "."),
+    ("", "."),
+    ("could you ", "?"),
+    ("", "."),
+    ("can you ", "?"),
+    ("could you please ", "?"),
+    ("please help me ", "."),
+];
+
+/// How a tower is asked for.
+const TOWERS: [&str; 6] =
+    ["Build a tower", "Make a tower", "Please build a tower", "Stack a tower", "Please make a tower", "I want a tower"];
+
+/// What a request may begin with that asks for nothing.
+const POLITE: [&str; 4] = ["please", "could you", "can you", "help me"];
+
+/// Verbs that a request begins with.
+const VERBS: [&str; 27] = [
+    "put", "place", "set", "move", "stack", "bring", "pick", "take", "grab", "find", "fetch", "open", "close", "shut",
+    "pull", "push", "lift", "raise", "lower", "flip", "fold", "swing", "turn", "switch", "press", "either", "first",
+];
+
+/// Up to `count` other sentences that ask for the same in the task's scene; none where the instruction itself is not
+/// understood.
+///
+/// The same task always has the same ones.
+pub fn paraphrases(task: &Task, count: usize) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    if references::check(task).is_err() {
+        return found;
+    }
+    for draw in 1..=DRAWS {
+        if found.len() >= count {
+            break;
+        }
+        let said = reworded(&task.instruction, draw);
+        let is_new = said != task.instruction && !found.contains(&said);
+        if is_new && said.split_whitespace().count() <= MOST_WORDS && references::check_said(task, &said).is_ok() {
+            found.push(said);
+        }
+    }
+    found
+}
+
+/// The instruction in the words of one draw; what commands nothing stays as it is.
+fn reworded(instruction: &str, draw: usize) -> String {
+    let mut sentences = Vec::new();
+    let mut is_first = true;
+    for sentence in instruction.split_inclusive(['.', '?', '!']).map(str::trim).filter(|text| !text.is_empty()) {
+        let end = sentence.len() - sentence.trim_end_matches(['.', '?', '!']).len();
+        let (text, end) = sentence.split_at(sentence.len() - end);
+        let (before, request) = text.split_once(": ").unwrap_or(("", text));
+        let (request, reason) = request.split_once(", because ").unwrap_or((request, ""));
+        if before.ends_with("tower") {
+            let begin = TOWERS[chosen(draw, 0, TOWERS.len())];
+            sentences.push(format!("{begin}: {}{end}", exchanged(request, draw)));
+            continue;
+        }
+        let plain = plain(request, draw);
+        if !begins_with_verb(&plain) {
+            sentences.push(sentence.to_owned());
+            continue;
+        }
+        let (manner, mark) = if is_first { MANNERS[chosen(draw, 0, MANNERS.len())] } else { ("", ".") };
+        is_first = false;
+        let request = format!("{manner}{}", exchanged(&plain, draw));
+        let request = if before.is_empty() { capitalised(&request) } else { format!("{before}: {request}") };
+        let reason = if reason.is_empty() { String::new() } else { format!(", because {reason}") };
+        let mark = if end.is_empty() || mark == "?" { mark } else { end };
+        sentences.push(format!("{request}{reason}{mark}"));
+    }
+    sentences.join(" ")
+}
+
+/// A request that begins with its verb, in small letters and without politeness: `I want X to be there` and every other
+/// `take X and put it there` become `put X there`.
+fn plain(request: &str, draw: usize) -> String {
+    let mut small = lowered(request).trim_end_matches(", please").trim_end_matches(" please").to_owned();
+    while let Some(rest) = POLITE.iter().find_map(|words| small.strip_prefix(words)) {
+        small = lowered(rest.trim_start_matches([',', ' ']));
+    }
+    if let Some((thing, place)) = small.strip_prefix("i want ").and_then(|rest| rest.split_once(" to be ")) {
+        return format!("put {thing} {place}");
+    }
+    let taken = ["take ", "pick up ", "grab ", "fetch "].iter().find_map(|verb| small.strip_prefix(verb));
+    let put = [" and put it ", " and place it ", " and set it ", " and move it "];
+    let parts = taken.and_then(|rest| put.iter().find_map(|words| rest.split_once(words)));
+    match parts {
+        Some((thing, place)) if chosen(draw, 1, 2) == 0 && !place.contains(" and ") => format!("put {thing} {place}"),
+        _ => small,
+    }
+}
+
+/// Exchanges each phrase for one that says the same, or leaves it.
+fn exchanged(request: &str, draw: usize) -> String {
+    let words: Vec<&str> = request.split(' ').collect();
+    let mut said: Vec<String> = Vec::new();
+    let mut next = 0;
+    while next < words.len() {
+        let follows = words[next..].join(" ");
+        let is_here = |phrase: &str| {
+            follows.strip_prefix(phrase).is_some_and(|rest| rest.is_empty() || rest.starts_with([' ', ',', ';']))
+        };
+        let Some((phrase, others)) = SAME.iter().find(|(phrase, _)| is_here(phrase)) else {
+            said.push(words[next].to_owned());
+            next += 1;
+            continue;
+        };
+        let length = phrase.split(' ').count();
+        let which = chosen(draw, 2 + next, others.len() + 1);
+        let word = if which == 0 { phrase } else { others[which - 1] };
+        let mark = words[next + length - 1].trim_start_matches(|c: char| c.is_alphanumeric() || c == '\'');
+        said.push(format!("{word}{mark}"));
+        next += length;
+    }
+    said.join(" ")
+}
+
+/// One of `count` in a draw, different at different places.
+fn chosen(draw: usize, place: usize, count: usize) -> usize {
+    let mixed = (draw as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (place as u64).wrapping_mul(0xC2B2_AE3D_27D4_EB4F);
+    let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    usize::try_from((mixed >> 33) % count.max(1) as u64).unwrap_or(0)
+}
+
+fn begins_with_verb(request: &str) -> bool {
+    let first = request.split([' ', ',']).next().unwrap_or_default();
+    VERBS.contains(&first)
+}
+
+/// With a small first letter.
+fn lowered(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// What is done with one object on the way to the goal, as a request: `Put the red mug on the plate.`
+///
+/// `alternative` is the one that is aimed at; an object that it does not move is in its way.
+pub fn step(task: &Task, object: &str, alternative: usize) -> String {
+    let twins = task.interchangeable.iter().find(|group| group.iter().any(|id| id == object));
+    let is_meant = |id: &str| id == object || twins.is_some_and(|group| group.iter().any(|twin| twin == id));
+    let goal = &task.goal.alternatives;
+    let aimed = goal.get(alternative).or(goal.first());
+    let atom = aimed.into_iter().flatten().find(|atom| is_meant(atom.subject()));
+    match atom {
+        Some(Atom::Relation { relation, reference, second_reference, .. }) => {
+            let other = second_reference.as_ref().map(|second| format!(" and the {}", name(task, second)));
+            let (place, other) = (name(task, reference), other.unwrap_or_default());
+            let relation = match relation {
+                Relation::Top if task.card(reference).is_some_and(|card| card.is_container) => Relation::In,
+                relation => *relation,
+            };
+            format!("Put the {} {} the {place}{other}.", name(task, object), preposition(relation))
+        }
+        Some(Atom::State { state, .. }) => {
+            let node = task.scene_graph.nodes.iter().find(|node| node.id == object);
+            changed(&name(task, object), state, node.and_then(|node| node.state.as_deref()))
+        }
+        None => format!("Move the {} out of the way.", name(task, object)),
+    }
+}
+
+/// The name of an instance or a surface in small letters.
+fn name(task: &Task, id: &str) -> String {
+    let surface = task.surfaces.iter().find(|surface| surface.id == id).map(|surface| surface.name.clone());
+    surface
+        .or_else(|| task.card(id).map(|card| card.name.clone()))
+        .unwrap_or_else(|| id.replace('_', " "))
+        .to_lowercase()
+}
+
+fn preposition(relation: Relation) -> &'static str {
+    match relation {
+        Relation::Front => "on the far side of",
+        Relation::Back => "on the robot's side of",
+        Relation::Left => "to the robot's left of",
+        Relation::Right => "to the robot's right of",
+        Relation::Near => "next to",
+        Relation::Top | Relation::On => "on",
+        Relation::In => "in",
+        Relation::Between => "between",
+    }
+}
+
+/// What brings a thing from one state into another.
+fn changed(name: &str, state: &str, before: Option<&str>) -> String {
+    match (state, before) {
+        ("open", _) => format!("Open the {name}."),
+        ("closed", Some("top_open")) => format!("Close the top drawer of the {name}."),
+        ("closed", Some("bottom_open")) => format!("Close the bottom drawer of the {name}."),
+        ("closed", _) => format!("Close the {name}."),
+        ("top_open", Some("closed")) | ("both_open", Some("bottom_open")) => {
+            format!("Open the top drawer of the {name}.")
+        }
+        ("bottom_open", Some("closed")) | ("both_open", Some("top_open")) => {
+            format!("Open the bottom drawer of the {name}.")
+        }
+        ("top_open", Some("both_open")) => format!("Close the bottom drawer of the {name}."),
+        ("bottom_open", Some("both_open")) => format!("Close the top drawer of the {name}."),
+        ("both_open", _) => format!("Open both drawers of the {name}."),
+        ("on", _) => format!("Turn the {name} on."),
+        ("off", _) => format!("Turn the {name} off."),
+        ("low", _) => format!("Turn the {name} to low."),
+        ("high", _) => format!("Turn the {name} to high."),
+        ("pressed", _) => format!("Press the {name}."),
+        (other, _) => format!("Bring the {name} into the state {}.", other.replace('_', " ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use genmanip_assets::Catalogue;
+    use genmanip_core::{Seed, TaskKind};
+
+    use super::*;
+    use crate::designer::{DesignSettings, design_many};
+
+    fn tasks(seed: u64, count: usize) -> Vec<Task> {
+        let cards = Catalogue::builtin().cards();
+        design_many(&TaskKind::ALL, count, cards, Seed::new(seed), &DesignSettings::default()).unwrap().tasks
+    }
+
+    #[test]
+    fn every_designed_task_can_be_said_in_five_other_ways() {
+        let mut poor = Vec::new();
+        for task in tasks(760_001, 240) {
+            let said = paraphrases(&task, 6);
+            if said.len() < 5 {
+                poor.push(format!("{}: {said:?}", task.instruction));
+            }
+            let different: BTreeSet<&String> = said.iter().chain([&task.instruction]).collect();
+            assert_eq!(different.len(), said.len() + 1, "{said:#?}");
+            for instruction in &said {
+                assert!(instruction.starts_with(|c: char| c.is_uppercase()), "{instruction}");
+                assert!(instruction.ends_with(['.', '?']), "{instruction}");
+                assert_eq!(references::check(&Task { instruction: instruction.clone(), ..task.clone() }), Ok(()));
+            }
+            assert_eq!(paraphrases(&task, 6), said);
+        }
+        assert!(poor.is_empty(), "{}", poor.join("\n"));
+    }
+
+    /// What is not understood has no paraphrase that could be trusted.
+    #[test]
+    fn what_is_not_understood_is_not_said_again() {
+        let task = Task { instruction: "Frobnicate the mug.".into(), ..tasks(760_002, 1).remove(0) };
+        assert_eq!(paraphrases(&task, 6), Vec::<String>::new());
+    }
+
+    #[test]
+    fn steps_name_what_the_goal_asks_of_an_object() {
+        let mut task = tasks(760_003, 1).remove(0);
+        let [one, other, third] = [0, 1, 2].map(|index: usize| task.scene_graph.nodes[index].id.clone());
+        let called = |id: &str| task.card(id).unwrap().name.to_lowercase();
+        let [a, b, c] = [called(&one), called(&other), called(&third)];
+        let place = |relation| Atom::Relation {
+            subject: one.clone(),
+            relation,
+            reference: other.clone(),
+            second_reference: None,
+        };
+        let state = |state: &str| Atom::State { object: other.clone(), state: state.into() };
+        task.interchangeable = Vec::new();
+        task.scene_graph.nodes[1].state = Some("closed".into());
+        task.goal.alternatives =
+            vec![vec![place(Relation::On), state("open")], vec![place(Relation::Left), state("top_open")]];
+        let cases = [
+            (&one, 0, format!("Put the {a} on the {b}.")),
+            (&one, 1, format!("Put the {a} to the robot's left of the {b}.")),
+            (&other, 0, format!("Open the {b}.")),
+            (&other, 1, format!("Open the top drawer of the {b}.")),
+            (&third, 0, format!("Move the {c} out of the way.")),
+        ];
+        for (object, alternative, expected) in cases {
+            assert_eq!(step(&task, object, alternative), expected);
+        }
+    }
+}
