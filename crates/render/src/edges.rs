@@ -80,7 +80,7 @@ impl Edges {
         let mut keys = std::mem::take(&mut self.keys);
         for &tile in tiles {
             let [columns, rows] = arrival.pixels_of(tile);
-            let is_mixed = n > 1 && keys.load(&around, columns.start, rows.start);
+            let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, columns.start, rows.start);
             let glass = glass.filter(|glass| glass.iter().any(|layer| has_any(layer, &columns, &rows)));
             if !is_mixed && glass.is_none() {
                 continue;
