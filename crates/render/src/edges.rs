@@ -503,3 +503,23 @@ fn has_any(layer: &Target, columns: &Range<usize>, rows: &Range<usize>) -> bool 
     let mut rows = span(rows, layer.height);
     rows.any(|row| layer.ids[row * layer.width..][columns.clone()].iter().fold(0, |any, &id| any | id) != 0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All pixels of a tile at once give what one after the other gives.
+    #[test]
+    fn mixed_pixels_are_found_at_once() {
+        let mut state = 1_u32;
+        for share in [0, 1, 20, 255] {
+            let mut draw = || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                u32::from(state >> 24 < share)
+            };
+            let keys = TileKeys { n: 2, side: SIDE, keys: (0..SIDE * SIDE).map(|_| draw()).collect() };
+            let single = |place: usize| u64::from(keys.differ([place % TILE, place / TILE])) << place;
+            assert_eq!(keys.mixed(), (0..TILE * TILE).fold(0, |bits, place| bits | single(place)), "share {share}");
+        }
+    }
+}
