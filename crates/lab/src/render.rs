@@ -3,6 +3,7 @@
 //! The arm moves as in an episode, pauses included, and carries one of the objects; no physics runs, and resting
 //! objects tremble by a nanometre as they do in a simulation.
 
+mod baselines;
 mod judge;
 
 use std::collections::BTreeMap;
@@ -22,6 +23,7 @@ use crate::clock::cpu_clock;
 use genmanip_bench::text_table;
 use genmanip_run::Progress;
 
+pub use baselines::{Baselines, measure as measure_baselines};
 pub use judge::{Flip, judge};
 
 /// Objects on the table, four rows of four, each with a texture.
@@ -51,8 +53,8 @@ pub struct Report {
     pub reuse_share: f64,
     /// Whether every picture has the bytes of one that is drawn from nothing.
     pub identical_with_reuse: bool,
-    /// Other renderers on the same scene.
-    pub vs: Option<()>,
+    /// Other renderers on a more crowded table, if they were asked.
+    pub vs: Option<Baselines>,
     /// How far the pictures are from traced ones, if that was asked for.
     pub flip: Option<Flip>,
 }
@@ -74,9 +76,9 @@ pub struct Cost {
 /// When the catalogue has too few textured objects, or something cannot be drawn.
 pub fn measure(seed: Seed, progress: &dyn Progress) -> Result<Report, LabError> {
     let robot = panda();
-    let objects = objects(seed.fork("objects"), true)?;
+    let objects = objects(seed.fork("objects"), true, OBJECTS)?;
     let assets = RenderAssets::new(Arc::clone(&robot), &objects, Some(&default_world())).map_err(not_drawn)?;
-    let frames = episode(&robot, &assets, seed.fork("episode"))?;
+    let frames = episode(&robot, &assets, OBJECTS, GRID, seed.fork("episode"))?;
     let cameras = ["static", "wrist"].map(|name| default_world().camera(name).cloned());
     let [Some(fixed), Some(wrist)] = cameras else {
         return Err(LabError::input("the default world has no cameras `static` and `wrist`"));
@@ -185,8 +187,20 @@ fn not_drawn(error: genmanip_render::RenderError) -> LabError {
     LabError::broken("the table cannot be drawn", error)
 }
 
-/// Objects drawn from the catalogue, on request such with a texture only.
-fn objects(seed: Seed, is_textured: bool) -> Result<Vec<Arc<ObjectModel>>, LabError> {
+/// Places of objects on the table, row by row away from the robot.
+#[derive(Clone, Copy)]
+struct Grid {
+    /// Objects per row, from right to left.
+    columns: usize,
+    from_m: [f64; 2],
+    step_m: [f64; 2],
+    jitter_m: [f64; 2],
+}
+
+const GRID: Grid = Grid { columns: 4, from_m: [0.32, -0.3], step_m: [0.14, 0.2], jitter_m: [0.01, 0.02] };
+
+/// So many objects drawn from the catalogue, on request such with a texture only.
+fn objects(seed: Seed, is_textured: bool, count: usize) -> Result<Vec<Arc<ObjectModel>>, LabError> {
     let catalogue = Catalogue::builtin();
     let mut rng = seed.rng();
     let fits = |size: DVec3| size.x.max(size.y) <= LARGEST_M;
@@ -197,7 +211,7 @@ fn objects(seed: Seed, is_textured: bool) -> Result<Vec<Arc<ObjectModel>>, LabEr
         .map(|card| card.uid.as_str())
         .collect();
     let mut objects = Vec::new();
-    while objects.len() < OBJECTS && !uids.is_empty() {
+    while objects.len() < count && !uids.is_empty() {
         let uid = uids.swap_remove(rng.random_range(0..uids.len()));
         let object =
             catalogue.build(uid).map_err(|error| LabError::broken(format!("object {uid} cannot be made"), error))?;
@@ -206,20 +220,28 @@ fn objects(seed: Seed, is_textured: bool) -> Result<Vec<Arc<ObjectModel>>, LabEr
             objects.push(object);
         }
     }
-    if objects.len() < OBJECTS {
-        return Err(LabError::input(format!("{} objects that fit, expected {OBJECTS}", objects.len())));
+    if objects.len() < count {
+        return Err(LabError::input(format!("{} objects that fit, expected {count}", objects.len())));
     }
     Ok(objects)
 }
 
 /// A pick, a carry and a place over the grid of objects, frame by frame.
-fn episode(robot: &Arc<RobotModel>, assets: &RenderAssets, seed: Seed) -> Result<Vec<FrameState>, LabError> {
+fn episode(
+    robot: &Arc<RobotModel>,
+    assets: &RenderAssets,
+    objects: usize,
+    grid: Grid,
+    seed: Seed,
+) -> Result<Vec<FrameState>, LabError> {
     let mut rng = seed.rng();
     let mut jitter = |size: f64| (rng.random_range(0..=1000_u32) as f64 / 500.0 - 1.0) * size;
-    let mut poses: Vec<Pose> = (0..OBJECTS)
+    let mut poses: Vec<Pose> = (0..objects)
         .map(|index| {
-            let at = DVec3::new(0.32 + 0.14 * (index / 4) as f64, -0.3 + 0.2 * (index % 4) as f64, 0.0);
-            Pose::from_position_yaw(at + DVec3::new(jitter(0.01), jitter(0.02), 0.0), jitter(3.0))
+            let (row, column) = ((index / grid.columns) as f64, (index % grid.columns) as f64);
+            let [x, y] = [grid.from_m[0] + grid.step_m[0] * row, grid.from_m[1] + grid.step_m[1] * column];
+            let at = DVec3::new(x + jitter(grid.jitter_m[0]), y + jitter(grid.jitter_m[1]), 0.0);
+            Pose::from_position_yaw(at, jitter(3.0))
         })
         .collect();
     let carried = 5 + usize::from(jitter(1.0) > 0.0);
@@ -289,5 +311,5 @@ pub fn in_words(report: &Report) -> String {
         report.episode_frames_per_s,
         100.0 * report.reuse_share,
         if report.identical_with_reuse { "with the same bytes" } else { "but the bytes differ" },
-    )
+    ) + &report.vs.as_ref().map_or_else(String::new, baselines::in_words)
 }

@@ -97,6 +97,8 @@ struct Bin {
 struct TileSummary {
     /// The one surface that is seen, or [`SEVERAL`].
     surface: u16,
+    /// The one triangle that all its samples show, as a visibility id.
+    only: Option<u32>,
     /// Reach of its taps on the image, pixels.
     reach: isize,
     /// Where it lies on the shadow map.
@@ -139,6 +141,7 @@ impl Arrival {
         self.surface.resize(width * height, 0);
         let tile = TileSummary {
             surface: 0,
+            only: None,
             reach: 0,
             span: Span::default(),
             is_coarse: false,
@@ -158,6 +161,20 @@ impl Arrival {
     /// Whether a tile shows nothing anywhere.
     pub fn may_be_empty(&self, tile: usize) -> bool {
         matches!(self.tiles[tile].surface, 0 | SEVERAL)
+    }
+
+    /// Whether all samples of a tile and of those next to it show one triangle, or nothing.
+    pub fn shows_one(&self, tile: usize) -> bool {
+        let only = self.tiles[tile].only;
+        only.is_some() && self.neighbours(tile).all(|tile| tile.only == only)
+    }
+
+    /// A tile and those next to it.
+    fn neighbours(&self, tile: usize) -> impl Iterator<Item = &TileSummary> {
+        let (column, row) = (tile % self.columns, tile / self.columns);
+        let columns = column.saturating_sub(1)..(column + 2).min(self.columns);
+        (row.saturating_sub(1)..(row + 2).min(self.rows))
+            .flat_map(move |row| &self.tiles[row * self.columns..][columns.clone()])
     }
 
     /// Pixels of a tile: columns and rows.
@@ -380,15 +397,7 @@ impl Arrival {
 
     /// Extremes over a tile and its neighbours.
     fn range_around(&self, tile: usize, pick: impl Fn(&TileSummary) -> [f32; 2]) -> [f32; 2] {
-        let (column, row) = (tile % self.columns, tile / self.columns);
-        let mut range = NO_RANGE;
-        for row in row.saturating_sub(1)..(row + 2).min(self.rows) {
-            for column in column.saturating_sub(1)..(column + 2).min(self.columns) {
-                let [low, high] = pick(&self.tiles[row * self.columns + column]);
-                range = [range[0].min(low), range[1].max(high)];
-            }
-        }
-        range
+        self.neighbours(tile).map(pick).fold(NO_RANGE, |[a, b], [low, high]| [a.min(low), b.max(high)])
     }
 
     /// The ambient light at every pixel of a tile from the four coarse pixels around it that show the same surface.

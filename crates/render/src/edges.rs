@@ -80,7 +80,7 @@ impl Edges {
         let mut keys = std::mem::take(&mut self.keys);
         for &tile in tiles {
             let [columns, rows] = arrival.pixels_of(tile);
-            let is_mixed = n > 1 && keys.load(&around, columns.start, rows.start);
+            let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, columns.start, rows.start);
             let glass = glass.filter(|glass| glass.iter().any(|layer| has_any(layer, &columns, &rows)));
             if !is_mixed && glass.is_none() {
                 continue;
@@ -502,4 +502,24 @@ fn has_any(layer: &Target, columns: &Range<usize>, rows: &Range<usize>) -> bool 
     let columns = span(columns, layer.width);
     let mut rows = span(rows, layer.height);
     rows.any(|row| layer.ids[row * layer.width..][columns.clone()].iter().fold(0, |any, &id| any | id) != 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All pixels of a tile at once give what one after the other gives.
+    #[test]
+    fn mixed_pixels_are_found_at_once() {
+        let mut state = 1_u32;
+        for share in [0, 1, 20, 255] {
+            let mut draw = || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                u32::from(state >> 24 < share)
+            };
+            let keys = TileKeys { n: 2, side: SIDE, keys: (0..SIDE * SIDE).map(|_| draw()).collect() };
+            let single = |place: usize| u64::from(keys.differ([place % TILE, place / TILE])) << place;
+            assert_eq!(keys.mixed(), (0..TILE * TILE).fold(0, |bits, place| bits | single(place)), "share {share}");
+        }
+    }
 }

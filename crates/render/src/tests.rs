@@ -396,6 +396,45 @@ fn wrong_requests_are_refused() {
     assert_eq!(error.to_string(), "the mesh of part `bad` of `bad` names corner 99, but it has only 24 corners");
 }
 
+/// What other renderers are given is what is drawn: every pixel's point lies in the box of its instance's meshes.
+#[test]
+fn posed_meshes_are_where_pictures_show_them() {
+    let (assets, state) = toy();
+    let camera = camera(64, 36);
+    let mut out = [FrameBuffers::default()];
+    let job = ViewJob::new(&state, &camera, Channels::GEOMETRY);
+    Renderer::new(Arc::clone(&assets), RenderVariation::default()).render(&[job], &mut out).unwrap();
+    let mut boxes = std::collections::BTreeMap::new();
+    let mut triangles = 0;
+    for mesh in assets.posed_meshes(&state).unwrap() {
+        triangles += mesh.triangles.len();
+        let (low, high) = boxes.entry(mesh.instance).or_insert((DVec3::INFINITY, DVec3::NEG_INFINITY));
+        for position in mesh.positions {
+            let place = mesh.world_from_mesh.transform_point(position.as_dvec3());
+            (*low, *high) = (low.min(place), high.max(place));
+        }
+    }
+    assert_eq!(triangles, assets.triangle_count());
+    let world_from_camera = camera.world_from_camera(&assets.world_from_hand(&state));
+    let k = camera.intrinsics;
+    let mut seen = 0;
+    for (pixel, (&depth, &instance)) in out[0].depth_m.iter().zip(&out[0].instance).enumerate() {
+        if instance == 0 {
+            continue;
+        }
+        let (x, y) = ((pixel % 64) as f64, (pixel / 64) as f64);
+        let ray = DVec3::new((x - k.cx) / k.fx, (y - k.cy) / k.fy, 1.0);
+        let point = world_from_camera.transform_point(ray * f64::from(depth));
+        let (low, high) = boxes[&instance];
+        assert!(point.cmpge(low - 1e-4).all() && point.cmple(high + 1e-4).all(), "{point} of {instance}");
+        seen += 1;
+    }
+    assert!(seen > 500, "{seen} pixels");
+    let mut short = state.clone();
+    short.body_poses.pop();
+    assert!(matches!(assets.posed_meshes(&short).err(), Some(RenderError::BodyCount { expected: 9, got: 8 })));
+}
+
 #[test]
 fn closed_meshes_are_recognised() {
     let mut open = block(Vec3::ONE);

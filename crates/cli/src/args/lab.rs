@@ -334,6 +334,12 @@ pub struct LabRenderArguments {
     /// Folder for both pictures of each scene
     #[arg(long, value_name = "DIR", requires = "flip")]
     pub out: Option<PathBuf>,
+    /// Also draw a table of 150,000 triangles with MuJoCo's and PyBullet's renderers
+    #[arg(long)]
+    pub baselines: bool,
+    /// Python with the packages mujoco, pybullet and numpy
+    #[arg(long, value_name = "PROGRAM", requires = "baselines", default_value = ".python/bin/python")]
+    pub python: PathBuf,
 }
 
 /// Arguments of `lab design`.

@@ -141,6 +141,9 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let seed = Seed::new(arguments.seed);
             let mut measured = render::measure(seed, printer)?;
             measured.flip = render::judge(seed, arguments.flip, arguments.paths, arguments.out.as_deref(), printer)?;
+            if arguments.baselines {
+                measured.vs = render::measure_baselines(&arguments.python, seed, printer)?;
+            }
             printer.data(&measured, &render::in_words(&measured));
         }
         LabCommand::Segment(arguments) => {

@@ -12,7 +12,7 @@ use genmanip_render::{FrameBuffers, RenderAssets, RenderVariation, Renderer, Vie
 use genmanip_run::{Progress, inputs};
 use serde::Serialize;
 
-use super::{CHANNELS, episode, not_drawn, objects, sized};
+use super::{CHANNELS, GRID, OBJECTS, episode, not_drawn, objects, sized};
 use crate::LabError;
 
 /// Size of the pictures, pixels.
@@ -63,9 +63,9 @@ pub fn judge(
         let name = ["static", "wrist"][index % 2];
         let camera = world.camera(name).map(|camera| sized(camera, SIZE));
         let camera = camera.ok_or_else(|| LabError::input(format!("the default world has no camera `{name}`")))?;
-        let objects = objects(seed.fork("objects"), false)?;
+        let objects = objects(seed.fork("objects"), false, OBJECTS)?;
         let assets = RenderAssets::new(Arc::clone(&robot), &objects, Some(&world)).map_err(not_drawn)?;
-        let frames = episode(&robot, &assets, seed.fork("episode"))?;
+        let frames = episode(&robot, &assets, OBJECTS, GRID, seed.fork("episode"))?;
         let job = ViewJob::new(&frames[frames.len() / 2], &camera, CHANNELS);
         let mut drawn = [FrameBuffers::default()];
         Renderer::new(Arc::clone(&assets), variation.clone()).render(&[job], &mut drawn).map_err(not_drawn)?;

@@ -31,7 +31,8 @@ impl Arrival {
             let [columns, rows] = self.pixels_of(tile);
             let first = opaque.ids[(rows.start * opaque.width + columns.start) * opaque.scale];
             let seen = Seen { depth: &mut self.depth, ids: &mut self.ids, surface: &mut self.surface };
-            let ([low, high], differ) = see_tile(opaque, columns.clone(), rows.clone(), first, self.width, seen);
+            let ([low, high], differ, differ_all) =
+                see_tile(opaque, columns.clone(), rows.clone(), first, self.width, seen);
             let (is_mixed, first_surface) = (differ >> TRIANGLE_BITS != 0, (first >> TRIANGLE_BITS) as u16);
             let reach = (variation.occlusion_radius_m * view.lens.focal.x * high).clamp(3.0, MAX_REACH);
             let lens = &view.lens;
@@ -59,8 +60,9 @@ impl Arrival {
             let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
             let reach = reach as isize + 2;
             let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
+            let only = (differ_all == 0).then_some(first);
             let (key, ambient) = (NO_RANGE, NO_RANGE);
-            self.tiles[tile] = TileSummary { surface, reach, span, is_coarse, is_level, key, ambient };
+            self.tiles[tile] = TileSummary { surface, only, reach, span, is_coarse, is_level, key, ambient };
         }
     }
 }
@@ -73,7 +75,7 @@ struct Seen<'a> {
 }
 
 /// Takes over what the centres of a tile's pixels see; returns the smallest and largest nearness of what is there, and
-/// the bits in which ids differ from a first one.
+/// the bits in which ids of centres, and of all samples, differ from a first one.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn see_tile(
     opaque: &Target,
@@ -82,11 +84,21 @@ fn see_tile(
     first: u32,
     width: usize,
     seen: Seen<'_>,
-) -> ([f32; 2], u32) {
+) -> ([f32; 2], u32, u32) {
     /// Samples of a tile's row up to the last centre with two per pixel along each axis.
     const SPAN: usize = 2 * TILE - 1;
     let scale = opaque.scale;
     let (mut low, mut high, mut differ) = ([f32::INFINITY; TILE], [0.0_f32; TILE], [0_u32; TILE]);
+    let mut differ_all = [0_u32; 2 * TILE];
+    for row in rows.start * scale..rows.end * scale {
+        let samples = row * opaque.width + columns.start * scale..row * opaque.width + columns.end * scale;
+        for ids in opaque.ids[samples].chunks(2 * TILE) {
+            match ids.first_chunk::<{ 2 * TILE }>() {
+                Some(ids) => (0..2 * TILE).for_each(|sample| differ_all[sample] |= ids[sample] ^ first),
+                None => ids.iter().for_each(|id| differ_all[0] |= id ^ first),
+            }
+        }
+    }
     for row in rows {
         let at = row * scale * opaque.width + columns.start * scale;
         let (mut near, mut ids) = ([0.0; TILE], [first; TILE]);
@@ -116,5 +128,6 @@ fn see_tile(
         put(&mut seen.surface[pixels], &surface);
     }
     let (low, high) = (low.into_iter().fold(f32::INFINITY, f32::min), high.into_iter().fold(0.0, f32::max));
-    ([low, high], differ.into_iter().fold(0, |all, one| all | one))
+    let any = |bits: &[u32]| bits.iter().fold(0, |all, one| all | one);
+    ([low, high], any(&differ), any(&differ_all))
 }

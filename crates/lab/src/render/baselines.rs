@@ -1,0 +1,248 @@
+//! The pictures of other programs' renderers beside ours: the same triangles, camera and light, one crowded table.
+//!
+//! MuJoCo's renderer and PyBullet's TinyRenderer are asked by `docs/benchmark/against_renderers.py` in a Python that has
+//! them; what that program draws and what it leaves out stands there.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+use genmanip_assets::panda;
+use genmanip_assets::worlds::default_world;
+use genmanip_core::{Camera, Seed};
+use genmanip_render::posed::PosedMesh;
+use genmanip_render::{FrameBuffers, FrameState, RenderAssets, RenderVariation, Renderer, ViewJob};
+use genmanip_run::{Progress, inputs};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::{CHANNELS, Grid, OBJECTS, draw, episode, not_drawn, objects, sized};
+use crate::LabError;
+
+/// Triangles of the scene, at least.
+const TRIANGLES: usize = 150_000;
+/// Sizes of the pictures, pixels.
+const SIZES: [[u32; 2]; 2] = [[512, 288], [1280, 720]];
+/// Places for objects, the same ones several times, of which as many are taken as the triangles need.
+const GRID: Grid = Grid { columns: 10, from_m: [0.25, -0.585], step_m: [0.13, 0.13], jitter_m: [0.005, 0.005] };
+const ROWS: usize = 6;
+const PROGRAM: &str = include_str!("../../../../docs/benchmark/against_renderers.py");
+
+/// Our pictures and those of other engines.
+#[derive(Debug, Serialize)]
+pub struct Baselines {
+    /// Triangles of the scene.
+    pub triangles: usize,
+    /// Objects on the table.
+    pub objects: usize,
+    /// By size in pixels.
+    pub sizes: BTreeMap<String, Comparison>,
+}
+
+/// Pictures of one size: colour, depth and ids of the static camera.
+#[derive(Debug, Serialize)]
+pub struct Comparison {
+    /// Ours, the median over the frames of an episode, each continued from the one before.
+    pub ms_static: f64,
+    /// Ours with nothing to continue.
+    pub ms_first_frame: f64,
+    /// MuJoCo's renderer, three passes.
+    pub mujoco: Option<Engine>,
+    /// PyBullet's TinyRenderer, one pass without anti-aliasing.
+    pub pybullet: Option<Engine>,
+    /// How many times longer they take than ours.
+    pub times_mujoco: Option<f64>,
+    /// The same of PyBullet.
+    pub times_pybullet: Option<f64>,
+}
+
+/// What another engine's pictures cost, milliseconds of processor time, and how they differ from ours.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Engine {
+    /// Version of the package.
+    pub version: String,
+    /// How it reaches OpenGL, if it does.
+    pub gl_backend: String,
+    /// What OpenGL says of itself: `renderer` and `version`.
+    #[serde(default)]
+    pub gl: BTreeMap<String, String>,
+    /// All channels together.
+    pub ms: f64,
+    /// By channel, where each is a pass of its own.
+    pub rgb_ms: Option<f64>,
+    /// Depth.
+    pub depth_ms: Option<f64>,
+    /// Ids.
+    pub ids_ms: Option<f64>,
+    /// Against our depth and ids.
+    pub difference: Difference,
+}
+
+/// How depth and ids of two renderers differ.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Difference {
+    /// Share of the pixels whose ids differ.
+    pub ids_differ_share: f64,
+    /// Where the ids are the same, millimetres.
+    pub depth_median_mm: f64,
+    /// The same for the pixel that 0.1 % exceed.
+    pub depth_p99_9_mm: f64,
+}
+
+/// What the program prints.
+#[derive(Deserialize)]
+struct Answer {
+    problems: Vec<String>,
+    mujoco: Option<Engine>,
+    pybullet: Option<Engine>,
+}
+
+/// Draws a scene of at least 150,000 triangles with all engines that a Python interpreter has; `None`, after a note that
+/// says why, when there is none.
+///
+/// # Errors
+/// When the scene cannot be drawn or written, or the answer of the program not be read.
+pub fn measure(python: &Path, seed: Seed, progress: &dyn Progress) -> Result<Option<Baselines>, LabError> {
+    let missing = |why: String| {
+        let hint = "--python names an interpreter with mujoco, pybullet and numpy";
+        progress.note(&format!("other renderers are not measured: {why}; {hint}"));
+    };
+    if let Err(error) = Command::new(python).args(["-c", "import numpy"]).output() {
+        missing(format!("{} cannot be started: {error}", python.display()));
+        return Ok(None);
+    }
+    let (robot, world, seed) = (panda(), default_world(), seed.fork("crowd"));
+    let kinds = objects(seed.fork("objects"), false, OBJECTS)?;
+    let mut crowd: Vec<_> = kinds.into_iter().cycle().take(GRID.columns * ROWS).collect();
+    let count =
+        |crowd: &[_]| RenderAssets::new(Arc::clone(&robot), crowd, Some(&world)).map(|assets| assets.triangle_count());
+    while crowd.len() > 1 && count(&crowd[..crowd.len() - 1]).map_err(not_drawn)? >= TRIANGLES {
+        crowd.pop();
+    }
+    let assets = RenderAssets::new(Arc::clone(&robot), &crowd, Some(&world)).map_err(not_drawn)?;
+    let triangles = assets.triangle_count();
+    if triangles < TRIANGLES {
+        return Err(LabError::input(format!("the crowded table has {triangles} triangles, expected {TRIANGLES}")));
+    }
+    let frames = episode(&robot, &assets, crowd.len(), GRID, seed.fork("episode"))?;
+    let Some(camera) = world.camera("static") else {
+        return Err(LabError::input("the default world has no camera `static`"));
+    };
+    let mut baselines = Baselines { triangles, objects: crowd.len(), sizes: BTreeMap::new() };
+    progress.begin("asking other renderers", SIZES.len());
+    for size in SIZES {
+        let camera = sized(camera, size);
+        let folder = Scratch::new()?;
+        write_scene(&assets, &frames[frames.len() / 2], &camera, &folder.0)?;
+        let answer = ask(python, &folder.0)?;
+        for problem in &answer.problems {
+            missing(problem.clone());
+        }
+        if answer.mujoco.is_none() && answer.pybullet.is_none() {
+            progress.end();
+            return Ok(None);
+        }
+        let own = draw(&assets, &frames, &[camera.clone(), camera], false)?.cost;
+        let times = |engine: &Option<Engine>| engine.as_ref().map(|engine| engine.ms / own.ms_static);
+        let comparison = Comparison {
+            ms_static: own.ms_static,
+            ms_first_frame: own.ms_first_frame,
+            times_mujoco: times(&answer.mujoco),
+            times_pybullet: times(&answer.pybullet),
+            mujoco: answer.mujoco,
+            pybullet: answer.pybullet,
+        };
+        baselines.sizes.insert(format!("{}x{}", size[0], size[1]), comparison);
+        progress.advance();
+    }
+    progress.end();
+    Ok(Some(baselines))
+}
+
+/// A folder that goes with its owner.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new() -> Result<Self, LabError> {
+        let folder = std::env::temp_dir().join(format!("genmanip-renderers-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).map_err(|error| LabError::file("create", &folder, error))?;
+        Ok(Self(folder))
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // What is left of a scratch folder harms nobody.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Meshes at their places in the world, camera, light, and our depth and ids.
+fn write_scene(assets: &Arc<RenderAssets>, frame: &FrameState, camera: &Camera, folder: &Path) -> Result<(), LabError> {
+    let variation = RenderVariation::default();
+    let mut out = [FrameBuffers::default()];
+    let job = ViewJob::new(frame, camera, CHANNELS);
+    Renderer::new(Arc::clone(assets), variation.clone()).render(&[job], &mut out).map_err(not_drawn)?;
+    let [FrameBuffers { depth_m, instance, .. }] = out;
+    let bytes = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let write = |name: &str, bytes: Vec<u8>| inputs::write_file(&folder.join(name), &bytes);
+    write("depth.f32", bytes(&depth_m))?;
+    write("ids.u16", instance.iter().flat_map(|id| id.to_le_bytes()).collect())?;
+    let mut meshes = Vec::new();
+    for (index, mesh) in assets.posed_meshes(frame).map_err(not_drawn)?.enumerate() {
+        let PosedMesh { instance, world_from_mesh, positions, triangles, base_color_linear, .. } = mesh;
+        let place = |position| world_from_mesh.transform_point(position).as_vec3().to_array();
+        let corners: Vec<f32> = positions.iter().flat_map(|position| place(position.as_dvec3())).collect();
+        let indices = triangles.iter().flatten().flat_map(|index| index.to_le_bytes()).collect();
+        write(&format!("{index}.f32"), bytes(&corners))?;
+        write(&format!("{index}.u32"), indices)?;
+        meshes.push(json!({ "file": index.to_string(), "instance": instance, "color": base_color_linear }));
+    }
+    let (pose, k) = (camera.mount_from_camera, camera.intrinsics);
+    let axes = genmanip_core::glam::DMat3::from_quat(pose.rotation).transpose();
+    let rows = [axes.x_axis, axes.y_axis, axes.z_axis].map(|row| row.to_array());
+    let to_light = genmanip_core::glam::Vec3::from_array(variation.light_direction).normalize();
+    let scene = json!({
+        "camera": {
+            "width": k.width, "height": k.height, "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy,
+            "position": pose.position.to_array(), "rotation": rows,
+        },
+        "center": variation.shadow_center, "radius": variation.shadow_radius_m, "to_light": to_light.to_array(),
+        "meshes": meshes,
+    });
+    write("scene.json", scene.to_string().into_bytes())
+}
+
+fn ask(python: &Path, folder: &Path) -> Result<Answer, LabError> {
+    let started = Command::new(python).args(["-c", PROGRAM]).arg(folder).output();
+    let output = started.map_err(|error| LabError::broken("the other renderers cannot be asked", error))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let line = text.lines().last().unwrap_or_default();
+    serde_json::from_str(line).map_err(|error| {
+        let talk = String::from_utf8_lossy(&output.stderr);
+        let said = talk.lines().last().unwrap_or("nothing").to_owned();
+        LabError::broken(format!("the program that asks other renderers ended with `{said}`"), error)
+    })
+}
+
+/// The same in words.
+pub fn in_words(baselines: &Baselines) -> String {
+    let mut text = format!("{} triangles, {} objects, static camera:\n", baselines.triangles, baselines.objects);
+    for (size, comparison) in &baselines.sizes {
+        text += &format!("  {size}: {:.1} ms, first {:.1} ms\n", comparison.ms_static, comparison.ms_first_frame);
+        for (name, engine) in [("MuJoCo", &comparison.mujoco), ("PyBullet", &comparison.pybullet)] {
+            let Some(engine) = engine else { continue };
+            text += &format!(
+                "    {name} {} ({}): {:.1} ms, {:.1} times; ids differ in {:.4} % of pixels, depth by {:.3} mm (p99.9)\n",
+                engine.version,
+                engine.gl.get("renderer").unwrap_or(&engine.gl_backend),
+                engine.ms,
+                engine.ms / comparison.ms_static,
+                100.0 * engine.difference.ids_differ_share,
+                engine.difference.depth_p99_9_mm,
+            );
+        }
+    }
+    text
+}
