@@ -16,13 +16,15 @@ use crate::{RolloutError, Stage};
 pub fn cloud_verdict(stage: &Stage, episode: &Episode) -> Result<Option<CloudVerdict>, RolloutError> {
     let asks_for_states = stage.goal.alternatives.iter().flatten().any(|atom| matches!(atom, Atom::State { .. }));
     let is_fixed = |camera: &&Camera| camera.mount == CameraMount::World;
-    let cameras: Vec<&Camera> = stage.scenario.world.cameras.iter().filter(is_fixed).collect();
+    // The paper's clouds come from the simulator, not from a sensor.
+    let perfect = |camera: &Camera| Camera { sensor: None, distortion: None, ..camera.clone() };
+    let cameras: Vec<Camera> = stage.scenario.world.cameras.iter().filter(is_fixed).map(perfect).collect();
     let Some(frame) = episode.frames.last().filter(|_| !asks_for_states && !cameras.is_empty()) else {
         return Ok(None);
     };
     let channels = ImageChannels { rgb: false, depth: true, ids: true, ..ImageChannels::RGB };
     let mut painter = Painter::new(stage)?;
-    let views = cameras.iter().map(|camera| painter.paint(frame, camera, channels));
+    let views = cameras.iter().map(|camera| painter.paint(frame, camera, channels, episode.result.seed));
     let views = views.collect::<Result<Vec<_>, _>>()?;
     let ids: Vec<&str> = stage.scenario.objects.iter().map(|object| object.id.as_str()).collect();
     let instances: Vec<u16> = (0..ids.len()).map(|index| FIRST_OBJECT + index as u16).collect();
