@@ -3,14 +3,11 @@
 //! Optical axes: x right, y down, z forward. Pixel centres are at integer coordinates.
 //! Resizing by a factor s maps a coordinate c to (c + 0.5) · s - 0.5.
 
-use std::collections::BTreeMap;
-
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
-use crate::Pose;
+use crate::{CameraSensor, Distortion, Pose};
 
 /// A camera: where it is and what it sees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -23,16 +20,13 @@ pub struct Camera {
     pub mount_from_camera: Pose,
     /// Projection.
     pub intrinsics: Intrinsics,
-    /// Place kept for lens distortion; this version draws undistorted pictures and refuses one.
+    /// How its lens bends the picture; a pinhole without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub distortion: Option<Reserved>,
-    /// Place kept for the model of a sensor and its noise; this version refuses one.
+    pub distortion: Option<Distortion>,
+    /// What its sensors add to a perfect picture; nothing without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sensor: Option<Reserved>,
+    pub sensor: Option<CameraSensor>,
 }
-
-/// Something that the format keeps a place for and this version does not know yet; checking refuses it.
-pub type Reserved = BTreeMap<String, Value>;
 
 /// What a camera is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -67,7 +61,7 @@ impl Camera {
         Self::new(name, CameraMount::World, Self::pose_looking_at(eye, target), intrinsics)
     }
 
-    /// A camera without distortion.
+    /// A perfect camera: a pinhole whose sensors add nothing.
     pub fn new(name: &str, mount: CameraMount, mount_from_camera: Pose, intrinsics: Intrinsics) -> Self {
         Self { name: name.into(), mount, mount_from_camera, intrinsics, distortion: None, sensor: None }
     }

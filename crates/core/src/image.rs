@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Intrinsics, Pose};
+use crate::{Distortion, Intrinsics, Pose};
 
 /// One camera's image: what policies, depth perception and recorders speak.
 ///
@@ -13,6 +13,8 @@ use crate::{Intrinsics, Pose};
 pub struct RgbdImage {
     /// Projection, at the size of this image.
     pub intrinsics: Intrinsics,
+    /// How the lens bent it; a pinhole without.
+    pub distortion: Option<Distortion>,
     /// Where the camera was; x right, y down, z forward.
     pub world_from_camera: Pose,
     /// Colour, 8-bit sRGB, three bytes per pixel.
@@ -90,6 +92,7 @@ impl RgbdImage {
     pub fn of_depth(intrinsics: Intrinsics, world_from_camera: Pose, depth_m: Vec<f32>) -> Self {
         Self {
             intrinsics,
+            distortion: None,
             world_from_camera,
             rgb: Vec::new(),
             depth_m,
@@ -114,7 +117,44 @@ impl RgbdImage {
         let depth_m = *self.depth_m.get(index).filter(|depth_m| **depth_m > 0.0 && depth_m.is_finite())?;
         let width = (self.intrinsics.width as usize).max(1);
         let pixel = DVec2::new((index % width) as f64, (index / width) as f64);
-        Some(self.world_from_camera.transform_point(self.intrinsics.unproject(pixel, f64::from(depth_m))))
+        let ray = self.intrinsics.unproject(pixel, 1.0);
+        let ray = match self.distortion {
+            None => ray,
+            Some(lens) => lens.undistort(ray.truncate())?.extend(1.0),
+        };
+        Some(self.world_from_camera.transform_point(ray * f64::from(depth_m)))
+    }
+
+    /// Where the image shows a point of the world, in pixels, which may lie outside of it; `None` behind the camera.
+    pub fn pixel_of(&self, point: DVec3) -> Option<DVec2> {
+        let seen = self.world_from_camera.inverse().transform_point(point);
+        let on_plane = (seen.z > 1e-9).then(|| seen.truncate() / seen.z)?;
+        let shown = match self.distortion {
+            None => on_plane,
+            // A point far outside may be folded into the image by the formula, and never by the lens.
+            Some(lens) => Some(lens.distort(on_plane))
+                .filter(|&shown| lens.undistort(shown).is_some_and(|back| back.distance(on_plane) < 1e-6))?,
+        };
+        self.intrinsics.project(shown.extend(1.0))
+    }
+
+    /// Depth alone, as a pinhole with the same K would have it, for those who look for obstacles; 0 where the lens showed
+    /// nothing of it.
+    #[must_use]
+    pub fn pinhole_depth(&self) -> Self {
+        let Some(lens) = self.distortion else {
+            return Self::of_depth(self.intrinsics, self.world_from_camera, self.depth_m.clone());
+        };
+        let (k, [width, height]) = (self.intrinsics, [self.width(), self.height()]);
+        let depth_at = |index: u32| {
+            let pixel = DVec2::new(f64::from(index % width), f64::from(index / width));
+            let ray = k.unproject(pixel, 1.0);
+            let shown = k.project(lens.distort(ray.truncate()).extend(1.0)).unwrap_or(DVec2::NEG_INFINITY).round();
+            let is_inside = shown.cmpge(DVec2::ZERO).all() && shown.x < f64::from(width) && shown.y < f64::from(height);
+            let index = is_inside.then(|| shown.y as usize * width as usize + shown.x as usize);
+            index.and_then(|index| self.depth_m.get(index)).copied().unwrap_or(0.0)
+        };
+        Self::of_depth(k, self.world_from_camera, (0..width * height).map(depth_at).collect())
     }
 
     /// Fills in [`RgbdImage::points_m`] from the depth.

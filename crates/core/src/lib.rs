@@ -20,6 +20,7 @@
 pub mod action;
 pub mod asset;
 pub mod camera;
+mod distortion;
 pub mod document;
 mod document_error;
 pub mod episode;
@@ -38,6 +39,7 @@ pub mod pose;
 pub mod robot;
 pub mod scenario;
 pub mod seed;
+pub mod sensor;
 pub mod stroke_font;
 pub mod task;
 pub mod upgrade;
@@ -52,6 +54,7 @@ pub use action::{
 };
 pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount, Intrinsics};
+pub use distortion::Distortion;
 pub use document::{Document, LongDocument, Upgrade, long_from_json, long_to_json};
 pub use document_error::DocumentError;
 pub use episode::{
@@ -72,6 +75,7 @@ pub use pose::Pose;
 pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PlacedObject, Scenario};
 pub use seed::Seed;
+pub use sensor::{CameraSensor, ColorSensor, DepthSensor};
 pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, SharedCards, Task, TaskKind};
 pub use verdict::{AtomVerdict, GoalVerdict, Measurement, Unit};
 pub use world::{

@@ -2,8 +2,8 @@
 
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{
-    Aabb, AssetRef, Atom, AtomVerdict, Document, Ending, EpisodeResult, Intrinsics, Measurement, Piece, Pose, Scenario,
-    Seed, Shape, Task, Unit, World,
+    Aabb, AssetRef, Atom, AtomVerdict, Distortion, Document, Ending, EpisodeResult, Intrinsics, Measurement, Piece,
+    Pose, RgbdImage, Scenario, Seed, Shape, Task, Unit, World,
 };
 use proptest::prelude::*;
 
@@ -222,4 +222,40 @@ proptest! {
         let pixel = half.project(k.unproject(DVec2::new(u, v), depth)).unwrap();
         prop_assert!((pixel - (DVec2::new(u, v) + 0.5) * 0.5 + 0.5).length() < 1e-9);
     }
+}
+
+proptest! {
+    /// Every point that a lens shows comes back, for any lens that may be in a world.
+    #[test]
+    fn lenses_go_both_ways(
+        k1 in -0.35_f64..0.35, k2 in -0.05_f64..0.1, p in -0.005_f64..0.005, x in -0.6_f64..0.6, y in -0.4_f64..0.4,
+    ) {
+        let lens = Distortion { k1, k2, p1: p, p2: -0.5 * p, k3: 0.01 };
+        let picture = Intrinsics::from_vertical_fov(64, 36, 0.7);
+        prop_assume!(lens.pinhole(&picture).is_some());
+        let shown = DVec2::new(x, y) * DVec2::new(0.65, 0.36 / 0.4);
+        let back = lens.undistort(lens.distort(shown)).unwrap();
+        prop_assert!(back.distance(shown) < 1e-10, "{shown} came back as {back}");
+    }
+}
+
+/// A bent image and the straight one that is made of it see the same points of the world.
+#[test]
+fn images_of_lenses_see_the_points_that_they_show() {
+    let k = Intrinsics::from_vertical_fov(65, 37, 0.7);
+    let lens = Distortion { k1: -0.2, k2: 0.02, p1: 0.003, p2: 0.001, k3: 0.0 };
+    let world_from_camera = Pose::new(DVec3::new(0.3, -0.2, 1.0), DQuat::from_rotation_x(2.0));
+    let mut image = RgbdImage::of_depth(k, world_from_camera, vec![0.8; 65 * 37]);
+    assert_eq!(image.pinhole_depth(), image);
+    image.distortion = Some(lens);
+    for index in [0, 700, 1202, 65 * 37 - 1] {
+        let pixel = image.pixel_of(image.point(index).unwrap()).unwrap();
+        assert!((pixel - DVec2::new((index % 65) as f64, (index / 65) as f64)).length() < 1e-6);
+    }
+    let straight = image.pinhole_depth();
+    assert!(straight.distortion.is_none() && straight.depth_m.iter().all(|depth| *depth == 0.8), "a barrel shows more");
+    assert!(image.pixel_of(world_from_camera.transform_point(DVec3::new(0.0, 0.0, -1.0))).is_none());
+    // r (1 - 0.2 r²) falls beyond r = 1.29, and is 0.4 at 2.
+    image.distortion = Some(Distortion { k1: -0.2, ..Distortion::default() });
+    assert!(image.pixel_of(world_from_camera.transform_point(DVec3::new(2.0, 0.0, 1.0))).is_none(), "folded over");
 }

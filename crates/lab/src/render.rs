@@ -34,7 +34,7 @@ const PAUSE: usize = 5;
 /// Image sizes, pixels.
 const SIZES: [[u32; 2]; 3] = [[512, 288], [1280, 720], [64, 64]];
 /// Colour, depth and ids.
-const CHANNELS: Channels = Channels { rgb: true, depth: true, instance: true, normal: false };
+const CHANNELS: Channels = Channels { rgb: true, depth: true, instance: true, normal: false, parts: false };
 
 /// The measurement; milliseconds of processor time of one thread, medians over the frames of the episode.
 #[derive(Debug, Serialize)]

@@ -142,7 +142,7 @@ impl Bench {
             .cameras
             .iter()
             .zip(pictures)
-            .map(|(camera, picture)| picture.into_image(camera.intrinsics, camera.world_from_camera(&Pose::IDENTITY)))
+            .map(|(camera, picture)| picture.into_image(camera, camera.world_from_camera(&Pose::IDENTITY)))
             .collect();
         let instances: Vec<u16> = (0..models.len()).map(|index| FIRST_OBJECT + index as u16).collect();
         let clouds = scene.objects().zip(clouds_of_views(&views, &instances));

@@ -197,9 +197,9 @@ impl Canvas {
     /// Copies the channels that are asked for.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
         out.rgb.clone_from(&self.rgb);
-        let wants_geometry = channels.depth || channels.instance || channels.normal;
+        let wants_geometry = channels.depth || channels.instance || channels.normal || channels.parts;
         let sees_glass = self.view.has_transparent && wants_geometry;
-        if sees_glass || channels.normal {
+        if sees_glass || channels.normal || channels.parts {
             self.see(assets);
         }
         if channels.depth {
@@ -217,6 +217,9 @@ impl Canvas {
             } else {
                 out.instance.extend(self.arrival.surface.iter().map(|&surface| instances[surface as usize]));
             }
+        }
+        if channels.parts {
+            out.parts.extend(self.seen.ids.iter().map(|&id| surface_of(id) as u16));
         }
         if channels.normal {
             crate::normals::write(assets, &self.view, &self.seen, &mut out.normal);
@@ -272,6 +275,9 @@ pub(crate) fn write_geometry(
     if channels.instance {
         let instance = |&id: &u32| part_and_triangle(id).map_or(0, |(part, _)| assets.parts[part].instance);
         out.instance.extend(seen.ids.iter().map(instance));
+    }
+    if channels.parts {
+        out.parts.extend(seen.ids.iter().map(|&id| surface_of(id) as u16));
     }
     if channels.normal {
         crate::normals::write(assets, view, seen, &mut out.normal);

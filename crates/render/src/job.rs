@@ -1,6 +1,6 @@
 //! What to draw, from where, and where the picture goes.
 
-use genmanip_core::{Camera, ImageChannels, Intrinsics, Pose, RgbdImage};
+use genmanip_core::{Camera, ImageChannels, Pose, RgbdImage};
 
 /// Instance id of a pixel that sees nothing.
 pub const NOTHING: u16 = 0;
@@ -56,17 +56,19 @@ pub struct Channels {
     pub instance: bool,
     /// Which way the surface faces.
     pub normal: bool,
+    /// Which part, a mesh of one material.
+    pub parts: bool,
 }
 
 impl Channels {
-    /// Everything.
-    pub const ALL: Self = Self { rgb: true, depth: true, instance: true, normal: true };
+    /// Everything that pictures are asked for.
+    pub const ALL: Self = Self { rgb: true, depth: true, instance: true, normal: true, parts: false };
     /// Colour only.
-    pub const RGB: Self = Self { rgb: true, depth: false, instance: false, normal: false };
+    pub const RGB: Self = Self { rgb: true, depth: false, instance: false, normal: false, parts: false };
     /// Colour and depth.
-    pub const RGBD: Self = Self { rgb: true, depth: true, instance: false, normal: false };
+    pub const RGBD: Self = Self { rgb: true, depth: true, instance: false, normal: false, parts: false };
     /// Depth and instance ids: no shading, several times cheaper.
-    pub const GEOMETRY: Self = Self { rgb: false, depth: true, instance: true, normal: false };
+    pub const GEOMETRY: Self = Self { rgb: false, depth: true, instance: true, normal: false, parts: false };
 }
 
 /// A picture, row by row from the top left; owned by the caller and reused from job to job.
@@ -86,21 +88,24 @@ pub struct FrameBuffers {
     pub instance: Vec<u16>,
     /// Unit surface normal in the camera's optical frame times 127, towards the camera; zero where nothing is seen.
     pub normal: Vec<[i8; 3]>,
+    /// Number of the part at the pixel's centre, counted from 1 in the order of the assets; 0 where nothing is seen.
+    pub parts: Vec<u16>,
 }
 
 impl From<ImageChannels> for Channels {
     /// What must be drawn for what is asked for: points follow from the depth.
     fn from(asked: ImageChannels) -> Self {
         let ImageChannels { rgb, depth, ids, normals, points } = asked;
-        Self { rgb, depth: depth || points, instance: ids, normal: normals }
+        Self { rgb, depth: depth || points, instance: ids, normal: normals, parts: false }
     }
 }
 
 impl FrameBuffers {
-    /// The image of a camera with these intrinsics at this place, which is what other crates speak.
-    pub fn into_image(self, intrinsics: Intrinsics, world_from_camera: Pose) -> RgbdImage {
+    /// The image of a camera at this place, which is what other crates speak.
+    pub fn into_image(self, camera: &Camera, world_from_camera: Pose) -> RgbdImage {
         RgbdImage {
-            intrinsics,
+            intrinsics: camera.intrinsics,
+            distortion: camera.distortion,
             world_from_camera,
             rgb: self.rgb,
             depth_m: self.depth_m,

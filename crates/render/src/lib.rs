@@ -15,6 +15,7 @@
 //! draws these again, and nobody can tell.
 //! Light, exposure, background, table top and paint are data ([`RenderVariation`]), drawn from a seed by [`sampling`]:
 //! recorded episodes are drawn again with others.
+//! What a real camera would make of such a perfect picture, [`sensor`] adds afterwards, for cameras that ask for it.
 
 pub mod assets;
 pub mod encode;
@@ -24,6 +25,7 @@ pub mod job;
 pub mod reference;
 pub mod renderer;
 pub mod sampling;
+pub mod sensor;
 pub mod variation;
 
 mod arrival;

@@ -79,6 +79,11 @@ impl Renderer {
         &self.variation
     }
 
+    /// What the parts of the assets are made of in that look.
+    pub(crate) fn surfaces(&self) -> &[Surface] {
+        &self.surfaces
+    }
+
     /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
     pub fn forget(&mut self) {
         self.shadows = Default::default();
@@ -107,6 +112,7 @@ impl Renderer {
             buffers.depth_m.clear();
             buffers.instance.clear();
             buffers.normal.clear();
+            buffers.parts.clear();
             let frame = snapped(job.frame);
             if job.channels.rgb {
                 self.draw(job, &frame, lens, buffers);

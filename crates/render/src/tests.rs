@@ -422,15 +422,20 @@ fn closed_meshes_are_recognised() {
 /// Looks may improve: run once with `GENMANIP_UPDATE_GOLDEN=1`, look at the picture, commit it.
 #[test]
 fn the_toy_scene_looks_as_it_did() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/testdata/toy_scene.png");
     let (assets, state) = toy();
     let out = draw(&assets, &state, &camera(256, 144), Channels::RGB);
+    check_golden("toy_scene.png", [256, 144], &out.rgb);
+}
+
+/// Whether a picture looks like a stored one.
+pub(crate) fn check_golden(name: &str, [width, height]: [u32; 2], rgb: &[u8]) {
+    let path = &std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata").join(name);
     if std::env::var_os("GENMANIP_UPDATE_GOLDEN").is_some() {
-        std::fs::write(path, encode::png_rgb(256, 144, &out.rgb).unwrap()).unwrap();
+        std::fs::write(path, encode::png_rgb(width, height, rgb).unwrap()).unwrap();
     }
     let golden = decode(&std::fs::read(path).unwrap());
-    assert_eq!(golden.len(), out.rgb.len());
-    let differences: Vec<f64> = golden.iter().zip(&out.rgb).map(|(&a, &b)| f64::from(a.abs_diff(b))).collect();
+    assert_eq!(golden.len(), rgb.len());
+    let differences: Vec<f64> = golden.iter().zip(rgb).map(|(&a, &b)| f64::from(a.abs_diff(b))).collect();
     let mean = differences.iter().sum::<f64>() / differences.len() as f64;
     assert!(mean < 0.5, "the mean difference is {mean:.2} of 255");
     assert!(percentile(differences, 0.995) <= 8.0);

@@ -17,7 +17,7 @@ use genmanip_core::{
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
 
-use crate::images::Painter;
+use crate::images::{Painter, sensor_seed};
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
 /// So long after the hand last held something it is still letting go of it, s.
@@ -230,7 +230,8 @@ impl Environment {
         let views: Vec<_> = seen.iter().zip(cameras).map(|(camera, request)| (camera, request.channels)).collect();
         let (objects, arm) = (session.sim.object_states(), session.sim.joint_positions());
         let objects = objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let images = painter.paint_state(&arm, session.sim.gripper_width(), objects, &views)?;
+        let noise = sensor_seed(session.seed, session.record.frames.len());
+        let images = painter.paint_state(&arm, session.sim.gripper_width(), objects, &views, noise)?;
         observation.images = cameras.iter().map(|request| request.name.clone()).zip(images).collect();
         Ok(observation)
     }

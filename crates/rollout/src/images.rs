@@ -1,10 +1,10 @@
 //! Images of a stage: of recorded frames after the physics, and of the state in the loop for policies that ask for them.
 
-use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, RgbdImage};
+use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, RgbdImage, Seed};
 use genmanip_data::images::variation_seed;
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
 use genmanip_render::reference::{ReferenceSettings, trace};
-use genmanip_render::{FrameBuffers, RenderVariation, Renderer, Vary, ViewJob, sampling};
+use genmanip_render::{FrameBuffers, RenderError, RenderVariation, Renderer, Vary, ViewJob, sampling, sensor};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -75,7 +75,7 @@ impl Painter {
         stage.render_assets().is_ok_and(|assets| Arc::ptr_eq(&assets, self.renderer.assets()))
     }
 
-    /// One recorded frame, seen by one camera.
+    /// One recorded frame, seen by one camera; the seed as for [`Painter::paint_state`].
     ///
     /// # Errors
     /// When the frame does not belong to the stage.
@@ -84,13 +84,17 @@ impl Painter {
         frame: &Frame,
         camera: &Camera,
         channels: ImageChannels,
+        seed: Seed,
     ) -> Result<RgbdImage, RolloutError> {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let views = [(camera, channels)];
-        self.paint_state(&frame.joint_position, frame.gripper_width, objects, &views).map(|mut images| images.remove(0))
+        let images = self.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, seed);
+        images.map(|mut images| images.remove(0))
     }
 
     /// One moment, seen by several cameras: arm joint positions, opening width, poses and joints of the objects.
+    ///
+    /// The seed, [`sensor_seed`], is of the noise of cameras whose sensors have some; each camera has its own of it.
     ///
     /// # Errors
     /// When the objects are not those of the stage, or a camera cannot be drawn.
@@ -100,12 +104,17 @@ impl Painter {
         gripper_width: f64,
         objects: impl IntoIterator<Item = (Pose, &'a [f64])>,
         views: &[(&Camera, ImageChannels)],
+        seed: Seed,
     ) -> Result<Vec<RgbdImage>, RolloutError> {
         let assets = Arc::clone(self.renderer.assets());
-        let failed = |error| failed(&self.scenario, &error);
+        let failed = |error: RenderError| failed(&self.scenario, &error);
         let state = assets.frame_state(arm, gripper_width, objects).map_err(failed)?;
-        let jobs: Vec<ViewJob> =
-            views.iter().map(|(camera, channels)| ViewJob::new(&state, camera, (*channels).into())).collect();
+        let pinholes = views.iter().map(|(camera, _)| sensor::pinhole(camera)).collect::<Result<Vec<_>, _>>();
+        let pinholes = pinholes.map_err(failed)?;
+        let job = |((camera, channels), pinhole): (&(&Camera, ImageChannels), _)| {
+            ViewJob::new(&state, pinhole, sensor::needed(camera, (*channels).into()))
+        };
+        let jobs: Vec<ViewJob> = views.iter().zip(&pinholes).map(job).collect();
         let mut buffers = vec![FrameBuffers::default(); jobs.len()];
         self.renderer.render(&jobs, &mut buffers).map_err(failed)?;
         if let Some(settings) = &self.reference {
@@ -115,11 +124,18 @@ impl Painter {
         }
         let world_from_hand = assets.world_from_hand(&state);
         let image = |((camera, channels), buffers): (&(&Camera, ImageChannels), FrameBuffers)| {
-            let image = buffers.into_image(camera.intrinsics, camera.world_from_camera(&world_from_hand));
-            if channels.points { image.with_points() } else { image }
+            let buffers = sensor::developed(&self.renderer, camera, (*channels).into(), buffers, seed)?;
+            let image = buffers.into_image(camera, camera.world_from_camera(&world_from_hand));
+            Ok(if channels.points { image.with_points() } else { image })
         };
-        Ok(views.iter().zip(buffers).map(image).collect())
+        views.iter().zip(buffers).map(image).collect::<Result<_, _>>().map_err(failed)
     }
+}
+
+/// The seed of the noise of sensors at a frame of an episode, counted in control steps: in the loop, in a dataset and
+/// drawn again it is the same.
+pub fn sensor_seed(episode: Seed, frame: usize) -> Seed {
+    episode.fork("sensor noise").fork_index(frame as u64)
 }
 
 /// Colour video and depth of an episode for every camera of the settings.
@@ -138,9 +154,10 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
     let mut painter = Painter::in_variation(stage, sampling::sampled(seed, vary))?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     let stride = (episode.result.control_rate_hz / f64::from(settings.fps)).round().max(1.0) as usize;
-    for frame in episode.frames.iter().step_by(stride) {
+    for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views)?;
+        let noise = sensor_seed(episode.result.seed, index);
+        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, noise)?;
         for (track, image) in tracks.iter_mut().zip(&images) {
             track.push(image)?;
         }

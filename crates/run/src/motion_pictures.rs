@@ -130,7 +130,8 @@ impl<'a> View<'a> {
         let placed = &self.drawn.stage.scenario.objects;
         let objects = placed.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let views = [(&self.camera, ImageChannels { ids: true, ..ImageChannels::RGB })];
-        let images = self.painter.paint_state(config, self.drawn.gripper_width, objects, &views);
+        let images =
+            self.painter.paint_state(config, self.drawn.gripper_width, objects, &views, self.drawn.stage.scenario.seed);
         let mut images = images.map_err(|error| RunError::broken("cannot draw the arm", error))?;
         Ok(images.swap_remove(0))
     }

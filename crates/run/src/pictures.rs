@@ -7,7 +7,8 @@ use genmanip_core::glam::DVec2;
 use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scenario, SupportSurface, Task, World};
 use genmanip_layout::LayoutError;
 use genmanip_render::encode;
-use genmanip_rollout::{Stage, images::Painter};
+use genmanip_rollout::Stage;
+use genmanip_rollout::images::{Painter, sensor_seed};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
 
 use crate::error::{Cause, RunError};
@@ -70,9 +71,11 @@ fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> 
     };
     let last = episode.frames.len().saturating_sub(1);
     (0..count)
-        .filter_map(|index| episode.frames.get(last * index / count.saturating_sub(1).max(1)))
-        .map(|frame| {
-            let drawn = painter.paint(frame, &camera, ImageChannels::RGB);
+        .map(|index| last * index / count.saturating_sub(1).max(1))
+        .filter_map(|index| episode.frames.get(index).map(|frame| (index, frame)))
+        .map(|(index, frame)| {
+            let noise = sensor_seed(episode.result.seed, index);
+            let drawn = painter.paint(frame, &camera, ImageChannels::RGB, noise);
             drawn.map_err(|error| not_drawn(&episode.result.id, error))
         })
         .collect()

@@ -12,7 +12,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::{Camera, Episode, Frame, ImageChannels, Pose, RgbdImage, Seed};
+use genmanip_core::world::camera_faults;
+use genmanip_core::{Camera, CameraSensor, Distortion, Episode, Frame, ImageChannels, Pose, RgbdImage, Seed};
 use genmanip_data::images::variation_seed;
 use genmanip_data::video::mux_mp4;
 use genmanip_data::{VideoEncoder, VideoSettings};
@@ -21,7 +22,7 @@ use genmanip_render::reference::ReferenceSettings;
 use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, encode, sampling};
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_rollout::images::Painter;
+use genmanip_rollout::images::{Painter, sensor_seed};
 use serde::Serialize;
 
 use crate::error::RunError;
@@ -42,6 +43,10 @@ pub struct RenderOptions {
     pub fps: u32,
     /// The look; the usual one without.
     pub look: Option<Look>,
+    /// Sensors of all cameras; each camera's own without.
+    pub sensor: Option<CameraSensor>,
+    /// Lens of all cameras; each camera's own without.
+    pub distortion: Option<Distortion>,
     /// Light paths per pixel of a traced picture; rasterised without.
     pub paths: Option<u32>,
     /// Threads.
@@ -161,9 +166,11 @@ fn draw(
         .collect::<Result<Vec<_>, _>>()?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, options.channels)).collect();
     for index in 0..count {
-        let (arm, width, objects) = moment(stage, frames.as_ref().map(|frames| frames[index]));
+        let frame = frames.as_ref().map(|frames| frames[index]);
+        let (arm, width, objects) = moment(stage, frame.map(|(_, frame)| frame));
+        let noise = sensor_seed(seed, frame.map_or(0, |(number, _)| number));
         let placed = objects.iter().map(|(pose, joints)| (*pose, joints.as_slice()));
-        let images = painter.paint_state(&arm, width, placed, &views).map_err(broken)?;
+        let images = painter.paint_state(&arm, width, placed, &views, noise).map_err(broken)?;
         for (writer, image) in writers.iter_mut().zip(&images) {
             writer.push(index, image)?;
         }
@@ -200,20 +207,29 @@ fn cameras(stage: &Stage, options: &RenderOptions) -> Result<Vec<Camera>, RunErr
     let asked = |camera: &&Camera| options.cameras.is_empty() || options.cameras.contains(&camera.name);
     let sized = |camera: &Camera| {
         let [width, height] = options.size_px.unwrap_or([camera.intrinsics.width, camera.intrinsics.height]);
-        Camera { intrinsics: camera.intrinsics.filling(width, height), ..camera.clone() }
+        Camera {
+            intrinsics: camera.intrinsics.filling(width, height),
+            sensor: options.sensor.or(camera.sensor),
+            distortion: options.distortion.or(camera.distortion),
+            ..camera.clone()
+        }
     };
-    Ok(known.iter().filter(asked).map(sized).collect())
+    let cameras: Vec<Camera> = known.iter().filter(asked).map(sized).collect();
+    match &camera_faults(&cameras)[..] {
+        [] => Ok(cameras),
+        [fault, ..] => Err(RunError::input(format!("scenario {}: {fault}", stage.scenario.id))),
+    }
 }
 
-/// The frames of an episode that are drawn, as `collect` chooses them.
-fn chosen(episode: &Episode, fps: u32) -> Result<Vec<&Frame>, RunError> {
+/// The frames of an episode that are drawn with their numbers, as `collect` chooses them.
+fn chosen(episode: &Episode, fps: u32) -> Result<Vec<(usize, &Frame)>, RunError> {
     let rate = episode.result.control_rate_hz;
     let stride = rate / f64::from(fps);
     if stride < 1.0 || (stride - stride.round()).abs() > 1e-9 {
         return Err(RunError::input(format!("--fps {fps} does not divide the rate of {}", episode.result.id))
             .with_hint(format!("expected a divisor of {rate} Hz, e.g. 15 or 30")));
     }
-    Ok(episode.frames.iter().step_by(stride.round() as usize).collect())
+    Ok(episode.frames.iter().enumerate().step_by(stride.round() as usize).collect())
 }
 
 /// Pose and joint positions of an object.

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::{AssetSource, Catalogue};
-use genmanip_core::Camera;
-use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
+use genmanip_core::{Camera, Seed};
+use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode, sensor};
 use serde::Serialize;
 
 use crate::error::RunError;
@@ -105,10 +105,13 @@ fn draw(setting: &Setting, cameras: &[Camera]) -> Result<Vec<FrameBuffers>, RunE
     let assets = RenderAssets::new(Arc::clone(&robot), &models, Some(setting.world())).map_err(not_drawn)?;
     let poses = objects.iter().map(|placed| (placed.pose, placed.joint_positions.as_slice()));
     let state = assets.frame_state(&robot.home, robot.gripper.max_width, poses).map_err(not_drawn)?;
-    let jobs: Vec<ViewJob> = cameras.iter().map(|camera| ViewJob::new(&state, camera, Channels::RGB)).collect();
+    let pinholes = cameras.iter().map(sensor::pinhole).collect::<Result<Vec<_>, _>>().map_err(not_drawn)?;
+    let jobs: Vec<ViewJob> = pinholes.iter().map(|camera| ViewJob::new(&state, camera, Channels::RGB)).collect();
     let mut pictures = vec![FrameBuffers::default(); jobs.len()];
-    Renderer::new(assets, RenderVariation::default()).render(&jobs, &mut pictures).map_err(not_drawn)?;
-    Ok(pictures)
+    let mut renderer = Renderer::new(assets, RenderVariation::default());
+    renderer.render(&jobs, &mut pictures).map_err(not_drawn)?;
+    let developed = |(camera, picture)| sensor::developed(&renderer, camera, Channels::RGB, picture, Seed::new(0));
+    cameras.iter().zip(pictures).map(developed).collect::<Result<_, _>>().map_err(not_drawn)
 }
 
 /// Pictures row by row in one, as square as their number allows; each in a cell of the largest one's size.

@@ -5,7 +5,10 @@ use std::path::Path;
 use genmanip_assets::worlds;
 use genmanip_core::camera::CameraPreset;
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault, json, limits};
+use genmanip_core::sensor::SensorPreset;
+use genmanip_core::{
+    Camera, Distortion, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault, json, limits,
+};
 use genmanip_sim::EngineSettings;
 
 use crate::error::RunError;
@@ -109,6 +112,10 @@ pub struct CameraChange {
     pub view: Option<[DVec3; 2]>,
     /// On the hand, where the robot has its wrist camera.
     pub on_hand: bool,
+    /// Name of its sensors, see [`genmanip_core::sensor::SENSORS`], or `none`.
+    pub sensor: Option<String>,
+    /// Its lens; all zeros for none.
+    pub distortion: Option<Distortion>,
 }
 
 impl CameraChange {
@@ -144,7 +151,19 @@ impl CameraChange {
             (None, false, Some(before)) => (before.mount, before.mount_from_camera),
             (None, false, None) => return Err(needs("--eye and --target, or --hand")),
         };
-        Ok(Camera::new(name, mount, pose, intrinsics))
+        let known = SensorPreset::names();
+        let sensor = match self.sensor.as_deref() {
+            None => before.and_then(|camera| camera.sensor),
+            Some("none") => None,
+            Some(sensor) => Some(
+                SensorPreset::named(sensor)
+                    .ok_or_else(|| RunError::unknown("sensor", "sensors", sensor, &known))?
+                    .sensor,
+            ),
+        };
+        let distortion = self.distortion.or(before.and_then(|camera| camera.distortion));
+        let distortion = distortion.filter(|lens| *lens != Distortion::default());
+        Ok(Camera { sensor, distortion, ..Camera::new(name, mount, pose, intrinsics) })
     }
 }
 
@@ -258,9 +277,14 @@ fn table_of(camera: &Camera) -> String {
         genmanip_core::CameraMount::World => "world",
         genmanip_core::CameraMount::Hand => "hand",
     };
+    let inline = |key: &str, value: Option<serde_json::Value>| {
+        value.map_or_else(String::new, |value| format!("{key} = {}\n", inline_table(&value)))
+    };
+    let distortion = inline("distortion", camera.distortion.map(|lens| serde_json::json!(lens)));
+    let sensor = inline("sensor", camera.sensor.map(|sensor| serde_json::json!(sensor)));
     format!(
         "[[cameras]]\nname = \"{}\"\nmount = \"{mount}\"\nmount_from_camera = {{ position_m = {:?}, orientation_wxyz = \
-         {:?} }}\nintrinsics = {{ width = {}, height = {}, fx = {:?}, fy = {:?}, cx = {:?}, cy = {:?} }}\n",
+         {:?} }}\nintrinsics = {{ width = {}, height = {}, fx = {:?}, fy = {:?}, cx = {:?}, cy = {:?} }}\n{distortion}{sensor}",
         camera.name,
         position.to_array(),
         camera.mount_from_camera.to_wxyz_array(),
@@ -271,4 +295,18 @@ fn table_of(camera: &Camera) -> String {
         k.cx,
         k.cy
     )
+}
+
+/// A value of JSON as TOML writes it on one line.
+fn inline_table(value: &serde_json::Value) -> String {
+    use serde_json::Value;
+    match value {
+        Value::Object(map) => {
+            let fields: Vec<String> =
+                map.iter().map(|(key, value)| format!("{key} = {}", inline_table(value))).collect();
+            format!("{{ {} }}", fields.join(", "))
+        }
+        Value::Array(list) => format!("[{}]", list.iter().map(inline_table).collect::<Vec<_>>().join(", ")),
+        other => other.to_string(),
+    }
 }

@@ -101,7 +101,7 @@ impl Sight {
 
     /// The images with a thing cut out of their depth, a pixel beyond its outline too: what is left is everything else.
     pub fn without(&self, mask: usize) -> Vec<RgbdImage> {
-        let mut images: Vec<RgbdImage> = self.views.iter().map(|view| view.image.depth_only()).collect();
+        let mut images: Vec<RgbdImage> = self.views.iter().map(|view| view.image.pinhole_depth()).collect();
         for (index, view) in self.views.iter().enumerate() {
             let Some(mask) = self.mask_in(index, mask) else { continue };
             let grown = view.masks[mask].grown();
@@ -141,7 +141,7 @@ impl View {
     /// The pixel that sees a point of the world, if the point is what it sees.
     fn pixel_of(&self, point: DVec3) -> Option<usize> {
         let seen = self.image.world_from_camera.inverse().transform_point(point);
-        let pixel = self.image.intrinsics.project(seen)?.round();
+        let pixel = self.image.pixel_of(point)?.round();
         let (width, height) = (self.image.width(), self.image.height());
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < f64::from(width) && pixel.y < f64::from(height);
         let index = inside.then(|| pixel.y as usize * width as usize + pixel.x as usize)?;
@@ -168,15 +168,4 @@ fn most_common(view: &View, mask: &Mask, other: &View) -> Option<usize> {
     let votes = other.masks.iter().map(|mask| seen.iter().filter(|&&index| mask.pixels[index]).count());
     let (best, count) = votes.enumerate().max_by_key(|&(index, count)| (count, std::cmp::Reverse(index)))?;
     (count >= FEWEST_COMMON && count as f64 >= SAME_THING * seen.len() as f64).then_some(best)
-}
-
-/// Depth alone, for those who look for obstacles.
-trait DepthOnly {
-    fn depth_only(&self) -> RgbdImage;
-}
-
-impl DepthOnly for RgbdImage {
-    fn depth_only(&self) -> RgbdImage {
-        RgbdImage::of_depth(self.intrinsics, self.world_from_camera, self.depth_m.clone())
-    }
 }

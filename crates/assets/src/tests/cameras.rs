@@ -2,7 +2,10 @@
 
 use genmanip_core::camera::{CameraPreset, PRESETS};
 use genmanip_core::glam::{DVec2, DVec3};
-use genmanip_core::{Camera, CameraMount, Intrinsics};
+use genmanip_core::sensor::{SENSORS, SensorPreset};
+use genmanip_core::world::{camera_faults, read_camera};
+use genmanip_core::{Camera, CameraMount, Distortion, Intrinsics};
+use serde_json::json;
 
 use crate::panda;
 use crate::worlds::default_world;
@@ -103,4 +106,63 @@ fn presets_are_those_of_the_makers() {
         &CameraPreset::named("paper_small").unwrap().intrinsics()
     ));
     assert_eq!(CameraPreset::named("d455"), None);
+}
+
+/// Pixels per row that the devices measure depth in.
+const DEPTH_WIDTHS: [(&str, f64); 3] = [("d415", 1280.0), ("d435", 848.0), ("structured-light", 640.0)];
+
+/// Files may name a device instead of its numbers, which agree with each other.
+#[test]
+fn sensors_are_sound_and_go_by_name() {
+    let entry = |sensor: serde_json::Value| {
+        json!({"name": "c", "mount": "world", "eye_m": [1, 0, 1], "target_m": [0, 0, 0], "size_px": [64, 36],
+               "vertical_fov_deg": 40, "sensor": sensor})
+    };
+    let read = |sensor| read_camera(entry(sensor), &panda(), "cameras[0]");
+    for SensorPreset { name, sensor, .. } in SENSORS {
+        let camera = read(json!(name)).unwrap();
+        assert_eq!(camera.sensor, Some(sensor));
+        assert_eq!(read(json!(sensor)).unwrap(), camera, "written out");
+        assert!(camera_faults(&[camera]).is_empty(), "{name}");
+        let depth = sensor.depth.unwrap();
+        let half_fov = depth.field_of_view_deg[0].to_radians() / 2.0;
+        let width_px = DEPTH_WIDTHS.iter().find(|(known, _)| *known == name).unwrap().1;
+        let focal_px = width_px / 2.0 / half_fov.tan();
+        assert!((focal_px / depth.focal_length_px - 1.0).abs() < 0.02, "{name}: {focal_px} px");
+    }
+    let unknown = read(json!("d999")).unwrap_err().to_string();
+    assert!(unknown.contains("cameras[0].sensor") && unknown.contains("structured-light"), "{unknown}");
+}
+
+/// Each fault of a lens or a sensor is named with its place.
+#[test]
+fn lenses_and_sensors_that_cannot_be_are_refused() {
+    let intrinsics = Intrinsics::from_vertical_fov(64, 36, 0.7);
+    let usual = Camera::looking_at("c", DVec3::new(1.0, 0.0, 1.0), DVec3::ZERO, intrinsics);
+    let device = SensorPreset::named("d435").unwrap().sensor;
+    let check = |change: &dyn Fn(&mut Camera), place: &str| {
+        let mut camera = Camera { sensor: Some(device), ..usual.clone() };
+        change(&mut camera);
+        let faults: Vec<String> = camera_faults(&[camera]).iter().map(|fault| fault.place.clone()).collect();
+        let expected: Vec<String> = (!place.is_empty()).then(|| format!("cameras[0].{place}")).into_iter().collect();
+        assert_eq!(faults, expected);
+    };
+    let lens = |k1| Some(Distortion { k1, ..Distortion::default() });
+    check(&|camera| camera.distortion = lens(-0.3), "");
+    check(&|camera| camera.distortion = lens(-5.0), "distortion");
+    check(&|camera| camera.distortion = lens(f64::NAN), "distortion");
+    let depth = |camera: &mut Camera, change: &dyn Fn(&mut genmanip_core::DepthSensor)| {
+        change(camera.sensor.as_mut().unwrap().depth.as_mut().unwrap());
+    };
+    check(&|camera| depth(camera, &|it| it.baseline_m = 0.0), "sensor.depth.baseline_m");
+    check(&|camera| depth(camera, &|it| it.range_m = [2.0, 1.0]), "sensor.depth.range_m");
+    check(&|camera| depth(camera, &|it| it.disparity_error_px = f64::NAN), "sensor.depth.disparity_error_px");
+    check(
+        &|camera| camera.sensor.as_mut().unwrap().color.as_mut().unwrap().full_well_e = 0.0,
+        "sensor.color.full_well_e",
+    );
+    check(
+        &|camera| camera.sensor.as_mut().unwrap().color.as_mut().unwrap().jpeg_quality = Some(0),
+        "sensor.color.jpeg_quality",
+    );
 }

@@ -34,6 +34,17 @@ pub struct RenderArguments {
         value_parser = ["rgb", "depth", "ids", "normals"]
     )]
     pub channels: Vec<String>,
+    /// Noise, holes and steps of a device's sensors, in place of the cameras' own
+    #[arg(long, value_name = "DEVICE", value_parser = genmanip_core::sensor::SensorPreset::names())]
+    pub sensor: Option<String>,
+    /// Lens of Brown and Conrady, coefficients as OpenCV has them, in place of the cameras' own
+    #[arg(
+        long,
+        value_name = "K1,K2,P1,P2[,K3]",
+        allow_hyphen_values = true,
+        value_parser = super::world::parse_distortion
+    )]
+    pub distortion: Option<genmanip_core::Distortion>,
     /// Pictures per second of an episode
     #[arg(long, default_value_t = 15, value_parser = super::parse_fps)]
     pub fps: u32,

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use genmanip_core::Distortion;
+use genmanip_core::sensor::SensorPreset;
 
 /// Verbs for worlds.
 #[derive(Debug, Subcommand)]
@@ -98,6 +100,12 @@ pub struct CameraEditArguments {
     /// Mount it where the robot has its wrist camera
     #[arg(long, conflicts_with_all = ["eye", "target"])]
     pub hand: bool,
+    /// Noise, holes and steps of a device's sensors, or `none`
+    #[arg(long, value_name = "DEVICE", value_parser = sensor_names())]
+    pub sensor: Option<String>,
+    /// Lens of Brown and Conrady, coefficients as OpenCV has them; zeros for a pinhole
+    #[arg(long, value_name = "K1,K2,P1,P2[,K3]", allow_hyphen_values = true, value_parser = parse_distortion)]
+    pub distortion: Option<Distortion>,
 }
 
 /// Arguments of `camera remove`.
@@ -131,6 +139,21 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
         _ => Err(format!("expected 1 to 8192 pixels, got `{text}`")),
     };
     Ok([side(sides.0)?, side(sides.1)?])
+}
+
+/// The devices whose sensors are known, and `none`.
+fn sensor_names() -> clap::builder::PossibleValuesParser {
+    SensorPreset::names().into_iter().chain(["none"]).collect::<Vec<_>>().into()
+}
+
+pub(super) fn parse_distortion(text: &str) -> Result<Distortion, String> {
+    let expected = || format!("expected four or five numbers k1,k2,p1,p2[,k3], got `{text}`");
+    let numbers = text.split(',').map(|number| number.trim().parse()).collect::<Result<Vec<f64>, _>>();
+    match numbers.map_err(|_| expected())?.as_slice() {
+        &[k1, k2, p1, p2] => Ok(Distortion { k1, k2, p1, p2, k3: 0.0 }),
+        &[k1, k2, p1, p2, k3] => Ok(Distortion { k1, k2, p1, p2, k3 }),
+        _ => Err(expected()),
+    }
 }
 
 fn parse_angle(text: &str) -> Result<f64, String> {

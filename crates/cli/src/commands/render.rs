@@ -1,6 +1,7 @@
 //! `genmanip render`.
 
 use genmanip_core::ImageChannels;
+use genmanip_core::sensor::SensorPreset;
 use genmanip_run::inputs;
 use genmanip_run::render::{self, Look, RenderOptions};
 
@@ -23,6 +24,8 @@ pub fn run(arguments: &RenderArguments, printer: &Printer) -> Result<ExitStatus,
         },
         fps: arguments.fps,
         look: arguments.variation.map(|seed| Look { seed, vary: vary(&arguments.vary) }),
+        sensor: arguments.sensor.as_deref().and_then(SensorPreset::named).map(|preset| preset.sensor),
+        distortion: arguments.distortion,
         paths: (arguments.quality == "reference").then_some(arguments.paths),
         workers: inputs::workers(arguments.workers),
     };

@@ -165,6 +165,8 @@ fn change(arguments: &CameraEditArguments) -> CameraChange {
         vertical_fov_rad: arguments.fov_deg.map(f64::to_radians),
         view: arguments.eye.zip(arguments.target).map(|(eye, target)| [eye, target].map(DVec3::from_array)),
         on_hand: arguments.hand,
+        sensor: arguments.sensor.clone(),
+        distortion: arguments.distortion,
     }
 }
 

@@ -92,3 +92,30 @@ fn episodes_are_drawn_again() {
     genmanip(folder.path(), &["render", "nowhere", "--out", "refused"]).assert_refused(&["no episodes at nowhere"]);
     assert!(!folder.path().join("refused").exists());
 }
+
+/// A device's noise and lens are part of the picture: the same twice, labels as they were without the noise.
+#[test]
+fn a_scenario_is_drawn_as_a_device_sees_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = finished_run().join("scenarios/021_spatial-000.json");
+    let with = |out: &str, more: &[&str]| {
+        let channels = ["--cameras", "static", "--channels", "rgb,depth,ids"];
+        draw(folder.path(), scenario.to_str().unwrap(), out, &[&channels[..], more].concat());
+        tree(&folder.path().join(out).join("021_spatial-000"))
+    };
+    let perfect = with("perfect", &[]);
+    let device = with("device", &["--sensor", "d435"]);
+    assert_eq!(with("again", &["--sensor", "d435"]), device);
+    assert_eq!(device["static_ids.png"], perfect["static_ids.png"]);
+    for name in ["static.png", "static_depth.png"] {
+        assert_ne!(device[name], perfect[name], "{name}");
+    }
+    let card: Value = serde_json::from_slice(&device["render.json"]).unwrap();
+    assert_eq!(card["cameras"][0]["sensor"]["depth"]["baseline_m"], 0.05);
+    let lens = with("lens", &["--distortion=-0.2,0.02,0,0"]);
+    assert_ne!(lens["static_ids.png"], perfect["static_ids.png"]);
+    let refused = ["render", scenario.to_str().unwrap(), "--out", "folded", "--distortion=-9,0,0,0"];
+    let told = genmanip(folder.path(), &refused);
+    assert_eq!(told.code, Some(1));
+    assert!(told.stderr.contains("distortion") && told.stderr.contains("k1"), "{}", told.stderr);
+}

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{PhysicsSettings, RelationSettings, SupportSurface, World};
-use crate::{Camera, RobotModel};
+use crate::{Camera, CameraSensor, RobotModel};
 
 /// Longest side of a surface and of a workspace, metres; more is a slip of the units.
 const LONGEST_M: f64 = 20.0;
@@ -228,10 +228,14 @@ fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<World
         let got = format!("fx {}, fy {}, cx {}, cy {}", k.fx, k.fy, k.cx, k.cy);
         faults.push(WorldFault::new(format!("{place}.intrinsics"), "finite numbers, fx and fy above 0", got));
     }
-    for (name, value) in [("distortion", &camera.distortion), ("sensor", &camera.sensor)] {
-        if value.is_some() {
-            faults.push(reserved(&format!("{place}.{name}")));
-        }
+    if camera.distortion.is_some_and(|lens| lens.pinhole(k).is_none()) {
+        let expected = "a lens that shows each point once and stretches no edge more than twice";
+        let got = format!("{:?}", camera.distortion.unwrap_or_default());
+        let hint = "coefficients are k1, k2, p1, p2, k3 in the order of OpenCV; |k1| is rarely above 0.4";
+        faults.push(WorldFault::new(format!("{place}.distortion"), expected, got).hint(hint));
+    }
+    for (field, expected, got) in camera.sensor.iter().flat_map(CameraSensor::faults) {
+        faults.push(WorldFault::new(format!("{place}.sensor.{field}"), expected, got));
     }
 }
 

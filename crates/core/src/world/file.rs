@@ -8,13 +8,14 @@ use super::{PhysicsSettings, RelationSettings, Workspace, World, WorldFault, Wor
 use crate::camera::CameraPreset;
 use crate::json as strict;
 use crate::names::near_misses;
+use crate::sensor::SensorPreset;
 use crate::{Camera, Document, DocumentError, Intrinsics, RobotModel};
 
 /// A world file before its shorthands are resolved.
 ///
 /// Shorthands: `robot` may leave out hash and home; a camera may say `eye_m` and `target_m` in the frame of its mount
-/// instead of a pose, a size with a field of view or a `preset` instead of intrinsics, and one on the hand may leave
-/// its pose to the robot.
+/// instead of a pose, a size with a field of view or a `preset` instead of intrinsics, the name of a device instead of
+/// the numbers of its `sensor`, and one on the hand may leave its pose to the robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldFile {
     body: Map<String, Value>,
@@ -200,6 +201,14 @@ pub fn read_camera(entry: Value, robot: &RobotModel, place: &str) -> Result<Came
     }
     if let Some(intrinsics) = intrinsics {
         body.insert("intrinsics".into(), json!(intrinsics));
+    }
+    if let Some(name) = body.get("sensor").and_then(Value::as_str) {
+        let known = SensorPreset::names();
+        let Some(preset) = SensorPreset::named(name) else {
+            let fault = WorldFault::new(format!("{place}.sensor"), format!("one of {}", known.join(", ")), name);
+            return Err(fault.hint("or the numbers of a sensor; see docs/formats/world.md"));
+        };
+        body.insert("sensor".into(), json!(preset.sensor));
     }
     parse(Value::Object(body), place)
 }

@@ -12,8 +12,11 @@ mod file;
 mod settings;
 mod surface;
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 pub use check::{WorldFault, camera_faults};
 pub use compare::{WorldDifference, WorldHashes, WorldPart};
@@ -21,7 +24,6 @@ pub use file::{WorldFile, read_camera};
 pub use settings::{PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};
 
-use crate::camera::Reserved;
 use crate::{Camera, Document, NamedSurface};
 
 /// Everything about a scenario that is neither its task nor its objects.
@@ -50,6 +52,9 @@ pub struct World {
 impl Document for World {
     const SCHEMA: &'static str = "genmanip.world/1";
 }
+
+/// Something that the format keeps a place for and this version does not know yet; checking refuses it.
+pub type Reserved = BTreeMap<String, Value>;
 
 /// The robot of a world: which one, that it is the very same one, and how it starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

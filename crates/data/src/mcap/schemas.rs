@@ -1,6 +1,6 @@
 //! The messages of Foxglove's schemas that are written, with the numbers of its published files.
 
-use genmanip_core::{Camera, Pose};
+use genmanip_core::{Camera, Distortion, Pose};
 
 use super::wire::{Kind, Message, Wire, descriptor};
 
@@ -190,10 +190,12 @@ pub(super) fn png(time_ns: u64, frame: &str, data: &[u8]) -> Vec<u8> {
 
 pub(super) fn calibration(time_ns: u64, frame: &str, camera: &Camera) -> Vec<u8> {
     let k = &camera.intrinsics;
-    stamped(time_ns)
-        .fixed32(2, k.width)
-        .fixed32(3, k.height)
-        .doubles(6, &[k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0])
+    let sized = stamped(time_ns).fixed32(2, k.width).fixed32(3, k.height);
+    let bent = match camera.distortion {
+        None => sized,
+        Some(Distortion { k1, k2, p1, p2, k3 }) => sized.text(4, "plumb_bob").doubles(5, &[k1, k2, p1, p2, k3]),
+    };
+    bent.doubles(6, &[k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0])
         .doubles(7, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
         .doubles(8, &[k.fx, 0.0, k.cx, 0.0, 0.0, k.fy, k.cy, 0.0, 0.0, 0.0, 1.0, 0.0])
         .text(9, frame)

@@ -151,7 +151,7 @@ fn draw(robot: &RobotModel, problem: &Problem, camera: &Camera) -> Result<RgbdIm
     let mut renderer = Renderer::new(assets, RenderVariation::default());
     renderer.render(&[ViewJob::new(&frame, camera, Channels::GEOMETRY)], &mut buffers).map_err(no_picture)?;
     let [buffers] = buffers;
-    Ok(buffers.into_image(camera.intrinsics, camera.mount_from_camera))
+    Ok(buffers.into_image(camera, camera.mount_from_camera))
 }
 
 fn visual(piece: &Piece) -> Result<VisualPart, LabError> {

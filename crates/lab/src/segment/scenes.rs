@@ -117,7 +117,7 @@ impl Scenes {
         let mut pictures = vec![FrameBuffers::default(); jobs.len()];
         Renderer::new(assets, RenderVariation::default()).render(&jobs, &mut pictures).map_err(drawn)?;
         let image = |((name, camera), picture): ((&'static str, &Camera), FrameBuffers)| {
-            (name, picture.into_image(camera.intrinsics, camera.world_from_camera(&Pose::IDENTITY)))
+            (name, picture.into_image(camera, camera.world_from_camera(&Pose::IDENTITY)))
         };
         Ok(cameras.into_iter().zip(pictures).map(image).collect())
     }

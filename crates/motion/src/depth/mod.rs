@@ -60,6 +60,12 @@ pub enum DepthError {
         /// Index of the image.
         image: usize,
     },
+    /// An image that a lens bent.
+    #[error("depth image {image} is bent by a lens, expected a pinhole's: `RgbdImage::pinhole_depth` makes one")]
+    Lens {
+        /// Index of the image.
+        image: usize,
+    },
     /// No image saw anything, so nothing is known about what stands around.
     #[error("no pixel of {images} depth images holds a depth: the robot would move blindly")]
     Blind {
@@ -122,6 +128,9 @@ fn check(index: usize, image: &RgbdImage) -> Result<(), DepthError> {
     let finite = position.is_finite() && rotation.is_finite() && [fx, fy, cx, cy].iter().all(|value| value.is_finite());
     if !(finite && fx > 0.0 && fy > 0.0) {
         return Err(DepthError::Camera { image: index });
+    }
+    if image.distortion.is_some() {
+        return Err(DepthError::Lens { image: index });
     }
     Ok(())
 }

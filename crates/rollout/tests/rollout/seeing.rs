@@ -7,7 +7,7 @@ use genmanip_core::{
     ActionChunk, CameraRequest, EpisodeStart, ImageChannels, Observation, Policy, PolicyError, PolicySpec, RgbdImage,
     Seed,
 };
-use genmanip_rollout::images::Painter;
+use genmanip_rollout::images::{Painter, sensor_seed};
 use genmanip_rollout::{Environment, RolloutSettings, run_episode};
 
 use crate::{any_stage, episodes};
@@ -63,7 +63,8 @@ fn a_policy_that_asks_for_two_cameras_gets_them() {
         assert_eq!(images.len(), 2);
         for request in requests() {
             let camera = stage.camera(&request).unwrap();
-            let drawn = painter.paint(&episode.frames[30 * look], &camera, request.channels).unwrap();
+            let seed = sensor_seed(Seed::new(3), 30 * look);
+            let drawn = painter.paint(&episode.frames[30 * look], &camera, request.channels, seed).unwrap();
             // Points that see nothing are not numbers, which are never equal.
             let bits = |image: &RgbdImage| image.points_m.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
             let image = &images[&request.name];
