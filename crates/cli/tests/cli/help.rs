@@ -16,6 +16,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["plan"],
         &["collect"],
         &["merge"],
+        &["launch"],
         &["evaluate"],
         &["ablate"],
         &["agent", "act"],

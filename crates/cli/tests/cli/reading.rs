@@ -6,8 +6,8 @@ use std::process::Command;
 
 use crate::{REPOSITORY, finished_run, genmanip};
 
-/// The script of the examples replays the episodes of a data set in stock MuJoCo to the last bit; a command that is
-/// changed by a hair is noticed.
+/// The script of the examples replays the episodes of a data set in stock MuJoCo to the last bit; a recorded end that is
+/// another by one bit is noticed.
 #[test]
 fn a_script_replays_episodes_in_stock_mujoco() {
     let Some(python) = python("import mujoco, pyarrow; assert mujoco.__version__ == '3.17.0'") else { return };
@@ -42,9 +42,9 @@ fn a_script_replays_episodes_in_stock_mujoco() {
     for name in ["frames.parquet", "initial_state.f64le", "final_state.f64le"] {
         fs::copy(episodes.last().unwrap().join(name), spoilt.join(name)).unwrap();
     }
-    let mut bytes = fs::read(spoilt.join("initial_state.f64le")).unwrap();
-    bytes[9 * 8] ^= 1; // the last bit of a joint
-    fs::write(spoilt.join("initial_state.f64le"), bytes).unwrap();
+    let mut bytes = fs::read(spoilt.join("final_state.f64le")).unwrap();
+    bytes[2 * 8] ^= 1; // the last bit of the second joint, which is bent
+    fs::write(spoilt.join("final_state.f64le"), bytes).unwrap();
     let (code, told, _) = replay(&spoilt, &scene);
     assert!(code == Some(1) && told.starts_with("differs"), "{told}");
 }

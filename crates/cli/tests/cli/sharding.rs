@@ -105,6 +105,35 @@ fn evaluations(at: &Path) {
     assert!(!at.join("run/evaluation/replay").exists(), "what shards left is gathered");
 }
 
+/// A job of this machine: its script makes all shards, which are the run, and leaves nothing of the sample.
+#[test]
+fn a_launched_job_makes_all_shards() {
+    let folder = tempfile::tempdir().unwrap();
+    let (at, examples) = (folder.path(), quick_examples());
+    let mut arguments = vec!["launch", "--local", "--shards", "2", "--", "collect"];
+    arguments.extend(examples.iter().map(String::as_str));
+    arguments.extend(["--episodes", "1", "--no-dataset", "--seed", "3", "--out", "my shards"]);
+    let launched = genmanip(at, &arguments);
+    assert_eq!(launched.code, Some(0), "{launched:?}");
+    assert!(launched.stderr.contains("core hours"), "{launched:?}");
+    let mut left: Vec<_> =
+        fs::read_dir(at.join("my shards")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["launch.sh", "shard-0-of-2", "shard-1-of-2"]);
+    let merged = genmanip(at, &["merge", "my shards", "--out", "run"]);
+    assert_eq!(merged.code, Some(0), "{merged:?}");
+
+    let refused = |arguments: &[&str], code: i32, wanted: &str| {
+        genmanip(at, &[&["launch"], arguments].concat()).assert_ended(code, &[wanted]);
+    };
+    let task = &examples[0];
+    refused(&["--local", "--shards", "9", "--", "collect", task, "--out", "more"], 1, "9 shards");
+    refused(&["--local", "--shards", "1", "--", "replay", "run"], 2, "only `collect`");
+    refused(&["--local", "--shards", "1", "--", "collect", task, "--out", "more", "--shard", "0/1"], 2, "--shards and");
+    refused(&["--kubernetes", "--shards", "1", "--", "collect", task, "--out", "more"], 1, "an image");
+    assert!(!at.join("more").exists());
+}
+
 #[test]
 fn what_is_no_shard_is_refused() {
     let folder = tempfile::tempdir().unwrap();
