@@ -92,11 +92,7 @@ impl Distortion {
         let size = DVec2::new(f64::from(width), f64::from(height));
         let all = size + before + after;
         let fits = all.is_finite() && all.cmple(size * WIDEST + 4.0).all();
-<<<<<<< HEAD
-        fits.then(|| Intrinsics {
-=======
         fits.then_some(Intrinsics {
->>>>>>> looks
             width: all.x as u32,
             height: all.y as u32,
             fx,
