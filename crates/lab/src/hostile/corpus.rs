@@ -15,7 +15,7 @@ use super::{HostileArguments, Room, imports, listing, mutate};
 use crate::LabError;
 
 /// What is changed, in the names of `by_kind`.
-pub const KINDS: [&str; 20] = [
+pub const KINDS: [&str; 23] = [
     "tasks",
     "answers",
     "scenarios",
@@ -35,10 +35,16 @@ pub const KINDS: [&str; 20] = [
     "import-msh",
     "import-urdf",
     "import-mjcf",
+    "dataset-lerobot",
+    "dataset-v21",
+    "dataset-zarr",
     FULL,
 ];
 /// Files as large as is read; each costs seconds, so they are rare.
 pub(super) const FULL: &str = "full";
+
+/// How the kinds of data sets begin.
+const DATASET: &str = "dataset-";
 
 /// What lies in a file's place.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,6 +81,8 @@ pub(super) struct Corpus {
     problems: Vec<u8>,
     cassettes: Vec<(String, Vec<u8>)>,
     grasps: Vec<u8>,
+    /// The run as data sets of several formats.
+    datasets: Vec<(String, Vec<u8>)>,
     imports: Imports,
     kept: Vec<Case>,
     fillings: Vec<Filling>,
@@ -118,6 +126,18 @@ impl Corpus {
             run(&["grasps", "bake", "--out", "grasps.json", "--objects", "001", "--count", "1", "--trials", "1"])?;
         }
         let made = listing(&room.work());
+        let mut datasets = Vec::new();
+        if needs_program && arguments.kind.as_deref().is_none_or(|kind| kind.starts_with(DATASET)) {
+            let pictures = ["--rate", "10", "--cameras", "wrist"];
+            let numbers = ["--rate", "10", "--no-images"];
+            for (format, name, more) in
+                [("lerobot", "lerobot", &pictures[..]), ("lerobot-v2.1", "v21", &pictures), ("zarr", "zarr", &numbers)]
+            {
+                run(&[&["export", "run", "--to", format, "--out", name], more].concat())?;
+            }
+            let is_dataset = |name: &str| !name.starts_with("run/") && !name.ends_with('/') && !made.contains_key(name);
+            datasets = listing(&room.work()).into_iter().filter(|(name, _)| is_dataset(name)).collect();
+        }
         let file = |name: &str| made.get(name).cloned().unwrap_or_default();
         let below = |folder: &str| -> Vec<(String, Vec<u8>)> {
             let inside = made.iter().filter(|(name, _)| name.starts_with(folder) && !name.ends_with('/'));
@@ -131,6 +151,7 @@ impl Corpus {
             problems: file("problems.json"),
             cassettes: read_all(&project.join("crates/llm/testdata/cassettes"))?,
             grasps: file("grasps.json"),
+            datasets,
             imports: Imports::read(project)?,
             kept: kept(&project.join("crates/lab/testdata/hostile"))?,
             fillings: Filling::fixed(),
@@ -140,6 +161,34 @@ impl Corpus {
         corpus.fillings.extend(sound);
         room.clear()?;
         Ok(corpus)
+    }
+
+    /// The data set of a kind with its siblings, and the calls that read it.
+    fn dataset(&self, kind: &str) -> (Vec<(String, Content)>, &'static [&'static str]) {
+        let name = kind.trim_start_matches(DATASET);
+        let content = |(name, bytes): &(String, Vec<u8>)| (name.clone(), Content::Bytes(bytes.clone()));
+        let is_own = |(known, _): &&(String, Vec<u8>)| {
+            known.strip_prefix(name).is_some_and(|rest| rest.starts_with('/') || rest.starts_with("-depth/"))
+        };
+        let mut files: Vec<_> = self.datasets.iter().filter(is_own).map(content).collect();
+        if name == "lerobot" {
+            files.extend(self.run.iter().map(content));
+        }
+        let calls: &[&str] = match name {
+            "lerobot" => &[
+                "data check lerobot",
+                "data check lerobot --json",
+                "data show lerobot",
+                "data card lerobot",
+                "data filter lerobot --where success=true --out out",
+                "data merge lerobot --out out",
+                "data delete lerobot --episodes 0 --out out",
+                "evaluate run --policy playback:dataset=lerobot",
+            ],
+            "v21" => &["data check v21", "data show v21"],
+            _ => &["data check zarr", "data show zarr"],
+        };
+        (files, calls)
     }
 
     /// Inputs that once broke something.
@@ -245,6 +294,7 @@ impl Corpus {
                 )
             }
             "grasps" => (one("grasps.json", &self.grasps), &["grasps show 001 --file grasps.json"]),
+            kind if kind.starts_with(DATASET) => self.dataset(kind),
             other => {
                 return Err(LabError::input(format!("there is no kind `{other}`"))
                     .with_hint(format!("kinds are {}", KINDS.join(", "))));
@@ -252,7 +302,7 @@ impl Corpus {
         };
         let call: Vec<String> = calls[rng.random_range(0..calls.len())].split(' ').map(String::from).collect();
         // What a refused call of these has finished is kept.
-        let writes = ["evaluate", "report", "new", "preview"];
+        let writes = ["evaluate", "report", "new", "preview", "card"];
         let only_reads = !call.iter().take(2).any(|word| writes.contains(&word.as_str()));
         let is_target = |name: &str| match kind {
             "episodes" => name.starts_with("run/episodes/") || name == "run/run.json",
@@ -263,6 +313,7 @@ impl Corpus {
             "cassettes" => name.starts_with("cassettes/"),
             "settings" => name == "settings.toml",
             "robots" => name.starts_with("six/"),
+            kind if kind.starts_with(DATASET) => !name.starts_with("run/"),
             _ => true,
         };
         let targets = (0..files.len()).filter(|&index| is_target(&files[index].0)).collect();
