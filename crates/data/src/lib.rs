@@ -23,6 +23,7 @@ mod error;
 pub mod export;
 pub mod files;
 mod frames;
+mod guard;
 pub mod hdf5;
 pub mod images;
 pub mod lerobot;

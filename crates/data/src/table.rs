@@ -17,6 +17,7 @@ use parquet::basic::Compression;
 use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 
+use crate::guard::guarded;
 use crate::{DataError, files};
 
 /// Columns under construction, in the order they are added; all have one entry per row.
@@ -194,7 +195,8 @@ fn uncompressed_size(column: &ColumnChunkMetaData) -> i64 {
 /// All rows of a parquet file, which must be as many as its record says.
 pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<RecordBatch, DataError> {
     let fail = |error: &dyn std::fmt::Display| DataError::table(path, error);
-    let builder = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)).map_err(|error| fail(&error))?;
+    let opened = guarded(path, || ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)))?;
+    let builder = opened.map_err(|error| fail(&error))?;
     let about = builder.metadata();
     if usize::try_from(about.file_metadata().num_rows()).ok() != Some(rows) {
         let got = about.file_metadata().num_rows();
@@ -208,7 +210,7 @@ pub(crate) fn from_parquet(path: &Path, bytes: Vec<u8>, rows: usize) -> Result<R
     }
     let schema = Arc::clone(builder.schema());
     let mut reader = builder.with_batch_size(rows.max(1)).build().map_err(|error| fail(&error))?;
-    let batch = match reader.next() {
+    let batch = match guarded(path, || reader.next())? {
         Some(batch) => batch.map_err(|error| fail(&error))?,
         None => RecordBatch::new_empty(schema),
     };
@@ -226,8 +228,9 @@ pub(crate) struct Table {
 
 impl Table {
     pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
-        let builder = ParquetRecordBatchReaderBuilder::try_new(files::open(path)?)
-            .map_err(|error| DataError::table(path, error))?;
+        let file = files::open(path)?;
+        let opened = guarded(path, || ParquetRecordBatchReaderBuilder::try_new(file))?;
+        let builder = opened.map_err(|error| DataError::table(path, error))?;
         Ok(Self { path: path.into(), builder })
     }
 
@@ -283,9 +286,19 @@ impl Table {
             let expected = MAX_TABLE_BYTES >> 20;
             return Err(fail(&format!("expected columns of at most {expected} MiB, got {size} bytes")));
         }
-        let reader =
+        let mut reader =
             builder.with_projection(mask).with_batch_size(rows_at_once).build().map_err(|error| fail(&error))?;
-        Ok(reader.map(move |batch| batch.map_err(|error| DataError::table(&path, error))))
+        let mut is_over = false;
+        Ok(std::iter::from_fn(move || {
+            let batch = if is_over { None } else { Some(guarded(&path, || reader.next())) };
+            let batch = match batch? {
+                Ok(batch) => batch?.map_err(|error| DataError::table(&path, error)),
+                Err(damaged) => Err(damaged),
+            };
+            // Behind an error nothing is certain.
+            is_over = batch.is_err();
+            Some(batch)
+        }))
     }
 }
 
@@ -301,7 +314,7 @@ pub(crate) struct RowGroups {
 impl RowGroups {
     pub(crate) fn open(path: &Path) -> Result<Self, DataError> {
         let file = files::open(path)?;
-        let metadata = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new());
+        let metadata = guarded(path, || ArrowReaderMetadata::load(&file, ArrowReaderOptions::new()))?;
         let metadata = metadata.map_err(|error| DataError::table(path, error))?;
         let rows = |count: i64| usize::try_from(count).unwrap_or(usize::MAX);
         let mut next = 0_usize;
@@ -326,7 +339,8 @@ impl RowGroups {
         let file = self.file.try_clone().map_err(DataError::io("read", &self.path))?;
         let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone());
         let reader = builder.with_row_groups(vec![group]).with_batch_size(rows.max(1)).build();
-        let batch = reader.map_err(|error| fail(&error))?.next().ok_or_else(expected)?.map_err(|error| fail(&error))?;
+        let mut reader = reader.map_err(|error| fail(&error))?;
+        let batch = guarded(&self.path, || reader.next())?.ok_or_else(expected)?.map_err(|error| fail(&error))?;
         if batch.num_rows() == rows { Ok(batch) } else { Err(expected()) }
     }
 }
