@@ -17,6 +17,7 @@ pub use lab::*;
 pub use launch::*;
 pub use render::*;
 pub use serve::*;
+pub use suite::*;
 pub use world::*;
 
 mod agent;
@@ -29,6 +30,7 @@ mod lab;
 mod launch;
 mod render;
 mod serve;
+mod suite;
 mod world;
 
 /// Manipulation tasks from one sentence to verified demonstrations, datasets and fair evaluations – on a CPU.

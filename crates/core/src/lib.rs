@@ -29,6 +29,7 @@ pub mod grasp;
 mod hash;
 pub mod image;
 mod interchange;
+mod intrinsics;
 pub mod json;
 pub mod limits;
 pub mod mesh;
@@ -53,7 +54,7 @@ pub use action::{
     GripperSpec, RotationEncoding,
 };
 pub use asset::AssetRef;
-pub use camera::{Camera, CameraMount, Intrinsics};
+pub use camera::{Camera, CameraMount};
 pub use distortion::Distortion;
 pub use document::{Document, LongDocument, Upgrade, long_from_json, long_to_json};
 pub use document_error::DocumentError;
@@ -66,6 +67,7 @@ pub use grasp::{Grasp, TriedGrasp};
 pub use hash::AssetHashes;
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use interchange::{InterchangeError, MOST_ALTERNATIVES, MOST_INTERCHANGEABLE};
+pub use intrinsics::Intrinsics;
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{
     Annotations, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Room,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use genmanip_run::shard::Choice;
 
 use super::{parse_count, parse_sum};
@@ -77,65 +77,4 @@ pub struct LeaderboardArguments {
     /// Also write a page
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
-}
-
-/// What to do with suites.
-#[derive(Debug, Subcommand)]
-pub enum SuiteCommand {
-    /// Design tasks, lay them out, let the expert try each, and freeze those that make a balanced suite
-    #[command(after_help = "Example:\n  genmanip suite build --seed 7 --per-kind 50 --out suites/mine\n\n\
-                      Spatial, appearance, common-sense and long-horizon tasks. A task whose sentence means its goal\n\
-                      without its need, its places or its traits is refused, and so is what the expert does not solve\n\
-                      five times of five. An interrupted build continues: start the same command again.")]
-    Build(SuiteBuildArguments),
-    /// Say whether a suite is what was frozen, and name everything that is not
-    Check(SuiteArguments),
-    /// Say what is in a suite, how it was chosen, and how its traits are spread
-    Show(SuiteArguments),
-    /// Say in what two suites differ, and whether results on them can be compared
-    Diff(SuiteDiffArguments),
-}
-
-/// Arguments of `suite build`.
-#[derive(Debug, Args)]
-pub struct SuiteBuildArguments {
-    /// Folder of the suite
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Its name [default: that of the folder]
-    #[arg(long)]
-    pub name: Option<String>,
-    /// Seed of tasks, layouts and trials
-    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
-    pub seed: u64,
-    /// Scenarios of each of the four kinds
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = parse_count)]
-    pub per_kind: usize,
-    /// Candidates for each scenario, from which the most balanced are taken
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = parse_count)]
-    pub candidates: usize,
-    /// Worker threads [default: all cores]
-    #[arg(long, value_parser = parse_count)]
-    pub workers: Option<usize>,
-    #[command(flatten)]
-    pub catalog: super::CatalogArguments,
-}
-
-/// A suite.
-#[derive(Clone, Debug, Args)]
-pub struct SuiteArguments {
-    /// Folder of the suite
-    #[arg(value_name = "SUITE")]
-    pub folder: PathBuf,
-}
-
-/// Two suites.
-#[derive(Clone, Debug, Args)]
-pub struct SuiteDiffArguments {
-    /// Folder of the first suite
-    #[arg(value_name = "SUITE")]
-    pub first: PathBuf,
-    /// Folder of the second
-    #[arg(value_name = "OTHER")]
-    pub second: PathBuf,
 }

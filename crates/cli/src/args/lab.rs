@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::LabSuiteArguments;
+
 /// Measurements that take data the project has not seen.
 #[derive(Debug, Subcommand)]
 pub enum LabCommand {
@@ -115,23 +117,6 @@ pub enum LabCommand {
     /// Check a frozen suite, and let the expert try its scenarios by streams that they were not chosen by
     #[command(after_help = "Example:\n  genmanip lab suite --suite suites/mine --json")]
     Suite(LabSuiteArguments),
-}
-
-/// Arguments of `lab suite`.
-#[derive(Debug, Args)]
-pub struct LabSuiteArguments {
-    /// Folder of the suite
-    #[arg(long, value_name = "DIR")]
-    pub suite: PathBuf,
-    /// Episodes per scenario
-    #[arg(long, value_name = "K", default_value_t = 5, value_parser = super::parse_count)]
-    pub episodes: usize,
-    /// Seed of the episodes
-    #[arg(long, default_value_t = 1, value_parser = super::parse_seed)]
-    pub seed: u64,
-    /// Worker threads [default: all cores]
-    #[arg(long, value_parser = super::parse_count)]
-    pub workers: Option<usize>,
 }
 
 /// Arguments of `lab statistics`.
