@@ -149,9 +149,9 @@ fn sensor_names() -> clap::builder::PossibleValuesParser {
 pub(super) fn parse_distortion(text: &str) -> Result<Distortion, String> {
     let expected = || format!("expected four or five numbers k1,k2,p1,p2[,k3], got `{text}`");
     let numbers = text.split(',').map(|number| number.trim().parse()).collect::<Result<Vec<f64>, _>>();
-    match numbers.map_err(|_| expected())?.as_slice() {
-        &[k1, k2, p1, p2] => Ok(Distortion { k1, k2, p1, p2, k3: 0.0 }),
-        &[k1, k2, p1, p2, k3] => Ok(Distortion { k1, k2, p1, p2, k3 }),
+    match *numbers.map_err(|_| expected())?.as_slice() {
+        [k1, k2, p1, p2] => Ok(Distortion { k1, k2, p1, p2, k3: 0.0 }),
+        [k1, k2, p1, p2, k3] => Ok(Distortion { k1, k2, p1, p2, k3 }),
         _ => Err(expected()),
     }
 }
