@@ -320,7 +320,6 @@ fn most_designed_tasks_need_what_their_kind_is_about() {
             *all += 1;
         }
     }
-    println!("{counts:?}");
     assert_eq!(counts.len(), 3);
     // The designer tries that itself for needs.
     assert_eq!(counts[&TaskKind::CommonSense].0, 0, "{counts:?}");
