@@ -48,6 +48,9 @@ pub fn of_world(world: &World) -> Result<Arc<RobotModel>, AssetError> {
     if world.robot.home.len() != robot.arm_dof() {
         return mismatch("robot.home (length)", &world.robot.home.len(), &robot.arm_dof());
     }
+    if world.robot.start().len() != robot.arm_dof() {
+        return mismatch("robot.start (length)", &world.robot.start().len(), &robot.arm_dof());
+    }
     if world.robot.home == robot.home {
         return Ok(robot);
     }

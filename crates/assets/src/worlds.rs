@@ -45,8 +45,12 @@ pub fn with_robot(world: &World, name: &str) -> Result<World, AssetError> {
     let robot = robots::named(name)?;
     let before = robots::named(&world.robot.name)?;
     let mut changed = world.clone();
-    changed.robot =
-        WorldRobot { name: robot.name.clone(), physics_hash: robot.physics_hash(), home: robot.home.clone() };
+    changed.robot = WorldRobot {
+        name: robot.name.clone(),
+        physics_hash: robot.physics_hash(),
+        home: robot.home.clone(),
+        start: None,
+    };
     for camera in &mut changed.cameras {
         let sits_as_before = camera.mount == CameraMount::Hand
             && before.hand_from_wrist_camera.is_some_and(|pose| pose == camera.mount_from_camera);

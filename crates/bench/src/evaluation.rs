@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::statistics::{StatisticsError, StatisticsSettings, SuiteSummary, summarise};
+use crate::suite::Perturbation;
 
 /// How one policy did on one suite: every result and what they amount to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -19,6 +20,9 @@ pub struct EvaluationReport {
     pub suite: String,
     /// [`suite_hash`] of its scenarios.
     pub suite_hash: String,
+    /// What was changed of another suite, where this is a perturbed one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub perturbation: Option<Perturbation>,
     /// Name of the policy.
     pub policy: String,
     /// Name of this evaluation among others of the suite: the policy, with arguments and cameras that are not as usual.
@@ -166,6 +170,7 @@ impl EvaluationReport {
         Ok(Self {
             suite: suite.into(),
             suite_hash: suite_hash(scenarios),
+            perturbation: None,
             label: policy.clone(),
             policy,
             cameras: None,

@@ -198,6 +198,7 @@ fn scenario(task: &Task, number: u64) -> Scenario {
         seed: Seed::new(number),
         objects: Vec::new(),
         world: World::from_json(include_str!("../../core/testdata/world.json")).expect("a whole world"),
+        other_request: None,
         genmanip_version: "0.1.0".into(),
     }
 }

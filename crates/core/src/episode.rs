@@ -109,6 +109,9 @@ pub struct EpisodeResult {
     /// What point clouds of the final scene say, of evaluated episodes; beside the headline, which it does not change.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloud: Option<CloudVerdict>,
+    /// Whether the request that was not made is fulfilled at the end, where the scenario has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub other_request_success: Option<bool>,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
     /// Version of this program.

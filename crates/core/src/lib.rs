@@ -32,6 +32,7 @@ mod interchange;
 mod intrinsics;
 pub mod json;
 pub mod limits;
+mod look;
 pub mod mesh;
 pub mod names;
 pub mod object;
@@ -68,6 +69,7 @@ pub use hash::AssetHashes;
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
 pub use interchange::{InterchangeError, MOST_ALTERNATIVES, MOST_INTERCHANGEABLE};
 pub use intrinsics::Intrinsics;
+pub use look::{Look, Vary};
 pub use mesh::{Material, Texture, TriMesh, VisualPart};
 pub use object::{
     Annotations, Joint, JointKind, JointState, MassProperties, ObjectCard, ObjectLink, ObjectModel, Room,
@@ -75,7 +77,7 @@ pub use object::{
 pub use policy::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState};
 pub use pose::Pose;
 pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
-pub use scenario::{PlacedObject, Scenario};
+pub use scenario::{PhysicsFactors, PlacedObject, Request, Scenario};
 pub use seed::Seed;
 pub use sensor::{CameraSensor, ColorSensor, DepthSensor};
 pub use task::{Atom, Goal, GraphEdge, GraphNode, NamedSurface, Relation, SceneGraph, SharedCards, Task, TaskKind};

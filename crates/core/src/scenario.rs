@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::names::is_file_name;
 use crate::upgrade;
-use crate::{AssetRef, Document, DocumentError, Pose, Seed, Task, Upgrade, World};
+use crate::{AssetRef, Document, DocumentError, Goal, Pose, Seed, Task, Upgrade, World};
 
 /// A task with poses: everything an episode starts from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -20,8 +20,21 @@ pub struct Scenario {
     pub objects: Vec<PlacedObject>,
     /// Everything around them: surfaces, robot, cameras, and how things move and are judged.
     pub world: World,
+    /// Another request that the scene allows and that was not made: whoever does it did not listen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub other_request: Option<Request>,
     /// Version of the program that made it.
     pub genmanip_version: String,
+}
+
+/// A sentence and what it asks for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// The sentence.
+    pub instruction: String,
+    /// When it is done.
+    pub goal: Goal,
 }
 
 impl Document for Scenario {
@@ -43,6 +56,12 @@ impl Document for Scenario {
                     format!("$.objects[{index}].id"),
                     format!("expected an id of its own, got {:?}", object.id),
                 );
+            }
+        }
+        for (index, object) in self.objects.iter().enumerate() {
+            if let Some((factor, value)) = object.physics.fault() {
+                let expected = format!("expected {LEAST_FACTOR} to {MOST_FACTOR}, got {value}");
+                return refuse(format!("$.objects[{index}].physics.{factor}"), expected);
             }
         }
         match self.world.faults_of_parts().into_iter().next() {
@@ -78,6 +97,51 @@ pub struct PlacedObject {
     /// Joint positions of an articulated object, in the order of its links.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_positions: Vec<f64>,
+    /// How it moves differently from its asset.
+    #[serde(default, skip_serializing_if = "PhysicsFactors::is_usual")]
+    pub physics: PhysicsFactors,
+}
+
+/// How an instance moves differently from its asset: factors, 1 for what is as usual.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PhysicsFactors {
+    /// Of the sliding friction.
+    pub friction: f64,
+    /// Of the mass, and of the inertia with it.
+    pub mass: f64,
+    /// Of the damping of its contacts: below 1 it bounces.
+    pub contact_damping: f64,
+    /// Of the damping and the dry friction of its joints.
+    pub joint_friction: f64,
+}
+
+/// Range of [`PhysicsFactors`]; beyond, it is another thing.
+const LEAST_FACTOR: f64 = 0.1;
+const MOST_FACTOR: f64 = 10.0;
+
+impl PhysicsFactors {
+    /// Whether everything is as usual.
+    pub fn is_usual(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// A factor that cannot be, with its name.
+    fn fault(&self) -> Option<(&'static str, f64)> {
+        let factors = [
+            ("friction", self.friction),
+            ("mass", self.mass),
+            ("contact_damping", self.contact_damping),
+            ("joint_friction", self.joint_friction),
+        ];
+        factors.into_iter().find(|(_, value)| !(LEAST_FACTOR..=MOST_FACTOR).contains(value))
+    }
+}
+
+impl Default for PhysicsFactors {
+    fn default() -> Self {
+        Self { friction: 1.0, mass: 1.0, contact_damping: 1.0, joint_friction: 1.0 }
+    }
 }
 
 impl Scenario {

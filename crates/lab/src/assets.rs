@@ -12,7 +12,8 @@ use genmanip_assets::worlds::default_world;
 use genmanip_assets::{AssetSource, Catalogue, Families, Family};
 use genmanip_core::glam::DVec3;
 use genmanip_core::{
-    Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Seed, Shape, World,
+    Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, PhysicsFactors, Piece, Pose, Seed,
+    Shape, World,
 };
 use genmanip_motion::PlannerSettings;
 use genmanip_rollout::collect::in_parallel;
@@ -303,7 +304,8 @@ fn try_object(model: &Arc<ObjectModel>, trials: &GraspTrials, seed: Seed) -> Tri
 
 fn placed(name: &str, model: &Arc<ObjectModel>, pose: Pose, joints: &[f64]) -> SceneObject {
     let joint_positions = if joints.is_empty() { vec![0.0; model.joint_count()] } else { joints.to_vec() };
-    SceneObject { name: name.to_owned(), model: Arc::clone(model), pose, joint_positions }
+    let physics = PhysicsFactors::default();
+    SceneObject { name: name.to_owned(), model: Arc::clone(model), pose, joint_positions, physics }
 }
 
 /// Least width of the opening of a container that is deep enough, m.

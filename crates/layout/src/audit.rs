@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_assets::AssetSource;
-use genmanip_core::{Atom, ObjectState, RobotModel, Scenario, World};
+use genmanip_core::{Atom, ObjectState, PhysicsFactors, Pose, RobotModel, Scenario, World};
 use genmanip_scene::relations::{PosedObject, PosedScene, Rest, ShapeCache, judge_edges, judge_goal, judge_states};
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
 
@@ -46,6 +46,20 @@ pub(crate) fn settle(scene: &mut PosedScene, world: &World, settings: &LayoutSet
         scene.set_pose(index, state.pose, &state.joint_positions);
     }
     Ok(())
+}
+
+/// Where objects come to rest without a robot; `None` when they do not, fall over, or end inside each other.
+pub(crate) fn settled(
+    objects: &[SceneObject],
+    world: &World,
+    settings: &LayoutSettings,
+) -> Result<Option<Vec<Pose>>, SimError> {
+    let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, objects)?));
+    let rest = SettleSettings { max_seconds: settings.settle_s, ..SettleSettings::default() };
+    let report = sim.settle(&rest)?;
+    let is_upright = report.rotation.iter().all(|&turn| turn <= settings.max_settle_tilt_rad);
+    let is_sound = report.settled && is_upright && report.final_penetration <= settings.max_penetration_m;
+    Ok(is_sound.then(|| sim.object_states().into_iter().map(|object| object.pose).collect()))
 }
 
 /// Leaves a settled layout alone for a while, without a robot; the reason when something starts to roll or tip.
@@ -102,6 +116,7 @@ pub(crate) fn scene_object(object: &PosedObject) -> SceneObject {
         model: Arc::clone(&object.model),
         pose: object.pose,
         joint_positions: object.joint_positions.clone(),
+        physics: PhysicsFactors::default(),
     }
 }
 

@@ -13,6 +13,7 @@ mod audit_tests;
 mod between;
 mod capacity;
 mod context;
+mod crowd;
 mod distractors;
 mod draft;
 mod error;
@@ -31,6 +32,7 @@ mod settings;
 mod visibility;
 
 pub use audit::{AuditError, LayoutAudit, audit, posed};
+pub use crowd::add_distractors;
 pub use error::{LayoutError, Unfinished};
 pub use goal_pose::{GoalPose, GoalSearch};
 pub use moves::{Move, moves, references};
@@ -38,10 +40,10 @@ pub use rejection::{NamedObject, Rejection, Rejections};
 pub use settings::{GoalPoseSettings, LayoutSettings};
 
 use context::{Context, GoalRoom};
-use genmanip_assets::{AssetSource, GraspLibrary};
+use genmanip_assets::{AssetError, AssetSource, GraspLibrary};
 use genmanip_core::{
-    AssetHashes, Atom, Goal, ObjectModel, PlacedObject, Relation, RobotModel, Scenario, Seed, Task, TriedGrasp,
-    Workspace, World,
+    AssetHashes, Atom, Goal, ObjectModel, PhysicsFactors, PlacedObject, Relation, RobotModel, Scenario, Seed, Task,
+    TriedGrasp, Workspace, World,
 };
 use genmanip_motion::Planner;
 use genmanip_scene::relations::{
@@ -471,11 +473,12 @@ fn scenario(
         seed,
         objects: scene.objects().map(|object| placed_object(object, assets)).collect::<Result<_, _>>()?,
         world: world.clone(),
+        other_request: None,
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     })
 }
 
-fn placed_object(object: &PosedObject, assets: &dyn AssetSource) -> Result<PlacedObject, LayoutError> {
+fn placed_object(object: &PosedObject, assets: &dyn AssetSource) -> Result<PlacedObject, AssetError> {
     let asset = object.model.asset.clone();
     let AssetHashes { physics, judging, looks } = assets.hashes(&asset)?;
     Ok(PlacedObject {
@@ -486,5 +489,6 @@ fn placed_object(object: &PosedObject, assets: &dyn AssetSource) -> Result<Place
         looks_hash: Some(looks),
         pose: object.pose,
         joint_positions: object.joint_positions.clone(),
+        physics: PhysicsFactors::default(),
     })
 }

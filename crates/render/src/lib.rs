@@ -55,9 +55,9 @@ mod tests;
 
 pub use assets::RenderAssets;
 pub use error::RenderError;
+pub use genmanip_core::{Look, Vary};
 pub use job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, NOTHING, ROBOT, TABLE, ViewJob, object_of_instance};
 pub use posed::PosedMesh;
 pub use renderer::Renderer;
-pub use sampling::Vary;
 pub use table_tops::TableTop;
 pub use variation::{ObjectVariation, RenderVariation};

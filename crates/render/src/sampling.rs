@@ -1,44 +1,11 @@
 //! Variations drawn by chance: the same seed gives the same picture, whatever else is varied.
 
 use genmanip_core::glam::{DQuat, DVec3, EulerRot};
-use genmanip_core::{Camera, CameraMount, Pose, Seed};
+use genmanip_core::{Camera, CameraMount, Look, Pose, Seed, Vary};
 use rand::{Rng, RngExt};
-use serde::{Deserialize, Serialize};
 
 use crate::table_tops::TableTop;
 use crate::variation::{ObjectVariation, RenderVariation};
-
-/// What a drawing may vary.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Vary {
-    /// Direction, colour, strength and size of the key light, the light of the sky, exposure.
-    Light,
-    /// Colour where nothing is seen.
-    Background,
-    /// What the table's top is made of.
-    Material,
-    /// Tint and roughness of the objects, so little that every colour word stays true.
-    Objects,
-    /// Where the cameras stand, by a hand's tremble.
-    Camera,
-}
-
-impl Vary {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Light, Self::Background, Self::Material, Self::Objects, Self::Camera];
-
-    /// The name in files and on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Light => "light",
-            Self::Background => "background",
-            Self::Material => "material",
-            Self::Objects => "objects",
-            Self::Camera => "camera",
-        }
-    }
-}
 
 /// Largest displacement of a camera along each axis, m, and turn about each, rad, by its mount. Chosen: a tripod that was
 /// put up again by eye, and a bracket with some play.
@@ -47,19 +14,31 @@ const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017)
 /// show it and no colour gets another name.
 const PAINT: (f32, f32) = (0.10, 0.15);
 
-/// A variation of what is named, drawn from a seed; the rest is as usual.
+/// A variation of what is named, drawn from a seed, as far as can be; the rest is as usual.
+pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
+    varied(&RenderVariation::default(), &Look::new(seed, vary.to_vec()))
+}
+
+/// What a look makes of a variation; what it does not vary stays.
 ///
 /// Light comes from 35 to 80 degrees above the table, from any side, with the colour of lamps between 3000 K and 7500 K.
-/// All ranges are chosen around the usual picture so that everything in it can still be told.
-pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
-    let mut variation = RenderVariation::default();
-    for &part in vary {
+/// All ranges are chosen around the usual picture so that everything in it can still be told. Numbers go from the given
+/// to the drawn variation by the strength of the look; a table top is another one at any strength.
+pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
+    let mut variation = usual.clone();
+    let share = look.strength as f32;
+    for &part in &look.vary {
         // A stream for each part: what is varied beside it changes nothing.
-        let own = seed.fork(part.name());
+        let own = look.seed.fork(part.name());
         let rng = &mut own.rng();
         match part {
-            Vary::Light => light(&mut variation, rng),
-            Vary::Background => variation.background = background(rng),
+            Vary::Light => light(&mut variation, share, rng),
+            Vary::Background => {
+                let drawn = background(rng);
+                let mixed =
+                    |channel: usize| mix(f32::from(usual.background[channel]), f32::from(drawn[channel]), share);
+                variation.background = [0, 1, 2].map(|channel| mixed(channel) as u8);
+            }
             Vary::Material => {
                 let index = rng.random_range(0..TableTop::all().len());
                 variation.table_top = TableTop::all().nth(index).unwrap_or_default();
@@ -67,7 +46,8 @@ pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
             }
             Vary::Objects => {
                 let (tint, roughness) = PAINT;
-                variation.objects = Some(ObjectVariation { seed: own, tint, roughness });
+                variation.objects =
+                    Some(ObjectVariation { seed: own, tint: share * tint, roughness: share * roughness });
             }
             Vary::Camera => {}
         }
@@ -87,15 +67,23 @@ pub fn moved(camera: &Camera, seed: Seed, vary: &[Vary]) -> Camera {
     Camera { mount_from_camera: camera.mount_from_camera * Pose::new(shift, turn), ..camera.clone() }
 }
 
-fn light(variation: &mut RenderVariation, rng: &mut impl Rng) {
+fn light(variation: &mut RenderVariation, share: f32, rng: &mut impl Rng) {
+    let usual = variation.clone();
+    let mixed = |from: [f32; 3], to: [f32; 3]| [0, 1, 2].map(|axis| mix(from[axis], to[axis], share));
     let (azimuth, elevation) = (between(rng, 0.0, std::f32::consts::TAU), between(rng, 0.61, 1.40));
-    variation.light_direction = [azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin()];
-    variation.light_color = lamp(between(rng, 3000.0, 7500.0));
-    variation.light_intensity = between(rng, 0.40, 0.72);
-    variation.light_angular_radius = between(rng, 0.02, 0.16);
-    variation.sky_color = lamp(between(rng, 4500.0, 9000.0));
-    variation.ambient_intensity = between(rng, 0.28, 0.52);
-    variation.exposure = between(rng, 0.9, 1.2);
+    let direction = [azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin()];
+    variation.light_direction = mixed(usual.light_direction, direction);
+    variation.light_color = mixed(usual.light_color, lamp(between(rng, 3000.0, 7500.0)));
+    variation.light_intensity = mix(usual.light_intensity, between(rng, 0.40, 0.72), share);
+    variation.light_angular_radius = mix(usual.light_angular_radius, between(rng, 0.02, 0.16), share);
+    variation.sky_color = mixed(usual.sky_color, lamp(between(rng, 4500.0, 9000.0)));
+    variation.ambient_intensity = mix(usual.ambient_intensity, between(rng, 0.28, 0.52), share);
+    variation.exposure = mix(usual.exposure, between(rng, 0.9, 1.2), share);
+}
+
+/// Exactly the ends at 0 and 1.
+fn mix(from: f32, to: f32, share: f32) -> f32 {
+    (1.0 - share) * from + share * to
 }
 
 /// A wall of a room: any hue, hardly saturated, rarely dark.
@@ -138,6 +126,20 @@ mod tests {
         assert_eq!(light.table_top, TableTop::default());
         assert_eq!(sampled(Seed::new(7), &[]), RenderVariation::default());
         assert_eq!(sampled(Seed::new(7), &[Vary::Camera]), RenderVariation::default());
+    }
+
+    #[test]
+    fn strength_goes_from_the_usual_to_the_drawn() {
+        let (usual, drawn) = (RenderVariation::default(), sampled(Seed::new(7), &[Vary::Light, Vary::Background]));
+        let at = |strength| {
+            varied(&usual, &Look { strength, ..Look::new(Seed::new(7), vec![Vary::Light, Vary::Background]) })
+        };
+        assert_eq!(at(0.0), usual);
+        assert_eq!(at(1.0), drawn);
+        let half = at(0.5);
+        assert!((half.exposure - 0.5 * (usual.exposure + drawn.exposure)).abs() < 1e-6);
+        let other = varied(&drawn, &Look::new(Seed::new(3), vec![Vary::Material]));
+        assert_eq!((other.exposure, other.background), (drawn.exposure, drawn.background), "the rest stays");
     }
 
     #[test]

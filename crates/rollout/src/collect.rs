@@ -260,6 +260,7 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         stray_contact: None,
         world_hashes: Some(settings.world.hashes()),
         cloud: None,
+        other_request_success: None,
         engine: genmanip_sim::engine_version(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     }

@@ -4,20 +4,26 @@
 //! episodes can be under way than there are cores.
 
 use std::cell::Cell;
-use std::collections::VecDeque;
+use std::cmp::Reverse;
+use std::collections::BTreeSet;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 thread_local! {
-    /// Whether this thread holds a core, of whichever [`Cores`]: a thread works on one episode at a time.
-    static HOLDS: Cell<bool> = const { Cell::new(false) };
+    /// Length of the episode for which this thread holds a core, of whichever [`Cores`]: a thread works on one episode
+    /// at a time.
+    static HOLDS: Cell<Option<usize>> = const { Cell::new(None) };
 }
 
-/// A number of cores, given out in the order in which they were asked for.
+/// A number of cores, given to the longest episode that waits; among equals, in the order in which they asked.
+///
+/// A long episode waits for its service many times, one after the other. Were it to wait for cores as well, it would
+/// still be under way, alone, when all others have ended.
 ///
 /// ```
 /// use genmanip_rollout::Cores;
 /// let cores = Cores::new(1);
-/// let core = cores.hold();
+/// let steps = 3;
+/// let core = cores.hold(steps);
 /// // While this thread waits for a service, another one may compute.
 /// assert_eq!(cores.lend(|| "what the service said"), "what the service said");
 /// ```
@@ -30,8 +36,8 @@ pub struct Cores {
 #[derive(Debug)]
 struct State {
     free: usize,
-    /// Tickets of the threads that wait, the next one first.
-    waiting: VecDeque<u64>,
+    /// The threads that wait, the next one first: length of the episode, and ticket.
+    waiting: BTreeSet<(Reverse<usize>, u64)>,
     next_ticket: u64,
 }
 
@@ -43,46 +49,47 @@ pub struct HeldCore<'a>(&'a Cores);
 impl Cores {
     /// `count` cores, at least one.
     pub fn new(count: usize) -> Self {
-        let state = State { free: count.max(1), waiting: VecDeque::new(), next_ticket: 0 };
+        let state = State { free: count.max(1), waiting: BTreeSet::new(), next_ticket: 0 };
         Self { state: Mutex::new(state), freed: Condvar::new() }
     }
 
-    /// Waits for a core; a thread holds at most one.
-    pub fn hold(&self) -> HeldCore<'_> {
-        self.take();
+    /// Waits for a core for an episode of so many steps, or whatever else says which one is longer; a thread holds at
+    /// most one.
+    pub fn hold(&self, length: usize) -> HeldCore<'_> {
+        self.take(length);
         HeldCore(self)
     }
 
     /// Gives this thread's core to others while `wait` runs, then waits for one again; a thread without a core just
     /// runs `wait`.
     pub fn lend<T>(&self, wait: impl FnOnce() -> T) -> T {
-        if !HOLDS.get() {
+        let Some(length) = HOLDS.get() else {
             return wait();
-        }
+        };
         self.give_back();
         // Taken again also when `wait` panics, since the held core is given back when it is dropped.
-        let _again = TakeAgain(self);
+        let _again = TakeAgain(self, length);
         wait()
     }
 
-    fn take(&self) {
+    fn take(&self, length: usize) {
         let mut state = self.lock();
-        let ticket = state.next_ticket;
+        let ticket = (Reverse(length), state.next_ticket);
         state.next_ticket += 1;
-        state.waiting.push_back(ticket);
-        while state.free == 0 || state.waiting.front() != Some(&ticket) {
+        state.waiting.insert(ticket);
+        while state.free == 0 || state.waiting.first() != Some(&ticket) {
             state = self.freed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
-        state.waiting.pop_front();
+        state.waiting.remove(&ticket);
         state.free -= 1;
         if state.free > 0 {
             self.freed.notify_all();
         }
-        HOLDS.set(true);
+        HOLDS.set(Some(length));
     }
 
     fn give_back(&self) {
-        HOLDS.set(false);
+        HOLDS.set(None);
         self.lock().free += 1;
         self.freed.notify_all();
     }
@@ -98,11 +105,11 @@ impl Drop for HeldCore<'_> {
     }
 }
 
-struct TakeAgain<'a>(&'a Cores);
+struct TakeAgain<'a>(&'a Cores, usize);
 
 impl Drop for TakeAgain<'_> {
     fn drop(&mut self) {
-        self.0.take();
+        self.0.take(self.1);
     }
 }
 
@@ -128,7 +135,7 @@ mod tests {
         std::thread::scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(|| {
-                    let _core = cores.hold();
+                    let _core = cores.hold(1);
                     compute();
                     cores.lend(|| all_wait.wait());
                     compute();
@@ -140,14 +147,35 @@ mod tests {
     }
 
     #[test]
+    fn the_longest_goes_first_and_equals_in_turn() {
+        let cores = Cores::new(1);
+        let order = Mutex::new(Vec::new());
+        std::thread::scope(|scope| {
+            let first = cores.hold(1);
+            for (nth, length) in [1, 3, 2, 3].into_iter().enumerate() {
+                let (cores, order) = (&cores, &order);
+                scope.spawn(move || {
+                    let _core = cores.hold(length);
+                    order.lock().unwrap().push((length, nth));
+                });
+                while cores.lock().waiting.len() <= nth {
+                    std::thread::yield_now();
+                }
+            }
+            drop(first);
+        });
+        assert_eq!(*order.lock().unwrap(), [(3, 1), (3, 3), (2, 2), (1, 0)]);
+    }
+
+    #[test]
     fn a_panic_while_waiting_loses_no_core() {
         let cores = Cores::new(1);
         let waited = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            let _core = cores.hold();
+            let _core = cores.hold(1);
             cores.lend(|| panic!("the service broke"));
         }));
         assert!(waited.is_err());
-        drop(cores.hold());
+        drop(cores.hold(1));
         assert_eq!(cores.lock().free, 1);
     }
 }

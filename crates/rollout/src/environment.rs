@@ -413,11 +413,11 @@ impl Session {
     }
 
     fn last_command(&self) -> Vec<f32> {
-        let home = || {
-            let arm = self.stage.scenario.world.robot.home.iter().map(|&q| q as f32);
+        let start = || {
+            let arm = self.stage.scenario.world.robot.start().iter().map(|&q| q as f32);
             arm.chain([self.stage.robot.gripper.max_width as f32]).collect()
         };
-        self.record.frames.last().map_or_else(home, |frame| frame.command.clone())
+        self.record.frames.last().map_or_else(start, |frame| frame.command.clone())
     }
 
     /// A look at the goal on the way: the verdict, and the state each object is in, as [`Session::judge`] but cheaper.
@@ -459,6 +459,11 @@ impl Session {
             Some((_, verdict)) => verdict,
             None => self.judge(settings).0,
         };
+        let other_request_success = self.stage.scenario.other_request.as_ref().map(|request| {
+            let objects = self.sim.object_states();
+            let rest = Stage::rest(&objects, self.sim.grasped(), settings);
+            judge_goal(&self.stage.posed(&objects), &request.goal, &rest, &self.stage.relations).success
+        });
         let Conclusion { id, policy, oracle, ending, word } = conclusion;
         let Self { stage, seed, sim, record, .. } = self;
         let timeout = (ending == Ending::Horizon).then(|| Failure {
@@ -491,6 +496,7 @@ impl Session {
             stray_contact: record.stray_contact,
             world_hashes: Some(stage.scenario.world.hashes()),
             cloud: None,
+            other_request_success,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };

@@ -57,7 +57,7 @@ pub fn evaluate<E: From<RolloutError> + Send>(
     finished: &(dyn Fn(&Outcome) -> Result<(), E> + Sync),
 ) -> Result<Evaluated, E> {
     let outcomes = in_parallel(cases, at_once, stop, &|case| {
-        let _core = cores.hold();
+        let _core = cores.hold(steps(&case.scenario));
         // Stopped while it waited for a core.
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
@@ -75,6 +75,11 @@ pub fn evaluate<E: From<RolloutError> + Send>(
         }
     }
     Ok(evaluated)
+}
+
+/// Things that must be where they are to be: about the number of picks, hence of asks.
+fn steps(scenario: &Scenario) -> usize {
+    scenario.task.goal.alternatives.iter().map(Vec::len).min().unwrap_or(0)
 }
 
 fn run(

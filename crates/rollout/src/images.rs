@@ -4,7 +4,7 @@ use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, 
 use genmanip_data::images::variation_seed;
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
 use genmanip_render::reference::{ReferenceSettings, trace};
-use genmanip_render::{FrameBuffers, RenderError, RenderVariation, Renderer, Vary, ViewJob, sampling, sensor};
+use genmanip_render::{FrameBuffers, Look, RenderError, RenderVariation, Renderer, Vary, ViewJob, sampling, sensor};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -46,12 +46,12 @@ pub struct Painter {
 }
 
 impl Painter {
-    /// A painter of a stage.
+    /// A painter of a stage as its world says that it looks.
     ///
     /// # Errors
     /// When a mesh is broken.
     pub fn new(stage: &Stage) -> Result<Self, RolloutError> {
-        Self::in_variation(stage, RenderVariation::default())
+        Self::in_variation(stage, usual_variation(stage))
     }
 
     /// A painter of a stage that looks differently.
@@ -132,6 +132,12 @@ impl Painter {
     }
 }
 
+/// How a stage is drawn when nothing else is said: as its world says.
+pub fn usual_variation(stage: &Stage) -> RenderVariation {
+    let usual = RenderVariation::default();
+    stage.scenario.world.look.as_ref().map_or_else(|| usual.clone(), |look| sampling::varied(&usual, look))
+}
+
 /// The seed of the noise of sensors at a frame of an episode, counted in control steps: in the loop, in a dataset and
 /// drawn again it is the same.
 pub fn sensor_seed(episode: Seed, frame: usize) -> Seed {
@@ -151,7 +157,8 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
         .iter()
         .map(|camera| TrackRecorder::new(camera, settings.fps, &settings.video))
         .collect::<Result<Vec<_>, _>>()?;
-    let mut painter = Painter::in_variation(stage, sampling::sampled(seed, vary))?;
+    let look = Look::new(seed, vary.clone());
+    let mut painter = Painter::in_variation(stage, sampling::varied(&usual_variation(stage), &look))?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
     let stride = (episode.result.control_rate_hz / f64::from(settings.fps)).round().max(1.0) as usize;
     for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {

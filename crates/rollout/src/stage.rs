@@ -149,6 +149,7 @@ impl Stage {
                 model: Arc::clone(model),
                 pose: placed.pose,
                 joint_positions: placed.joint_positions.clone(),
+                physics: placed.physics,
             })
             .collect();
         let scene = Arc::new(Scene::compile(&scenario.world, robot, &objects)?);

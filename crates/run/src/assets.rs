@@ -6,7 +6,7 @@ use std::sync::Arc;
 use genmanip_assets::worlds::default_world;
 use genmanip_assets::{AssetSource, Families};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{Camera, Intrinsics, ObjectModel, Pose, limits};
+use genmanip_core::{Camera, Intrinsics, ObjectModel, PhysicsFactors, Pose, limits};
 use genmanip_render::{Channels, FrameBuffers, RenderAssets, RenderVariation, Renderer, ViewJob, encode};
 
 use crate::error::RunError;
@@ -186,6 +186,7 @@ pub fn mjcf(model: &Arc<ObjectModel>) -> Result<String, RunError> {
         model: Arc::clone(model),
         pose: Pose::from_position(DVec3::new(0.5, 0.0, 0.0)),
         joint_positions: vec![0.0; model.joint_count()],
+        physics: PhysicsFactors::default(),
     };
     let scene = genmanip_sim::Scene::compile_without_robot(&default_world(), &[object]);
     let scene = scene.map_err(|error| RunError::broken("the simulator refuses the object", error))?;

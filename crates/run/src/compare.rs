@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use genmanip_bench::statistics::{PairedComparison, detectable_difference};
+use genmanip_bench::suite::Perturbation;
 use genmanip_bench::{EvaluationReport, StatisticsSettings, compare as compare_results, text_table};
 use genmanip_core::{EpisodeResult, TaskKind, limits};
 use serde::Serialize;
@@ -63,7 +64,7 @@ pub fn compare_files(first: &Path, second: &Path) -> Result<Comparison, RunError
         inputs::read_document(path, limits::EVALUATION)
     };
     let reports = [read(first)?, read(second)?];
-    if reports[0].suite_hash != reports[1].suite_hash {
+    if origin(&reports[0]) != origin(&reports[1]) {
         let of = |report: &EvaluationReport| format!("suite {} ({})", report.suite, report.suite_hash);
         let [ours, theirs] = [of(&reports[0]), of(&reports[1])];
         return Err(RunError::input(format!("{} is of {ours}, {} of {theirs}", first.display(), second.display()))
@@ -76,6 +77,12 @@ pub fn compare_files(first: &Path, second: &Path) -> Result<Comparison, RunError
     })
 }
 
+/// Hash of the suite that a report is of, or that its suite was made from: a perturbed suite has the scenarios of its
+/// control arm, each changed in one respect.
+fn origin(report: &EvaluationReport) -> &str {
+    report.perturbation.as_ref().map_or(&report.suite_hash, |perturbation| &perturbation.of_hash)
+}
+
 /// `Err(None)` where no episode is in both.
 fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option<genmanip_bench::StatisticsError>> {
     let [first, second] = reports;
@@ -84,7 +91,8 @@ fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option
         let is_meant =
             |result: &&EpisodeResult| kind.is_none_or(|kind| report.kinds.get(&result.task_id) == Some(&kind));
         // Evaluations are told apart by their labels, which also name cameras.
-        let named = |result: &EpisodeResult| EpisodeResult { policy: report.label.clone(), ..result.clone() };
+        let label = arm(report);
+        let named = |result: &EpisodeResult| EpisodeResult { policy: label.clone(), ..result.clone() };
         report.results.iter().filter(is_meant).map(named).collect()
     };
     let paired = |kind| compare_results(&of(first, kind), &of(second, kind), &settings).map_err(Some);
@@ -112,6 +120,12 @@ fn compare_reports(reports: &[EvaluationReport; 2]) -> Result<Comparison, Option
         overall,
         kinds,
     })
+}
+
+/// Label of an evaluation, with what was changed of its suite.
+fn arm(report: &EvaluationReport) -> String {
+    let changed = |it: &Perturbation| format!("{} ({} {})", report.label, it.axis, it.dial);
+    report.perturbation.as_ref().map_or_else(|| report.label.clone(), changed)
 }
 
 /// The same in words.

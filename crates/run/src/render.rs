@@ -22,7 +22,7 @@ use genmanip_render::reference::ReferenceSettings;
 use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, encode, sampling};
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_rollout::images::{Painter, sensor_seed};
+use genmanip_rollout::images::{Painter, sensor_seed, usual_variation};
 use serde::Serialize;
 
 use crate::error::RunError;
@@ -149,7 +149,11 @@ fn draw(
     let (id, seed) = episode.map_or((&scenario.id, scenario.seed), |it| (&it.result.id, it.result.seed));
     let folder = out.join(id);
     let look = options.look.as_ref().map(|look| (look.seed.of(id, seed), &look.vary[..]));
-    let variation = look.map_or_else(RenderVariation::default, |(seed, vary)| sampling::sampled(seed, vary));
+    let usual = usual_variation(stage);
+    let variation = look.map_or_else(
+        || usual.clone(),
+        |(seed, vary)| sampling::varied(&usual, &genmanip_core::Look::new(seed, vary.to_vec())),
+    );
     let cameras = cameras(stage, options)?.into_iter().map(|camera| match look {
         Some((seed, vary)) => sampling::moved(&camera, seed, vary),
         None => camera,

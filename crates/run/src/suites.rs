@@ -9,6 +9,7 @@
 mod build;
 mod check;
 mod diff;
+mod perturb;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,8 @@ use serde::Serialize;
 pub use build::{BuildOptions, build};
 pub use check::{Checked, check, in_words as check_in_words};
 pub use diff::{Difference, diff, in_words as diff_in_words};
+
+pub use perturb::{Axis, PerturbOptions, perturb};
 
 use crate::error::RunError;
 use crate::inputs;
@@ -79,6 +82,13 @@ pub fn show_in_words(shown: &Shown) -> String {
         file.genmanip_version,
         file.engine
     );
+    if let Some(changed) = &file.perturbation {
+        text.truncate(text.trim_end().len());
+        text += &format!(
+            "\n{} with another {}, dial {}, seed {}; the control arm is suite {}\n\n",
+            changed.of, changed.axis, changed.dial, changed.seed, changed.of_hash
+        );
+    }
     let kinds = KINDS.map(|kind| kind.name());
     let mut rows = vec![std::iter::once("candidates that passed").chain(kinds).map(String::from).collect::<Vec<_>>()];
     for stage in &file.funnel {

@@ -127,10 +127,13 @@ impl Numbers {
                 ));
             }
         }
-        let drives = match robot {
+        let mut drives = match robot {
             Some(robot) => Some(checked_drives(robot)?),
             None => None,
         };
+        if let Some(drives) = &mut drives {
+            drives.pad_friction[0] *= physics.pad_friction;
+        }
         Ok(Self { physics: physics.clone(), engine, drives })
     }
 }

@@ -50,8 +50,9 @@ pub(crate) fn assemble(
 ) -> String {
     let mut parts = Parts::default();
     if let Some((robot, drives)) = robot.zip(numbers.drives.as_ref()) {
-        robot::add(&mut parts, robot, drives, numbers.physics.timestep_s());
-        parts.ctrl.extend(&robot.home);
+        let start = world.robot.start.as_deref().unwrap_or(&robot.home);
+        robot::add(&mut parts, robot, start, drives, numbers.physics.timestep_s());
+        parts.ctrl.extend(start);
         parts.ctrl.extend(robot.home.iter().map(|_| 0.0));
         parts.ctrl.push(setpoint_from_width(robot.gripper.max_width, drives));
     }

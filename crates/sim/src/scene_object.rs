@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{ObjectModel, Pose};
+use genmanip_core::{ObjectModel, PhysicsFactors, Pose};
 
 /// An object and where it starts.
 #[derive(Clone, Debug)]
@@ -15,4 +15,6 @@ pub struct SceneObject {
     pub pose: Pose,
     /// A position per joint, in the order of the links; empty for a rigid object.
     pub joint_positions: Vec<f64>,
+    /// How it moves differently from its model.
+    pub physics: PhysicsFactors,
 }

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DMat3, DVec3};
-use genmanip_core::{Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Shape};
+use genmanip_core::{
+    Annotations, AssetRef, MassProperties, ObjectCard, ObjectLink, ObjectModel, PhysicsFactors, Piece, Pose, Shape,
+};
 
 use crate::drive::{lerp, setpoint_from_width};
 use crate::xml::Element;
@@ -47,6 +49,7 @@ fn a_small_scene_reads_well() {
         model: Arc::clone(&model),
         pose: Pose::from_position(DVec3::new(x, 0.0, 0.0)),
         joint_positions: vec![],
+        physics: PhysicsFactors::default(),
     };
     let objects = [place("Left Wedge", 0.4), place("Right Wedge", 0.6)];
     let scene = Scene::compile_without_robot(&default_world(), &objects).expect("a sound scene");

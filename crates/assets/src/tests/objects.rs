@@ -1,6 +1,6 @@
 //! Every object of the catalogue against its card.
 
-use genmanip_core::{Aabb, AssetRef, ObjectModel, Piece, PlacedObject, Pose, Shape};
+use genmanip_core::{Aabb, AssetRef, ObjectModel, PhysicsFactors, Piece, PlacedObject, Pose, Shape};
 use glam::{DMat3, DVec3};
 
 use super::{largest_over_directions, separation, uncovered};
@@ -290,6 +290,7 @@ fn a_scenario_of_other_physics_is_refused() {
         looks_hash: Some(model.looks_hash()),
         pose: Pose::IDENTITY,
         joint_positions: Vec::new(),
+        physics: PhysicsFactors::default(),
     };
     assert!(std::sync::Arc::ptr_eq(&catalogue.instance(&placed).unwrap(), &model));
     for (changed, expected) in [

@@ -28,6 +28,9 @@ pub struct SuiteFile {
     pub engine: String,
     /// [`crate::suite_hash`] of its scenarios.
     pub suite_hash: String,
+    /// What was changed of another suite; `None` where it was built.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub perturbation: Option<Perturbation>,
     /// How many candidates each stage of the selection let pass, in order.
     pub funnel: Vec<Stage>,
     /// The scenarios, ordered by id.
@@ -36,6 +39,21 @@ pub struct SuiteFile {
 
 impl Document for SuiteFile {
     const SCHEMA: &'static str = "genmanip.suite/1";
+}
+
+/// What was changed of a suite, one thing at a time; the suite itself is the control arm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Perturbation {
+    /// Name of the suite that was changed.
+    pub of: String,
+    /// [`crate::suite_hash`] of its scenarios.
+    pub of_hash: String,
+    /// What was changed, e.g. `camera`.
+    pub axis: String,
+    /// How much: 1 for the most that is meant to be solvable.
+    pub dial: f64,
+    /// Seed of what was drawn.
+    pub seed: Seed,
 }
 
 /// What one stage of the selection refused.

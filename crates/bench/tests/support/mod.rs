@@ -168,6 +168,7 @@ pub fn result(task: &Task, policy: &str, number: u64, success: bool, failure: Op
         stray_contact: None,
         world_hashes: None,
         cloud: None,
+        other_request_success: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use genmanip_run::suites::Axis;
 
 use super::parse_count;
 
@@ -15,6 +16,18 @@ pub enum SuiteCommand {
                       without its need, its places or its traits is refused, and so is what the expert does not solve\n\
                       five times of five. An interrupted build continues: start the same command again.")]
     Build(SuiteBuildArguments),
+    /// Change every scenario of a suite in one respect, by a stated amount; the suite itself is the control arm
+    #[command(
+        after_help = "Example:\n  genmanip suite perturb suites/mine --axis camera --dial 0.5 --out suites/mine-camera\n  \
+                      genmanip evaluate --suite suites/mine-camera --policy expert --out out/camera\n  \
+                      genmanip compare out/control/evaluation/expert.json out/camera/evaluation/expert.json\n\n\
+                      Axes: layout, camera, robot_start, light, background, texture, paint, sensor, physics,\n\
+                      distractors, wording, instruction (something else is asked for; both are judged).\n\
+                      Scenarios keep their ids, so that `compare` pairs them. One is left out when a thing of the task\n\
+                      has fewer than 200 pixels, the expert does not solve it three times of three, or the agent with\n\
+                      the oracle's answers and masks does not solve it."
+    )]
+    Perturb(SuitePerturbArguments),
     /// Say whether a suite is what was frozen, and name everything that is not
     Check(SuiteArguments),
     /// Say what is in a suite, how it was chosen, and how its traits are spread
@@ -46,6 +59,32 @@ pub struct SuiteBuildArguments {
     pub workers: Option<usize>,
     #[command(flatten)]
     pub catalog: super::CatalogArguments,
+}
+
+/// Arguments of `suite perturb`.
+#[derive(Debug, Args)]
+pub struct SuitePerturbArguments {
+    /// Folder of the suite that is changed
+    #[arg(value_name = "SUITE")]
+    pub folder: PathBuf,
+    /// What is changed
+    #[arg(long, value_name = "AXIS")]
+    pub axis: Axis,
+    /// How much: above 0, and up to 1 for the most that is meant to be solvable
+    #[arg(long, value_name = "D", default_value_t = 1.0)]
+    pub dial: f64,
+    /// Seed of what is drawn
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Folder of the new suite
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Its name [default: that of the folder]
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
 }
 
 /// A suite.

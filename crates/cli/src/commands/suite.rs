@@ -2,9 +2,9 @@
 
 use genmanip_core::Seed;
 use genmanip_run::inputs;
-use genmanip_run::suites::{self, BuildOptions};
+use genmanip_run::suites::{self, BuildOptions, PerturbOptions};
 
-use crate::args::{SuiteBuildArguments, SuiteCommand};
+use crate::args::{SuiteBuildArguments, SuiteCommand, SuitePerturbArguments};
 use crate::commands::assets::catalogue;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -12,6 +12,7 @@ use crate::printer::Printer;
 pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
         SuiteCommand::Build(arguments) => return build(arguments, printer),
+        SuiteCommand::Perturb(arguments) => return perturb(arguments, printer),
         SuiteCommand::Check(arguments) => {
             let checked = suites::check(&arguments.folder)?;
             printer.data(&checked, &suites::check_in_words(&checked));
@@ -44,6 +45,23 @@ fn build(arguments: &SuiteBuildArguments, printer: &Printer) -> Result<ExitStatu
     };
     let stop = crate::stop::on_interrupt();
     let Some(_) = suites::build(&options, printer, &stop)? else { return Ok(ExitStatus::NotMet) };
+    let shown = suites::show(&arguments.out)?;
+    printer.data(&shown, &suites::show_in_words(&shown));
+    Ok(ExitStatus::Done)
+}
+
+fn perturb(arguments: &SuitePerturbArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let options = PerturbOptions {
+        suite: arguments.folder.clone(),
+        out: arguments.out.clone(),
+        name: arguments.name.clone().unwrap_or_else(|| inputs::stem(&arguments.out)),
+        axis: arguments.axis,
+        dial: arguments.dial,
+        seed: Seed::new(arguments.seed),
+        workers: inputs::workers(arguments.workers),
+    };
+    let stop = crate::stop::on_interrupt();
+    let Some(_) = suites::perturb(&options, printer, &stop)? else { return Ok(ExitStatus::NotMet) };
     let shown = suites::show(&arguments.out)?;
     printer.data(&shown, &suites::show_in_words(&shown));
     Ok(ExitStatus::Done)

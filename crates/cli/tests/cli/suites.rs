@@ -33,6 +33,25 @@ fn a_suite_is_built_checked_and_evaluated_on() {
     let same = genmanip(here, &["suite", "diff", "mine", "mine", "--json"]).json(0);
     assert_eq!((&same["same_scenarios"], &same["changed"]), (&true.into(), &serde_json::json!({})));
 
+    // The same scenarios with other friction and masses: certified again, and paired with the suite.
+    let perturb =
+        ["suite", "perturb", "mine", "--axis", "physics", "--dial", "0.3", "--out", "slippery", "--seed", "5"];
+    let changed = genmanip(here, &[&perturb[..], &["--json"]].concat()).json(0);
+    assert_eq!(changed["perturbation"]["of_hash"], shown["suite_hash"]);
+    assert!(!changed["scenarios"].as_array().unwrap().is_empty());
+    for (suite, out) in [("mine", "a"), ("slippery", "b")] {
+        let call = ["evaluate", "--suite", suite, "--policy", "do_nothing:seconds=0.1", "--out", out];
+        assert_eq!(genmanip(here, &call).code, Some(0));
+    }
+    let file = |out: &str| format!("{out}/evaluation/do_nothing_seconds=0.1.json");
+    let compared = genmanip(here, &["compare", &file("a"), &file("b"), "--json"]).json(0);
+    assert_eq!(compared["overall"]["pairs"], changed["scenarios"].as_array().unwrap().len());
+    assert_eq!(compared["overall"]["second"], "do_nothing_seconds=0.1 (physics 0.3)");
+    assert_eq!(genmanip(here, &["suite", "check", "slippery"]).code, Some(0));
+    genmanip(here, &["suite", "perturb", "mine", "--axis", "camera", "--dial", "2", "--out", "far"])
+        .assert_refused(&["--dial 2", "up to 1"]);
+    genmanip(here, &["suite", "perturb", "mine", "--axis", "gravity", "--out", "x"]).assert_ended(2, &["robot_start"]);
+
     // One digit of one scenario, and a scenario that nobody froze.
     let id = entry["id"].as_str().unwrap();
     let path = here.join(format!("mine/scenarios/{id}.json"));

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{PhysicsSettings, RelationSettings, SupportSurface, World};
-use crate::{Camera, CameraSensor, RobotModel};
+use crate::{Camera, CameraSensor, Look, RobotModel, Vary};
 
 /// Longest side of a surface and of a workspace, metres; more is a slip of the units.
 const LONGEST_M: f64 = 20.0;
@@ -56,9 +56,7 @@ impl World {
         self.check_workspace(&mut faults);
         self.check_robot(robot, &mut faults);
         check_parts(&self.cameras, Some(&self.physics), Some(&self.relations), &mut faults);
-        if self.light.is_some() {
-            faults.push(reserved("light"));
-        }
+        faults.extend(self.look.as_ref().and_then(fault_of_look));
         faults
     }
 
@@ -69,6 +67,7 @@ impl World {
             check_surface(surface, &format!("surfaces[{index}]"), &mut faults);
         }
         check_parts(&self.cameras, Some(&self.physics), Some(&self.relations), &mut faults);
+        faults.extend(self.look.as_ref().and_then(fault_of_look));
         faults
     }
 
@@ -139,10 +138,17 @@ impl World {
             let expected = format!("{} joint positions", robot.arm_dof());
             faults.push(WorldFault::new("robot.home", expected, self.robot.home.len()));
         }
-        for (index, (joint, &at)) in robot.arm_joints().zip(&self.robot.home).enumerate() {
-            if !(joint.lower..=joint.upper).contains(&at) {
-                let expected = format!("{} to {} ({})", joint.lower, joint.upper, joint.name);
-                faults.push(WorldFault::new(format!("robot.home[{index}]"), expected, at));
+        let start = self.robot.start.as_deref();
+        if let Some(start) = start.filter(|start| start.len() != robot.arm_dof()) {
+            let expected = format!("{} joint positions", robot.arm_dof());
+            faults.push(WorldFault::new("robot.start", expected, start.len()));
+        }
+        for (place, joints) in [("home", Some(self.robot.home.as_slice())), ("start", start)] {
+            for (index, (joint, &at)) in robot.arm_joints().zip(joints.unwrap_or_default()).enumerate() {
+                if !(joint.lower..=joint.upper).contains(&at) {
+                    let expected = format!("{} to {} ({})", joint.lower, joint.upper, joint.name);
+                    faults.push(WorldFault::new(format!("robot.{place}[{index}]"), expected, at));
+                }
             }
         }
     }
@@ -239,8 +245,13 @@ fn check_camera(camera: &Camera, twin: bool, place: &str, faults: &mut Vec<World
     }
 }
 
-fn reserved(place: &str) -> WorldFault {
-    WorldFault::new(place, "nothing: this place is kept for a later version", "a value").hint("leave it out")
+fn fault_of_look(look: &Look) -> Option<WorldFault> {
+    if !(0.0..=1.0).contains(&look.strength) {
+        return Some(WorldFault::new("look.strength", "0 to 1", look.strength));
+    }
+    let has_camera = look.vary.contains(&Vary::Camera);
+    let fault = || WorldFault::new("look.vary", "light, background, material or objects", "`camera`");
+    has_camera.then(|| fault().hint("cameras stand where `cameras` says; put them elsewhere there"))
 }
 
 fn check_physics(physics: &PhysicsSettings, faults: &mut Vec<WorldFault>) {
@@ -251,6 +262,9 @@ fn check_physics(physics: &PhysicsSettings, faults: &mut Vec<WorldFault>) {
     if steps == 0 || !steps.is_multiple_of(control.max(1)) {
         let expected = format!("a whole multiple of the control rate of {control} Hz");
         faults.push(WorldFault::new("physics.physics_rate_hz", expected, steps));
+    }
+    if !(0.1..=10.0).contains(&physics.pad_friction) {
+        faults.push(WorldFault::new("physics.pad_friction", "a factor of 0.1 to 10", physics.pad_friction));
     }
     if !physics.gravity_m_s2.is_finite() {
         faults.push(WorldFault::new("physics.gravity_m_s2", "a finite number", physics.gravity_m_s2));

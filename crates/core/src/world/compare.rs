@@ -17,7 +17,7 @@ pub enum WorldPart {
     Physics,
     /// Decides what counts: relation settings, usable areas.
     Judging,
-    /// Decides what is seen: cameras, light, names, legs.
+    /// Decides what is seen: cameras, look, names, legs.
     Looks,
 }
 

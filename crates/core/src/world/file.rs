@@ -22,7 +22,7 @@ pub struct WorldFile {
 }
 
 /// Top-level keys, in the order of the file.
-const KEYS: [&str; 8] = ["surfaces", "floor_z_m", "workspace", "robot", "cameras", "physics", "relations", "light"];
+const KEYS: [&str; 8] = ["surfaces", "floor_z_m", "workspace", "robot", "cameras", "physics", "relations", "look"];
 
 impl WorldFile {
     /// Reads JSON (a text that starts with `{`) or TOML, and checks that it says to be a world.
@@ -109,7 +109,7 @@ impl WorldFile {
         let named: Option<WorldRobot> = self.section("robot", &mut faults);
         let physics: Option<PhysicsSettings> = self.section("physics", &mut faults);
         let relations: Option<RelationSettings> = self.section("relations", &mut faults);
-        let light = self.body.contains_key("light").then(|| self.section("light", &mut faults)).flatten();
+        let look = self.body.contains_key("look").then(|| self.section("look", &mut faults)).flatten();
         if floor_z_m.is_none() || workspace.is_none() || named.is_none() || physics.is_none() || relations.is_none() {
             // What can be read is checked all the same.
             check_parts(&cameras, physics.as_ref(), relations.as_ref(), &mut faults);
@@ -119,7 +119,7 @@ impl WorldFile {
         else {
             return Err(faults);
         };
-        let world = World { surfaces, floor_z_m, workspace, robot: named, cameras, physics, relations, light };
+        let world = World { surfaces, floor_z_m, workspace, robot: named, cameras, physics, relations, look };
         faults.extend(world.faults(robot));
         if faults.is_empty() { Ok(world) } else { Err(faults) }
     }

@@ -12,11 +12,8 @@ mod file;
 mod settings;
 mod surface;
 
-use std::collections::BTreeMap;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 pub use check::{WorldFault, camera_faults};
 pub use compare::{WorldDifference, WorldHashes, WorldPart};
@@ -24,7 +21,7 @@ pub use file::{WorldFile, read_camera};
 pub use settings::{PhysicsSettings, RelationSettings};
 pub use surface::{Board, SupportSurface};
 
-use crate::{Camera, Document, NamedSurface};
+use crate::{Camera, Document, Look, NamedSurface};
 
 /// Everything about a scenario that is neither its task nor its objects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -44,17 +41,14 @@ pub struct World {
     pub physics: PhysicsSettings,
     /// How relations are judged.
     pub relations: RelationSettings,
-    /// Place kept for the description of the light; this version refuses one.
+    /// How it is drawn, where that is not as usual: light, background, table top, paint.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub light: Option<Reserved>,
+    pub look: Option<Look>,
 }
 
 impl Document for World {
     const SCHEMA: &'static str = "genmanip.world/1";
 }
-
-/// Something that the format keeps a place for and this version does not know yet; checking refuses it.
-pub type Reserved = BTreeMap<String, Value>;
 
 /// The robot of a world: which one, that it is the very same one, and how it starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -64,8 +58,24 @@ pub struct WorldRobot {
     pub name: String,
     /// [`crate::RobotModel::physics_hash`]; a mismatch is an error.
     pub physics_hash: String,
-    /// Arm joint positions at the start, rad or m, base to hand.
+    /// Arm joint positions to which it returns, and from which it starts unless `start` says otherwise, rad or m, base
+    /// to hand.
     pub home: Vec<f64>,
+    /// Arm joint positions at the start, where they are not `home`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<Vec<f64>>,
+}
+
+impl WorldRobot {
+    /// Arm joint positions at the start, rad or m, base to hand.
+    pub fn start(&self) -> &[f64] {
+        self.start.as_deref().unwrap_or(&self.home)
+    }
+
+    /// Whether another one is the same robot with the same home, wherever it starts.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (&self.name, &self.physics_hash, &self.home) == (&other.name, &other.physics_hash, &other.home)
+    }
 }
 
 /// The part of the table that may be used; the table top is at z = 0.

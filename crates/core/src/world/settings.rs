@@ -18,8 +18,20 @@ pub struct PhysicsSettings {
     pub gravity_m_s2: f64,
     /// Turning (m) and rolling (m) friction of objects and fixed things; sliding friction is each thing's own.
     pub rotational_friction_m: [f64; 2],
+    /// Factor of the sliding friction of the gripper's pads, which decides what slips; 1 is as the robot has it.
+    #[serde(default = "usual", skip_serializing_if = "is_usual")]
+    pub pad_friction: f64,
     /// Knobs of the physics engine's solver; the `sim` crate knows their names and refuses unknown and missing ones.
     pub engine: BTreeMap<String, Value>,
+}
+
+fn usual() -> f64 {
+    1.0
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, clippy::float_cmp, reason = "what serde asks for; exactly the default")]
+fn is_usual(factor: &f64) -> bool {
+    *factor == usual()
 }
 
 impl PhysicsSettings {

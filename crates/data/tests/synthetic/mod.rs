@@ -3,8 +3,8 @@
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
     AssetRef, Camera, CameraMount, Document, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper,
-    Intrinsics, JointKind, MassProperties, ObjectState, PlacedObject, Pose, RgbdImage, RobotJoint, RobotLink,
-    RobotModel, Scenario, SceneGraph, Seed, Task, TaskKind, World,
+    Intrinsics, JointKind, MassProperties, ObjectState, PhysicsFactors, PlacedObject, Pose, RgbdImage, RobotJoint,
+    RobotLink, RobotModel, Scenario, SceneGraph, Seed, Task, TaskKind, World,
 };
 use genmanip_data::{EpisodeStore, TrackRecorder, VideoSettings};
 
@@ -67,6 +67,7 @@ pub fn scenario(number: usize) -> Scenario {
         looks_hash: None,
         pose: Pose::from_position_yaw(DVec3::new(x, 0.1, 0.0), 0.3),
         joint_positions: Vec::new(),
+        physics: PhysicsFactors::default(),
     };
     Scenario {
         id: format!("scenario-{number}"),
@@ -88,6 +89,7 @@ pub fn scenario(number: usize) -> Scenario {
             cameras: cameras(),
             ..World::from_json(include_str!("../../../core/testdata/world.json")).unwrap()
         },
+        other_request: None,
         genmanip_version: "0.1.0".into(),
     }
 }
@@ -143,6 +145,7 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         stray_contact: None,
         world_hashes: None,
         cloud: None,
+        other_request_success: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

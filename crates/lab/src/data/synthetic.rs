@@ -186,6 +186,7 @@ fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -
         stray_contact: None,
         world_hashes: None,
         cloud: None,
+        other_request_success: None,
         engine: "none".into(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     };

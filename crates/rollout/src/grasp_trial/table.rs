@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, variant};
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ObjectCard, ObjectModel, Pose, Seed, World};
+use genmanip_core::{ObjectCard, ObjectModel, PhysicsFactors, Pose, Seed, World};
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim};
 use rand::RngExt;
 
@@ -96,6 +96,7 @@ impl Table {
                 model: Arc::clone(model),
                 pose,
                 joint_positions: Vec::new(),
+                physics: PhysicsFactors::default(),
             })
             .collect()
     }

@@ -224,7 +224,8 @@ fn one(
         stream.close()?;
     }
     let label = options.shard.map_or_else(|| label.clone(), |shard| format!("{label}, {shard}"));
-    Ok(Some(EvaluationReport { label, cameras: suite.cameras.clone(), ..report }.leaving(evaluated.not_run)))
+    let (cameras, perturbation) = (suite.cameras.clone(), suite.perturbation.clone());
+    Ok(Some(EvaluationReport { label, cameras, perturbation, ..report }.leaving(evaluated.not_run)))
 }
 
 /// A table of success rates with their intervals.
@@ -234,6 +235,9 @@ pub fn table(reports: &[EvaluationReport]) -> String {
     let any_clouds = reports.iter().any(|report| report.summary.cloud_success.is_some());
     let mut head: Vec<String> = heads.map(String::from).to_vec();
     head.extend(any_clouds.then(|| "on point clouds (disagree)".to_owned()));
+    let done = |report: &EvaluationReport| report.results.iter().filter_map(|it| it.other_request_success).collect();
+    let any_other = reports.iter().any(|report| !Vec::is_empty(&done(report)));
+    head.extend(any_other.then(|| "did what was not asked".to_owned()));
     head.extend(any_left.then(|| "not run".to_owned()));
     let mut lines = vec![head];
     for report in reports {
@@ -249,6 +253,10 @@ pub fn table(reports: &[EvaluationReport]) -> String {
             let disagree = report.summary.cloud_disagreements.len();
             let cell = |rate: &Rate| format!("{:.1} % ({disagree})", 100.0 * rate.value);
             line.push(report.summary.cloud_success.as_ref().map(cell).unwrap_or_default());
+        }
+        if any_other {
+            let done: Vec<bool> = done(report);
+            line.push(format!("{} of {}", done.iter().filter(|&&it| it).count(), done.len()));
         }
         if any_left {
             line.push(report.not_run.len().to_string());

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use genmanip_bench::suite::Perturbation;
 use genmanip_bench::{reference_paths_m, suite_hash};
 use genmanip_core::world::camera_faults;
 use genmanip_core::{Camera, Document, DocumentError, Episode, Scenario, Seed, Task, json, limits};
@@ -30,6 +31,8 @@ pub struct Suite {
     pub reference_paths_m: BTreeMap<String, f64>,
     /// Settings of the loop.
     pub settings: CollectSettings,
+    /// What was changed of another suite, where this is a perturbed one.
+    pub perturbation: Option<Perturbation>,
     /// Name of the file whose cameras are used instead of the scenarios' own.
     pub cameras: Option<String>,
     /// What lies among the episodes and is not evaluated on: damaged ones and strangers, a line each.
@@ -87,6 +90,7 @@ impl Suite {
             cases,
             reference_paths_m,
             settings: run.settings,
+            perturbation: None,
             cameras: None,
             left_out,
             store: Some(store),
@@ -113,7 +117,7 @@ impl Suite {
         let Some(world) = scenarios.first().map(|scenario| scenario.world.clone()) else {
             return Err(RunError::input("there is no scenario to evaluate on").with_hint("name scenario files"));
         };
-        if let Some(other) = scenarios.iter().find(|scenario| scenario.world.robot != world.robot) {
+        if let Some(other) = scenarios.iter().find(|scenario| !scenario.world.robot.is_same(&world.robot)) {
             let (ours, theirs) = (&world.robot.name, &other.world.robot.name);
             let what = format!("scenario {} has robot `{theirs}` or its home, the others `{ours}`", other.id);
             return Err(RunError::input(what).with_hint("evaluate the scenarios of one robot and home at a time"));
@@ -135,6 +139,7 @@ impl Suite {
             scenarios,
             reference_paths_m: BTreeMap::new(),
             settings: CollectSettings::in_world(world),
+            perturbation: None,
             cameras: None,
             left_out: Vec::new(),
             store: None,
@@ -164,6 +169,7 @@ impl Suite {
             }
         }
         suite.name = file.name;
+        suite.perturbation = file.perturbation;
         Ok(suite)
     }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
-use genmanip_core::{ObjectModel, Pose, World};
+use genmanip_core::{ObjectModel, PhysicsFactors, Pose, World};
 use genmanip_sim::{Scene, SceneObject, SettleSettings, Sim, SimError};
 
 /// Where an object stands, m: in the middle of the workspace of the table.
@@ -38,7 +38,8 @@ pub struct AtRest {
 pub fn at_rest(model: &Arc<ObjectModel>, pose: &Pose, joints: &[f64], world: &World) -> Result<AtRest, SimError> {
     let start = Pose { position: pose.position + PLACE + DVec3::Z * DROP_M, ..*pose };
     let joint_positions = if joints.is_empty() { vec![0.0; model.joint_count()] } else { joints.to_vec() };
-    let object = SceneObject { name: "0".into(), model: Arc::clone(model), pose: start, joint_positions };
+    let physics = PhysicsFactors::default();
+    let object = SceneObject { name: "0".into(), model: Arc::clone(model), pose: start, joint_positions, physics };
     let mut sim = Sim::new(Arc::new(Scene::compile_without_robot(world, &[object])?));
     let settings = SettleSettings { max_seconds: SETTLE_S, ..SettleSettings::default() };
     let report = sim.settle(&settings)?;

@@ -272,6 +272,7 @@ fn write(options: &BuildOptions, kept: Vec<(Scenario, SuiteEntry)>, funnel: Vec<
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
         engine: genmanip_sim::engine_version(),
         suite_hash: suite_hash(&scenarios),
+        perturbation: None,
         funnel,
         scenarios: entries,
     };

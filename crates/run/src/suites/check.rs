@@ -66,6 +66,7 @@ pub fn check(folder: &Path) -> Result<Checked, RunError> {
         if let Err(mismatch) = references::check(&scenario.task) {
             fault(format!("its sentence does not mean its goal: {mismatch}"));
         }
+        // Another request is one of pick and place, which needs nothing.
         if Clue::of(scenario.task.kind).is_some_and(|clue| is_needless(&scenario.task, clue)) {
             fault("its goal is clear without what its kind is about".into());
         }

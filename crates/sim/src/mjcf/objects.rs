@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_core::{JointKind, ObjectModel};
+use genmanip_core::{JointKind, MassProperties, ObjectModel};
 
 use super::{Parts, color, geom, inertial, mesh, with_pose};
 use crate::SceneObject;
@@ -73,14 +73,23 @@ impl Writer<'_> {
         let link = &model.links[index];
         let [turning, rolling] = self.numbers.physics.rotational_friction_m;
         let rgba = color(link.visual.first().map(|part| &part.material));
-        body.push(inertial(&link.mass));
+        let factors = self.object.physics;
+        body.push(inertial(&MassProperties {
+            mass_kg: factors.mass * link.mass.mass_kg,
+            inertia: link.mass.inertia * factors.mass,
+            ..link.mass
+        }));
+        let [time_s, ratio] = self.numbers.engine.contact_solref;
+        let bouncing = [time_s, factors.contact_damping * ratio];
         for (number, piece) in link.pieces.iter().enumerate() {
             let name = piece_name(&self.object.name, &link.name, number);
-            body.push(
-                geom(&name, "object", piece, &piece_name(self.owner, &link.name, number))
-                    .numbers("friction", &[model.friction, turning, rolling])
-                    .numbers("rgba", &rgba),
-            );
+            let mut geom = geom(&name, "object", piece, &piece_name(self.owner, &link.name, number))
+                .numbers("friction", &[factors.friction * model.friction, turning, rolling])
+                .numbers("rgba", &rgba);
+            if bouncing != self.numbers.engine.contact_solref {
+                geom = geom.numbers("solref", &bouncing);
+            }
+            body.push(geom);
         }
         for (child, link) in model.links.iter().enumerate() {
             let Some(joint) = link.joint.as_ref().filter(|joint| joint.parent == index) else { continue };
@@ -97,8 +106,8 @@ impl Writer<'_> {
                     .text("type", kind)
                     .numbers("axis", &joint.axis.to_array())
                     .numbers("range", &joint.range)
-                    .number("damping", joint.damping)
-                    .number("frictionloss", joint.friction_loss)
+                    .number("damping", factors.joint_friction * joint.damping)
+                    .number("frictionloss", factors.joint_friction * joint.friction_loss)
                     .numbers("solimpfriction", &self.numbers.engine.joint_friction_solimp)
                     .number("stiffness", joint.stiffness)
                     .number("springref", joint.spring_reference),

@@ -24,11 +24,11 @@ pub(crate) fn finger_joint(robot: &RobotModel, finger: usize) -> Option<String> 
     link.joint.as_ref().map(|joint| robot_joint(&joint.name))
 }
 
-pub(super) fn add(parts: &mut Parts, robot: &RobotModel, drives: &Drives, timestep_s: f64) {
-    let mut home = robot.home.iter().copied();
+pub(super) fn add(parts: &mut Parts, robot: &RobotModel, start: &[f64], drives: &Drives, timestep_s: f64) {
+    let mut start = start.iter().copied();
     let roots = (0..robot.links.len()).filter(|&index| robot.links[index].parent.is_none());
     for root in roots {
-        let body = link_body(parts, robot, root, &mut home, drives);
+        let body = link_body(parts, robot, root, &mut start, drives);
         parts.bodies.push(body);
     }
     for &(a, b) in &robot.never_colliding {
@@ -46,7 +46,7 @@ fn link_body(
     parts: &mut Parts,
     robot: &RobotModel,
     index: usize,
-    home: &mut impl Iterator<Item = f64>,
+    start: &mut impl Iterator<Item = f64>,
     drives: &Drives,
 ) -> Element {
     let link = &robot.links[index];
@@ -57,7 +57,7 @@ fn link_body(
         body.push(inertial(&link.mass));
     }
     if let Some(joint) = &link.joint {
-        let start = if is_finger { robot.gripper.max_width / 2.0 } else { home.next().unwrap_or(0.0) };
+        let start = if is_finger { robot.gripper.max_width / 2.0 } else { start.next().unwrap_or(0.0) };
         parts.qpos.push(start);
         body.push(joint_element(joint, is_finger, drives));
     }
@@ -69,7 +69,7 @@ fn link_body(
         body.push(geom(&name, class, piece, &name));
     }
     for child in (0..robot.links.len()).filter(|&child| robot.links[child].parent == Some(index)) {
-        let child = link_body(parts, robot, child, home, drives);
+        let child = link_body(parts, robot, child, start, drives);
         body.push(child);
     }
     body

@@ -11,8 +11,8 @@ mod worlds;
 use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;
-use genmanip_core::Pose;
 use genmanip_core::glam::DVec3;
+use genmanip_core::{PhysicsFactors, Pose};
 use genmanip_sim::{Scene, SceneObject};
 
 use models::{ball, cabinet, can, cuboid, mug, pen, rigid};
@@ -20,7 +20,7 @@ use models::{ball, cabinet, can, cuboid, mug, pen, rigid};
 fn placed(name: &str, model: Arc<genmanip_core::ObjectModel>, x: f64, y: f64, yaw: f64) -> SceneObject {
     let joint_positions = vec![0.03; model.joint_count()];
     let pose = Pose::from_position_yaw(DVec3::new(x, y, 0.0), yaw);
-    SceneObject { name: name.into(), model, pose, joint_positions }
+    SceneObject { name: name.into(), model, pose, joint_positions, physics: PhysicsFactors::default() }
 }
 
 /// Six objects of all kinds, one of them with a drawer.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_assets::worlds::default_world;
 use genmanip_core::glam::{DMat3, DVec3};
-use genmanip_core::{Frame, ObjectModel, Pose, RobotModel};
+use genmanip_core::{Frame, ObjectModel, PhysicsFactors, Pose, RobotModel};
 use genmanip_sim::{Scene, SceneObject, Sim, SimError};
 
 #[derive(Debug)]
@@ -37,8 +37,13 @@ pub struct Pick {
 }
 
 pub fn pick(robot: &RobotModel, pick: &Pick) -> Result<PickReport, SimError> {
-    let object =
-        SceneObject { name: "it".into(), model: pick.model.clone(), pose: pick.start, joint_positions: vec![] };
+    let object = SceneObject {
+        name: "it".into(),
+        model: pick.model.clone(),
+        pose: pick.start,
+        joint_positions: vec![],
+        physics: PhysicsFactors::default(),
+    };
     let scene = Arc::new(Scene::compile(&default_world(), robot, &[object])?);
     let mut sim = Sim::new(scene);
 

@@ -1,0 +1,246 @@
+//! Perturbed suites: the scenarios of a suite, each changed in one respect by a stated amount.
+//!
+//! The suite itself is the control arm: scenarios keep their ids and seeds, so `genmanip compare` pairs the two
+//! evaluations of a policy episode by episode. What cannot be certified any more is left out, and counted.
+
+mod axis;
+mod change;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use genmanip_assets::Catalogue;
+use genmanip_bench::suite::{Certificate, Perturbation, Stage as Sieve, SuiteEntry, SuiteFile, sha256};
+use genmanip_bench::suite_hash;
+use genmanip_core::{Document, EpisodeResult, Scenario, Seed};
+use genmanip_layout::{LayoutSettings, audit};
+use genmanip_rollout::collect::in_parallel;
+
+pub use axis::Axis;
+
+use super::{open, scenario_file};
+use crate::error::RunError;
+use crate::evaluate::{EvaluateOptions, Suite, evaluate};
+use crate::inputs;
+use crate::policies::PolicyFactory;
+use crate::progress::Progress;
+use change::Workshop;
+
+/// Episodes in which the expert must solve a changed scenario, all of them.
+const TRIALS: usize = 3;
+/// The system that must solve a changed scenario once from its pictures; every answer and mask is the oracle's.
+const LOOKER: &str = "agent:vlm=oracle,masks=oracle";
+/// Fewest pixels of each thing of the task in one prompt camera, as the benchmark wants it.
+const MIN_PIXELS: usize = 200;
+/// Simulated time for which a changed scene is left alone when it is audited, s.
+const AUDIT_S: f64 = 1.0;
+
+/// What is changed, and where it is written.
+#[derive(Clone, Debug)]
+pub struct PerturbOptions {
+    /// Folder of the suite that is changed.
+    pub suite: PathBuf,
+    /// Folder that is written into.
+    pub out: PathBuf,
+    /// Name of the new suite.
+    pub name: String,
+    /// What is changed.
+    pub axis: Axis,
+    /// How much, above 0 and up to 1.
+    pub dial: f64,
+    /// Seed of what is drawn.
+    pub seed: Seed,
+    /// Threads.
+    pub workers: usize,
+}
+
+/// Changes every scenario of a suite in one respect; `None` when it was stopped. An interrupted call continues.
+///
+/// # Errors
+/// When there is no suite, the folder holds another one, nothing can be certified, or a file cannot be written.
+pub fn perturb(
+    options: &PerturbOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<SuiteFile>, RunError> {
+    let file = options.out.join("suite.json");
+    if file.exists() {
+        return Err(RunError::input(format!("{} exists", file.display()))
+            .with_hint("a suite is frozen: choose another --out folder"));
+    }
+    if !(options.dial > 0.0 && options.dial <= 1.0) {
+        return Err(RunError::input(format!("--dial {}: expected a number above 0 and up to 1", options.dial))
+            .with_hint("1 is the most that is meant to be solvable"));
+    }
+    let control = open(&options.suite)?;
+    let scenarios = Suite::frozen(&options.suite)?.scenarios;
+    let (changed, made) = change_all(&scenarios, options, progress, stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let work = options.out.join("work");
+    let drafts = work.join("scenarios");
+    for scenario in &changed {
+        inputs::write_file(&drafts.join(format!("{}.json", scenario.id)), scenario.to_json().as_bytes())?;
+    }
+    let paths: Vec<PathBuf> = changed.iter().map(|scenario| drafts.join(format!("{}.json", scenario.id))).collect();
+    if paths.is_empty() {
+        return Err(RunError::input("no scenario of the suite can be changed so")
+            .because(in_words(&made))
+            .with_hint("try a smaller --dial or another --seed"));
+    }
+    let trial = |policy: &str, episodes: usize| -> Result<Option<Vec<EpisodeResult>>, RunError> {
+        let suite = Suite::of_scenarios(&paths)?.with_episodes(episodes);
+        let out = Some(work.join("trials"));
+        let evaluation = EvaluateOptions { out, workers: options.workers, ..EvaluateOptions::default() };
+        let reports = evaluate(&suite, &[PolicyFactory::resolve(policy)?], &evaluation, progress, stop)?;
+        Ok(reports.into_iter().next().map(|report| report.results))
+    };
+    let (Some(expert), Some(looker)) = (trial("expert", TRIALS)?, trial(LOOKER, 1)?) else { return Ok(None) };
+    let seen: BTreeSet<String> =
+        looker.into_iter().filter(|result| result.success).map(|result| result.scenario_id).collect();
+    let mut by_scenario: BTreeMap<String, Vec<EpisodeResult>> = BTreeMap::new();
+    for result in expert {
+        by_scenario.entry(result.scenario_id.clone()).or_default().push(result);
+    }
+    let mut certified = sieve(&format!(
+        "are solved by the expert, {TRIALS} of {TRIALS} times, and by the agent with the oracle's answers and masks"
+    ));
+    let mut kept: Vec<(Scenario, SuiteEntry)> = Vec::new();
+    for scenario in changed {
+        let trials = by_scenario.remove(&scenario.id).unwrap_or_default();
+        let Some(entry) = control.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
+        let kind = entry.kind.name().to_owned();
+        let verified: Vec<&EpisodeResult> = trials.iter().filter(|trial| trial.success).collect();
+        if verified.len() < TRIALS {
+            *certified
+                .refused
+                .entry(format!("the expert solved it {} of {TRIALS} times", verified.len()))
+                .or_default() += 1;
+        } else if !seen.contains(&scenario.id) {
+            *certified.refused.entry("the agent did not solve it".into()).or_default() += 1;
+        } else {
+            *certified.passed.entry(kind).or_default() += 1;
+            let entry = changed_entry(entry, &scenario, &verified);
+            kept.push((scenario, entry));
+        }
+    }
+    if kept.is_empty() {
+        return Err(RunError::input("no changed scenario is certified")
+            .because(in_words(&certified))
+            .with_hint("try a smaller --dial"));
+    }
+    write(options, &control, kept, vec![made, certified]).map(Some)
+}
+
+/// A changed scenario, or why it could not be changed.
+type Changed = Result<Scenario, String>;
+
+/// All scenarios, changed; those that cannot be are counted by their reasons.
+fn change_all(
+    scenarios: &[Scenario],
+    options: &PerturbOptions,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<(Vec<Scenario>, Sieve), RunError> {
+    let Some(first) = scenarios.first() else { return Ok((Vec::new(), sieve("can be changed"))) };
+    let workshop = Workshop::new(&first.world, options.axis, options.dial)?;
+    let layout = LayoutSettings { min_pixels: MIN_PIXELS, ..LayoutSettings::default() };
+    let seed = options.seed.fork("perturbation").fork(options.axis.name());
+    progress.begin("changing", scenarios.len());
+    let one = |scenario: &Scenario| -> Result<Changed, RunError> {
+        let changed = workshop.change(scenario, seed.fork(&scenario.id));
+        progress.advance();
+        let Ok(changed) = changed else { return Ok(changed) };
+        if !options.axis.moves_what_is_seen() {
+            return Ok(Ok(changed));
+        }
+        let robot = workshop.planner.robot();
+        let audited = audit(&changed, Catalogue::builtin(), robot, &layout, AUDIT_S)
+            .map_err(|error| RunError::broken(format!("{} cannot be audited", changed.id), error))?;
+        Ok(match audited.hidden {
+            Some(reason) => Err(reason.to_string()),
+            None if !audited.failed.is_empty() => Err("a relation of the scene does not hold any more".into()),
+            None => Ok(changed),
+        })
+    };
+    let outcomes = in_parallel(scenarios, options.workers, stop, &one)?;
+    progress.end();
+    let mut made = sieve("can be changed, with every thing of the task in view");
+    let mut changed = Vec::new();
+    for outcome in outcomes {
+        match outcome {
+            Ok(scenario) => {
+                *made.passed.entry(scenario.task.kind.name().into()).or_default() += 1;
+                changed.push(scenario);
+            }
+            Err(reason) => *made.refused.entry(reason).or_default() += 1,
+        }
+    }
+    Ok((changed, made))
+}
+
+fn changed_entry(entry: &SuiteEntry, scenario: &Scenario, verified: &[&EpisodeResult]) -> SuiteEntry {
+    let least = |value: fn(&EpisodeResult) -> f64| verified.iter().map(|it| value(it)).fold(f64::INFINITY, f64::min);
+    SuiteEntry {
+        kind: scenario.task.kind,
+        sha256: sha256(scenario.to_json().as_bytes()),
+        certificate: Certificate {
+            episodes: TRIALS,
+            verified: verified.len(),
+            shortest_path_m: least(|trial| trial.tcp_path_m),
+            shortest_s: least(|trial| trial.duration_s),
+        },
+        ..entry.clone()
+    }
+}
+
+/// Scenarios first, the file of the suite last: where it is, all is there.
+fn write(
+    options: &PerturbOptions,
+    control: &SuiteFile,
+    kept: Vec<(Scenario, SuiteEntry)>,
+    funnel: Vec<Sieve>,
+) -> Result<SuiteFile, RunError> {
+    let (scenarios, entries): (Vec<Scenario>, Vec<SuiteEntry>) = kept.into_iter().unzip();
+    for scenario in &scenarios {
+        inputs::write_file(&scenario_file(&options.out, &scenario.id), scenario.to_json().as_bytes())?;
+    }
+    let suite = SuiteFile {
+        name: options.name.clone(),
+        seed: control.seed,
+        per_kind: control.per_kind,
+        genmanip_version: env!("CARGO_PKG_VERSION").into(),
+        engine: genmanip_sim::engine_version(),
+        suite_hash: suite_hash(&scenarios),
+        perturbation: Some(Perturbation {
+            of: control.name.clone(),
+            of_hash: control.suite_hash.clone(),
+            axis: options.axis.name().into(),
+            dial: options.dial,
+            seed: options.seed,
+        }),
+        funnel,
+        scenarios: entries,
+    };
+    inputs::write_file(&options.out.join("suite.json"), suite.to_json().as_bytes())?;
+    remove(&options.out.join("work"))?;
+    Ok(suite)
+}
+
+fn remove(work: &Path) -> Result<(), RunError> {
+    fs::remove_dir_all(work).map_err(|error| RunError::file("write", work, error))
+}
+
+fn sieve(asked: &str) -> Sieve {
+    Sieve { asked: asked.into(), passed: BTreeMap::new(), refused: BTreeMap::new() }
+}
+
+fn in_words(sieve: &Sieve) -> String {
+    let reasons: Vec<String> = sieve.refused.iter().map(|(reason, count)| format!("{count} times: {reason}")).collect();
+    reasons.join("; ")
+}
