@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::statistics::{StatisticsError, StatisticsSettings, SuiteSummary, summarise};
+use crate::statistics::{StatisticsError, StatisticsSettings, SuiteSummary, Traits, by_trait, summarise};
 use crate::suite::Perturbation;
 
 /// How one policy did on one suite: every result and what they amount to.
@@ -183,6 +183,13 @@ impl EvaluationReport {
             results,
             not_run: Vec::new(),
         })
+    }
+
+    /// The same report with its success by what scenarios are like.
+    #[must_use]
+    pub fn by_traits(mut self, traits: &Traits) -> Self {
+        self.summary.traits = by_trait(&self.results, traits, &self.statistics);
+        self
     }
 
     /// The same report, telling also which episodes are still to be run.

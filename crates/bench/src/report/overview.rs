@@ -1,5 +1,6 @@
 //! The top of the page: what was run, how it went, and the index of tasks.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use genmanip_core::TaskKind;
@@ -9,7 +10,7 @@ use super::{ImagePlan, ReportInput, ReportSettings, TaskSection, chip, distribut
 use crate::markup::escape;
 use crate::rows::EpisodeRow;
 use crate::rows::totals::GroupTotal;
-use crate::statistics::{PairedComparison, Rate, StatisticsSettings, SuiteSummary};
+use crate::statistics::{LEAST_SCENARIOS, PairedComparison, Rate, StatisticsSettings, SuiteSummary};
 
 pub(super) fn overview(input: &ReportInput, settings: &ReportSettings, plan: ImagePlan) -> String {
     let statistics = &settings.statistics;
@@ -187,7 +188,29 @@ fn policies(input: &ReportInput) -> String {
         .collect();
     let names: Vec<String> = summaries.iter().map(|summary| words(&summary.policy)).collect();
     let headings: Vec<&str> = std::iter::once("Kind").chain(names.iter().map(String::as_str)).collect();
-    html + "<h3>Success at end by kind of task</h3>\n" + &table("figures", &headings, &rows)
+    html += "<h3>Success at end by kind of task</h3>\n";
+    html += &table("figures", &headings, &rows);
+    html + &traits(summaries, &headings)
+}
+
+/// Success by what scenarios are like; values of few scenarios are left out.
+fn traits(summaries: &[SuiteSummary], headings: &[&str]) -> String {
+    let said = || summaries.iter().flat_map(|summary| &summary.traits).filter(|it| it.scenarios >= LEAST_SCENARIOS);
+    let groups: BTreeSet<(&str, &str)> = said().map(|it| (it.name.as_str(), it.value.as_str())).collect();
+    if groups.is_empty() {
+        return String::new();
+    }
+    let rows = groups.into_iter().map(|(name, value)| {
+        let of = |summary: &SuiteSummary| {
+            let found = summary.traits.iter().find(|it| (it.name.as_str(), it.value.as_str()) == (name, value));
+            found.map_or("<span class=\"muted\">none</span>".into(), |it| rate_bar(&it.success))
+        };
+        let cell = escape(&format!("{} {}", words(name), words(value)));
+        std::iter::once(cell).chain(summaries.iter().map(of)).collect::<Vec<String>>()
+    });
+    let headings: Vec<&str> = std::iter::once("Scenarios with").chain(headings.iter().skip(1).copied()).collect();
+    String::from("<h3>Success at end by what scenarios are like</h3>\n")
+        + &table("figures", &headings, &rows.collect::<Vec<_>>())
 }
 
 fn comparisons(comparisons: &[PairedComparison]) -> String {

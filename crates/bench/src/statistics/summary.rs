@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::StatisticsSettings;
 use super::interval::{Mean, Rate, mean_with_interval};
+use super::traits::TraitSummary;
 
 /// How one policy did on one suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -39,6 +40,9 @@ pub struct SuiteSummary {
     pub cloud_disagreements: Vec<String>,
     /// The same per kind of task, in the order of [`TaskKind::ALL`]; kinds without episodes are left out.
     pub kinds: Vec<KindSummary>,
+    /// The same by what scenarios are like, of suites that say so.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub traits: Vec<TraitSummary>,
     /// Causes of failure, most frequent first.
     pub failures: Vec<FailureCount>,
 }
@@ -178,6 +182,7 @@ fn summarise_policy(
             .then(|| rate(&judged, &|result| result.cloud.as_ref().is_some_and(|cloud| cloud.success))),
         cloud_disagreements: disagreements.map(|result| result.id.clone()).collect(),
         kinds: TaskKind::ALL.into_iter().filter_map(of_kind).collect(),
+        traits: Vec::new(),
         failures: failure_counts(results.iter().filter_map(|result| Some(result.failures.first()?.cause))),
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use genmanip_core::Document;
-use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate, table};
+use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate, table, table_of_traits};
 use genmanip_run::{PolicyFactory, inputs};
 
 use crate::args::EvaluateArguments;
@@ -56,7 +56,9 @@ pub fn run(arguments: &EvaluateArguments, printer: &Printer) -> Result<ExitStatu
     let stop = crate::stop::on_interrupt();
     let reports = evaluate(&suite, &policies, &options, printer, &stop)?;
     let values: Vec<_> = reports.iter().map(Document::to_value).collect();
-    printer.data(&values, &table(&reports));
+    let of_traits = table_of_traits(&reports);
+    let more = if of_traits.is_empty() { String::new() } else { format!("\nby what scenarios are like\n{of_traits}") };
+    printer.data(&values, &(table(&reports) + &more));
     if let Some(shard) = shard.filter(|_| !stop.load(Ordering::Relaxed)) {
         printer
             .say(format!("{shard} is kept; the same call without --shard gathers all shards and writes the results"));

@@ -10,13 +10,13 @@
 mod stream;
 mod suite;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use genmanip_bench::statistics::Rate;
+use genmanip_bench::statistics::{LEAST_SCENARIOS, Rate};
 use genmanip_bench::{EvaluationReport, StatisticsSettings, text_table};
 use genmanip_core::{Document, EpisodeResult, NotRun};
 use genmanip_data::EpisodeStore;
@@ -225,7 +225,9 @@ fn one(
     }
     let label = options.shard.map_or_else(|| label.clone(), |shard| format!("{label}, {shard}"));
     let (cameras, perturbation) = (suite.cameras.clone(), suite.perturbation.clone());
-    Ok(Some(EvaluationReport { label, cameras, perturbation, ..report }.leaving(evaluated.not_run)))
+    Ok(Some(
+        EvaluationReport { label, cameras, perturbation, ..report.by_traits(&suite.traits) }.leaving(evaluated.not_run),
+    ))
 }
 
 /// A table of success rates with their intervals.
@@ -264,6 +266,28 @@ pub fn table(reports: &[EvaluationReport]) -> String {
         lines.push(line);
     }
     text_table(&lines)
+}
+
+/// Success by what scenarios are like, a column per policy; values of few scenarios are left out. Empty
+/// where the suite says nothing of its scenarios.
+pub fn table_of_traits(reports: &[EvaluationReport]) -> String {
+    let mut rows: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
+    for (index, report) in reports.iter().enumerate() {
+        for found in report.summary.traits.iter().filter(|found| found.scenarios >= LEAST_SCENARIOS) {
+            let Rate { value, low, high, trials, .. } = &found.success;
+            let cells = rows.entry((&found.name, &found.value)).or_insert_with(|| vec![String::new(); reports.len()]);
+            cells[index] =
+                format!("{:.0} % ({:.0}\u{2013}{:.0}) of {trials}", 100.0 * value, 100.0 * low, 100.0 * high);
+        }
+    }
+    if rows.is_empty() {
+        return String::new();
+    }
+    let head = ["trait", "value"].map(String::from).into_iter().chain(reports.iter().map(|it| it.label.clone()));
+    let rows = rows.into_iter().map(|((name, value), cells)| {
+        [name.to_owned(), value.to_owned()].into_iter().chain(cells).collect::<Vec<String>>()
+    });
+    text_table(&std::iter::once(head.collect()).chain(rows).collect::<Vec<_>>())
 }
 
 /// Where the episodes of an evaluation are kept.

@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use genmanip_bench::suite::Perturbation;
+use genmanip_bench::statistics::Traits;
+use genmanip_bench::suite::{Perturbation, SuiteEntry};
 use genmanip_bench::{reference_paths_m, suite_hash};
 use genmanip_core::world::camera_faults;
-use genmanip_core::{Camera, Document, DocumentError, Episode, Scenario, Seed, Task, json, limits};
+use genmanip_core::{Atom, Camera, Document, DocumentError, Episode, Scenario, Seed, Task, json, limits};
 use genmanip_data::{DataError, EpisodeStore};
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::evaluate::Case;
@@ -29,6 +30,8 @@ pub struct Suite {
     pub cases: Vec<Case>,
     /// Way of the tool that a good solution needs, by scenario id, m.
     pub reference_paths_m: BTreeMap<String, f64>,
+    /// What the scenarios are like, of a frozen suite.
+    pub traits: Traits,
     /// Settings of the loop.
     pub settings: CollectSettings,
     /// What was changed of another suite, where this is a perturbed one.
@@ -90,6 +93,7 @@ impl Suite {
             cases,
             reference_paths_m,
             settings: run.settings,
+            traits: Traits::new(),
             perturbation: None,
             cameras: None,
             left_out,
@@ -139,6 +143,7 @@ impl Suite {
             scenarios,
             reference_paths_m: BTreeMap::new(),
             settings: CollectSettings::in_world(world),
+            traits: Traits::new(),
             perturbation: None,
             cameras: None,
             left_out: Vec::new(),
@@ -166,6 +171,7 @@ impl Suite {
             if let Some(entry) = file.scenarios.iter().find(|entry| entry.id == case.scenario.id) {
                 case.horizon_s = Some(entry.horizon_s);
                 suite.reference_paths_m.insert(entry.id.clone(), entry.certificate.shortest_path_m);
+                suite.traits.insert(entry.id.clone(), traits(entry, &case.scenario.task));
             }
         }
         suite.name = file.name;
@@ -278,6 +284,18 @@ impl Suite {
         }
         Ok(folder)
     }
+}
+
+/// What a suite says that a scenario is like, with where its task comes from and what it is about.
+fn traits(entry: &SuiteEntry, task: &Task) -> BTreeMap<String, Vec<String>> {
+    let moved = task.goal.alternatives.iter().flatten().map(Atom::subject);
+    let mut things: Vec<String> = moved.filter_map(|id| Some(task.card(id)?.category.clone())).collect();
+    things.sort();
+    things.dedup();
+    // Of recorded answers, each has a name of its own.
+    let source = entry.source.split_whitespace().take(2).collect::<Vec<_>>().join(" ");
+    let more = [("source".to_owned(), vec![source]), ("object".to_owned(), things)];
+    entry.traits.clone().into_iter().chain(more).collect()
 }
 
 /// The name of a folder, also where a path does not say it: `.`, or `run/..`.

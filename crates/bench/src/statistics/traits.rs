@@ -1,0 +1,69 @@
+//! Success by what scenarios are like: where they come from, what they are about, how much stands about.
+
+use std::collections::BTreeMap;
+
+use genmanip_core::EpisodeResult;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::StatisticsSettings;
+use super::interval::Rate;
+
+/// What scenarios are like: values by the name of a trait, by scenario id.
+pub type Traits = BTreeMap<String, BTreeMap<String, Vec<String>>>;
+
+/// Scenarios with a value of a trait, below which tables leave it out: of fewer, a rate says nothing; chosen.
+pub const LEAST_SCENARIOS: usize = 4;
+
+/// How one policy did on the scenarios with one value of a trait.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TraitSummary {
+    /// The trait, e.g. `relation`.
+    pub name: String,
+    /// Its value, e.g. `left`; a scenario may have several.
+    pub value: String,
+    /// Scenarios that have it.
+    pub scenarios: usize,
+    /// The goal held at the end.
+    pub success: Rate,
+}
+
+/// Success by trait and value, in the order of their names; intervals count scenarios as far as episodes end alike.
+pub fn by_trait(results: &[EpisodeResult], traits: &Traits, settings: &StatisticsSettings) -> Vec<TraitSummary> {
+    let mut groups: BTreeMap<(&str, &str), BTreeMap<&str, (usize, usize)>> = BTreeMap::new();
+    for result in results {
+        let own = traits.get(&result.scenario_id).into_iter().flatten();
+        for (name, value) in own.flat_map(|(name, values)| values.iter().map(move |value| (name, value))) {
+            let (successes, trials) = groups.entry((name, value)).or_default().entry(&result.scenario_id).or_default();
+            *successes += usize::from(result.success);
+            *trials += 1;
+        }
+    }
+    let summary = |((name, value), scenarios): ((&str, &str), BTreeMap<&str, (usize, usize)>)| TraitSummary {
+        name: name.into(),
+        value: value.into(),
+        scenarios: scenarios.len(),
+        success: Rate::clustered(&scenarios.into_values().collect::<Vec<_>>(), settings),
+    };
+    groups.into_iter().map(summary).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::statistics::tests::result;
+
+    #[test]
+    fn a_scenario_counts_for_each_of_its_values_and_only_there() {
+        let results = [result("a", 1, true), result("a", 2, false), result("a", 3, true)];
+        let of = |values: &[&str]| {
+            BTreeMap::from([("relation".to_owned(), values.iter().map(|value| (*value).to_owned()).collect())])
+        };
+        let ids: Vec<String> = results.iter().map(|result| result.scenario_id.clone()).collect();
+        let traits = BTreeMap::from([(ids[0].clone(), of(&["in", "left"])), (ids[1].clone(), of(&["left"]))]);
+        let found = by_trait(&results, &traits, &StatisticsSettings::default());
+        let rows: Vec<_> =
+            found.iter().map(|it| (it.value.as_str(), it.success.successes, it.success.trials, it.scenarios)).collect();
+        assert_eq!(rows, [("in", 1, 1, 1), ("left", 1, 2, 2)]);
+    }
+}
