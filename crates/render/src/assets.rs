@@ -190,6 +190,42 @@ impl Part {
 }
 
 impl Surface {
+    /// Share of the light that one side scatters; the others of a transparent thing mirror and let pass. Most sights
+    /// pass two sides, which hold back the material's opacity together: what is clear mostly colours the light, what is
+    /// dense or rough mostly scatters it. Chosen.
+    pub fn scatters(&self) -> f32 {
+        if self.opacity < 1.0 { self.held() * self.haze() } else { 1.0 }
+    }
+
+    /// Colour of the light that passes one side of a transparent thing, of a material that looks like `base`: deeper where
+    /// a shell is met at a slant, since the way through it is longer there.
+    pub fn tint(&self, base: Vec3A, cosine: f32, is_shell: bool) -> Vec3A {
+        let depth = (2.0 * self.held()).min(1.0);
+        let way = if is_shell { 1.0 / cosine.max(0.2) } else { 1.0 };
+        Vec3A::ONE.lerp(base, depth).max(Vec3A::splat(1e-3)).powf(way)
+    }
+
+    /// Share of the light that passes one side: neither mirrored nor scattered nor absorbed.
+    pub fn passes(&self, base: Vec3A, cosine: f32, is_shell: bool) -> Vec3A {
+        let mirrored = self.reflectance + (1.0 - self.reflectance) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5);
+        self.tint(base, cosine, is_shell) * ((1.0 - mirrored) * (1.0 - self.scatters()))
+    }
+
+    pub fn index_of_refraction(&self) -> f32 {
+        let root = self.reflectance.sqrt();
+        (1.0 + root) / (1.0 - root).max(1e-3)
+    }
+
+    /// Share of the light that one side does not let pass as it is, mirrors apart.
+    fn held(&self) -> f32 {
+        1.0 - (1.0 - self.opacity).sqrt()
+    }
+
+    /// Share of that which is scattered.
+    fn haze(&self) -> f32 {
+        (self.opacity * self.opacity).max(2.0 * (self.roughness - 0.1)).clamp(0.0, 1.0)
+    }
+
     pub fn new(material: &Material) -> Self {
         let ior = material.ior.max(1.0);
         Self {

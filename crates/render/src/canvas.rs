@@ -22,7 +22,8 @@ const STRIP_PIXELS: usize = 8192;
 pub(crate) struct Canvas {
     pub view: View,
     opaque: Layers,
-    /// Sides of transparent things that face away and that face the viewer; empty without any.
+    /// Transparent things: the farthest sides that face away, with their nearness turned, and the nearest that face the
+    /// viewer; empty without any.
     glass: [Target; 2],
     arrival: Arrival,
     shadow_version: u64,
@@ -75,10 +76,11 @@ impl Canvas {
         let moved = |part: usize| assets.parts[part].is_transparent() && view.motions[part].moved;
         let glass_moved = !follows || (0..assets.parts.len()).any(moved);
         if (view.has_transparent || had_glass) && glass_moved {
-            for (target, sides) in self.glass.iter_mut().zip([[false, true], [true, false]]) {
-                target.reset::<true>(width, height, scale);
-                view.draw_transparent(assets, sides, target);
-            }
+            let [far, near] = &mut self.glass;
+            far.reset::<true>(width, height, scale);
+            view.draw_far_sides(assets, far);
+            near.reset::<true>(width, height, scale);
+            view.draw_transparent(assets, [true, false], near);
         }
         let opaque = &self.opaque.target;
         self.arrival.see(assets, opaque, &self.changed, view, scene.shadow, scene.variation);
@@ -229,29 +231,14 @@ impl Canvas {
         let (lens, opaque) = (&self.view.lens, &self.opaque.target);
         let scale = opaque.scale;
         self.seen.reset::<true>(lens.width, lens.height, 1);
-        let glass = self.glass.iter().filter(|_| self.view.has_transparent);
-        let (mut glass_from, mut glass_to) = (lens.height, 0);
-        for (part, motion) in assets.parts.iter().zip(&self.view.motions) {
-            if part.is_transparent() && !motion.now.is_empty() {
-                glass_from = glass_from.min(motion.now.rows.start);
-                glass_to = glass_to.max(motion.now.rows.end);
-            }
+        let pixels = self.seen.nearness.chunks_exact_mut(lens.width).zip(self.seen.ids.chunks_exact_mut(lens.width));
+        for (row, (nearness, ids)) in pixels.enumerate() {
+            let samples = row * scale * opaque.width..(row * scale + 1) * opaque.width;
+            let values = opaque.nearness[samples.clone()].iter().step_by(scale);
+            nearness.iter_mut().zip(values).for_each(|(nearness, &value)| *nearness = value);
+            ids.iter_mut().zip(opaque.ids[samples].iter().step_by(scale)).for_each(|(id, &value)| *id = value);
         }
-        let layers = std::iter::once((opaque, 0..lens.height)).chain(glass.map(|layer| (layer, glass_from..glass_to)));
-        for (layer, rows) in layers {
-            for row in rows {
-                let samples = row * scale * layer.width..(row * scale + 1) * layer.width;
-                let values = layer.nearness[samples.clone()].iter().step_by(scale);
-                let ids = layer.ids[samples].iter().step_by(scale);
-                let pixels = row * lens.width..(row + 1) * lens.width;
-                let seen = self.seen.nearness[pixels.clone()].iter_mut().zip(&mut self.seen.ids[pixels]);
-                for ((nearest, nearest_id), (&value, &id)) in seen.zip(values.zip(ids)) {
-                    let closer = (value > *nearest) | ((value == *nearest) & (value > 0.0) & (id < *nearest_id));
-                    *nearest = if closer { value } else { *nearest };
-                    *nearest_id = if closer { id } else { *nearest_id };
-                }
-            }
-        }
+        self.view.draw_transparent(assets, [true, true], &mut self.seen);
     }
 }
 

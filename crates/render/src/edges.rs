@@ -15,11 +15,12 @@ use multiversion::multiversion;
 use crate::arrival::Arrival;
 use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::layers::TILE;
+use crate::panes::{Pane, bent, refracted, seen_through};
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::{Shading, Spot};
 use crate::texture::srgb8_from_linear;
-use crate::view::{PartView, View, surface_of};
+use crate::view::{PartView, View, far_nearness, surface_of};
 
 /// The samples around a pixel's centre with two per pixel along each axis, and their share of the pixel.
 const BESIDE: [([isize; 2], f32); 8] = [
@@ -46,18 +47,8 @@ pub(crate) struct Edges {
     keys: TileKeys,
 }
 
-/// A transparent surface in front of a pixel.
-#[derive(Clone, Copy, Debug)]
-struct Pane {
-    pixel: u32,
-    spot: Spot,
-    /// Share of the pixel that it is in front of.
-    coverage: f32,
-    /// What leaves it towards the viewer, and the share of what is behind that passes.
-    color: Vec3A,
-    passes: Vec3A,
-}
-
+/// By how much a transparent side must be nearer than what is opaque, as a share: glass stands on the table.
+const APART: f32 = 1e-4;
 impl Edges {
     /// Rewrites the bytes of the pixels of tiles that show several surfaces or something transparent.
     #[expect(clippy::too_many_arguments, reason = "one stage of a pipeline: what it reads, and what it writes")]
@@ -115,10 +106,9 @@ impl Edges {
             let order = |other: u32| arrival.order_of(other as usize);
             while mixed.next_if(|(other, _)| order(*other) < order(pixel)).is_some() {}
             let own = mixed.next_if(|(other, _)| *other == pixel).map(|(_, color)| *color);
-            let behind = own.unwrap_or(colors[pixel as usize]);
-            let color = panes
-                .iter()
-                .fold(behind, |behind, pane| behind + (pane.color + behind * pane.passes - behind) * pane.coverage);
+            let straight = own.unwrap_or(colors[pixel as usize]);
+            let behind = bent(panes, view, arrival, scene).map_or(straight, |bent| bent.seen(colors));
+            let color = seen_through(panes, behind);
             rgb[pixel as usize * 3..][..3].copy_from_slice(&srgb8_from_linear(color));
         }
     }
@@ -283,13 +273,17 @@ impl Edges {
         let n = around.n;
         let (x, y) = (x as isize, y as isize);
         let first = self.panes.len();
-        for layer in glass {
+        for (index, layer) in glass.iter().enumerate() {
+            let nearness = |sample: usize| {
+                let stored = layer.nearness[sample];
+                if index == 0 && stored > 0.0 { far_nearness(stored) } else { stored }
+            };
             let (mut coverage, mut best, mut best_weight) = (0.0, None, 0.0);
             for dy in 1 - n..n {
                 for dx in 1 - n..n {
                     let (column, row) = around.cut(x * n + dx, y * n + dy);
                     let sample = row as usize * layer.width + column as usize;
-                    if layer.nearness[sample] > around.opaque.nearness[sample] {
+                    if nearness(sample) > around.opaque.nearness[sample] * (1.0 + APART) {
                         let weight = ((n - dx.abs()) * (n - dy.abs())) as f32 / (n * n * n * n) as f32;
                         coverage += weight;
                         if weight > best_weight {
@@ -303,12 +297,13 @@ impl Edges {
                     id: layer.ids[sample],
                     x: column as f32 / n as f32,
                     y: row as f32 / n as f32,
-                    depth: 1.0 / layer.nearness[sample],
+                    depth: 1.0 / nearness(sample),
                     key: arrival.key[pixel].max(0.0),
                     ambient: 1.0,
                 };
-                let (color, passes) = (Vec3A::ZERO, Vec3A::ZERO);
-                self.panes.push(Pane { pixel: pixel as u32, spot, coverage, color, passes });
+                let [color, passes, normal, inside] = [Vec3A::ZERO; 4];
+                let pixel = pixel as u32;
+                self.panes.push(Pane { pixel, spot, coverage, color, passes, normal, inside, is_solid: false });
             }
         }
         if let [a, b] = &mut self.panes[first..]
@@ -334,19 +329,18 @@ impl Edges {
             for &pane in chunk {
                 shading.push(panes[pane as usize].spot);
             }
-            let part = surface as usize - 1;
-            shading.shade(
-                &scene.assets.parts[part],
-                &scene.surfaces[part],
-                &view.parts[part],
-                &view.lens,
-                scene.lighting,
-            );
+            let index = surface as usize - 1;
+            let (part, material) = (&scene.assets.parts[index], &scene.surfaces[index]);
+            shading.shade(part, material, &view.parts[index], &view.lens, scene.lighting);
+            let ratio = 1.0 / material.index_of_refraction();
             for (spot, &pane) in chunk.iter().enumerate() {
                 let pane = &mut panes[pane as usize];
+                let (normal, facing) = shading.facing_of(spot);
+                pane.is_solid = part.mesh.closed;
                 pane.color = shading.color_of(spot);
-                // What passes takes on some of the glass's colour.
-                pane.passes = Vec3A::ONE.lerp(shading.base_of(spot), 0.25) * (1.0 - shading.cover_of(spot));
+                pane.passes = material.passes(shading.base_of(spot), facing, !pane.is_solid);
+                let sight = (view.lens.point_at(pane.place(), pane.spot.depth) - view.lens.eye).normalize_or(Vec3A::Z);
+                (pane.normal, pane.inside) = (normal, refracted(sight, normal, ratio));
             }
             from += count;
         }

@@ -31,12 +31,14 @@ pub mod variation;
 
 mod arrival;
 mod canvas;
+mod develop;
 mod edges;
 mod lanes;
 mod layers;
 mod mesh;
 mod normals;
 mod occlusion;
+mod panes;
 mod points;
 mod raster;
 mod refine;

@@ -9,6 +9,7 @@ mod bvh;
 mod lamps;
 mod path;
 mod reflection;
+mod samples;
 #[cfg(test)]
 mod tests;
 
@@ -19,16 +20,21 @@ use glam::{Affine3A, Vec2, Vec3A};
 use rand::RngExt;
 
 use crate::assets::{RenderAssets, Surface};
+use crate::develop::tone_map;
 use crate::error::RenderError;
 use crate::job::ViewJob;
 use crate::mesh::Mesh;
-use crate::shade::{Lighting, tone_map};
+use crate::shade::Lighting;
 use crate::sky::luminance;
 use crate::texture::{linear_from_srgb8, srgb8_from_linear};
 use crate::variation::RenderVariation;
 use crate::view::{Lens, rotation};
 use bvh::{Bvh, Triangle};
 use lamps::Lamps;
+use samples::Samples;
+
+/// How far transparent things stand above their places, metres: their undersides must lie above the table.
+const LIFTED_M: f32 = 3e-4;
 
 /// How carefully paths are traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,18 +157,24 @@ impl Exposed {
 impl Reference<'_> {
     /// The mean of the paths around a pixel's centre, by the rasteriser's tent two pixels wide.
     fn pixel(&self, lens: &Lens, [column, row]: [usize; 2], seed: Seed, paths: u32) -> (Vec3A, Vec3A) {
-        let mut rng = seed.rng();
+        let seed = seed.rng().random();
         let (mut radiance, mut background) = (Vec3A::ZERO, Vec3A::ZERO);
-        for _ in 0..paths {
-            let mut tent = || rng.random::<f32>() - rng.random::<f32>();
-            let place = Vec2::new(column as f32 + tent(), row as f32 + tent());
+        for path in 0..paths {
+            let mut samples = Samples::new(seed, path);
+            let place = Vec2::new(column as f32, row as f32) + samples.two().map(tent);
             let ray = lens.turn * Vec3A::from(((place - lens.center) / lens.focal).extend(1.0));
-            let brought = self.follow(lens.eye, ray.normalize(), &mut rng);
+            let brought = self.follow(lens.eye, ray.normalize(), &mut samples);
             radiance += brought.radiance;
             background += brought.background;
         }
         (radiance / paths as f32, background / paths as f32)
     }
+}
+
+/// The place between -1 and 1 below which a share of a tent lies.
+fn tent(share: f32) -> f32 {
+    let half = (2.0 * share.min(1.0 - share)).sqrt() - 1.0;
+    if share < 0.5 { half } else { -half }
 }
 
 impl<'a> Body<'a> {
@@ -176,7 +188,8 @@ fn triangles(assets: &RenderAssets, poses: &[Pose]) -> Vec<Triangle> {
     let mut triangles = Vec::with_capacity(assets.triangle_count());
     for (index, (part, pose)) in assets.parts.iter().zip(poses).enumerate() {
         let (turn, shift) = (rotation(pose), pose.position.as_vec3a());
-        let placed: Vec<Vec3A> = part.mesh.positions.iter().map(|&at| turn * Vec3A::from(at) + shift).collect();
+        let lift = Vec3A::Z * if part.is_transparent() { LIFTED_M } else { 0.0 };
+        let placed: Vec<Vec3A> = part.mesh.positions.iter().map(|&at| turn * Vec3A::from(at) + shift + lift).collect();
         let corners = part.mesh.triangles.iter().map(|triangle| triangle.map(|corner| placed[corner as usize]));
         triangles.extend(corners.enumerate().map(|(triangle, corners)| Triangle::new(corners, index, triangle)));
     }

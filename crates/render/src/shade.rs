@@ -10,6 +10,7 @@ use glam::Vec3A;
 use multiversion::multiversion;
 
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
+use crate::develop::tone_map;
 use crate::lanes::{CHUNK, Lane, ZERO, within};
 use crate::layers::TILE;
 use crate::mesh::Face;
@@ -37,6 +38,14 @@ impl Lighting {
             key: linear_from_srgb(variation.light_color) * variation.light_intensity,
             exposure: variation.exposure,
         }
+    }
+}
+
+impl Lighting {
+    /// What is seen of the surroundings in a unit direction, developed.
+    pub fn surroundings(&self, direction: Vec3A) -> Vec3A {
+        let light = Vec3A::from_array(self.sky.glossy(0.0).at(direction.to_array()));
+        Vec3A::from_array(tone_map((light * self.exposure).to_array()))
     }
 }
 
@@ -181,9 +190,10 @@ impl Shading {
         Vec3A::new(r[spot], g[spot], b[spot])
     }
 
-    /// How much of what is behind a spot of a transparent surface is covered.
-    pub fn cover_of(&self, spot: usize) -> f32 {
-        self.reflected.cover[spot]
+    /// Unit normal at a spot in the world, and its cosine to the direction to the viewer.
+    pub fn facing_of(&self, spot: usize) -> (Vec3A, f32) {
+        let normal = self.reflected.normal.each_ref().map(|axis| axis[spot]);
+        (Vec3A::from_array(normal), self.reflected.facing[spot])
     }
 
     /// Linear colour of the material at a spot.
@@ -318,7 +328,6 @@ struct Reflected {
     lobe: Lane,
     weight: Lane,
     color: [Lane; 3],
-    cover: Lane,
 }
 
 impl Default for Reflected {
@@ -336,7 +345,6 @@ impl Default for Reflected {
             lobe: ZERO,
             weight: ZERO,
             color: lanes,
-            cover: ZERO,
         }
     }
 }
@@ -456,8 +464,7 @@ fn find_highlights(roughness: f32, to_light: [f32; 3], key: &Lane, out: &mut Ref
 fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
     let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
     let key = lighting.key.to_array();
-    // Most sights pass two sides: each covers so much that both together have the material's opacity.
-    let side = if surface.opacity < 1.0 { 1.0 - (1.0 - surface.opacity).sqrt() } else { 1.0 };
+    let side = surface.scatters();
     for channel in 0..3 {
         let lamp = key[channel];
         for i in 0..CHUNK {
@@ -476,38 +483,22 @@ fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Refle
             out.color[channel][i] = (diffuse * side + specular) * exposure;
         }
     }
+    if surface.opacity < 1.0 {
+        // Added to what is behind, which is developed: only the sum has dark tones.
+        for i in 0..CHUNK {
+            for channel in 0..3 {
+                let color = out.color[channel][i];
+                out.color[channel][i] = if color < 1.0 { color } else { 1.0 };
+            }
+        }
+        return;
+    }
     for i in 0..CHUNK {
         let color = tone_map([out.color[0][i], out.color[1][i], out.color[2][i]]);
         out.color[0][i] = color[0];
         out.color[1][i] = color[1];
         out.color[2][i] = color[2];
-        out.cover[i] = side + (1.0 - side) * schlick_weight(out.facing[i]);
     }
-}
-
-/// Khronos PBR Neutral: colours below 0.76 stay what they are, highlights are compressed towards white.
-#[inline(always)]
-pub(crate) fn tone_map([r, g, b]: [f32; 3]) -> [f32; 3] {
-    const START: f32 = 0.8 - 0.04;
-    const DESATURATION: f32 = 0.15;
-    const D: f32 = 1.0 - START;
-    let low = if r < g { r } else { g };
-    let low = if b < low { b } else { low };
-    let offset = if low < 0.08 { low - low * low * 6.25 } else { 0.04 };
-    let color = [r - offset, g - offset, b - offset];
-    let peak = if color[0] > color[1] { color[0] } else { color[1] };
-    let peak = if color[2] > peak { color[2] } else { peak };
-    let bright = if peak > START { peak } else { START };
-    let new_peak = 1.0 - D * D / (bright + (D - START));
-    let weight = 1.0 - 1.0 / ((bright - new_peak) * DESATURATION + 1.0);
-    let scale = new_peak / bright;
-    let mut out = [0.0; 3];
-    for channel in 0..3 {
-        let scaled = color[channel] * scale;
-        let compressed = scaled + (new_peak - scaled) * weight;
-        out[channel] = if peak >= START { compressed } else { color[channel] };
-    }
-    out
 }
 
 #[inline(always)]
@@ -578,7 +569,6 @@ mod tests {
             reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut plain);
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             assert_eq!(bits(&wide.color), bits(&plain.color));
-            assert_eq!(wide.cover.map(f32::to_bits), plain.cover.map(f32::to_bits));
         }
     }
 

@@ -7,13 +7,14 @@ use genmanip_core::Pose;
 use glam::{Mat3A, Vec3A};
 use multiversion::multiversion;
 
-use crate::assets::RenderAssets;
+use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
 use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
 use crate::layers::{Layers, Motion, Rectangle, TILE};
 use crate::mesh::{CELLS_M, Mesh};
 use crate::points::Points;
 use crate::raster::{Corner, Eye, Target, draw_mesh};
+use crate::sky::luminance;
 use crate::taps::{Queue, TAPS, Taps, tap, turn_of};
 use crate::variation::RenderVariation;
 use crate::view::rotation;
@@ -36,6 +37,7 @@ pub(crate) struct ShadowMap {
     /// The version in which each tile changed last.
     changed_in: Vec<u64>,
     light: Light,
+    sparse: Sparse,
 }
 
 /// The light's axes and the scale of the map.
@@ -134,7 +136,7 @@ impl ShadowMap {
         self.casters.resize_with(assets.parts.len(), Caster::default);
         self.motions.resize_with(assets.parts.len(), Motion::default);
         for ((part, caster), motion) in assets.parts.iter().zip(&mut self.casters).zip(&mut self.motions) {
-            if !(part.casts_shadow && part.surface.opacity >= 0.5) {
+            if !part.casts_shadow {
                 continue;
             }
             let pose = part.body.map_or(Pose::IDENTITY, |body| frame.body_poses[body]);
@@ -145,11 +147,16 @@ impl ShadowMap {
                 motion.now = caster.place(part.mesh.at_level(level), pose, &self.light);
             }
         }
-        let casters = &self.casters;
-        let draw = |part: usize, target: &mut Target| {
-            let mesh = &assets.parts[part].mesh;
-            let mesh = mesh.at_level(caster_level(mesh, is_coarse));
-            draw_caster(mesh, &casters[part], target);
+        let (casters, motions, sparse) = (&self.casters, &self.motions, &mut self.sparse);
+        let draw = |index: usize, target: &mut Target| {
+            let part = &assets.parts[index];
+            let mesh = part.mesh.at_level(caster_level(&part.mesh, is_coarse));
+            let quarters = quarters_of(&part.surface);
+            if quarters == 4 {
+                draw_caster(mesh, &casters[index], target);
+            } else {
+                sparse.draw(mesh, &casters[index], &motions[index].now, quarters, target);
+            }
         };
         if is_new {
             self.layers.redraw::<false>([size, size], 1, casters.len(), draw);
@@ -406,6 +413,50 @@ fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut Target) {
     }
     let eye = Eye::Towards(caster.to_light);
     draw_mesh::<false>(&mesh.triangles, &caster.corners, &mesh.planes, eye, [true, !mesh.closed], 0, target);
+}
+
+/// How many of four texels something covers that casts a shadow: as much as it holds back of light that passes two sides.
+fn quarters_of(surface: &Surface) -> usize {
+    if surface.opacity >= 1.0 {
+        return 4;
+    }
+    let passes = surface.passes(surface.base, 1.0, true).powf(2.0);
+    (4.0 * (1.0 - luminance(passes))).round().clamp(1.0, 4.0) as usize
+}
+
+/// A map of half the size for what is transparent, of which a share of the texels go into the map itself.
+#[derive(Debug, Default)]
+struct Sparse {
+    target: Target,
+    caster: Caster,
+}
+
+impl Sparse {
+    /// Draws a caster's texels, so many of four, into a map.
+    fn draw(&mut self, mesh: &Mesh, caster: &Caster, covered: &Rectangle, quarters: usize, map: &mut Target) {
+        if caster.corners.is_empty() || covered.is_empty() {
+            return;
+        }
+        let size = map.width / 2;
+        if (self.target.width, self.target.height) != (size, size) {
+            self.target.reset::<false>(size, size, 1);
+        }
+        self.caster.to_light = caster.to_light;
+        self.caster.corners.clear();
+        let halved = |corner: &Corner| Corner { x: corner.x * 0.5, y: corner.y * 0.5, nearness: corner.nearness };
+        self.caster.corners.extend(caster.corners.iter().map(halved));
+        draw_caster(mesh, &self.caster, &mut self.target);
+        for row in covered.rows.start / 2..covered.rows.end.div_ceil(2).min(size) {
+            for column in covered.columns.start / 2..covered.columns.end.div_ceil(2).min(size) {
+                let nearness = std::mem::take(&mut self.target.nearness[row * size + column]);
+                // The diagonal first, so that half of the texels are spread evenly.
+                for (x, y) in [(0, 0), (1, 1), (1, 0)].into_iter().take(quarters) {
+                    let texel = &mut map.nearness[(2 * row + y) * map.width + 2 * column + x];
+                    *texel = if nearness > *texel { nearness } else { *texel };
+                }
+            }
+        }
+    }
 }
 
 /// Points on the map.

@@ -184,6 +184,21 @@ impl View {
         }
     }
 
+    /// Draws the sides of transparent parts that face away, the farthest of each sample: their nearness is
+    /// [`far_nearness`] of what is drawn. Parts that reach before the near plane are left out.
+    pub fn draw_far_sides(&self, assets: &RenderAssets, target: &mut Target) {
+        let is_whole = |index: &usize| {
+            let placed = &self.parts[*index];
+            placed.visible && !placed.is_cut && assets.parts[*index].is_transparent()
+        };
+        for index in (0..assets.parts.len()).filter(is_whole) {
+            let (part, placed) = (&assets.parts[index], &self.parts[index]);
+            let turned = |corner: &Corner| Corner { nearness: far_nearness(corner.nearness), ..*corner };
+            let turned = PartView { corners: placed.corners.iter().map(turned).collect(), ..placed.clone() };
+            draw_triangles(turned.mesh(part), &turned, [false, true], (index as u32 + 1) << TRIANGLE_BITS, target);
+        }
+    }
+
     /// A triangle that crosses the near plane: what lies beyond it, as a fan.
     #[cold]
     fn draw_clipped(
@@ -270,6 +285,18 @@ impl Lens {
         CELLS_M.iter().take_while(|&&cell| cell < 1.5 * pixel_m).count()
     }
 
+    /// The point of the world that is seen at a pixel at a depth.
+    pub fn point_at(&self, pixel: Vec2, depth: f32) -> Vec3A {
+        let flat = (pixel - self.center) / self.focal;
+        self.eye + self.turn * (Vec3A::from(flat.extend(1.0)) * depth)
+    }
+
+    /// Where a point of the world that lies before the camera is seen, pixels.
+    pub fn pixel_of(&self, point: Vec3A) -> Vec2 {
+        let Corner { x, y, .. } = self.project(self.turn.transpose() * (point - self.eye));
+        Vec2::new(x, y)
+    }
+
     #[inline(always)]
     fn project(&self, in_camera: Vec3A) -> Corner {
         let nearness = 1.0 / in_camera.z;
@@ -279,6 +306,12 @@ impl Lens {
             nearness,
         }
     }
+}
+
+/// Turns the nearest into the farthest, and back.
+#[inline(always)]
+pub(crate) fn far_nearness(nearness: f32) -> f32 {
+    1.0 / NEAR_M - nearness
 }
 
 /// Draws a mesh that lies beyond the near plane.

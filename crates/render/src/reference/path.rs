@@ -1,10 +1,10 @@
 //! One light path: from the camera back to what shines on it.
 
 use glam::{Mat3A, Vec2, Vec3A, Vec4};
-use rand::{Rng, RngExt};
 
 use super::lamps::Arrival;
 use super::reflection::{Reflection, dielectric};
+use super::samples::Samples;
 use super::{Body, Reference};
 use crate::assets::Surface;
 use crate::mesh::Face;
@@ -44,7 +44,7 @@ struct Point {
 
 impl Reference<'_> {
     /// Follows a ray of unit direction.
-    pub(super) fn follow(&self, mut origin: Vec3A, mut direction: Vec3A, rng: &mut impl Rng) -> Brought {
+    pub(super) fn follow(&self, mut origin: Vec3A, mut direction: Vec3A, samples: &mut Samples) -> Brought {
         let mut brought = Brought::default();
         let mut share = Vec3A::ONE;
         // Chance per solid angle of the last scattering; none since the camera but mirrors and borders.
@@ -62,21 +62,21 @@ impl Reference<'_> {
             let (body, surface) = (&self.bodies[hit.part], &self.surfaces[hit.part]);
             let face = &body.mesh.faces[hit.triangle];
             let point = body.point(surface, face, origin + direction * hit.distance, direction);
-            let side = surface.side();
+            let side = surface.scatters();
             if side < 1.0 {
                 // Light that was scattered before goes straight on, as the rays to the lamps do.
                 let bends = body.mesh.closed && scattered == 0;
                 let index = surface.index_of_refraction();
                 let ratio = if point.is_outside || !bends { 1.0 / index } else { index };
                 let cosine = -direction.dot(point.smooth);
-                let (mirror, cover) = (rng.random::<f32>(), rng.random::<f32>());
+                let Vec2 { x: mirror, y: cover } = samples.two();
                 if mirror < dielectric(cosine, ratio) {
                     direction = (direction + point.smooth * (2.0 * cosine)).normalize();
                     (origin, is_view, chance) = (point.above(direction), false, None);
                     continue;
                 }
                 if cover >= side {
-                    share *= point.passing();
+                    share *= surface.tint(point.base, cosine, !body.mesh.closed);
                     if bends {
                         let behind = (1.0 - ratio * ratio * (1.0 - cosine * cosine)).max(0.0).sqrt();
                         direction = (direction * ratio + point.smooth * (ratio * cosine - behind)).normalize();
@@ -92,10 +92,10 @@ impl Reference<'_> {
             let (right, up) = point.smooth.any_orthonormal_pair();
             let frame = Mat3A::from_cols(right, up, point.smooth);
             let out = frame.transpose() * -direction;
-            for arrival in [self.lamps.draw_key(place(rng)), self.lamps.draw_studio(rng.random(), place(rng))] {
+            for arrival in [self.lamps.draw_key(samples.two()), self.lamps.draw_studio(samples.one(), samples.two())] {
                 brought.add(share * self.lit(&reflection, &frame, out, &point, arrival), scattered);
             }
-            let into = reflection.sample(out, rng.random(), place(rng));
+            let into = reflection.sample(out, samples.one(), samples.two());
             let (value, drawn) = reflection.evaluate(out, into);
             direction = (frame * into).normalize();
             if drawn <= 0.0 || direction.dot(point.flat) <= 0.0 {
@@ -106,7 +106,7 @@ impl Reference<'_> {
             scattered += 1;
             if scattered > SURE {
                 let stays = share.max_element().clamp(0.05, 0.95);
-                if rng.random::<f32>() >= stays {
+                if samples.one() >= stays {
                     break;
                 }
                 share /= stays;
@@ -143,13 +143,15 @@ impl Reference<'_> {
         self.bvh.walk(origin, direction, |triangle, distance| {
             let part = triangle.part as usize;
             let (body, surface) = (&self.bodies[part], &self.surfaces[part]);
-            let side = surface.side();
+            let side = surface.scatters();
             share = if side < 1.0 && share != Vec3A::ZERO {
                 let face = &body.mesh.faces[triangle.index as usize];
                 let point = body.point(surface, face, origin + direction * distance, direction);
                 // Straight on, so both sides are met as from outside.
                 let ratio = 1.0 / surface.index_of_refraction();
-                share * point.passing() * ((1.0 - side) * (1.0 - dielectric(-direction.dot(point.smooth), ratio)))
+                let cosine = -direction.dot(point.smooth);
+                let tint = surface.tint(point.base, cosine, !body.mesh.closed);
+                share * tint * ((1.0 - side) * (1.0 - dielectric(cosine, ratio)))
             } else {
                 Vec3A::ZERO
             };
@@ -193,24 +195,9 @@ impl Point {
     fn above(&self, direction: Vec3A) -> Vec3A {
         self.place + self.flat * LIFT_M.copysign(direction.dot(self.flat))
     }
-
-    /// Share of the light that passes a transparent border: it takes on some of the colour, as in the rasteriser.
-    fn passing(&self) -> Vec3A {
-        Vec3A::ONE.lerp(self.base, 0.25)
-    }
 }
 
 impl Surface {
-    /// Share of the light that one side of a transparent thing scatters: most sights pass two.
-    fn side(&self) -> f32 {
-        if self.opacity < 1.0 { 1.0 - (1.0 - self.opacity).sqrt() } else { 1.0 }
-    }
-
-    fn index_of_refraction(&self) -> f32 {
-        let root = self.reflectance.sqrt();
-        (1.0 + root) / (1.0 - root).max(1e-3)
-    }
-
     /// The border of something transparent mirrors by itself; what it scatters is dull.
     fn reflection(&self, base: Vec3A, side: f32) -> Reflection {
         let head_on = if side < 1.0 { Vec3A::ZERO } else { Vec3A::splat(self.reflectance) };
@@ -226,8 +213,4 @@ impl Surface {
 fn power(own: f32, other: f32) -> f32 {
     let (own, other) = (own * own, other * other);
     if own + other > 0.0 { own / (own + other) } else { 0.0 }
-}
-
-fn place(rng: &mut impl Rng) -> Vec2 {
-    Vec2::new(rng.random(), rng.random())
 }
