@@ -20,6 +20,7 @@ mod setup;
 mod sha256;
 mod test;
 mod tidy;
+mod wheel;
 
 use problem::{Problem, Result};
 use process::Workspace;

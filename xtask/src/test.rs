@@ -2,7 +2,7 @@
 
 use crate::problem::{Problem, Result};
 use crate::process::{self, Workspace};
-use crate::{setup, tidy};
+use crate::{setup, tidy, wheel};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -20,7 +20,7 @@ const BUILD: [&str; 4] = ["test", "--release", "--workspace", "--no-run"];
 type Phase = fn(&Workspace) -> Result<Outcome>;
 
 /// In this order: what fails in seconds comes before what takes minutes, and the tests' own lines come last.
-const PHASES: [(&str, Phase); 10] = [
+const PHASES: [(&str, Phase); 11] = [
     ("setup", set_up),
     ("fmt", |w| {
         let hint = "run `cargo fmt --all`".to_owned();
@@ -33,6 +33,7 @@ const PHASES: [(&str, Phase); 10] = [
     ("doc", documentation),
     ("build", |w| cargo(w, &BUILD)),
     ("link check", link_check),
+    ("python", python_wheel),
     ("test", tests),
 ];
 
@@ -120,6 +121,18 @@ fn link_check(workspace: &Workspace) -> Result<Outcome> {
     process::visible(&mut workspace.cargo(BUILD))?;
     process::visible(with_python(workspace, workspace.command(workspace.genmanip()?)).arg("doctor"))?;
     Ok(passed())
+}
+
+/// The wheel needs packages that only the network has; as in [`set_up`], a skip is a failure in CI.
+fn python_wheel(workspace: &Workspace) -> Result<Outcome> {
+    match wheel::environment(workspace) {
+        Ok(()) => wheel::test(workspace).map(|()| passed()),
+        Err(problem) if in_ci() => Err(problem),
+        Err(problem) => {
+            eprintln!("{problem}");
+            Ok(Outcome::Skipped("no Python environment to build the wheel in; a failure in CI".into()))
+        }
+    }
 }
 
 /// Unit, integration and documentation tests; adds up what they report, since cargo itself never does.

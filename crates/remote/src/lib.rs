@@ -1,8 +1,9 @@
-//! Policies of other programs, each a [`Policy`](genmanip_core::Policy): their server is asked for every chunk of actions.
+//! Policies of other programs, each a [`Policy`](genmanip_core::Policy): they are asked for every chunk of actions.
 //!
 //! - [`openpi`]: the websocket protocol of openpi's policy server, which many others speak as well.
 //! - [`numpy`]: arrays in MessagePack as Python programs write them.
 //! - [`fake`] is a server on loopback that misbehaves on request, for tests.
+//! - [`process`]: classes of Python modules, in a process of their own.
 //! - [`picture`]: pictures at the size that models want, as Pillow makes them.
 //!
 //! A server that cannot be reached, or that fails, is no failure of its policy: the episode is then *not run*.
@@ -13,5 +14,6 @@ pub mod fake;
 pub mod numpy;
 pub mod openpi;
 pub mod picture;
+pub mod process;
 
 pub use connection::{Patience, RemoteError};

@@ -11,8 +11,8 @@
 use std::sync::Arc;
 
 use genmanip_core::{
-    CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, HandPhase, Observation,
-    PrivilegedState, Seed, StrayContact,
+    CameraRequest, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, GoalVerdict, HandPhase, ObjectState,
+    Observation, PrivilegedState, Seed, StrayContact,
 };
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
@@ -243,6 +243,14 @@ impl Environment {
     pub fn truth(&mut self) -> Result<PrivilegedState, RolloutError> {
         let sim = &mut self.session.as_mut().ok_or(RolloutError::NotReset)?.sim;
         Ok(PrivilegedState { objects: sim.object_states(), grasped: sim.grasped() })
+    }
+
+    /// Where the objects are: the part of the truth that costs next to nothing.
+    ///
+    /// # Errors
+    /// Before the first reset.
+    pub fn objects(&self) -> Result<Vec<ObjectState>, RolloutError> {
+        self.session.as_ref().map(|session| session.sim.object_states()).ok_or(RolloutError::NotReset)
     }
 
     /// The goal as it is now, nothing held and nothing moving; the judge's memory of joint states is left alone.

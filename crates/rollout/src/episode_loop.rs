@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::adapter::{Adapter, AdapterError, ArmReference, NativeAction};
+use crate::adapter::AdapterError;
+use crate::driver::Driver;
 use crate::environment::{Conclusion, Environment};
 use crate::{RolloutError, RolloutSettings, Stage};
-use genmanip_core::{
-    Ending, Episode, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, Seed,
-};
+use genmanip_core::{Ending, Episode, EpisodeStart, Failure, FailureCause, Policy, PolicyError, PolicySpec, Seed};
 
 /// Runs one episode and judges it.
 ///
@@ -44,7 +43,7 @@ pub fn run_watched(
     watch: &mut Watch,
 ) -> Result<Episode, RolloutError> {
     let spec = policy.spec();
-    let adapter = adapter(&spec, stage, settings)?;
+    let mut driver = Driver::new(&spec, stage, settings)?;
     let mut environment = Environment::new(settings.clone());
     environment.reset(stage, seed);
     let start = EpisodeStart {
@@ -54,7 +53,7 @@ pub fn run_watched(
         scenario: spec.privileged.then(|| Arc::clone(&stage.scenario)),
     };
     let (ending, word) = match policy.reset(&start) {
-        Ok(()) => drive(&mut environment, policy, &spec, &adapter, watch)?,
+        Ok(()) => drive(&mut environment, policy, &spec, &mut driver, watch)?,
         Err(error) => gave_up(error, &spec)?,
     };
     environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
@@ -71,15 +70,9 @@ pub fn resume_episode(
     id: &str,
 ) -> Result<Episode, RolloutError> {
     let spec = policy.spec();
-    let adapter = adapter(&spec, stage, environment.settings())?;
-    let (ending, word) = drive(environment, policy, &spec, &adapter, &mut |_| Ok(()))?;
+    let mut driver = Driver::new(&spec, stage, environment.settings())?;
+    let (ending, word) = drive(environment, policy, &spec, &mut driver, &mut |_| Ok(()))?;
     environment.finish(Conclusion { id, policy: &spec.name, oracle: spec.privileged, ending, word })
-}
-
-fn adapter(spec: &PolicySpec, stage: &Stage, settings: &RolloutSettings) -> Result<Adapter, RolloutError> {
-    let repeat = check_spec(spec, stage)?;
-    Adapter::new(spec.action, &stage.robot, &settings.ik, 1.0 / stage.control_rate_hz(), repeat)
-        .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), reason: error.to_string() })
 }
 
 /// Looks farther apart than this have little in common, s: the arm crosses a tenth of the picture.
@@ -90,13 +83,12 @@ fn drive(
     environment: &mut Environment,
     policy: &mut dyn Policy,
     spec: &PolicySpec,
-    adapter: &Adapter,
+    driver: &mut Driver,
     watch: &mut Watch,
 ) -> Result<(Ending, Option<Failure>), RolloutError> {
-    let (mut looked_at, mut asked) = (None, None);
+    let mut looked_at = None;
     loop {
-        let left = environment.steps_left();
-        if left == 0 {
+        if environment.steps_left() == 0 {
             return Ok((Ending::Horizon, None));
         }
         watch(environment)?;
@@ -117,31 +109,14 @@ fn drive(
             return Ok(broke("returned no action".into()));
         }
         let count = if spec.execute_steps == 0 { usize::MAX } else { spec.execute_steps };
-        let chunk_start = environment.joint_positions()?;
+        driver.begin_chunk(environment)?;
         let mut cut_off = chunk.actions.len() > count;
         for action in chunk.actions.iter().take(count) {
-            let left = environment.steps_left();
-            if left == 0 {
-                cut_off = true;
-                break;
-            }
-            let (command, measured) = (environment.command()?, environment.joint_positions()?);
-            let width_m = command.last().copied().unwrap_or_default();
-            let command: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
-            let from =
-                ArmReference { command: &command, width_m, measured: &measured, chunk_start: &chunk_start, asked };
-            let NativeAction { commands, world_from_tcp } = match adapter.to_native(action, from) {
-                Ok(native) => native,
-                Err(error) => return Ok(no_action(error, environment)),
-            };
-            asked = world_from_tcp;
-            cut_off |= commands.len() > left;
-            for command in commands.iter().take(left) {
-                match environment.step(command) {
-                    Ok(step) if step.terminated => return Ok((Ending::Success, None)),
-                    Ok(_) => {}
-                    Err(error) => return Err(error),
-                }
+            match driver.act(environment, action) {
+                Ok(turn) if turn.terminated => return Ok((Ending::Success, None)),
+                Ok(turn) => cut_off |= turn.cut_off,
+                Err(RolloutError::Action(error)) => return Ok(no_action(error, environment)),
+                Err(error) => return Err(error),
             }
         }
         // What was cut off, by the horizon or by `execute_steps`, was not finished.
@@ -149,34 +124,6 @@ fn drive(
             return Ok((Ending::Finished, None));
         }
     }
-}
-
-/// How many control steps one action lasts; refuses what this loop cannot serve.
-fn check_spec(spec: &PolicySpec, stage: &Stage) -> Result<usize, RolloutError> {
-    let refuse = |reason: String| Err(RolloutError::Spec { policy: spec.name.clone(), reason });
-    let control_rate_hz = stage.control_rate_hz();
-    let repeat = control_rate_hz / spec.rate_hz;
-    if !(repeat >= 1.0 && repeat.fract() == 0.0) {
-        return refuse(format!("rate {} Hz does not divide the control rate of {control_rate_hz} Hz", spec.rate_hz));
-    }
-    if let Some(key) = spec.state_keys.iter().find(|key| *key != Observation::STATE) {
-        return refuse(format!("unknown state key `{key}`, there is `{}`", Observation::STATE));
-    }
-    for (index, request) in spec.cameras.iter().enumerate() {
-        if let Err(error) = stage.camera(request) {
-            return refuse(error.to_string());
-        }
-        if spec.cameras[..index].iter().any(|other| other.name == request.name) {
-            return refuse(format!("camera `{}` is asked for twice", request.name));
-        }
-        if request.channels.ids && !spec.privileged {
-            return refuse(format!(
-                "camera `{}` is asked for instance ids, which are simulator truth: expected a privileged policy",
-                request.name
-            ));
-        }
-    }
-    Ok(repeat as usize)
 }
 
 fn gave_up(error: PolicyError, spec: &PolicySpec) -> Result<(Ending, Option<Failure>), RolloutError> {

@@ -8,6 +8,7 @@ pub mod cloud_verdict;
 pub mod collect;
 pub mod controls;
 mod cores;
+pub mod driver;
 pub mod environment;
 pub mod episode_loop;
 pub mod evaluate;
@@ -21,6 +22,7 @@ mod settings;
 mod stage;
 
 pub use cores::{Cores, HeldCore};
+pub use driver::{Driver, Turn};
 pub use environment::Environment;
 pub use episode_loop::{resume_episode, run_episode, run_watched};
 pub use settings::RolloutSettings;

@@ -11,6 +11,7 @@ use genmanip_scene::relations::{PosedObject, PosedScene, RelationSettings, Rest,
 use genmanip_sim::{Scene, SceneObject, SimError};
 
 use crate::RolloutSettings;
+use crate::adapter::AdapterError;
 
 /// Everything immutable that episodes of one scenario share.
 #[derive(Clone, Debug)]
@@ -80,6 +81,9 @@ pub enum RolloutError {
         /// What its end said.
         reason: String,
     },
+    /// What was given is no action, or asks for what the arm cannot do; nothing has changed.
+    #[error(transparent)]
+    Action(#[from] AdapterError),
     /// An environment without an episode.
     #[error("the environment has no episode: reset it first")]
     NotReset,

@@ -9,6 +9,7 @@
 //! - [`evaluate`]: policies on scenarios; [`policies`] is the one registry of policies by name with arguments.
 //! - [`compare`]: two evaluations of one suite; [`leaderboard`]: all evaluations below a folder.
 //! - [`suites`]: scenarios chosen, certified and frozen, to be evaluated on.
+//! - [`sessions`]: environments that other programs drive, action by action.
 //! - [`report`]: the input of the HTML page and the page itself, with [`pictures`] of the scenes.
 //! - [`replay`], [`layouts`], [`plan`] and [`grasps`]: what the other verbs do.
 //! - [`worlds`]: world files and cameras: check, show, edit in place; [`views`]: what cameras see.
@@ -55,6 +56,7 @@ pub mod replay;
 pub mod report;
 pub mod robots;
 mod seeing;
+pub mod sessions;
 pub mod shard;
 mod shelf;
 pub mod suites;

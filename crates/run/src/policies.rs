@@ -23,8 +23,10 @@ use crate::agents::{Account, AgentChoice, ModelChoice, Transcribing};
 use crate::error::RunError;
 use crate::remote;
 
+pub use crate::remote::read_spec;
+
 /// All policies there are, in the order in which they are listed.
-pub const POLICIES: [PolicyEntry; 8] = [
+pub const POLICIES: [PolicyEntry; 9] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
@@ -89,6 +91,25 @@ pub const POLICIES: [PolicyEntry; 8] = [
         is_usual: false,
         prepare: openpi,
     },
+    PolicyEntry {
+        name: "python",
+        about: "asks a class of a Python module in a process of its own: python:MODULE:CLASS",
+        arguments: &PYTHON_ARGUMENTS,
+        needs_record: false,
+        is_usual: false,
+        prepare: python,
+    },
+];
+
+/// What may be said about a class of a Python module.
+const PYTHON_ARGUMENTS: [PolicyArgument; 3] = [
+    PolicyArgument {
+        name: "class",
+        default: "",
+        about: "MODULE:CLASS; the module lies in the working folder or PYTHONPATH",
+    },
+    PolicyArgument { name: "python", default: "python3", about: "the interpreter, which has NumPy" },
+    PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" },
 ];
 
 /// What may be said about a server of openpi's protocol.
@@ -255,6 +276,12 @@ fn openpi(given: &Given) -> Result<Prepared, RunError> {
     }))
 }
 
+fn python(given: &Given) -> Result<Prepared, RunError> {
+    let patience_s = given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?;
+    let processes = remote::processes(given.text("class"), given.text("python"), patience_s)?;
+    Ok(Prepared::new(move |episode: &PolicyContext| remote::python(&processes, episode.cores)))
+}
+
 /// One policy of the registry.
 pub struct PolicyEntry {
     /// The name on the command line and in results.
@@ -316,7 +343,7 @@ impl Prepared {
 
 /// Makes one policy per episode.
 pub struct PolicyFactory {
-    name: &'static str,
+    name: String,
     label: String,
     needs_record: bool,
     prepared: Prepared,
@@ -334,7 +361,24 @@ impl PolicyFactory {
         let entry = entry.ok_or_else(|| RunError::unknown("policy", "policies", name, &known))?;
         let given = Given::parse(entry, arguments)?;
         let prepared = (entry.prepare)(&given)?;
-        Ok(Self { name: entry.name, label: given.label(), needs_record: entry.needs_record, prepared })
+        Ok(Self { name: entry.name.into(), label: given.label(), needs_record: entry.needs_record, prepared })
+    }
+
+    /// A policy of the calling program, under a name of its own; `make` is called once per episode, from any thread.
+    ///
+    /// # Errors
+    /// A name that cannot stand in the name of a file.
+    pub fn of(
+        name: &str,
+        make: impl Fn(&PolicyContext) -> Result<Box<dyn Policy>, RunError> + Send + Sync + 'static,
+    ) -> Result<Self, RunError> {
+        if name.is_empty() || name.starts_with('.') || !name.chars().all(fits_label) || name.len() > MOST_NAME {
+            return Err(RunError::input(format!("`{name}` cannot be the name of a policy")).with_hint(
+                "it names a file: letters, digits and -_.+=@, no dot at the beginning, at most 100 of them",
+            ));
+        }
+        let (name, label) = (name.to_owned(), name.to_owned());
+        Ok(Self { name, label, needs_record: false, prepared: Prepared::new(make) })
     }
 
     /// The usual policies with their defaults, without those that need a record where there is none.
@@ -347,8 +391,8 @@ impl PolicyFactory {
     }
 
     /// Name of the policy, as results say it.
-    pub fn name(&self) -> &'static str {
-        self.name
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// The name with those arguments that differ from their defaults, fit for the name of a file.
@@ -393,6 +437,14 @@ pub fn describe() -> String {
     text
 }
 
+/// Longest name of a policy of the calling program, bytes.
+const MOST_NAME: usize = 100;
+
+/// Whether a character may stand in a label, which names a file.
+fn fits_label(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "-_.+=@".contains(c)
+}
+
 /// The arguments of a policy: given ones, and defaults for the others.
 struct Given {
     policy: &'static str,
@@ -404,7 +456,12 @@ impl Given {
     fn parse(entry: &PolicyEntry, text: &str) -> Result<Self, RunError> {
         let defaults = entry.arguments.iter().map(|argument| (argument.name, argument.default.to_owned(), false));
         let mut given = Self { policy: entry.name, values: defaults.collect() };
-        for part in text.split(',').filter(|part| !part.is_empty()) {
+        for (place, part) in text.split(',').enumerate().filter(|(_, part)| !part.is_empty()) {
+            // `python:MODULE:CLASS` reads better than `python:class=MODULE:CLASS`.
+            if let (0, "python", false) = (place, entry.name, part.contains('=')) {
+                given.values[0] = (given.values[0].0, part.to_owned(), true);
+                continue;
+            }
             let Some((key, value)) = part.split_once('=') else {
                 return Err(RunError::input(format!("`{part}` is no argument of policy {}", entry.name))
                     .with_hint(format!("expected {}:key=value,key=value", entry.name)));
@@ -451,7 +508,7 @@ impl Given {
     }
 
     fn label(&self) -> String {
-        let fit = |c: char| if c.is_ascii_alphanumeric() || "-_.+=@".contains(c) { c } else { '_' };
+        let fit = |c: char| if fits_label(c) { c } else { '_' };
         let differing = self.values.iter().filter(|(.., differs)| *differs);
         let arguments = differing.map(|(name, value, _)| format!("_{name}={value}"));
         format!("{}{}", self.policy, arguments.collect::<String>()).chars().map(fit).collect()
@@ -470,6 +527,7 @@ mod tests {
             ("do_nothing", "do_nothing"),
             ("do_nothing:seconds=5", "do_nothing"),
             ("do_nothing:seconds=0.5", "do_nothing_seconds=0.5"),
+            ("python:mine.press:Press", "python_class=mine.press_Press"),
             ("agent:path=grid,preset=paper", "agent_path=grid_preset=paper"),
         ];
         for (text, label) in labels {
@@ -477,8 +535,8 @@ mod tests {
             assert_eq!((factory.label(), factory.name()), (label, text.split(':').next().unwrap()));
         }
         let known: Vec<&str> = POLICIES.iter().filter(|entry| entry.is_usual).map(|entry| entry.name).collect();
-        let all: Vec<&str> = PolicyFactory::all(true).unwrap().iter().map(PolicyFactory::name).collect();
-        assert_eq!(all, known);
+        let all = PolicyFactory::all(true).unwrap();
+        assert_eq!(all.iter().map(PolicyFactory::name).collect::<Vec<_>>(), known);
     }
 
     #[test]
@@ -488,6 +546,9 @@ mod tests {
             ("", "unknown policy ``", "policies are expert, replay, do_nothing, random, blind, playback, agent"),
             ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
             ("playback:dataset=none", "cannot play none back", ""),
+            ("python", "`` names no class", "python:MODULE:CLASS"),
+            ("python:my_policy", "`my_policy` names no class", "MyPolicy in my_policy.py"),
+            ("python:my_policy:My Policy", "names no class", ""),
             ("expert:speed=2", "policy expert takes no arguments", "expected expert alone"),
             ("do_nothing:second=2", "unknown policy argument `second`", "did you mean `seconds`?"),
             ("do_nothing:seconds", "`seconds` is no argument of policy do_nothing", "do_nothing:key=value"),

@@ -6,7 +6,10 @@ use std::time::Duration;
 use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, RobotModel};
 use genmanip_remote::Patience;
 use genmanip_remote::openpi::{OpenpiPolicy, OpenpiSettings, Preset};
+use genmanip_remote::process::{ProcessSettings, Processes};
 use genmanip_rollout::Cores;
+
+use serde_json::Value;
 
 use crate::error::RunError;
 
@@ -66,6 +69,61 @@ pub(crate) fn openpi(
         Some(cores) => Box::new(Lending { policy, cores: Arc::clone(cores) }),
         None => Box::new(policy),
     }
+}
+
+/// Processes for a class of a Python module.
+///
+/// # Errors
+/// A class that cannot be one.
+pub(crate) fn processes(class: &str, python: &str, patience_s: f64) -> Result<Arc<Processes>, RunError> {
+    let is_name = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_');
+    let is_class = |(module, name): (&str, &str)| module.split('.').all(is_name) && is_name(name);
+    if !class.split_once(':').is_some_and(is_class) {
+        return Err(RunError::input(format!("policy python: `{class}` names no class"))
+            .with_hint("expected python:MODULE:CLASS, e.g. python:my_policy:MyPolicy for MyPolicy in my_policy.py"));
+    }
+    let answer = Duration::from_secs_f64(patience_s);
+    Ok(Processes::new(ProcessSettings { class: class.into(), python: python.into(), answer }))
+}
+
+/// The policy for one episode, which lends its core while it waits for its process; it is called as its class.
+pub(crate) fn python(processes: &Arc<Processes>, cores: Option<&Arc<Cores>>) -> Result<Box<dyn Policy>, RunError> {
+    let class = &processes.settings().class;
+    let name = class.rsplit(':').next().unwrap_or(class);
+    let policy = processes.policy(|given| read_spec(name, given)).map_err(|error| match error {
+        PolicyError::Unreachable(reason) => RunError::Unreachable { policy: class.clone(), reason },
+        error => RunError::input(format!("policy {class}: {error}"))
+            .with_hint("the class needs spec(), reset(start) and act(observation)"),
+    })?;
+    Ok(match cores {
+        Some(cores) => Box::new(Lending { policy, cores: Arc::clone(cores) }),
+        None => Box::new(policy),
+    })
+}
+
+/// What a program in another language says about its policy: what it leaves out is as of native actions at 15 Hz.
+///
+/// # Errors
+/// Says which part is wrong.
+pub fn read_spec(name: &str, given: Value) -> Result<PolicySpec, String> {
+    let known = serde_json::to_value(PolicySpec::native(name, 15.0)).map_err(|error| error.to_string())?;
+    let (Value::Object(mut whole), Value::Object(given)) = (known, given) else {
+        return Err("the spec of a policy is an object, e.g. {\"rate_hz\": 15}".into());
+    };
+    for (key, value) in given {
+        if !whole.contains_key(&key) {
+            let known: Vec<&str> = whole.keys().map(String::as_str).collect();
+            return Err(format!("the spec of a policy has no `{key}`; it has {}", known.join(", ")));
+        }
+        // Before all parts are put together, so that the message names the one that is wrong.
+        let mut alone = whole.clone();
+        alone.insert(key.clone(), value.clone());
+        serde_json::from_value::<PolicySpec>(Value::Object(alone))
+            .map_err(|error| format!("`{key}` in the spec of the policy: {error}"))?;
+        whole.insert(key, value);
+    }
+    let spec: PolicySpec = serde_json::from_value(Value::Object(whole)).map_err(|error| error.to_string())?;
+    Ok(PolicySpec { name: name.into(), ..spec })
 }
 
 struct Lending<P> {

@@ -127,6 +127,11 @@ impl Adapter {
         Ok(Self { spec, robot: Arc::clone(robot), kinematics, reach, control_period_s, repeat })
     }
 
+    /// Control steps that one action lasts.
+    pub fn repeat(&self) -> usize {
+        self.repeat
+    }
+
     /// The native commands of an action.
     ///
     /// # Errors

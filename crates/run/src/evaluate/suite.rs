@@ -47,6 +47,18 @@ pub struct Suite {
 }
 
 impl Suite {
+    /// What lies at a path: a frozen suite, a run, or scenarios.
+    ///
+    /// # Errors
+    /// As [`Suite::frozen`], [`Suite::of_run`] and [`Suite::of_scenarios`].
+    pub fn at(path: &Path) -> Result<Self, RunError> {
+        match path {
+            path if path.join("suite.json").is_file() => Self::frozen(path),
+            path if path.join("run.json").is_file() || !path.exists() => Self::of_run(path),
+            path => Self::of_scenarios(&[path.to_owned()]),
+        }
+    }
+
     /// The scenarios of a run: of all its recorded attempts, or, when nothing was collected, those in `scenarios/`.
     ///
     /// # Errors

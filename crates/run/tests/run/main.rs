@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
 mod act;
+mod driving;
 mod remote;
 
 use std::path::{Path, PathBuf};
@@ -116,6 +117,8 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     assert_eq!((reports.len(), reports[0].results.len(), reports[0].summary.success.value), (1, 2, 0.0));
     assert!(folder.join("evaluation/do_nothing_seconds=0.5.json").is_file());
     assert_eq!(*listener.begun.lock().unwrap(), [("do_nothing_seconds=0.5".to_owned(), 1)], "the other was done");
+
+    driving::a_session_ends_as_the_loop_does(&suite, &reports[0].results);
 
     // Nobody fails at a task because a model's server is down: nothing is counted.
     let model = folder.with_file_name("model.toml");

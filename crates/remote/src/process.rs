@@ -1,0 +1,288 @@
+//! A policy of a Python module, in a Python process that is asked over pipes.
+//!
+//! The process needs NumPy and whatever the policy needs, and nothing of ours: the program that it runs is
+//! `policy_process.py`, which comes with this crate. A process serves one episode after the other, so that a model is
+//! loaded once.
+
+use std::io::{Read, Write};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use genmanip_core::{
+    ActionChunk, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec, RgbdImage,
+};
+use serde_json::{Map, Value, json};
+
+/// What the process runs.
+const PROGRAM: &str = include_str!("policy_process.py");
+/// Largest head of a message and largest array that is read, bytes.
+const MOST_BYTES: usize = 4 << 20;
+/// The longest part of a traceback that is repeated, characters; its end says what went wrong.
+const SHOWN: usize = 400;
+
+/// Which class is asked, in which Python.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProcessSettings {
+    /// `module:Class`; the module is found as from the working folder.
+    pub class: String,
+    /// The interpreter.
+    pub python: String,
+    /// How long is waited for an answer; the first one waits for the module to be imported.
+    pub answer: Duration,
+}
+
+/// Processes of one class, kept from episode to episode.
+#[derive(Debug)]
+pub struct Processes {
+    settings: ProcessSettings,
+    idle: Mutex<Vec<Process>>,
+}
+
+impl Processes {
+    /// None is started yet.
+    pub fn new(settings: ProcessSettings) -> Arc<Self> {
+        Arc::new(Self { settings, idle: Mutex::default() })
+    }
+
+    /// Which class is asked.
+    pub fn settings(&self) -> &ProcessSettings {
+        &self.settings
+    }
+
+    /// The policy for one episode: an object of the class, in a process that is free or a new one. `read_spec` reads
+    /// what the object says about itself.
+    ///
+    /// # Errors
+    /// [`PolicyError::Unreachable`] when no process can be had, [`PolicyError::Unsuited`] when the class cannot be made
+    /// or says nonsense about itself.
+    pub fn policy(
+        self: &Arc<Self>,
+        read_spec: impl FnOnce(Value) -> Result<PolicySpec, String>,
+    ) -> Result<ProcessPolicy, PolicyError> {
+        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut process = match idle {
+            Some(process) => process,
+            None => Process::start(&self.settings)?,
+        };
+        let (head, _) = process.ask(json!({"ask": "make"}), &[]).map_err(|error| match error {
+            PolicyError::GaveUp(failure) => PolicyError::Unsuited(failure.evidence),
+            error => error,
+        })?;
+        let spec = head.get("spec").cloned().unwrap_or_default();
+        let spec = read_spec(spec).map_err(PolicyError::Unsuited)?;
+        Ok(ProcessPolicy { process: Some(process), spec, owner: Arc::clone(self) })
+    }
+}
+
+/// A policy in a process.
+#[derive(Debug)]
+pub struct ProcessPolicy {
+    /// `None` once it failed to answer: what it would say next belongs to another question.
+    process: Option<Process>,
+    spec: PolicySpec,
+    owner: Arc<Processes>,
+}
+
+impl ProcessPolicy {
+    fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<(Map<String, Value>, Vec<Array>), PolicyError> {
+        let gone = || PolicyError::Unreachable("its Python process has ended".into());
+        let answer = self.process.as_mut().ok_or_else(gone)?.ask(head, arrays);
+        if matches!(answer, Err(PolicyError::Unreachable(_))) {
+            self.process = None;
+        }
+        answer
+    }
+}
+
+impl Drop for ProcessPolicy {
+    fn drop(&mut self) {
+        self.owner.idle.lock().unwrap_or_else(PoisonError::into_inner).extend(self.process.take());
+    }
+}
+
+impl Policy for ProcessPolicy {
+    fn spec(&self) -> PolicySpec {
+        self.spec.clone()
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        let start = json!({"instruction": start.instruction, "seed": start.seed.to_string()});
+        self.ask(json!({"ask": "reset", "start": start}), &[]).map(|_| ())
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let mut arrays = Vec::new();
+        let seen = told(observation, &mut arrays);
+        let (head, answered) = self.ask(json!({"ask": "act", "observation": seen}), &arrays)?;
+        let wrong = |what: &str| PolicyError::Unsuited(format!("{}: {what}", self.owner.settings.class));
+        let [Array { dtype: F32, shape, bytes }] = &answered[..] else { return Err(wrong("act gave no array")) };
+        let &[_, width] = &shape[..] else { return Err(wrong("act gave no rows of actions")) };
+        let numbers = bytes.chunks_exact(4).filter_map(|word| Some(f32::from_le_bytes(word.try_into().ok()?)));
+        let numbers: Vec<f32> = numbers.collect();
+        let finished = head.get("finished").and_then(Value::as_bool).unwrap_or_default();
+        Ok(ActionChunk { actions: numbers.chunks_exact(width.max(1)).map(<[f32]>::to_vec).collect(), finished })
+    }
+}
+
+const F32: &str = "<f4";
+
+/// An array of a message.
+#[derive(Clone, Debug, PartialEq)]
+struct Array {
+    /// As NumPy names it.
+    dtype: &'static str,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+impl Array {
+    fn of_reals(numbers: &[f64], shape: &[usize]) -> Self {
+        let bytes = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+        Self { dtype: "<f8", shape: shape.to_vec(), bytes }
+    }
+
+    fn of_floats<'a>(numbers: impl IntoIterator<Item = &'a f32>, shape: &[usize]) -> Self {
+        let bytes = numbers.into_iter().flat_map(|number| number.to_le_bytes()).collect();
+        Self { dtype: F32, shape: shape.to_vec(), bytes }
+    }
+}
+
+/// An observation with its arrays apart, under the names that the Python package gives them.
+fn told(observation: &Observation, arrays: &mut Vec<Array>) -> Value {
+    let mut put = |array: Array| {
+        arrays.push(array);
+        json!({"array": arrays.len() - 1})
+    };
+    let state = observation.state.get(Observation::STATE).map_or(&[][..], Vec::as_slice);
+    let mut seen = json!({"time_s": observation.time_s, "state": put(Array::of_reals(state, &[state.len()]))});
+    let images = observation.images.iter().map(|(name, image)| (name.clone(), picture(image, &mut put)));
+    seen["images"] = Value::Object(images.collect());
+    if let Some(truth) = &observation.privileged {
+        let row = |pose: &genmanip_core::Pose| {
+            let (p, q) = (pose.position, pose.rotation);
+            [p.x, p.y, p.z, q.w, q.x, q.y, q.z]
+        };
+        let rows: Vec<f64> = truth.objects.iter().flat_map(|object| row(&object.pose)).collect();
+        seen["objects"] = put(Array::of_reals(&rows, &[truth.objects.len(), 7]));
+        seen["object_joints"] = truth.objects.iter().map(|object| json!(object.joint_positions)).collect();
+        seen["grasped"] = json!(truth.grasped);
+    }
+    seen
+}
+
+fn picture(image: &RgbdImage, put: &mut impl FnMut(Array) -> Value) -> Value {
+    let size = [image.height() as usize, image.width() as usize];
+    let with_three = [size[0], size[1], 3];
+    let k = &image.intrinsics;
+    let mut seen = json!({"K": put(Array::of_reals(&[k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0], &[3, 3]))});
+    if !image.rgb.is_empty() {
+        seen["rgb"] = put(Array { dtype: "|u1", shape: with_three.to_vec(), bytes: image.rgb.clone() });
+    }
+    if !image.depth_m.is_empty() {
+        seen["depth_m"] = put(Array::of_floats(&image.depth_m, &size));
+    }
+    if !image.points_m.is_empty() {
+        seen["points_m"] = put(Array::of_floats(image.points_m.iter().flatten(), &with_three));
+    }
+    seen
+}
+
+/// A running process and the thread that reads what it says.
+#[derive(Debug)]
+struct Process {
+    child: Child,
+    input: ChildStdin,
+    messages: Receiver<std::io::Result<(Map<String, Value>, Vec<Array>)>>,
+    answer: Duration,
+}
+
+impl Process {
+    fn start(settings: &ProcessSettings) -> Result<Self, PolicyError> {
+        let ProcessSettings { class, python, answer } = settings;
+        let unreachable = |what: String| PolicyError::Unreachable(what);
+        let mut command = Command::new(python);
+        command.args(["-c", PROGRAM, class]).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| unreachable(format!("cannot start `{python}`: {error}")))?;
+        let pipes = (child.stdin.take(), child.stdout.take());
+        let (Some(input), Some(mut output)) = pipes else { return Err(unreachable("the process has no pipes".into())) };
+        let (sender, messages) = channel();
+        std::thread::spawn(move || {
+            loop {
+                let message = receive(&mut output);
+                let ended = message.is_err();
+                if sender.send(message).is_err() || ended {
+                    return;
+                }
+            }
+        });
+        Ok(Self { child, input, messages, answer: *answer })
+    }
+
+    /// What the policy raised is its failure; a process that is gone or silent is not.
+    fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<(Map<String, Value>, Vec<Array>), PolicyError> {
+        let gone = |error: &dyn std::fmt::Display| {
+            PolicyError::Unreachable(format!("its Python process has ended, see its own words above: {error}"))
+        };
+        send(&mut self.input, head, arrays).map_err(|error| gone(&error))?;
+        let answer = self.messages.recv_timeout(self.answer).map_err(|error| match error {
+            RecvTimeoutError::Timeout => {
+                PolicyError::Unreachable(format!("no answer within {} s", self.answer.as_secs_f64()))
+            }
+            RecvTimeoutError::Disconnected => gone(&error),
+        })?;
+        let (head, arrays) = answer.map_err(|error| gone(&error))?;
+        match head.get("error").and_then(Value::as_str) {
+            Some(traceback) => {
+                let skipped = traceback.chars().count().saturating_sub(SHOWN);
+                let evidence = traceback.trim().chars().skip(skipped).collect();
+                Err(PolicyError::GaveUp(Failure { cause: FailureCause::Policy, evidence }))
+            }
+            None => Ok((head, arrays)),
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn send(pipe: &mut impl Write, mut head: Value, arrays: &[Array]) -> std::io::Result<()> {
+    head["arrays"] = arrays.iter().map(|array| json!({"dtype": array.dtype, "shape": array.shape})).collect();
+    let head = serde_json::to_vec(&head)?;
+    let length = u32::try_from(head.len()).map_err(std::io::Error::other)?;
+    pipe.write_all(&length.to_le_bytes())?;
+    pipe.write_all(&head)?;
+    arrays.iter().try_for_each(|array| pipe.write_all(&array.bytes))?;
+    pipe.flush()
+}
+
+fn receive(pipe: &mut impl Read) -> std::io::Result<(Map<String, Value>, Vec<Array>)> {
+    let wrong = |what: &str| std::io::Error::other(format!("its answer is no message: {what}"));
+    let mut length = [0; 4];
+    pipe.read_exact(&mut length)?;
+    let length = u32::from_le_bytes(length) as usize;
+    if length > MOST_BYTES {
+        return Err(wrong("its head is too long"));
+    }
+    let mut head = vec![0; length];
+    pipe.read_exact(&mut head)?;
+    let head: Map<String, Value> = serde_json::from_slice(&head)?;
+    let listed = head.get("arrays").and_then(Value::as_array).ok_or_else(|| wrong("it lists no arrays"))?;
+    let mut arrays = Vec::new();
+    for told in listed {
+        let axes = told.get("shape").and_then(Value::as_array).ok_or_else(|| wrong("an array without shape"))?;
+        let shape: Option<Vec<usize>> = axes.iter().map(|axis| usize::try_from(axis.as_u64()?).ok()).collect();
+        let shape = shape.ok_or_else(|| wrong("a shape that is none"))?;
+        let size = shape.iter().try_fold(4_usize, |size, axis| size.checked_mul(*axis));
+        let size = size.filter(|size| *size <= MOST_BYTES).ok_or_else(|| wrong("an array that is too large"))?;
+        let mut bytes = vec![0; size];
+        pipe.read_exact(&mut bytes)?;
+        arrays.push(Array { dtype: F32, shape, bytes });
+    }
+    Ok((head, arrays))
+}

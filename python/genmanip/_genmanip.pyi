@@ -1,0 +1,96 @@
+"""The native module; programs use the package around it."""
+
+import os
+from typing import Any, Optional, Sequence, Union
+
+_Path = Union[str, os.PathLike[str]]
+# Reward, score, success, terminated, truncated, and why the action was refused.
+_Told = tuple[float, float, bool, bool, bool, Optional[str]]
+# Name of the episode, kind of its task, instruction.
+_About = tuple[str, str, str]
+
+__version__: str
+
+class Error(ValueError):
+    """What could not be done, why, and what helps."""
+
+class Scenes:
+    """Where episodes start; environments share one."""
+
+    @staticmethod
+    def suite(path: _Path) -> Scenes:
+        """Of a frozen suite, a run, or scenario files."""
+    @staticmethod
+    def tasks(paths: Sequence[_Path], world: _Path | None = None) -> Scenes:
+        """Of task files, which are laid out anew for each seed."""
+    def __len__(self) -> int: ...
+    def ids(self) -> list[str]:
+        """Ids by index."""
+    def most_objects(self) -> int:
+        """Most objects that any of them has."""
+    def robot(self) -> list[tuple[str, float, float, float]]:
+        """Name, lower and upper limit (rad) and speed (rad/s) of the arm's joints, then of the fingers' opening (m)."""
+
+class Saved:
+    """A moment to go back to."""
+
+class Env:
+    def __new__(cls, scenes: Scenes, settings: str) -> Env: ...
+    def reset(self, index: int = 0, seed: int | None = None) -> None: ...
+    def step(self, action: Sequence[float]) -> _Told: ...
+    def observe(self) -> dict[str, Any]: ...
+    def glance(self) -> dict[str, Any]: ...
+    def picture(self, camera: str, size: tuple[int, int] | None = None) -> dict[str, Any]: ...
+    def verdict(self) -> str: ...
+    def scenario(self) -> str | None: ...
+    def about(self) -> _About | None: ...
+    def control_steps(self) -> int: ...
+    def finish(self, policy: str) -> str: ...
+    def save(self) -> Saved: ...
+    def restore(self, saved: Saved) -> None: ...
+
+class Pool:
+    def __new__(cls, scenes: Scenes, settings: str, count: int, threads: int) -> Pool: ...
+    def step(
+        self, actions: Sequence[Sequence[float]], resets: Sequence[tuple[int, int | None] | None]
+    ) -> tuple[list[_Told | None], list[dict[str, Any]]]: ...
+    def about(self) -> list[_About | None]: ...
+
+def engine() -> str:
+    """Version of the simulator that was loaded, as it says itself."""
+
+def policies() -> list[tuple[str, str]]:
+    """Names of the built-in policies, with what they are."""
+
+def evaluate(
+    suite: _Path,
+    policies: Sequence[Any],
+    out: _Path | None,
+    episodes_per_scenario: int,
+    keep_episodes: bool | None,
+    workers: int | None,
+) -> str: ...
+def tasks(paths: Sequence[_Path]) -> str: ...
+def design(out: _Path, kinds: Sequence[str], count: int, seed: int) -> str: ...
+def layout(
+    tasks: Sequence[_Path],
+    out: _Path,
+    count: int,
+    seed: int,
+    world: _Path | None,
+    robot: str | None,
+    workers: int | None,
+) -> str: ...
+def collect(
+    tasks: Sequence[_Path],
+    out: _Path,
+    episodes: int,
+    seed: int,
+    dataset: bool,
+    keep_failed: bool,
+    world: _Path | None,
+    robot: str | None,
+    workers: int | None,
+) -> str: ...
+def dataset(folder: _Path) -> tuple[str, list[tuple[int, str, bool, int, int]]]: ...
+def dataset_actions(folder: _Path, episode: int) -> Any: ...

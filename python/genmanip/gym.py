@@ -1,0 +1,172 @@
+"""Gymnasium's environments: gymnasium.make("GenManip-v0", suite=… or tasks=…) and gymnasium.make_vec(…)."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Sequence
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
+
+from . import _genmanip
+from ._genmanip import Error, Scenes
+from ._spaces import Spaces
+from .environment import settings
+
+class _Setup:
+    """What single and vector environments share: scenes, spaces, settings, and where the next episode starts."""
+
+    def __init__(
+        self,
+        suite: str | os.PathLike[str] | None = None,
+        tasks: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+        index: int | None = None,
+        observation: str = "state",
+        cameras: Sequence[str] = ("static", "wrist"),
+        size: tuple[int, int] = (256, 256),
+        action: str = "joint",
+        normalized: bool = True,
+        rate_hz: float = 15.0,
+        reward: str = "score",
+        layouts: int = 1,
+        horizon_s: float | None = None,
+        stop_on_success: bool = True,
+    ) -> None:
+        if (suite is None) == (tasks is None):
+            raise Error("expected suite=… or tasks=…, one of them\nhint: a suite is a frozen suite, a run or scenarios")
+        if reward not in ("score", "sparse"):
+            raise Error(f"unknown reward `{reward}`\nhint: rewards are score, sparse")
+        several = [tasks] if isinstance(tasks, (str, os.PathLike)) else list(tasks or [])
+        self.scenes = Scenes.suite(suite) if suite is not None else Scenes.tasks(several)
+        self.has_layouts, self.layouts = suite is None, layouts
+        self.ids = self.scenes.ids()
+        if index is not None and not 0 <= index < len(self.ids):
+            raise Error(f"there is no scene {index}\nhint: there are {len(self.ids)}, counted from 0")
+        self.index, self.sparse, self.rate_hz = index, reward == "sparse", rate_hz
+        self.settings = settings(action, rate_hz, [], False, horizon_s, stop_on_success)  # refuses an unknown action
+        self.spaces = Spaces(self.scenes, observation, cameras, size, action, rate_hz, normalized)
+        seen = (self.spaces.requests(), self.spaces.privileged)
+        self.settings = settings(action, rate_hz, *seen, horizon_s, stop_on_success)
+        self.longest = None if horizon_s is None else int(round(horizon_s * rate_hz))
+
+    def start(self, chance: np.random.Generator, seed: int | None, options: dict[str, Any] | None) -> tuple[int, int | None]:
+        """Index and seed of the next episode."""
+        options = options or {}
+        index = options.get("index", self.index)
+        if index is None:
+            index = int(chance.integers(len(self.ids)))
+        if self.has_layouts:
+            seed = int(options.get("layout", chance.integers(self.layouts)))
+        return int(index), seed
+
+    def told(self, told: tuple[float, float, bool, bool, bool, str | None]) -> tuple[float, bool, bool, dict[str, Any]]:
+        """Reward, terminated, truncated and info of a step."""
+        reward, score, success, terminated, truncated, refused = told
+        if self.sparse:
+            reward = float(success and (terminated or truncated))
+        info: dict[str, Any] = {"is_success": success, "score": score}
+        if refused is not None:
+            info["refused"] = refused
+        return reward, terminated, truncated, info
+
+
+class GenManipEnv(gymnasium.Env[dict[str, Any], np.ndarray]):
+    """A scene of a suite, or a task that is laid out, as an environment of Gymnasium.
+
+    observation: "state" (agent_pos and the true poses of objects), "rgb", "rgbd" or "points" (in the world).
+    action: "joint", "joint_delta", "joint_velocity", "ee" or "ee_delta", see genmanip.ACTIONS; at rate_hz.
+    normalized: whether actions run from -1 to 1, between limits that the arm can reach; else they are in m, rad and s.
+    reward: "score", the change of the goal's score, or "sparse", 1 when the episode ends with the goal reached.
+    index: which scene; None draws one at each reset. layouts: of tasks, how many layouts are drawn from.
+    An action that the arm cannot reach is not carried out: info["refused"] says why, and the last command is held.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 15}
+
+    def __init__(self, render_mode: str | None = None, **given: Any) -> None:
+        self.setup = _Setup(**given)
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": int(round(self.setup.rate_hz))}
+        self.observation_space, self.action_space = self.setup.spaces.observation, self.setup.spaces.action
+        self.native = _genmanip.Env(self.setup.scenes, self.setup.settings)
+        self._max_episode_steps = self.setup.longest
+        self.task = self.task_description = ""
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        super().reset(seed=seed)
+        self.native.reset(*self.setup.start(self.np_random, seed, options))
+        self.task, _, self.task_description = self.native.about()
+        info = {"is_success": False, "score": 0.0, "task": self.task, "instruction": self.task_description}
+        return self.setup.spaces.seen(self.native.glance()), info
+
+    def step(self, action: np.ndarray):
+        reward, terminated, truncated, info = self.setup.told(self.native.step(self.setup.spaces.commanded(action)))
+        return self.setup.spaces.seen(self.native.glance()), reward, terminated, truncated, info
+
+    def render(self) -> np.ndarray | None:
+        if self.render_mode is None:
+            return None
+        return self.native.picture("static", None)["rgb"]
+
+    def finish(self, policy: str = "gymnasium") -> str:
+        """Ends the episode: its row as of the results of an evaluation, JSON."""
+        return self.native.finish(policy)
+
+
+class GenManipVectorEnv(VectorEnv[dict[str, Any], np.ndarray, np.ndarray]):
+    """Many of them at once, stepped by threads without Python's lock; the arguments are those of GenManipEnv.
+
+    An environment whose episode ended is reset by the next step, which does not look at its action.
+    """
+
+    metadata = {"render_modes": [], "render_fps": 15, "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(self, num_envs: int = 1, threads: int | None = None, render_mode: str | None = None, **given: Any) -> None:
+        if render_mode is not None:
+            raise Error("many environments draw no picture\nhint: leave render_mode away, or ask for pixels")
+        self.setup = _Setup(**given)
+        self.num_envs, self.render_mode = num_envs, None
+        self.metadata = {**self.metadata, "render_fps": int(round(self.setup.rate_hz))}
+        self.single_observation_space = self.setup.spaces.observation
+        self.single_action_space = self.setup.spaces.action
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.native = _genmanip.Pool(self.setup.scenes, self.setup.settings, num_envs, threads or os.cpu_count() or 1)
+        self._max_episode_steps = self.setup.longest
+        self._over = np.zeros(num_envs, bool)
+        self._chances = [np.random.default_rng() for _ in range(num_envs)]
+
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        seeds = [seed + at for at in range(self.num_envs)] if isinstance(seed, int) else list(seed or [None] * self.num_envs)
+        for at, own in enumerate(seeds):
+            if own is not None or seed is None:
+                self._chances[at] = np.random.default_rng(own)
+        resets = [self.setup.start(chance, own, options) for chance, own in zip(self._chances, seeds)]
+        return self._turn(np.zeros((self.num_envs, self.single_action_space.shape[0]), np.float32), resets)[::4]
+
+    def step(self, actions: np.ndarray):
+        resets = [self.setup.start(chance, None, None) if over else None for chance, over in zip(self._chances, self._over)]
+        return self._turn(actions, resets)
+
+    def _turn(self, actions: np.ndarray, resets: list[tuple[int, int | None] | None]):
+        told, seen = self.native.step(self.setup.spaces.commanded(actions), resets)
+        rewards = np.zeros(self.num_envs)
+        ended = np.zeros((2, self.num_envs), bool)
+        infos: dict[str, Any] = {}
+        for at, one in enumerate(told):
+            info: dict[str, Any] = {"is_success": False, "score": 0.0}
+            if one is not None:
+                rewards[at], ended[0, at], ended[1, at], info = self.setup.told(one)
+            infos = self._add_info(infos, info, at)
+        self._over = ended[0] | ended[1]
+        empty = create_empty_array(self.single_observation_space, self.num_envs)
+        batch = concatenate(self.single_observation_space, [self.setup.spaces.seen(one) for one in seen], empty)
+        return batch, rewards, ended[0], ended[1], infos
+
+    @property
+    def instructions(self) -> list[str]:
+        """What each robot is told to do."""
+        return [about[2] if about else "" for about in self.native.about()]

@@ -1,0 +1,147 @@
+//! One environment.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use genmanip_run::evaluate::Suite;
+use genmanip_run::sessions::{self, Outcome, Session, SessionSettings};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::{error, json, read_json};
+use crate::observation::{dictionary, glance, picture};
+
+/// Where episodes start; environments share one.
+#[pyclass(frozen, module = "genmanip")]
+pub struct Scenes(pub Arc<sessions::Scenes>);
+
+#[pymethods]
+impl Scenes {
+    /// Of a frozen suite, a run, or scenario files.
+    #[staticmethod]
+    fn suite(py: Python, path: PathBuf) -> PyResult<Self> {
+        let scenes = py.detach(|| sessions::Scenes::of_suite(&Suite::at(&path)?));
+        Ok(Self(Arc::new(scenes.map_err(error)?)))
+    }
+
+    /// Of task files, which are laid out anew for each seed.
+    #[staticmethod]
+    #[pyo3(signature = (paths, world=None))]
+    fn tasks(py: Python, paths: Vec<PathBuf>, world: Option<PathBuf>) -> PyResult<Self> {
+        let scenes = py.detach(|| sessions::Scenes::of_tasks(&paths, world.as_deref()));
+        Ok(Self(Arc::new(scenes.map_err(error)?)))
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Ids by index.
+    fn ids(&self) -> Vec<String> {
+        self.0.ids().into_iter().map(String::from).collect()
+    }
+
+    /// Most objects that any of them has.
+    fn most_objects(&self) -> usize {
+        self.0.most_objects()
+    }
+
+    /// `(name, lower, upper, fastest)` of the arm's joints, rad and rad/s, then of the opening between the fingers, m.
+    fn robot(&self) -> Vec<(String, f64, f64, f64)> {
+        let robot = self.0.planner().robot();
+        let arm = robot.arm_joints().map(|joint| (joint.name.clone(), joint.lower, joint.upper, joint.max_velocity));
+        arm.chain([("opening".to_owned(), 0.0, robot.gripper.max_width, f64::INFINITY)]).collect()
+    }
+}
+
+/// A moment to go back to.
+#[pyclass(frozen, module = "genmanip")]
+pub struct Saved(sessions::Saved);
+
+/// An environment that a program drives.
+#[pyclass(frozen, module = "genmanip._genmanip")]
+pub struct Env {
+    session: Mutex<Session>,
+}
+
+impl Env {
+    fn session(&self) -> MutexGuard<'_, Session> {
+        self.session.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Reward, score, success, terminated, truncated, and why the action was refused.
+pub type Told = (f64, f64, bool, bool, bool, Option<String>);
+
+pub fn told(outcome: Outcome) -> Told {
+    let Outcome { reward, verdict, terminated, truncated, refused, .. } = outcome;
+    (reward, verdict.score, verdict.success, terminated, truncated, refused)
+}
+
+#[pymethods]
+impl Env {
+    /// Settings are those of a session, as JSON.
+    #[new]
+    fn new(scenes: &Scenes, settings: &str) -> PyResult<Self> {
+        let settings: SessionSettings = read_json("settings of the environment", settings)?;
+        Ok(Self { session: Mutex::new(Session::new(Arc::clone(&scenes.0), settings)) })
+    }
+
+    #[pyo3(signature = (index=0, seed=None))]
+    fn reset(&self, py: Python, index: usize, seed: Option<u64>) -> PyResult<()> {
+        py.detach(|| self.session().reset(index, seed)).map_err(error)
+    }
+
+    fn step(&self, py: Python, action: Vec<f32>) -> PyResult<Told> {
+        Ok(told(py.detach(|| self.session().step(&action)).map_err(error)?))
+    }
+
+    fn observe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        dictionary(py, &py.detach(|| self.session().observe()).map_err(error)?)
+    }
+
+    /// As `observe`, less which object is grasped: for loops that count microseconds.
+    fn glance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        glance(py, &py.detach(|| self.session().glance()).map_err(error)?)
+    }
+
+    #[pyo3(signature = (camera, size=None))]
+    fn picture<'py>(&self, py: Python<'py>, camera: &str, size: Option<[u32; 2]>) -> PyResult<Bound<'py, PyDict>> {
+        picture(py, &py.detach(|| self.session().picture(camera, size)).map_err(error)?)
+    }
+
+    /// JSON.
+    fn verdict(&self, py: Python) -> PyResult<String> {
+        json(&py.detach(|| self.session().verdict()).map_err(error)?)
+    }
+
+    /// JSON, or nothing without an episode.
+    fn scenario(&self) -> PyResult<Option<String>> {
+        self.session().case().map(|case| json(&*case.scenario)).transpose()
+    }
+
+    /// Name, kind of the task and instruction of the episode.
+    fn about(&self) -> Option<(String, String, String)> {
+        let session = self.session();
+        let case = session.case()?;
+        let task = &case.scenario.task;
+        Some((case.id.clone(), task.kind.name().to_owned(), task.instruction.clone()))
+    }
+
+    fn control_steps(&self) -> usize {
+        self.session().control_steps()
+    }
+
+    /// JSON.
+    fn finish(&self, py: Python, policy: &str) -> PyResult<String> {
+        json(&py.detach(|| self.session().finish(policy)).map_err(error)?)
+    }
+
+    fn save(&self, py: Python) -> PyResult<Saved> {
+        Ok(Saved(py.detach(|| self.session().save()).map_err(error)?))
+    }
+
+    fn restore(&self, py: Python, saved: &Saved) -> PyResult<()> {
+        py.detach(|| self.session().restore(&saved.0)).map_err(error)
+    }
+}

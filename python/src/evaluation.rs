@@ -1,0 +1,147 @@
+//! Evaluating policies, also those that are written in Python.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use genmanip_core::{
+    ActionChunk, Document, EpisodeStart, Failure, FailureCause, Observation, Policy, PolicyError, PolicySpec,
+};
+use genmanip_run::evaluate::{self as run, EvaluateOptions, Suite};
+use genmanip_run::policies::{POLICIES, PolicyContext, read_spec};
+use genmanip_run::{PolicyFactory, RunError, Silent, inputs};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::{error, json, read_json};
+use crate::observation::dictionary;
+
+/// Evaluates policies on a suite, a run or scenarios; reports as JSON.
+///
+/// A policy is a text as on the command line, or `(name, make)`: `make()` gives an object with `spec()`, JSON of what it
+/// needs, `reset(start)` and `act(observation)`, which returns `(actions, finished)`.
+#[pyfunction]
+#[pyo3(signature = (suite, policies, out, episodes_per_scenario, keep_episodes, workers))]
+pub fn evaluate(
+    py: Python,
+    suite: PathBuf,
+    policies: Vec<Bound<'_, PyAny>>,
+    out: Option<PathBuf>,
+    episodes_per_scenario: usize,
+    keep_episodes: Option<bool>,
+    workers: Option<usize>,
+) -> PyResult<String> {
+    let factories: Vec<PolicyFactory> = policies.iter().map(factory).collect::<PyResult<_>>()?;
+    let reports = interruptible(py, |stop| {
+        let suite_of = Suite::at(&suite)?.with_episodes(episodes_per_scenario);
+        let is_run = suite.join("run.json").is_file();
+        let out = if is_run { Some(suite.clone()) } else { out.clone() };
+        let options = EvaluateOptions {
+            keep_episodes: keep_episodes.unwrap_or(!is_run && out.is_some()),
+            out,
+            workers: inputs::workers(workers),
+            ..EvaluateOptions::default()
+        };
+        run::evaluate(&suite_of, &factories, &options, &Silent, stop)
+    })?;
+    json(&reports.iter().map(Document::to_value).collect::<Vec<_>>())
+}
+
+/// Names of the built-in policies, with what they are.
+#[pyfunction]
+pub fn policies() -> Vec<(&'static str, &'static str)> {
+    POLICIES.iter().map(|entry| (entry.name, entry.about)).collect()
+}
+
+fn factory(given: &Bound<'_, PyAny>) -> PyResult<PolicyFactory> {
+    if let Ok(text) = given.extract::<String>() {
+        return PolicyFactory::resolve(&text).map_err(error);
+    }
+    let (name, make): (String, Py<PyAny>) = given.extract()?;
+    let label = name.clone();
+    let make = move |_: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        let made = Python::attach(|py| PythonPolicy::new(&label, make.bind(py)));
+        let made = made.map_err(|error| RunError::input(format!("policy {label} cannot be made: {error}")))?;
+        Ok(Box::new(made))
+    };
+    PolicyFactory::of(&name, make).map_err(error)
+}
+
+/// A policy that is a Python object.
+struct PythonPolicy {
+    object: Py<PyAny>,
+    spec: PolicySpec,
+}
+
+impl PythonPolicy {
+    fn new(name: &str, make: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let object = make.call0()?;
+        let spec: String = object.call_method0("spec")?.extract()?;
+        let given = read_json::<serde_json::Value>("the policy's spec", &spec)?;
+        let spec = read_spec(name, given).map_err(crate::errors::Error::new_err)?;
+        Ok(Self { object: object.unbind(), spec })
+    }
+}
+
+impl Policy for PythonPolicy {
+    fn spec(&self) -> PolicySpec {
+        self.spec.clone()
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        Python::attach(|py| {
+            let told = PyDict::new(py);
+            told.set_item("instruction", &start.instruction)?;
+            told.set_item("seed", start.seed.to_string())?;
+            self.object.bind(py).call_method1("reset", (told,)).map(|_| ())
+        })
+        .map_err(failed)
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        Python::attach(|py| {
+            let seen = dictionary(py, observation)?;
+            let answer = self.object.bind(py).call_method1("act", (seen,))?;
+            let (actions, finished) = answer.extract()?;
+            Ok(ActionChunk { actions, finished })
+        })
+        .map_err(failed)
+    }
+}
+
+/// An exception is the policy's failure, with the place of its code.
+fn failed(error: PyErr) -> PolicyError {
+    let place = Python::attach(|py| error.traceback(py).and_then(|traceback| traceback.format().ok()));
+    let place = place.map_or_else(String::new, |text| {
+        text.lines()
+            .rev()
+            .find(|line| line.contains("File"))
+            .map_or_else(String::new, |line| format!(", {}", line.trim()))
+    });
+    PolicyError::GaveUp(Failure { cause: FailureCause::Policy, evidence: format!("{error}{place}") })
+}
+
+/// How often is looked whether the user wants to stop.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Runs work without Python's lock; Ctrl-C tells it to stop, and is raised when it has.
+pub fn interruptible<T: Send>(py: Python, work: impl FnOnce(&AtomicBool) -> Result<T, RunError> + Send) -> PyResult<T> {
+    let stop = AtomicBool::new(false);
+    let mut interrupted = Ok(());
+    let result = std::thread::scope(|scope| {
+        let worker = scope.spawn(|| work(&stop));
+        while !worker.is_finished() {
+            py.detach(|| std::thread::sleep(LOOK));
+            if let Err(signal) = py.check_signals() {
+                stop.store(true, Ordering::Relaxed);
+                interrupted = Err(signal);
+            }
+        }
+        worker.join()
+    });
+    interrupted?;
+    match result {
+        Ok(result) => result.map_err(error),
+        Err(_) => Err(error(RunError::input("the work ended unexpectedly; its message is above"))),
+    }
+}

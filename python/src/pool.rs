@@ -1,0 +1,113 @@
+//! Many environments at once, stepped by threads without Python's lock.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use genmanip_core::{ObjectState, Observation};
+use genmanip_run::RunError;
+use genmanip_run::sessions::{Session, SessionSettings};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::environment::{Scenes, Told, told};
+use crate::errors::{error, read_json};
+use crate::observation::glance;
+
+/// Environments of the same scenes and settings.
+#[pyclass(frozen, module = "genmanip._genmanip")]
+pub struct Pool {
+    sessions: Vec<Mutex<Session>>,
+    threads: usize,
+}
+
+/// What is done with one environment.
+#[derive(Clone)]
+enum Order {
+    Step(Vec<f32>),
+    Reset(usize, Option<u64>),
+}
+
+type Seen = (Observation, Vec<ObjectState>);
+type Done = Result<(Option<Told>, Seen), RunError>;
+
+#[pymethods]
+impl Pool {
+    #[new]
+    fn new(scenes: &Scenes, settings: &str, count: usize, threads: usize) -> PyResult<Self> {
+        let settings: SessionSettings = read_json("settings of the environments", settings)?;
+        let session = |_| Mutex::new(Session::new(Arc::clone(&scenes.0), settings.clone()));
+        Ok(Self { sessions: (0..count).map(session).collect(), threads: threads.max(1) })
+    }
+
+    /// Steps every environment that `resets` does not name, and resets the others to `(index, seed)`: what each came to
+    /// (nothing after a reset) and what is seen then.
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        actions: Vec<Vec<f32>>,
+        resets: Vec<Option<(usize, Option<u64>)>>,
+    ) -> PyResult<(Vec<Option<Told>>, Bound<'py, PyList>)> {
+        let (count, given) = (self.sessions.len(), actions.len());
+        if given != count || resets.len() != count {
+            return Err(error(RunError::input(format!("expected {count} actions, got {given}"))));
+        }
+        let order = |(action, reset)| match reset {
+            Some((index, seed)) => Order::Reset(index, seed),
+            None => Order::Step(action),
+        };
+        let orders: Vec<Order> = actions.into_iter().zip(resets).map(order).collect();
+        let done = py.detach(|| self.carry_out(&orders));
+        let (mut outcomes, mut seen) = (Vec::new(), Vec::<Bound<'py, PyDict>>::new());
+        for done in done {
+            let (outcome, observation) = done.map_err(error)?;
+            outcomes.push(outcome);
+            seen.push(glance(py, &observation)?);
+        }
+        Ok((outcomes, PyList::new(py, seen)?))
+    }
+
+    /// Name, kind of the task and instruction of each episode.
+    fn about(&self) -> Vec<Option<(String, String, String)>> {
+        let about = |session: &Mutex<Session>| {
+            let session = session.lock().unwrap_or_else(PoisonError::into_inner);
+            let case = session.case()?;
+            let task = &case.scenario.task;
+            Some((case.id.clone(), task.kind.name().to_owned(), task.instruction.clone()))
+        };
+        self.sessions.iter().map(about).collect()
+    }
+}
+
+impl Pool {
+    /// In the order of the environments, whichever thread took which.
+    fn carry_out(&self, orders: &[Order]) -> Vec<Done> {
+        let next = AtomicUsize::new(0);
+        let done: Vec<Mutex<Option<Done>>> = orders.iter().map(|_| Mutex::new(None)).collect();
+        let work = || {
+            while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|index| *index < orders.len()) {
+                let result = self.one(index, &orders[index]);
+                *done[index].lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..self.threads.min(orders.len()) {
+                scope.spawn(work);
+            }
+            work();
+        });
+        let done = done.into_iter().map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner));
+        done.map(|slot| slot.unwrap_or_else(|| Err(RunError::input("an environment was not stepped")))).collect()
+    }
+
+    fn one(&self, index: usize, order: &Order) -> Done {
+        let mut session = self.sessions[index].lock().unwrap_or_else(PoisonError::into_inner);
+        let outcome = match order {
+            Order::Step(action) => Some(told(session.step(action)?)),
+            Order::Reset(index, seed) => {
+                session.reset(*index, *seed)?;
+                None
+            }
+        };
+        Ok((outcome, session.glance()?))
+    }
+}
