@@ -260,7 +260,7 @@ fn play(
     let choice = AgentChoice { is_analysed: true, keeps_turns: true, ..choice.clone() };
     let truth = genmanip_run::agents::Truth::new(&stage);
     let oracle = Arc::new(choice.oracle_of(&truth, resources.planner, resources.grasps)?);
-    let model = choice.answering(Some(Arc::clone(&oracle)), &stage.scenario.id, None)?;
+    let model = choice.answering(Some(Arc::clone(&oracle)), &stage.scenario, None)?;
     let mut made = choice.make_asking(Arc::clone(&model), truth.clone(), resources.planner)?;
     let mut moments = Vec::new();
     let mut watch = |environment: &Environment| {
@@ -287,7 +287,7 @@ fn play(
     // What was recorded goes no farther than the episode did.
     let then = match &choice.model {
         ModelChoice::Oracle | ModelChoice::Recorded => Arc::clone(&honest) as Arc<dyn VisionModel>,
-        ModelChoice::Chat(_) => model,
+        ModelChoice::Chat(_) | ModelChoice::Random => model,
     };
     let source: Arc<dyn GraspSource> = choice.grasp_source(resources.planner);
     let outcome = match made.corrected(&blamed, &honest, then, source) {

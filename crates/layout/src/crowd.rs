@@ -1,11 +1,9 @@
 //! More things beside those of a scenario, which stay where they are.
 
-use std::sync::Arc;
-
 use genmanip_assets::AssetSource;
-use genmanip_core::glam::{DVec2, DVec3};
+use genmanip_core::glam::DVec3;
 use genmanip_core::{Aabb, ObjectModel, Pose, Scenario, Seed};
-use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache};
+use genmanip_scene::relations::{PosedObject, ShapeCache};
 use rand::RngExt;
 
 use crate::audit::{AuditError, posed, scene_object, settled};
@@ -13,8 +11,8 @@ use crate::{LayoutSettings, distractors, placed_object};
 
 /// Places that are drawn for each thing.
 const PLACES: usize = 200;
-/// Whole arrangements that are drawn.
-const ARRANGEMENTS: usize = 12;
+/// Things that are tried for each that is wanted: some roll, some find no room.
+const TRIED: usize = 6;
 /// Farthest that a thing of the scenario may have moved once all is at rest, m: as much as when it is left alone.
 const UNMOVED_M: f64 = 0.001;
 
@@ -30,76 +28,63 @@ pub fn add_distractors(
     seed: Seed,
     settings: &LayoutSettings,
 ) -> Result<Option<Scenario>, AuditError> {
-    let before = posed(scenario, assets, &mut ShapeCache::default())?;
-    for arrangement in 0..ARRANGEMENTS {
-        let seed = seed.fork_index(arrangement as u64);
-        let drawn = distractors::draw(&scenario.task, assets.cards(), count, seed);
-        let is_new = |uid: &str| scenario.objects.iter().all(|object| object.id != uid);
-        let models = drawn.iter().map(|asset| assets.model(asset)).collect::<Result<Vec<_>, _>>()?;
-        if models.len() < count || !models.iter().all(|model| is_new(&model.card.uid)) {
+    let before: Vec<PosedObject> = posed(scenario, assets, &mut ShapeCache::default())?.objects().cloned().collect();
+    let mut objects = before.clone();
+    let drawn = distractors::draw(&scenario.task, assets.cards(), TRIED * count, seed);
+    for (number, asset) in drawn.iter().enumerate() {
+        if objects.len() == before.len() + count {
+            break;
+        }
+        let model = assets.model(asset)?;
+        if objects.iter().any(|other| other.id == model.card.uid) {
             continue;
         }
-        let Some(poses) = places(&before, &models, seed, scenario, settings) else { continue };
-        let mut objects: Vec<PosedObject> = before.objects().cloned().collect();
-        objects.extend(models.iter().zip(poses).map(|(model, pose)| PosedObject {
-            id: model.card.uid.clone(),
-            model: Arc::clone(model),
-            pose,
-            joint_positions: vec![0.0; model.joint_count()],
-        }));
-        let known = before.objects().count();
-        let start: Vec<_> = objects.iter().map(scene_object).collect();
+        let own = seed.fork("places").fork_index(number as u64);
+        let Some(pose) = place(&objects, &model, own, scenario, settings) else { continue };
+        let joint_positions = vec![0.0; model.joint_count()];
+        let mut with_it = objects.clone();
+        with_it.push(PosedObject { id: model.card.uid.clone(), model, pose, joint_positions });
+        let start: Vec<_> = with_it.iter().map(scene_object).collect();
         let Some(end) = settled(&start, &scenario.world, settings)? else { continue };
-        let is_unmoved =
-            start.iter().zip(&end).take(known).all(|(a, b)| a.pose.position.distance(b.position) < UNMOVED_M);
-        if !is_unmoved {
-            continue;
+        let moved_m = |(object, pose): (&PosedObject, &Pose)| object.pose.position.distance(pose.position);
+        if objects.iter().zip(&end).map(moved_m).all(|moved_m| moved_m < UNMOVED_M) {
+            with_it.iter_mut().zip(end).skip(objects.len()).for_each(|(object, pose)| object.pose = pose);
+            objects = with_it;
         }
-        let mut crowded = scenario.clone();
-        for (object, pose) in objects.iter().zip(&end).skip(known) {
-            let object = PosedObject { pose: *pose, ..object.clone() };
-            crowded.objects.push(placed_object(&object, assets)?);
-        }
-        return Ok(Some(crowded));
     }
-    Ok(None)
+    if objects.len() < before.len() + count {
+        return Ok(None);
+    }
+    let mut crowded = scenario.clone();
+    for object in &objects[before.len()..] {
+        crowded.objects.push(placed_object(object, assets)?);
+    }
+    Ok(Some(crowded))
 }
 
-/// A pose for each thing, apart from all others; `None` where one finds no place.
-fn places(
-    scene: &PosedScene,
-    models: &[Arc<ObjectModel>],
+/// A pose on the table, apart from all others; `None` where no drawn one is.
+fn place(
+    objects: &[PosedObject],
+    model: &ObjectModel,
     seed: Seed,
     scenario: &Scenario,
     settings: &LayoutSettings,
-) -> Option<Vec<Pose>> {
-    let rng = &mut seed.fork("places").rng();
-    let area = scenario.world.workspace.within(settings.x_m, settings.y_m);
-    let mut taken: Vec<Aabb> = (0..scene.objects().count()).filter_map(|index| scene.bounds(index)).collect();
-    let mut poses = Vec::new();
-    for model in models {
-        let found = (0..PLACES).find_map(|_| {
-            let between = |[low, high]: [f64; 2], share: f64| low + (high - low) * share;
-            let center = DVec2::new(between(area.x, rng.random()), between(area.y, rng.random()));
-            let pose = Pose::from_position_yaw(
-                DVec3::new(center.x, center.y, 0.0),
-                std::f64::consts::TAU * rng.random::<f64>(),
-            );
-            let bounds = model.world_bounds(&pose, &vec![0.0; model.joint_count()]);
-            let is_inside = bounds.min.x >= area.x[0]
-                && bounds.max.x <= area.x[1]
-                && bounds.min.y >= area.y[0]
-                && bounds.max.y <= area.y[1];
-            let gap_m = settings.distractor_gap_m;
-            let apart = |other: &Aabb| {
-                let distance = (other.min - bounds.max).max(bounds.min - other.max).truncate();
-                distance.max_element() >= gap_m
-            };
-            (is_inside && taken.iter().all(apart)).then_some((pose, bounds))
-        });
-        let (pose, bounds) = found?;
-        taken.push(bounds);
-        poses.push(pose);
-    }
-    Some(poses)
+) -> Option<Pose> {
+    let rng = &mut seed.rng();
+    let joints = vec![0.0; model.joint_count()];
+    let area = scenario.world.workspace.within(settings.wide_x_m, settings.wide_y_m);
+    let bounds_of = |object: &PosedObject| object.model.world_bounds(&object.pose, &object.joint_positions);
+    let taken: Vec<Aabb> = objects.iter().map(bounds_of).collect();
+    (0..PLACES).find_map(|_| {
+        let between = |[low, high]: [f64; 2], share: f64| low + (high - low) * share;
+        let position = DVec3::new(between(area.x, rng.random()), between(area.y, rng.random()), 0.0);
+        let pose = Pose::from_position_yaw(position, std::f64::consts::TAU * rng.random::<f64>());
+        let bounds = model.world_bounds(&pose, &joints);
+        let is_inside = |axis: usize, [low, high]: [f64; 2]| bounds.min[axis] >= low && bounds.max[axis] <= high;
+        let apart = |other: &Aabb| {
+            let gap = (other.min - bounds.max).max(bounds.min - other.max).truncate();
+            gap.max_element() >= settings.min_gap_m
+        };
+        (is_inside(0, area.x) && is_inside(1, area.y) && taken.iter().all(apart)).then_some(pose)
+    })
 }

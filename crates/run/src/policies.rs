@@ -131,7 +131,7 @@ const AGENT_ARGUMENTS: [PolicyArgument; 19] = [
     PolicyArgument {
         name: "vlm",
         default: "oracle",
-        about: "who answers: oracle, recorded, or the settings file of a model",
+        about: "who answers: oracle, random, recorded, or the settings file of a model",
     },
     PolicyArgument { name: "answers", default: "", about: "folder where answers are recorded and given again from" },
     PolicyArgument { name: "masks", default: "rgbd", about: "where masks come from: rgbd, oracle, or http:URL" },
@@ -250,7 +250,7 @@ fn agent(given: &Given) -> Result<Prepared, RunError> {
     }
     let account = match &choice.model {
         ModelChoice::Chat(shared) => Some(Arc::clone(shared.account())),
-        ModelChoice::Oracle | ModelChoice::Recorded => None,
+        ModelChoice::Oracle | ModelChoice::Random | ModelChoice::Recorded => None,
     };
     let prepared = Prepared::new(move |episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
         let made = choice.make(episode.stage, episode.planner, episode.grasps, episode.cores)?;

@@ -9,14 +9,14 @@ use genmanip_agent::services::{GraspSource, SampledGrasps, ServiceGrasps, Servic
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
 use genmanip_chat::{HttpService, ServiceSettings};
-use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec};
+use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Scenario};
 use genmanip_motion::Planner;
 use genmanip_rollout::{Cores, Stage as Scene};
 
 use super::failure::{FailureClass, Heard};
 use super::grasps::FlawedGrasps;
 use super::model::{ModelFile, SharedModel};
-use super::{Dials, Oracle, OracleMasks, Recording, Truth, Turns, WithTruth, Witness};
+use super::{Dials, Oracle, OracleMasks, RandomMarks, Recording, Truth, Turns, WithTruth, Witness};
 use crate::error::RunError;
 use crate::inputs;
 
@@ -53,6 +53,8 @@ pub enum ModelChoice {
     Oracle,
     /// A chat server, a person or recorded answers, as a settings file says.
     Chat(Arc<SharedModel>),
+    /// Chance: any of the marks that were drawn, the control for tables.
+    Random,
     /// Nobody: what was recorded of each episode is answered again, see [`Recording`].
     Recorded,
 }
@@ -130,7 +132,7 @@ impl AgentChoice {
         }
     }
 
-    /// From names: `oracle`, `recorded` or a settings file for the model, `rgbd`, `oracle` or `http:URL` for the masks, `p2p` or
+    /// From names: `oracle`, `random`, `recorded` or a settings file for the model, `rgbd`, `oracle` or `http:URL` for the masks, `p2p` or
     /// `grid`, `full` or `paper`.
     ///
     /// # Errors
@@ -148,6 +150,7 @@ impl AgentChoice {
         };
         let model = match model {
             "oracle" => ModelChoice::Oracle,
+            "random" => ModelChoice::Random,
             "recorded" => ModelChoice::Recorded,
             file => ModelChoice::Chat(Arc::new(SharedModel::open(&ModelFile::read(Path::new(file))?)?)),
         };
@@ -249,7 +252,7 @@ impl AgentChoice {
             ModelChoice::Oracle => Some(Arc::new(self.oracle_of(&truth, planner, grasps)?)),
             _ => None,
         };
-        let model = self.answering(oracle, &stage.scenario.id, cores)?;
+        let model = self.answering(oracle, &stage.scenario, cores)?;
         self.make_asking(model, truth, planner)
     }
 
@@ -260,16 +263,17 @@ impl AgentChoice {
     pub fn answering(
         &self,
         oracle: Option<Arc<Oracle>>,
-        scenario: &str,
+        scenario: &Scenario,
         cores: Option<&Arc<Cores>>,
     ) -> Result<Arc<dyn VisionModel>, RunError> {
         let model: Option<Arc<dyn VisionModel>> = match &self.model {
             ModelChoice::Oracle => oracle.map(|oracle| oracle as Arc<dyn VisionModel>),
             ModelChoice::Chat(shared) => Some(Arc::new(shared.service(cores))),
+            ModelChoice::Random => Some(Arc::new(RandomMarks(scenario.seed))),
             ModelChoice::Recorded => None,
         };
         match (&self.answers, model) {
-            (Some(folder), model) => Ok(Arc::new(Recording::open(folder, scenario, model)?)),
+            (Some(folder), model) => Ok(Arc::new(Recording::open(folder, &scenario.id, model)?)),
             (None, Some(model)) => Ok(model),
             (None, None) => Err(RunError::input("nobody answers the agent's questions")),
         }
@@ -297,7 +301,9 @@ impl AgentChoice {
         };
         let model: Arc<dyn VisionModel> = match &self.model {
             ModelChoice::Chat(shared) => Arc::new(shared.service(None)),
-            ModelChoice::Oracle | ModelChoice::Recorded => return needs_simulator("the oracle's answers"),
+            ModelChoice::Oracle | ModelChoice::Random | ModelChoice::Recorded => {
+                return needs_simulator("the oracle's answers");
+            }
         };
         let segmenter: Arc<dyn Segmenter> = match &self.masks {
             MaskChoice::Rgbd => Arc::new(RgbdSegmenter::default()),
@@ -367,6 +373,7 @@ impl ModelChoice {
         match self {
             Self::Oracle => "oracle",
             Self::Chat(_) => "chat",
+            Self::Random => "random",
             Self::Recorded => "recorded",
         }
     }

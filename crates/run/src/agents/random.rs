@@ -1,0 +1,48 @@
+//! A model that picks marks by chance: the control that shows what the rest of the agent reaches alone.
+
+use genmanip_agent::ask::{Answered, Marks, Question, ServiceError, Stage, VisionModel};
+use genmanip_core::Seed;
+use rand::RngExt;
+use serde_json::json;
+
+/// Height of a path over the table, and at its end, m; as the oracle's.
+const CARRY_M: f64 = 0.28;
+const END_M: f64 = 0.2;
+
+/// Answers with any of the marks that were drawn, by the seed and the number of the ask, and says *finished* after one
+/// sub-task.
+pub struct RandomMarks(pub Seed);
+
+impl VisionModel for RandomMarks {
+    fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
+        let mut rng = self.0.fork("random marks").fork_index(question.ask as u64).rng();
+        let mut below = |count: usize| if count == 0 { 0 } else { rng.random_range(0..count) };
+        let chosen = match &question.marks {
+            Marks::None => 0,
+            Marks::Masks(masks) => below(masks.len()),
+            Marks::Points(points) => below(points.len()),
+            Marks::Grid { targets, .. } => below(targets.len()),
+        };
+        let cell = match &question.marks {
+            Marks::Grid { targets, .. } => targets.keys().nth(chosen).map_or("none".to_owned(), ToString::to_string),
+            _ => "none".to_owned(),
+        };
+        let number = match &question.marks {
+            Marks::Masks(masks) if masks.is_empty() => -1,
+            _ => chosen as i64 + 1,
+        };
+        let answer = match question.stage {
+            Stage::Decompose => json!({"subtasks": [question.instruction]}),
+            Stage::Object => json!({"number": number, "object_name": "any", "color": "any"}),
+            Stage::Part => json!({"number": number, "part_name": "any", "color": "any"}),
+            Stage::GrabPoint => json!({"selected_point": number, "reason": "any"}),
+            Stage::GridPath => {
+                let step = |height_m: f64| json!({"grid_number": cell, "height_m": height_m, "claw_orientation": 0.0});
+                json!({"path": [step(CARRY_M), step(END_M)]})
+            }
+            Stage::PointToPoint => json!({"selected_point": {"type": "grid", "label": cell}}),
+            Stage::Check => json!({"scene_description": "any", "finished": true}),
+        };
+        Ok(Answered { text: answer.to_string(), usage: None })
+    }
+}
