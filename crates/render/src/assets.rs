@@ -211,6 +211,11 @@ impl Surface {
         self.tint(base, cosine, is_shell) * ((1.0 - mirrored) * (1.0 - self.scatters()))
     }
 
+    /// Linear colour on average over the texture.
+    pub fn mean_color(&self) -> Vec3A {
+        self.base * self.texture.as_ref().map_or(Vec3A::ONE, |texture| texture.mean())
+    }
+
     pub fn index_of_refraction(&self) -> f32 {
         let root = self.reflectance.sqrt();
         (1.0 + root) / (1.0 - root).max(1e-3)

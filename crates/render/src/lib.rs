@@ -42,6 +42,7 @@ mod panes;
 mod points;
 mod raster;
 mod refine;
+mod reflectance;
 mod scene;
 mod shade;
 mod shadow;

@@ -84,13 +84,14 @@ pub fn trace(
     settings: &ReferenceSettings,
 ) -> Result<Exposed, RenderError> {
     let lens = Lens::of(assets, job)?;
-    let lighting = Lighting::new(variation);
+    let surfaces = variation.surfaces(assets);
+    let lighting = Lighting::new(variation, &surfaces);
     let poses: Vec<Pose> =
         assets.parts.iter().map(|part| part.body.map_or(Pose::IDENTITY, |body| job.frame.body_poses[body])).collect();
     let reference = Reference {
         bvh: Bvh::new(triangles(assets, &poses)),
         bodies: assets.parts.iter().zip(&poses).map(|(part, pose)| Body::new(&part.mesh, pose)).collect(),
-        surfaces: variation.surfaces(assets),
+        surfaces,
         lamps: Lamps::new(&lighting, variation.light_angular_radius),
     };
     let mut pixels = vec![(Vec3A::ZERO, Vec3A::ZERO); lens.width * lens.height];

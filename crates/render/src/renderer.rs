@@ -56,10 +56,11 @@ struct Seat {
 impl Renderer {
     /// A renderer of these assets under a light.
     pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
+        let surfaces = variation.surfaces(&assets);
         Self {
-            surfaces: variation.surfaces(&assets),
             assets,
-            lighting: Lighting::new(&variation),
+            lighting: Lighting::new(&variation, &surfaces),
+            surfaces,
             variation,
             shadows: Default::default(),
             kept: Vec::new(),

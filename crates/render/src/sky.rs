@@ -11,6 +11,10 @@ use crate::lanes::within;
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 
+/// What things see of a lit table below them, which they shade and which ends, in diffuse and in mirrored light. Fitted to
+/// traced pictures.
+const TABLE_SEEN: [f32; 2] = [0.7, 0.75];
+
 /// Ambient light for diffuse and for glossy surfaces.
 #[derive(Debug)]
 pub(crate) struct Sky {
@@ -19,7 +23,7 @@ pub(crate) struct Sky {
     studio: Studio,
     /// From the studio's brightness to the settings'.
     scale: f32,
-    /// What a mirror sees below the horizon: the ground as key light and sky light it.
+    /// What is seen below the horizon: the table, or the studio's ground, as key light and sky light it.
     lit_ground: Vec3A,
 }
 
@@ -35,14 +39,17 @@ pub(crate) struct Glossy {
 }
 
 impl Sky {
-    pub fn new(variation: &RenderVariation) -> Self {
+    /// The studio of a variation, above a table whose top has a colour or above nothing.
+    pub fn new(variation: &RenderVariation, table: Option<Vec3A>) -> Self {
         let studio = Studio::new(variation);
-        let harmonics = project(&studio);
+        let bare = project(&studio, studio.ground);
         // The mean over the upper half is what the settings call ambient intensity.
-        let scale = variation.ambient_intensity / luminance(irradiance_above(&harmonics)).max(1e-6);
+        let scale = variation.ambient_intensity / luminance(irradiance_above(&bare)).max(1e-6);
         let to_light = Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
         let key = linear_from_srgb(variation.light_color) * variation.light_intensity * to_light.z.max(0.0);
-        let lit_ground = studio.ground * (key + variation.ambient_intensity);
+        let lit_ground = table.unwrap_or(studio.ground) * (key + variation.ambient_intensity);
+        let harmonics = table.map_or(bare, |_| project(&studio, lit_ground * TABLE_SEEN[0] / scale));
+        let lit_ground = lit_ground * if table.is_some() { TABLE_SEEN[1] } else { 1.0 };
         Self { harmonics: harmonics.map(|coefficient| (coefficient * scale).to_array()), studio, scale, lit_ground }
     }
 
@@ -63,7 +70,7 @@ impl Sky {
 
     /// Light from a unit direction, not blurred.
     pub fn radiance(&self, direction: Vec3A) -> Vec3A {
-        self.studio.radiance(direction, 0.0) * self.scale
+        self.studio.radiance(direction, self.studio.ground) * self.scale
     }
 
     /// Directions and sharpness of the lamps.
@@ -142,32 +149,27 @@ impl Studio {
         }
     }
 
-    fn radiance(&self, direction: Vec3A, roughness: f32) -> Vec3A {
-        let blur = 0.06 + 0.9 * roughness;
-        let t = ((direction.z / blur + 1.0) * 0.5).clamp(0.0, 1.0);
+    /// Light from a direction over some ground.
+    fn radiance(&self, direction: Vec3A, ground: Vec3A) -> Vec3A {
+        let t = ((direction.z / 0.06 + 1.0) * 0.5).clamp(0.0, 1.0);
         let above = t * t * (3.0 - 2.0 * t);
         let overhead = 0.75 + 0.35 * direction.z.max(0.0);
-        let gradient = self.ground.lerp(self.sky * overhead, above);
-        let lamps: f32 = self
-            .lamps
-            .iter()
-            .map(|&(axis, sharpness, brightness)| {
-                let blurred = sharpness / (1.0 + sharpness * 0.5 * roughness * roughness);
-                brightness * blurred / sharpness * (blurred * (direction.dot(axis) - 1.0)).exp()
-            })
-            .sum();
-        gradient + self.sky * lamps
+        let gradient = ground.lerp(self.sky * overhead, above);
+        let lamp = |&(axis, sharpness, brightness): &(Vec3A, f32, f32)| {
+            brightness * (sharpness * (direction.dot(axis) - 1.0)).exp()
+        };
+        gradient + self.sky * self.lamps.iter().map(lamp).sum::<f32>()
     }
 }
 
-fn project(studio: &Studio) -> [Vec3A; 9] {
+fn project(studio: &Studio, ground: Vec3A) -> [Vec3A; 9] {
     const DIRECTIONS: usize = 2048;
     let mut sums = [Vec3A::ZERO; 9];
     for index in 0..DIRECTIONS {
         let z = 1.0 - (2 * index + 1) as f32 / DIRECTIONS as f32;
         let flat = Vec2::from_angle(index as f32 * 2.399_963) * (1.0 - z * z).sqrt();
         let direction = Vec3A::from(flat.extend(z));
-        let light = studio.radiance(direction, 0.0);
+        let light = studio.radiance(direction, ground);
         for (sum, basis) in sums.iter_mut().zip(harmonics_of(direction.x, direction.y, direction.z)) {
             *sum += light * basis;
         }

@@ -92,6 +92,13 @@ impl MipTexture {
         (self.texture.width as usize * self.texture.height as usize) as f32
     }
 
+    /// Linear colour on average, from 32 × 32 places.
+    pub fn mean(&self) -> Vec3A {
+        const SIDE: usize = 32;
+        let place = |index: usize| Vec2::new((index % SIDE) as f32 + 0.5, (index / SIDE) as f32 + 0.5) / SIDE as f32;
+        (0..SIDE * SIDE).fold(Vec3A::ZERO, |sum, index| sum + self.at(place(index))) / (SIDE * SIDE) as f32
+    }
+
     /// Linear colour at a place, in full detail.
     pub fn at(&self, uv: Vec2) -> Vec3A {
         let (width, height) = (self.texture.width as usize, self.texture.height as usize);

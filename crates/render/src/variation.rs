@@ -100,8 +100,8 @@ impl Default for RenderVariation {
             table_top: TableTop::default(),     // a calm light wood
             table_color: [1.0, 1.0, 1.0],       // the texture as it is
             objects: None,                      // as they are
-            occlusion_radius_m: 0.06,           // contact shadows of hand-sized things
-            occlusion_strength: 1.0,            // physically plausible
+            occlusion_radius_m: 0.12,           // shadows around hand-sized things
+            occlusion_strength: 1.3,            // as dark as traced ones
             shadow_resolution: 1024,            // 2 mm per texel, finer than a pixel of the default cameras
             shadow_center: [0.4, 0.0, 0.3],     // the arm and the table's usable area …
             shadow_radius_m: 1.0,               // … fit into this ball
