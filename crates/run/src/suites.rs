@@ -3,6 +3,7 @@
 //! ```text
 //! NAME/suite.json        what it is, how it was chosen, and per scenario its hash and certificate
 //! NAME/scenarios/*.json  the scenarios
+//! NAME/review.json       what people said of its scenarios; not frozen
 //! NAME/work/             layouts and trials of all candidates, while it is built: an interrupted build continues there
 //! ```
 
@@ -10,11 +11,12 @@ mod build;
 mod check;
 mod diff;
 mod perturb;
+mod review;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use genmanip_bench::suite::{Marginal, SuiteFile, marginals};
+use genmanip_bench::suite::{Marginal, Review, ReviewFile, SuiteFile, marginals};
 use genmanip_bench::text_table;
 use genmanip_core::{TaskKind, limits};
 use serde::Serialize;
@@ -24,6 +26,7 @@ pub use check::{Checked, check, in_words as check_in_words};
 pub use diff::{Difference, diff, in_words as diff_in_words};
 
 pub use perturb::{Axis, PerturbOptions, perturb};
+pub use review::{in_words as review_in_words, review, reviews};
 
 use crate::error::RunError;
 use crate::inputs;
@@ -58,6 +61,8 @@ pub struct Shown {
     pub file: SuiteFile,
     /// How its traits are spread.
     pub marginals: Vec<Marginal>,
+    /// What people said of its scenarios.
+    pub reviews: Vec<Review>,
 }
 
 /// What a suite is like, from its file.
@@ -67,7 +72,7 @@ pub struct Shown {
 pub fn show(folder: &Path) -> Result<Shown, RunError> {
     let file = open(folder)?;
     let marginals = marginals(file.scenarios.iter().map(|entry| &entry.traits));
-    Ok(Shown { file, marginals })
+    Ok(Shown { file, marginals, reviews: reviews(folder)?.reviews })
 }
 
 /// The same in words.
@@ -105,6 +110,9 @@ pub fn show_in_words(shown: &Shown) -> String {
     for marginal in &shown.marginals {
         let cell = format!("{} {:.0} %", marginal.value, 100.0 * marginal.share);
         spread.entry(&marginal.name).or_default().push(cell);
+    }
+    if !shown.reviews.is_empty() {
+        text += &format!("\n{}", review_in_words(&ReviewFile { reviews: shown.reviews.clone() }));
     }
     text += "\nspread\n";
     for (name, cells) in spread {

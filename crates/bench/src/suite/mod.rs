@@ -1,5 +1,6 @@
 //! A suite: scenarios that are frozen to be evaluated on, with how they were chosen and what the expert needed.
 
+mod review;
 mod select;
 #[cfg(test)]
 mod tests;
@@ -11,6 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+pub use review::{Review, ReviewFile, ReviewVerdict};
 pub use select::{Candidate, Marginal, marginals, select};
 
 /// The file `suite.json` of a suite's folder.

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use genmanip_bench::suite::ReviewVerdict;
 use genmanip_run::suites::Axis;
 
 use super::parse_count;
@@ -28,6 +29,14 @@ pub enum SuiteCommand {
                       the oracle's answers and masks does not solve it."
     )]
     Perturb(SuitePerturbArguments),
+    /// Keep what a person says of a scenario, in review.json beside the suite
+    #[command(
+        after_help = "Example:\n  genmanip suite review suites/mine spatial-7-00003-000 --reviewer ada --verdict ambiguous \\\n    \
+                      --note \"two mugs are left of the plate\"\n\n\
+                      `suite show` counts what was said; `suite check` tells when a scenario is not the one that was\n\
+                      looked at."
+    )]
+    Review(SuiteReviewArguments),
     /// Say whether a suite is what was frozen, and name everything that is not
     Check(SuiteArguments),
     /// Say what is in a suite, how it was chosen, and how its traits are spread
@@ -85,6 +94,32 @@ pub struct SuitePerturbArguments {
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
+}
+
+/// Arguments of `suite review`.
+#[derive(Debug, Args)]
+pub struct SuiteReviewArguments {
+    /// Folder of the suite
+    #[arg(value_name = "SUITE")]
+    pub folder: PathBuf,
+    /// Id of the scenario
+    #[arg(value_name = "SCENARIO")]
+    pub scenario: String,
+    /// Who says it
+    #[arg(long, value_name = "NAME")]
+    pub reviewer: String,
+    /// sound, ambiguous or flawed
+    #[arg(long, value_parser = parse_verdict)]
+    pub verdict: ReviewVerdict,
+    /// Why
+    #[arg(long, default_value = "")]
+    pub note: String,
+}
+
+fn parse_verdict(text: &str) -> Result<ReviewVerdict, String> {
+    let names = ReviewVerdict::ALL.map(ReviewVerdict::name);
+    let found = ReviewVerdict::ALL.into_iter().find(|verdict| verdict.name() == text);
+    found.ok_or_else(|| format!("expected one of {}", names.join(", ")))
 }
 
 /// A suite.

@@ -4,7 +4,7 @@ use genmanip_core::Seed;
 use genmanip_run::inputs;
 use genmanip_run::suites::{self, BuildOptions, PerturbOptions};
 
-use crate::args::{SuiteBuildArguments, SuiteCommand, SuitePerturbArguments};
+use crate::args::{SuiteBuildArguments, SuiteCommand, SuitePerturbArguments, SuiteReviewArguments};
 use crate::commands::assets::catalogue;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -19,6 +19,11 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
             if !checked.faults.is_empty() {
                 return Ok(ExitStatus::NotMet);
             }
+        }
+        SuiteCommand::Review(arguments) => {
+            let SuiteReviewArguments { folder, scenario, reviewer, verdict, note } = arguments;
+            let file = suites::review(folder, scenario, reviewer, *verdict, note)?;
+            printer.data(&file, &suites::review_in_words(&file));
         }
         SuiteCommand::Diff(arguments) => {
             let difference = suites::diff(&arguments.first, &arguments.second)?;

@@ -52,6 +52,13 @@ fn a_suite_is_built_checked_and_evaluated_on() {
         .assert_refused(&["--dial 2", "up to 1"]);
     genmanip(here, &["suite", "perturb", "mine", "--axis", "gravity", "--out", "x"]).assert_ended(2, &["robot_start"]);
 
+    let review = ["suite", "review", "mine", shown["scenarios"][1]["id"].as_str().unwrap(), "--reviewer", "ada"];
+    let said = genmanip(here, &[&review[..], &["--verdict", "flawed", "--note", "upside down"]].concat());
+    assert_eq!(said.stdout, "1 reviews: 0 sound, 0 ambiguous, 1 flawed\n", "{said:?}");
+    genmanip(here, &["suite", "review", "mine", "none", "--reviewer", "ada", "--verdict", "sound"])
+        .assert_refused(&["no scenario `none`", "suite show mine"]);
+    assert_eq!(genmanip(here, &["suite", "check", "mine"]).code, Some(0));
+
     // One digit of one scenario, and a scenario that nobody froze.
     let id = entry["id"].as_str().unwrap();
     let path = here.join(format!("mine/scenarios/{id}.json"));

@@ -83,6 +83,9 @@ pub fn check(folder: &Path) -> Result<Checked, RunError> {
     if suite_hash(&scenarios) != suite.suite_hash {
         faults.push(format!("the scenarios together are not those of suite {}", suite.suite_hash));
     }
+    for review in super::reviews(folder)?.stale(&suite) {
+        faults.push(format!("{}: {} looked at another one of this name", review.scenario, review.reviewer));
+    }
     let spread = marginals(suite.scenarios.iter().map(|entry| &entry.traits));
     let worst = spread.iter().map(Marginal::deviation).fold(0.0, f64::max);
     Ok(Checked { name: suite.name, scenarios: scenarios.len(), worst_marginal: worst, faults })

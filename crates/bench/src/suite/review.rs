@@ -1,0 +1,109 @@
+//! What people say of the scenarios of a suite.
+
+use genmanip_core::Document;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::SuiteFile;
+
+/// The file `review.json` of a suite's folder: it is no part of what is frozen.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ReviewFile {
+    /// One per scenario and reviewer, ordered by both.
+    pub reviews: Vec<Review>,
+}
+
+impl Document for ReviewFile {
+    const SCHEMA: &'static str = "genmanip.suite_review/1";
+}
+
+/// What one person says of one scenario.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Review {
+    /// Id of the scenario.
+    pub scenario: String,
+    /// Who says it.
+    pub reviewer: String,
+    /// SHA-256 of the scenario's file that was looked at.
+    pub sha256: String,
+    /// What they say.
+    pub verdict: ReviewVerdict,
+    /// Why, in their words; may be empty.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub note: String,
+}
+
+/// Whether a scenario may stay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ReviewVerdict {
+    /// Sentence, picture and goal belong together.
+    Sound,
+    /// The sentence could mean something else in this scene.
+    Ambiguous,
+    /// Something is wrong: with the scene, the sentence or the goal.
+    Flawed,
+}
+
+impl ReviewVerdict {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Sound, Self::Ambiguous, Self::Flawed];
+
+    /// The name in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Sound => "sound",
+            Self::Ambiguous => "ambiguous",
+            Self::Flawed => "flawed",
+        }
+    }
+}
+
+impl ReviewFile {
+    /// Adds a review; what the same person said of the same scenario before is replaced.
+    pub fn add(&mut self, review: Review) {
+        let is_same = |other: &Review| (&other.scenario, &other.reviewer) == (&review.scenario, &review.reviewer);
+        self.reviews.retain(|other| !is_same(other));
+        self.reviews.push(review);
+        self.reviews.sort();
+    }
+
+    /// Reviews of scenarios that are not, or no longer, what was looked at.
+    pub fn stale<'a>(&'a self, suite: &'a SuiteFile) -> impl Iterator<Item = &'a Review> {
+        let is_current = |review: &Review| {
+            suite.scenarios.iter().any(|entry| entry.id == review.scenario && entry.sha256 == review.sha256)
+        };
+        self.reviews.iter().filter(move |review| !is_current(review))
+    }
+
+    /// How many reviews say so.
+    pub fn count(&self, verdict: ReviewVerdict) -> usize {
+        self.reviews.iter().filter(|review| review.verdict == verdict).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_word_of_a_person_counts() {
+        let said = |scenario: &str, verdict| Review {
+            scenario: scenario.into(),
+            reviewer: "ada".into(),
+            sha256: "0".into(),
+            verdict,
+            note: String::new(),
+        };
+        let mut file = ReviewFile::default();
+        for (scenario, verdict) in
+            [("b", ReviewVerdict::Sound), ("a", ReviewVerdict::Flawed), ("b", ReviewVerdict::Ambiguous)]
+        {
+            file.add(said(scenario, verdict));
+        }
+        assert_eq!(file.reviews, [said("a", ReviewVerdict::Flawed), said("b", ReviewVerdict::Ambiguous)]);
+        assert_eq!(ReviewVerdict::ALL.map(|verdict| file.count(verdict)), [0, 1, 1]);
+        assert_eq!(ReviewFile::from_json(&file.to_json()).unwrap(), file);
+    }
+}
