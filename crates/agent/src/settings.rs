@@ -25,6 +25,11 @@ pub struct AgentSettings {
     pub cameras: Vec<String>,
     /// Pixels per row and rows of their images; `None` for each camera's own.
     pub size: Option<[u32; 2]>,
+    /// Standard deviation of a measured depth of 1 m, m; it grows with the square of the depth. 0 for perfect depth.
+    /// Where it is not 0, depth is averaged over surfaces, and what is nearer to the table or the robot than the error
+    /// explains is theirs.
+    #[serde(default, skip_serializing_if = "is_perfect")]
+    pub depth_error_m: f64,
     /// How often the task may be split anew.
     pub rounds: usize,
     /// Picks begun per sub-task.
@@ -47,6 +52,11 @@ pub struct AgentSettings {
     pub table_m: f64,
     /// How the arm moves.
     pub motion: MotionSettings,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "what serde asks for")]
+fn is_perfect(error_m: &f64) -> bool {
+    *error_m == 0.0
 }
 
 /// A named set of settings.
@@ -111,6 +121,7 @@ impl AgentSettings {
             reasoning: false,
             cameras: ["overview", "left", "right"].map(String::from).to_vec(),
             size: None,
+            depth_error_m: 0.0,
             // The published number.
             rounds: 3,
             // Chosen: what failed four times failed again.

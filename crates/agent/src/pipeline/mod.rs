@@ -11,7 +11,7 @@ use genmanip_core::{
     ActionChunk, CameraRequest, EpisodeStart, Failure, FailureCause, ImageChannels, Observation, Policy, PolicyError,
     PolicySpec, RgbdImage, Seed,
 };
-use genmanip_motion::{GeometryError, Planner};
+use genmanip_motion::{DepthSettings, GeometryError, Planner};
 
 use self::hand::Hand;
 use self::job::Job;
@@ -21,7 +21,7 @@ use crate::picture::marks;
 use crate::segmentation::{RobotSilhouette, Segmenter};
 use crate::services::GraspSource;
 use crate::settings::AgentSettings;
-use crate::sight::{Sight, View};
+use crate::sight::{LEFT_OVER, Sight, View, smoothed};
 
 /// What the agent asks.
 #[derive(Clone)]
@@ -83,12 +83,20 @@ impl Agent {
         planner: &Arc<Planner>,
         transcribed: Transcribed,
     ) -> Result<Self, GeometryError> {
+        let silhouette = Arc::new(RobotSilhouette::new(planner.robot())?);
+        let planner = match settings.depth_error_m {
+            error_m if error_m > 0.0 => {
+                let depth = DepthSettings { error_m: LEFT_OVER * error_m, ..planner.settings().depth.clone() };
+                Arc::new(planner.with_depth(depth))
+            }
+            _ => Arc::clone(planner),
+        };
         Ok(Self {
             name: "agent".into(),
             settings,
             services,
-            silhouette: Arc::new(RobotSilhouette::new(planner.robot())?),
-            planner: Arc::clone(planner),
+            silhouette,
+            planner,
             transcribed,
             seed: Seed::new(0),
             instruction: String::new(),
@@ -135,7 +143,11 @@ impl Agent {
             let image = observation.images.get(name).filter(|image| !image.depth_m.is_empty());
             let image =
                 image.ok_or_else(|| PolicyError::Unsuited(format!("needs colour and depth of camera `{name}`")))?;
-            Ok((name.clone(), Arc::new(image.clone())))
+            let image = match self.settings.depth_error_m {
+                error_m if error_m > 0.0 => smoothed(image, error_m),
+                _ => image.clone(),
+            };
+            Ok((name.clone(), Arc::new(image)))
         };
         self.settings.cameras.iter().map(image).collect()
     }

@@ -2,6 +2,7 @@
 
 mod cell;
 mod heights;
+mod smooth;
 mod thing;
 
 use std::sync::Arc;
@@ -11,6 +12,7 @@ use glam::DVec3;
 
 pub use cell::{CellSettings, Placing, on_plane, targets};
 pub use heights::HeightMap;
+pub use smooth::{LEFT_OVER, smoothed};
 pub use thing::Thing;
 
 use crate::picture::Picture;

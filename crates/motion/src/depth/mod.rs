@@ -31,11 +31,25 @@ pub struct DepthSettings {
     pub robot_margin_m: f64,
     /// Points within this distance of a known obstacle belong to it, m.
     pub known_margin_m: f64,
+    /// Standard deviation of a measured depth of 1 m, m, which grows with the square of the depth: both margins grow by four
+    /// of it. 0 for perfect depth.
+    #[serde(default, skip_serializing_if = "is_perfect")]
+    pub error_m: f64,
+}
+
+/// Errors of the depth by which a point may lie off the surface that it is of; one in some ten thousand lies farther.
+const MOST_ERRORS: f64 = 4.0;
+/// Depth beyond which margins do not grow any more, m: what is as far as that is out of the arm's reach.
+const FARTHEST_M: f64 = 2.0;
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "what serde asks for")]
+fn is_perfect(error_m: &f64) -> bool {
+    *error_m == 0.0
 }
 
 impl Default for DepthSettings {
     fn default() -> Self {
-        Self { cell_m: 0.007, radius_m: 0.002, robot_margin_m: 0.006, known_margin_m: 0.004 }
+        Self { cell_m: 0.007, radius_m: 0.002, robot_margin_m: 0.006, known_margin_m: 0.004, error_m: 0.0 }
     }
 }
 
@@ -111,7 +125,8 @@ pub(crate) fn unexplained_points(
         for (row, depths) in image.depth_m.chunks_exact(width.max(1)).enumerate() {
             cells.grid.cells_of_row(&view, row, depths, &mut of_row);
             for &(column, cell) in &of_row {
-                points.extend(cells.new_point(cell, || view.point(row, column, depths[column])));
+                let depth_m = depths[column];
+                points.extend(cells.new_point(cell, depth_m, || view.point(row, column, depth_m)));
             }
         }
     }
@@ -149,6 +164,8 @@ struct Cells<'a> {
     brick_at: Vec<u32>,
     bricks: Vec<Brick>,
     solids: Vec<(Solid<'a>, f64)>,
+    /// Growth of the margins with the square of the depth, 1/m.
+    growth: f64,
     /// Indices of solids, brick after brick.
     near: Vec<u32>,
 }
@@ -175,11 +192,12 @@ impl<'a> Cells<'a> {
             bricks: Vec::new(),
             solids: checker.solids(config).map(|(solid, is_robot)| (solid, margin(is_robot))).collect(),
             near: Vec::new(),
+            growth: MOST_ERRORS * settings.error_m,
         })
     }
 
     /// The point of a pixel if it is the first in its cell and nothing known explains it.
-    fn new_point(&mut self, [x, y, z]: [u32; 3], point: impl Fn() -> DVec3) -> Option<DVec3> {
+    fn new_point(&mut self, [x, y, z]: [u32; 3], depth_m: f32, point: impl Fn() -> DVec3) -> Option<DVec3> {
         let [bx, by, bz] = [x, y, z].map(|cell| (cell >> BRICK_BITS) as usize);
         let count = self.count as usize;
         let place = (bz * count + by) * count + bx;
@@ -196,9 +214,10 @@ impl<'a> Cells<'a> {
         }
         *word |= mask;
         let point = point();
+        let more = self.growth * f64::from(depth_m).min(FARTHEST_M).powi(2);
         let explains = |&index: &u32| {
             let (solid, margin) = &self.solids[index as usize];
-            solid.is_within(point, *margin)
+            solid.is_within(point, margin + more)
         };
         (!self.near[*first as usize..*end as usize].iter().any(explains)).then_some(point)
     }
@@ -209,7 +228,7 @@ impl<'a> Cells<'a> {
         let half_diagonal = 0.5 * 3.0_f64.sqrt() * edge;
         let first = self.near.len() as u32;
         for (index, (solid, margin)) in self.solids.iter().enumerate() {
-            if !solid.is_surely_beyond(center, half_diagonal + margin) {
+            if !solid.is_surely_beyond(center, half_diagonal + margin + self.growth * FARTHEST_M.powi(2)) {
                 self.near.push(index as u32);
             }
         }

@@ -9,7 +9,9 @@ use genmanip_agent::services::{GraspSource, SampledGrasps, ServiceGrasps, Servic
 use genmanip_agent::{Agent, AgentSettings, PathKind, Preset, Services};
 use genmanip_assets::GraspLibrary;
 use genmanip_chat::{HttpService, ServiceSettings};
-use genmanip_core::{ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Scenario};
+use genmanip_core::{
+    ActionChunk, Document, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, Scenario, World,
+};
 use genmanip_motion::Planner;
 use genmanip_rollout::{Cores, Stage as Scene};
 
@@ -354,7 +356,9 @@ impl AgentChoice {
         }
         let prompts = self.prompt_set()?;
         let services = Services { model, segmenter, grasps, prompts: Arc::new(prompts) };
-        let agent = Agent::new(self.settings.clone(), services, planner, transcribed.clone())
+        let depth_error_m = depth_error_m(&truth.stage().scenario.world, &self.settings.cameras);
+        let settings = AgentSettings { depth_error_m, ..self.settings.clone() };
+        let agent = Agent::new(settings, services, planner, transcribed.clone())
             .map_err(|error| RunError::broken("the agent cannot be made", error))?
             .named(self.name());
         if !knows {
@@ -388,6 +392,12 @@ impl MaskChoice {
             Self::Http(_) => "http",
         }
     }
+}
+
+/// Standard deviation of a depth of 1 m of the worst of these cameras, m, as its maker tells; 0 where all are perfect.
+fn depth_error_m(world: &World, cameras: &[String]) -> f64 {
+    let sensors = cameras.iter().filter_map(|name| world.camera(name)?.sensor?.depth);
+    sensors.map(|depth| depth.disparity_error_px / (depth.focal_length_px * depth.baseline_m.abs())).fold(0.0, f64::max)
 }
 
 /// A client of a service; the address is checked, and nothing is sent.

@@ -152,10 +152,8 @@ impl Workshop {
             jpeg_quality: Some((100.0 - self.dial * (100.0 - JPEG_QUALITY)) as u8),
             ..color
         });
-        let depth = usual.depth.map(|depth| DepthSensor {
-            disparity_error_px: depth.disparity_error_px * (0.5 + 1.5 * self.dial),
-            ..depth
-        });
+        let depth =
+            usual.depth.map(|depth| DepthSensor { disparity_error_px: depth.disparity_error_px * self.dial, ..depth });
         CameraSensor { depth, color }
     }
 
