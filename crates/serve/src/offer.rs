@@ -15,6 +15,7 @@ use genmanip_motion::Planner;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::env::EnvOffer;
 use crate::jobs::Ended;
 
 /// A service.
@@ -26,6 +27,8 @@ pub enum Offer {
     Grasp(Arc<Planner>),
     /// Motions from an image, the arm's joints and an instruction, as jobs.
     Agent(AgentOffer),
+    /// Environments that programs drive.
+    Env(Arc<EnvOffer>),
 }
 
 /// An agent that is made anew for every job.
@@ -62,6 +65,7 @@ impl Offer {
             Self::Segment(_) => "segment",
             Self::Grasp(_) => "grasp",
             Self::Agent(_) => "agent",
+            Self::Env(_) => "env",
         }
     }
 
@@ -71,6 +75,15 @@ impl Offer {
             Self::Segment(_) => "/segment",
             Self::Grasp(_) => "/grasp",
             Self::Agent(_) => "/agent",
+            Self::Env(_) => "/env",
+        }
+    }
+
+    /// What its answers are written in; errors are JSON.
+    pub(crate) fn media_type(&self) -> &'static str {
+        match self {
+            Self::Segment(_) | Self::Grasp(_) | Self::Agent(_) => "application/json",
+            Self::Env(_) => "application/msgpack",
         }
     }
 
@@ -79,6 +92,7 @@ impl Offer {
         match self {
             Self::Segment(segmenter) => segmented(segmenter, &read(body)?),
             Self::Grasp(planner) => grasped(planner, &read(body)?),
+            Self::Env(offer) => offer.answer(body),
             Self::Agent(_) => Err(Refusal::Unsuited("the agent answers in jobs".into())),
         }
     }
