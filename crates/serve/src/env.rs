@@ -12,7 +12,7 @@ use rmpv::Value;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::offer::Refusal;
+use crate::refusal::Refusal;
 use crate::wire;
 
 /// A session that was not asked for so long makes room for another one.

@@ -12,6 +12,7 @@ mod env;
 mod jobs;
 mod offer;
 mod openapi;
+mod refusal;
 mod server;
 mod wire;
 

@@ -17,6 +17,7 @@ use serde::de::DeserializeOwned;
 
 use crate::env::EnvOffer;
 use crate::jobs::Ended;
+use crate::refusal::Refusal;
 
 /// A service.
 #[derive(Clone, Debug)]
@@ -48,15 +49,6 @@ impl fmt::Debug for AgentOffer {
 
 /// What a job computes.
 pub(crate) type Work = Box<dyn FnOnce() -> Ended + Send>;
-
-/// A request that gets no answer.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Refusal {
-    /// It is not what is described.
-    Malformed(String),
-    /// It is, but nothing can be computed from it.
-    Unsuited(String),
-}
 
 impl Offer {
     /// Name, e.g. `segment`.

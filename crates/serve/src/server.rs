@@ -18,7 +18,8 @@ use tokio::runtime::{self, Runtime};
 use tokio::sync::{Semaphore, oneshot};
 
 use crate::jobs::{Ended, Jobs, MAX_OPEN, MAX_WAIT_S};
-use crate::offer::{Refusal, Work};
+use crate::offer::Work;
+use crate::refusal::Refusal;
 use crate::{Offer, openapi};
 
 /// How long a request may take to arrive; 64 MiB over a slow local network need less.
