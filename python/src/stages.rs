@@ -43,7 +43,7 @@ pub fn design(py: Python, out: PathBuf, kinds: Vec<String>, count: usize, seed: 
 
 /// Scenarios of tasks into a folder; rows as JSON.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the package names them all")]
+#[allow(clippy::too_many_arguments, reason = "the package names them all")]
 pub fn layout(
     py: Python,
     tasks: Vec<PathBuf>,
@@ -66,7 +66,7 @@ pub fn layout(
 
 /// Demonstrations of tasks into the folder of a run; rows as JSON.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the package names them all")]
+#[allow(clippy::too_many_arguments, reason = "the package names them all")]
 pub fn collect(
     py: Python,
     tasks: Vec<PathBuf>,
@@ -93,7 +93,7 @@ pub fn collect(
 
 /// The contract of a data set's actions, as JSON, and its episodes: index, scenario, success, first row, row behind the last.
 #[pyfunction]
-#[expect(clippy::type_complexity, reason = "the package gives them names")]
+#[allow(clippy::type_complexity, reason = "the package gives them names")]
 pub fn dataset(py: Python, folder: PathBuf) -> PyResult<(String, Vec<(i64, String, bool, i64, i64)>)> {
     let opened = py.detach(|| LerobotDataset::open(&folder)).map_err(unreadable)?;
     let row = |row: &genmanip_data::lerobot::EpisodeRow| {

@@ -188,6 +188,21 @@ class Examples(unittest.TestCase):
         said = subprocess.run(run, cwd=ROOT, capture_output=True, text=True, check=True).stdout
         self.assertIn("picture (256, 256, 3)", said)
 
+    def test_another_process_drives_an_environment_that_is_served(self):
+        program = os.environ.get("GENMANIP_PROGRAM")
+        if program is None:
+            self.skipTest("GENMANIP_PROGRAM is not set")
+        serve = [program, "serve", "env", SCENARIOS, "--address", "127.0.0.1:0"]
+        with subprocess.Popen(serve, stderr=subprocess.PIPE, text=True) as serving:
+            try:
+                address = serving.stderr.readline().split("http://")[1].split("/")[0]
+                run = [sys.executable, "examples/python/env_client.py", address]
+                said = subprocess.run(run, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+            finally:
+                serving.kill()
+        self.assertIn("picture (256, 256, 3)", said)
+        self.assertIn("result finished 120 frames", said)
+
     def test_lerobot_finds_its_environments(self):
         spec = importlib.util.spec_from_file_location("env", ROOT / "examples/python/envhub/env.py")
         module = importlib.util.module_from_spec(spec)

@@ -2,26 +2,61 @@
 
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
+use crate::wheel;
 use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 const SERVER: &str = "crates/remote/testdata/openpi_server.py";
 /// What is installed into an environment of its own.
 const PACKAGES: [&str; 2] = ["openpi-client==0.1.2", "websockets==17.4"];
+const VLA_EVAL: &str = "python/tests/interop_vla_eval.py";
+/// The harness, and what our wheel depends on; apart from openpi's client, whose pins are others.
+const VLA_EVAL_PACKAGES: [&str; 3] = ["vla-eval==0.8.0", "mujoco==3.17.0", "numpy==2.3.5"];
 /// Until the server listens.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Evaluates a policy that asks a server made of openpi's own client package.
+/// Both protocols, one after the other, on one scenario.
 pub fn run(workspace: &Workspace) -> Result {
     let place = workspace.target_dir()?.join("interop");
-    let python = place.join("python/bin/python");
+    let scenario = place.join("scenario");
+    let _ = fs::remove_dir_all(&scenario);
+    fs::create_dir_all(&place).on("make the folder", &place)?;
+    let mut layout = workspace.command(workspace.genmanip()?);
+    let layout = layout.args(["--quiet", "layout", "examples/tasks/021_spatial.json", "--seed", "1", "--out"]);
+    process::output(layout.arg(&scenario))?;
+    openpi(workspace, &place, &scenario)?;
+    vla_eval(workspace, &place, &scenario)
+}
+
+/// A model server of vla-eval leads our arm, and its orchestrator runs that server on our scenes.
+fn vla_eval(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
+    let python = environment(workspace, &place.join("vla-eval"), &VLA_EVAL_PACKAGES)?;
+    wheel::environment(workspace)?;
+    wheel::install(workspace, &python, &wheel::build(workspace)?)?;
+    let run = place.join("vla-eval-run");
+    let _ = fs::remove_dir_all(&run);
+    fs::create_dir_all(&run).on("make the folder", &run)?;
+    let mut command = workspace.command(&python);
+    process::visible(command.arg(VLA_EVAL).arg(workspace.genmanip()?).arg(scenario).arg(&run))
+}
+
+/// An environment with these packages, made once; gives its interpreter.
+fn environment(workspace: &Workspace, folder: &Path, packages: &[&str]) -> Result<PathBuf> {
+    let python = folder.join("bin/python");
     if !python.exists() {
-        eprintln!("interop: installing {}", PACKAGES.join(", "));
-        process::output(workspace.command("python3").args(["-m", "venv"]).arg(place.join("python")))?;
+        eprintln!("interop: installing {}", packages.join(", "));
+        process::output(workspace.command("python3").args(["-m", "venv"]).arg(folder))?;
         let mut pip = workspace.command(&python);
-        process::output(pip.args(["-m", "pip", "install", "--quiet", "--only-binary=:all:"]).args(PACKAGES))?;
+        process::output(pip.args(["-m", "pip", "install", "--quiet", "--only-binary=:all:"]).args(packages))?;
     }
+    Ok(python)
+}
+
+/// Evaluates a policy that asks a server made of openpi's own client package.
+fn openpi(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
+    let python = environment(workspace, &place.join("python"), &PACKAGES)?;
     let (port, run) = (place.join("port"), place.join("run"));
     let _ = fs::remove_file(&port);
     let _ = fs::remove_dir_all(&run);
@@ -35,14 +70,9 @@ pub fn run(workspace: &Workspace) -> Result {
         std::thread::sleep(Duration::from_millis(50));
     }
     let port = fs::read_to_string(&port).on("read", &port)?;
-    let mut layout = workspace.command(&genmanip);
-    let scenario = place.join("scenario");
-    let _ = fs::remove_dir_all(&scenario);
-    let layout = layout.args(["--quiet", "layout", "examples/tasks/021_spatial.json", "--seed", "1", "--out"]);
-    process::output(layout.arg(&scenario))?;
     let mut evaluate = workspace.command(&genmanip);
     let policy = format!("openpi:url=ws://127.0.0.1:{},preset=droid", port.trim());
-    evaluate.args(["--quiet", "evaluate"]).arg(&scenario).args(["--policy", &policy, "--out"]).arg(&run);
+    evaluate.args(["--quiet", "evaluate"]).arg(scenario).args(["--policy", &policy, "--out"]).arg(&run);
     process::output(&mut evaluate)?;
     let told = fs::read_to_string(place.join("told.jsonl")).on("read", &place)?;
     let shown = told.lines().next().unwrap_or_default();

@@ -33,7 +33,7 @@ Usage: cargo xtask <verb>
   demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
   test [PHASE…]    everything CI runs, or only the named phases
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
-  test --interop   let published packages of other projects ask and answer us (downloads 30 MB; not part of CI)
+  test --interop   let published packages of other projects ask and answer us (downloads 200 MB; not part of CI)
   tidy             check the rules that the compiler does not know
 
 Example: cargo xtask test fmt clippy";

@@ -3,13 +3,25 @@
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const REQUIREMENTS: &str = "xtask/wheel-requirements.txt";
 const TESTS: &str = "python/tests";
 
-/// Builds the wheel with the crates that the program was built of, and runs its tests.
+/// Builds the wheel and runs its tests.
 pub fn test(workspace: &Workspace) -> Result {
+    let place = workspace.target_dir()?.join("wheel");
+    let python = place.join("python/bin/python");
+    let wheel = build(workspace)?;
+    install(workspace, &python, &wheel)?;
+    let mut tests = workspace.command(&python);
+    tests.args(["-W", "error::DeprecationWarning", "-m", "unittest", "discover", "--start-directory", TESTS]);
+    tests.env("GENMANIP_PROGRAM", workspace.genmanip()?).env("TMPDIR", &place);
+    process::visible(&mut tests)
+}
+
+/// Builds the wheel with the crates that the program was built of; the environment must be there.
+pub fn build(workspace: &Workspace) -> Result<PathBuf> {
     let target = workspace.target_dir()?;
     let place = target.join("wheel");
     let python = place.join("python/bin/python");
@@ -21,13 +33,14 @@ pub fn test(workspace: &Workspace) -> Result {
     build.args(["-m", "maturin", "build", "--release", "--locked", "--manifest-path", "python/Cargo.toml"]);
     build.arg("--interpreter").arg(&python).arg("--target-dir").arg(&target).arg("--out").arg(&wheels);
     process::visible(&mut build)?;
-    let mut install = workspace.command(&python);
+    only_file(&wheels)
+}
+
+/// Installs a wheel without looking for what it depends on.
+pub fn install(workspace: &Workspace, python: &Path, wheel: &Path) -> Result {
+    let mut install = workspace.command(python);
     install.args(["-m", "pip", "install", "--quiet", "--no-deps", "--force-reinstall", "--no-index"]);
-    process::output(install.arg(only_file(&wheels)?))?;
-    let mut tests = workspace.command(&python);
-    tests.args(["-W", "error::DeprecationWarning", "-m", "unittest", "discover", "--start-directory", TESTS]);
-    tests.env("GENMANIP_PROGRAM", workspace.genmanip()?).env("TMPDIR", &place);
-    process::visible(&mut tests)
+    process::output(install.arg(wheel)).map(|_| ())
 }
 
 /// Makes sure that there is an environment with exactly the packages of the list; one with another list is made anew.
@@ -59,7 +72,7 @@ pub fn environment(workspace: &Workspace) -> Result {
 }
 
 /// The wheel in the folder.
-fn only_file(folder: &Path) -> Result<std::path::PathBuf> {
+fn only_file(folder: &Path) -> Result<PathBuf> {
     let mut entries = fs::read_dir(folder).on("read", folder)?;
     match entries.next() {
         Some(entry) => Ok(entry.on("read", folder)?.path()),

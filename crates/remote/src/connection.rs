@@ -89,6 +89,13 @@ pub(crate) struct Connection {
 impl Connection {
     /// Connects, and takes the metadata with which the server begins.
     pub(crate) fn open(url: &str, api_key: Option<&str>, patience: Patience) -> Result<(Self, Value), RemoteError> {
+        let mut connection = Self::connect(url, api_key, patience)?;
+        let metadata = connection.receive()?;
+        Ok((connection, metadata))
+    }
+
+    /// Connects to a server that waits to be greeted.
+    pub(crate) fn connect(url: &str, api_key: Option<&str>, patience: Patience) -> Result<Self, RemoteError> {
         let unreachable = |reason: String| RemoteError::Unreachable { url: url.to_owned(), reason };
         let mut request = url.into_client_request().map_err(|error| unreachable(error.to_string()))?;
         if let Some(key) = api_key {
@@ -115,14 +122,17 @@ impl Connection {
             HandshakeError::Failure(error) => unreachable(error.to_string()),
             HandshakeError::Interrupted(_) => unreachable("it does not answer".into()),
         })?;
-        let mut connection = Self { url: url.to_owned(), patience, socket };
-        let metadata = connection.receive()?;
-        Ok((connection, metadata))
+        Ok(Self { url: url.to_owned(), patience, socket })
+    }
+
+    /// Says something that is not answered.
+    pub(crate) fn tell(&mut self, message: &[u8]) -> Result<(), RemoteError> {
+        self.socket.send(Message::binary(message.to_vec())).map_err(|error| self.lost(error))
     }
 
     /// Asks and waits for the answer.
     pub(crate) fn ask(&mut self, question: &[u8]) -> Result<Value, RemoteError> {
-        self.socket.send(Message::binary(question.to_vec())).map_err(|error| self.lost(error))?;
+        self.tell(question)?;
         self.receive()
     }
 

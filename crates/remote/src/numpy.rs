@@ -55,8 +55,17 @@ impl Array {
         }
     }
 
-    /// The array as it is sent.
+    /// The array as openpi's client sends it.
     pub fn value(&self) -> Value {
+        self.value_with(|name| Value::Binary(name.as_bytes().to_vec()))
+    }
+
+    /// The array with keys that are texts, as vla-eval sends it.
+    pub fn value_with_text_keys(&self) -> Value {
+        self.value_with(Value::from)
+    }
+
+    fn value_with(&self, key: impl Fn(&'static str) -> Value) -> Value {
         let (dtype, data) = match &self.numbers {
             Numbers::U8(numbers) => ("|u1", numbers.clone()),
             Numbers::F32(numbers) => ("<f4", numbers.iter().flat_map(|number| number.to_le_bytes()).collect()),
@@ -64,7 +73,6 @@ impl Array {
             Numbers::I32(numbers) => ("<i4", numbers.iter().flat_map(|number| number.to_le_bytes()).collect()),
             Numbers::I64(numbers) => ("<i8", numbers.iter().flat_map(|number| number.to_le_bytes()).collect()),
         };
-        let key = |name: &str| Value::Binary(name.as_bytes().to_vec());
         Value::Map(vec![
             (key("__ndarray__"), true.into()),
             (key("data"), Value::Binary(data)),

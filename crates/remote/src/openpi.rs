@@ -88,7 +88,7 @@ impl Preset {
     }
 
     /// An action of the server in the units of [`Preset::action`].
-    fn scaled(self, action: &[f64]) -> Vec<f32> {
+    pub(crate) fn scaled(self, action: &[f64]) -> Vec<f32> {
         let unit = |number: f64| number.clamp(-1.0, 1.0);
         let (gripper, motion) = match action.split_last() {
             Some((gripper, motion)) => (*gripper, motion),
@@ -175,14 +175,10 @@ impl OpenpiPolicy {
                 ]
             }
             Preset::Libero => {
-                let tool = self.robot.tcp_pose(arm);
-                let turn = rotation_vector(tool.rotation);
-                let fingers = [0.5 * width_m, -0.5 * width_m];
-                let state = tool.position.to_array().into_iter().chain(turn.to_array()).chain(fingers);
                 vec![
                     ("observation/image", exterior),
                     ("observation/wrist_image", wrist),
-                    ("observation/state", Array::vector(state).value()),
+                    ("observation/state", Array::vector(libero_state(&self.robot, state)).value()),
                 ]
             }
         };
@@ -287,6 +283,15 @@ fn shown(image: &RgbdImage) -> Value {
     let (width, height) = (image.width() as usize, image.height() as usize);
     let picture = resized_with_pad(&Rgb { width, height, bytes: image.rgb.clone() }, SIDE, SIDE);
     Array::picture(picture.width, picture.height, picture.bytes).value()
+}
+
+/// LIBERO's state of a robot: position of the tool, axis times angle of its rotation, both fingers; m and rad.
+pub(crate) fn libero_state(robot: &RobotModel, state: &[f64]) -> Vec<f64> {
+    let (arm, width_m) = state.split_at(robot.arm_dof().min(state.len()));
+    let (tool, width_m) = (robot.tcp_pose(arm), width_m.iter().sum::<f64>());
+    let turn = rotation_vector(tool.rotation);
+    let fingers = [0.5 * width_m, -0.5 * width_m];
+    tool.position.to_array().into_iter().chain(turn.to_array()).chain(fingers).collect()
 }
 
 /// Axis times angle of a rotation, at most pi long, rad.

@@ -286,3 +286,44 @@ fn receive(pipe: &mut impl Read) -> std::io::Result<(Map<String, Value>, Vec<Arr
     }
     Ok((head, arrays))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_come_back() {
+        let arrays = [Array::of_floats(&[1.0, 2.0, 3.0], &[1, 3]), Array::of_floats(&[], &[0, 8])];
+        let mut bytes = Vec::new();
+        send(&mut bytes, json!({"finished": true}), &arrays).unwrap();
+        let (head, received) = receive(&mut bytes.as_slice()).unwrap();
+        assert_eq!((head["finished"].as_bool(), &received[..]), (Some(true), &arrays[..]));
+    }
+
+    #[test]
+    fn what_is_no_message_is_refused() {
+        let framed = |head: &str| [&(head.len() as u32).to_le_bytes()[..], head.as_bytes()].concat();
+        let cases = [
+            (vec![1, 0], "failed to fill"),
+            (vec![0xff; 8], "its head is too long"),
+            (framed("[]"), "expected a map"),
+            (framed("{}"), "it lists no arrays"),
+            (framed("{\"arrays\": [{}]}"), "an array without shape"),
+            (framed("{\"arrays\": [{\"shape\": [-1]}]}"), "a shape that is none"),
+            (framed("{\"arrays\": [{\"shape\": [99999999, 99999999, 99999999]}]}"), "an array that is too large"),
+            (framed("{\"arrays\": [{\"shape\": [2]}]}"), "failed to fill"),
+        ];
+        for (bytes, expected) in cases {
+            let error = receive(&mut bytes.as_slice()).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn an_interpreter_that_is_not_there_is_named() {
+        let settings =
+            ProcessSettings { class: "a:B".into(), python: "no-such-python".into(), answer: Duration::from_secs(1) };
+        let error = Processes::new(settings).policy(|_| Err(String::new())).unwrap_err();
+        assert!(matches!(&error, PolicyError::Unreachable(what) if what.contains("no-such-python")), "{error:?}");
+    }
+}

@@ -3,6 +3,8 @@
 //! `NAME` or `NAME:key=value,key=value` becomes a [`PolicyFactory`], which makes one policy per episode.
 //! Another policy is one more entry of [`POLICIES`].
 
+mod arguments;
+
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,10 +25,13 @@ use crate::agents::{Account, AgentChoice, ModelChoice, Transcribing};
 use crate::error::RunError;
 use crate::remote;
 
+pub use arguments::PolicyArgument;
+use arguments::{AGENT_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARGUMENTS, VLA_EVAL_ARGUMENTS};
+
 pub use crate::remote::read_spec;
 
 /// All policies there are, in the order in which they are listed.
-pub const POLICIES: [PolicyEntry; 9] = [
+pub const POLICIES: [PolicyEntry; 10] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
@@ -92,6 +97,14 @@ pub const POLICIES: [PolicyEntry; 9] = [
         prepare: openpi,
     },
     PolicyEntry {
+        name: "vla-eval",
+        about: "asks a model server of vla-eval, the evaluation harness for vision-language-action models",
+        arguments: &VLA_EVAL_ARGUMENTS,
+        needs_record: false,
+        is_usual: false,
+        prepare: vla_eval,
+    },
+    PolicyEntry {
         name: "python",
         about: "asks a class of a Python module in a process of its own: python:MODULE:CLASS",
         arguments: &PYTHON_ARGUMENTS,
@@ -99,58 +112,6 @@ pub const POLICIES: [PolicyEntry; 9] = [
         is_usual: false,
         prepare: python,
     },
-];
-
-/// What may be said about a class of a Python module.
-const PYTHON_ARGUMENTS: [PolicyArgument; 3] = [
-    PolicyArgument {
-        name: "class",
-        default: "",
-        about: "MODULE:CLASS; the module lies in the working folder or PYTHONPATH",
-    },
-    PolicyArgument { name: "python", default: "python3", about: "the interpreter, which has NumPy" },
-    PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" },
-];
-
-/// What may be said about a server of openpi's protocol.
-const OPENPI_ARGUMENTS: [PolicyArgument; 6] = [
-    PolicyArgument { name: "url", default: "ws://127.0.0.1:8000", about: "where it is" },
-    PolicyArgument {
-        name: "preset",
-        default: "droid",
-        about: "what it is shown and what it answers: droid (joint speeds), droid_jointpos or libero",
-    },
-    PolicyArgument { name: "exterior", default: "static", about: "the camera that stands beside the robot" },
-    PolicyArgument { name: "wrist", default: "wrist", about: "the camera at the hand" },
-    PolicyArgument { name: "execute", default: "", about: "actions of a chunk that are executed; droid 8, libero 5" },
-    PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" },
-];
-
-/// What may be said about the agent.
-const AGENT_ARGUMENTS: [PolicyArgument; 19] = [
-    PolicyArgument {
-        name: "vlm",
-        default: "oracle",
-        about: "who answers: oracle, random, recorded, or the settings file of a model",
-    },
-    PolicyArgument { name: "answers", default: "", about: "folder where answers are recorded and given again from" },
-    PolicyArgument { name: "masks", default: "rgbd", about: "where masks come from: rgbd, oracle, or http:URL" },
-    PolicyArgument { name: "grasps", default: "rgbd", about: "where grasps come from: rgbd, or http:URL" },
-    PolicyArgument { name: "path", default: "p2p", about: "p2p asks for one cell, grid for a path over the grid" },
-    PolicyArgument { name: "preset", default: "full", about: "paper is as published, full is sturdier" },
-    PolicyArgument { name: "ctof", default: "no", about: "yes asks for the part to hold, too" },
-    PolicyArgument { name: "arrows", default: "yes", about: "no leaves out the robot's directions" },
-    PolicyArgument { name: "loop", default: "closed", about: "open splits the task once and picks each thing once" },
-    PolicyArgument { name: "reasoning", default: "no", about: "yes asks for reasons before each answer" },
-    PolicyArgument { name: "camera", default: "overview", about: "the camera whose image models are shown" },
-    PolicyArgument { name: "prompts", default: "", about: "folder of prompt files that replace the built-in ones" },
-    PolicyArgument { name: "transcripts", default: "", about: "folder for questions, pictures and answers" },
-    PolicyArgument { name: "err_decompose", default: "0", about: "share of asks that the oracle answers wrongly" },
-    PolicyArgument { name: "err_object", default: "0", about: "the same" },
-    PolicyArgument { name: "err_part", default: "0", about: "the same" },
-    PolicyArgument { name: "err_grab_point", default: "0", about: "the same" },
-    PolicyArgument { name: "err_path", default: "0", about: "the same, of paths and cells" },
-    PolicyArgument { name: "err_check", default: "0", about: "the same" },
 ];
 
 fn expert(_given: &Given) -> Result<Prepared, RunError> {
@@ -276,6 +237,15 @@ fn openpi(given: &Given) -> Result<Prepared, RunError> {
     }))
 }
 
+fn vla_eval(given: &Given) -> Result<Prepared, RunError> {
+    let patience_s = given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?;
+    let (url, preset) = (given.text("url"), given.text("preset"));
+    let settings = remote::vla_eval_settings(url, preset, [given.text("exterior"), given.text("wrist")], patience_s)?;
+    Ok(Prepared::new(move |episode: &PolicyContext| {
+        Ok(remote::vla_eval(&settings, episode.planner.robot(), episode.cores))
+    }))
+}
+
 fn python(given: &Given) -> Result<Prepared, RunError> {
     let patience_s = given.number("timeout_s", 0.1..=remote::LONGEST_WAIT_S)?;
     let processes = remote::processes(given.text("class"), given.text("python"), patience_s)?;
@@ -296,17 +266,6 @@ pub struct PolicyEntry {
     pub is_usual: bool,
     /// Checks the arguments, once.
     prepare: fn(&Given) -> Result<Prepared, RunError>,
-}
-
-/// An argument of a policy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PolicyArgument {
-    /// Its name.
-    pub name: &'static str,
-    /// Its value where none is given.
-    pub default: &'static str,
-    /// What it is, in one line, with its unit.
-    pub about: &'static str,
 }
 
 /// What a policy may be made from, of one episode.

@@ -7,6 +7,7 @@ use genmanip_core::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError,
 use genmanip_remote::Patience;
 use genmanip_remote::openpi::{OpenpiPolicy, OpenpiSettings, Preset};
 use genmanip_remote::process::{ProcessSettings, Processes};
+use genmanip_remote::vla_eval::{self, VlaEvalPolicy, VlaEvalSettings};
 use genmanip_rollout::Cores;
 
 use serde_json::Value;
@@ -64,7 +65,41 @@ pub(crate) fn openpi(
     robot: &Arc<RobotModel>,
     cores: Option<&Arc<Cores>>,
 ) -> Box<dyn Policy> {
-    let policy = OpenpiPolicy::new(settings.clone(), Arc::clone(robot));
+    lending(OpenpiPolicy::new(settings.clone(), Arc::clone(robot)), cores)
+}
+
+/// Settings for a model server of vla-eval.
+///
+/// # Errors
+/// A URL that is none, and an unknown preset.
+pub(crate) fn vla_eval_settings(
+    url: &str,
+    preset: &str,
+    [exterior, wrist]: [&str; 2],
+    patience_s: f64,
+) -> Result<VlaEvalSettings, RunError> {
+    if url.strip_prefix("ws://").is_none_or(str::is_empty) {
+        return Err(
+            RunError::input(format!("policy vla-eval: url={url} is not possible")).with_hint("expected ws://HOST:PORT")
+        );
+    }
+    let known = vla_eval::Preset::ALL.map(vla_eval::Preset::name);
+    let found = vla_eval::Preset::ALL.into_iter().find(|it| it.name() == preset);
+    let preset = found.ok_or_else(|| RunError::unknown("preset", "presets", preset, &known))?;
+    let patience = Patience { answer: Duration::from_secs_f64(patience_s), ..Patience::default() };
+    Ok(VlaEvalSettings { url: url.into(), preset, exterior: exterior.into(), wrist: wrist.into(), patience })
+}
+
+/// The policy for one episode, which lends its core while it waits for the server.
+pub(crate) fn vla_eval(
+    settings: &VlaEvalSettings,
+    robot: &Arc<RobotModel>,
+    cores: Option<&Arc<Cores>>,
+) -> Box<dyn Policy> {
+    lending(VlaEvalPolicy::new(settings.clone(), Arc::clone(robot)), cores)
+}
+
+fn lending(policy: impl Policy + 'static, cores: Option<&Arc<Cores>>) -> Box<dyn Policy> {
     match cores {
         Some(cores) => Box::new(Lending { policy, cores: Arc::clone(cores) }),
         None => Box::new(policy),
@@ -95,10 +130,7 @@ pub(crate) fn python(processes: &Arc<Processes>, cores: Option<&Arc<Cores>>) -> 
         error => RunError::input(format!("policy {class}: {error}"))
             .with_hint("the class needs spec(), reset(start) and act(observation)"),
     })?;
-    Ok(match cores {
-        Some(cores) => Box::new(Lending { policy, cores: Arc::clone(cores) }),
-        None => Box::new(policy),
-    })
+    Ok(lending(policy, cores))
 }
 
 /// What a program in another language says about its policy: what it leaves out is as of native actions at 15 Hz.
@@ -137,7 +169,8 @@ impl<P: Policy> Policy for Lending<P> {
     }
 
     fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
-        self.policy.reset(start)
+        let Self { policy, cores } = self;
+        cores.lend(|| policy.reset(start))
     }
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {

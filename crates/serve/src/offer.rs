@@ -15,7 +15,9 @@ use genmanip_motion::Planner;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::env::EnvOffer;
 use crate::jobs::Ended;
+use crate::refusal::Refusal;
 
 /// A service.
 #[derive(Clone, Debug)]
@@ -26,6 +28,8 @@ pub enum Offer {
     Grasp(Arc<Planner>),
     /// Motions from an image, the arm's joints and an instruction, as jobs.
     Agent(AgentOffer),
+    /// Environments that programs drive.
+    Env(Arc<EnvOffer>),
 }
 
 /// An agent that is made anew for every job.
@@ -46,15 +50,6 @@ impl fmt::Debug for AgentOffer {
 /// What a job computes.
 pub(crate) type Work = Box<dyn FnOnce() -> Ended + Send>;
 
-/// A request that gets no answer.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Refusal {
-    /// It is not what is described.
-    Malformed(String),
-    /// It is, but nothing can be computed from it.
-    Unsuited(String),
-}
-
 impl Offer {
     /// Name, e.g. `segment`.
     pub fn name(&self) -> &'static str {
@@ -62,6 +57,7 @@ impl Offer {
             Self::Segment(_) => "segment",
             Self::Grasp(_) => "grasp",
             Self::Agent(_) => "agent",
+            Self::Env(_) => "env",
         }
     }
 
@@ -71,6 +67,15 @@ impl Offer {
             Self::Segment(_) => "/segment",
             Self::Grasp(_) => "/grasp",
             Self::Agent(_) => "/agent",
+            Self::Env(_) => "/env",
+        }
+    }
+
+    /// What its answers are written in; errors are JSON.
+    pub(crate) fn media_type(&self) -> &'static str {
+        match self {
+            Self::Segment(_) | Self::Grasp(_) | Self::Agent(_) => "application/json",
+            Self::Env(_) => "application/msgpack",
         }
     }
 
@@ -79,6 +84,7 @@ impl Offer {
         match self {
             Self::Segment(segmenter) => segmented(segmenter, &read(body)?),
             Self::Grasp(planner) => grasped(planner, &read(body)?),
+            Self::Env(offer) => offer.answer(body),
             Self::Agent(_) => Err(Refusal::Unsuited("the agent answers in jobs".into())),
         }
     }

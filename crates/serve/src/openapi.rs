@@ -7,6 +7,7 @@ use schemars::{JsonSchema, schema_for};
 use serde_json::{Value, json};
 
 use crate::Offer;
+use crate::env::EnvRequest;
 use crate::jobs::{JobView, MAX_ENDED, MAX_OPEN, MAX_WAIT_S};
 
 /// An OpenAPI 3.1 document of what is offered.
@@ -20,6 +21,7 @@ pub fn openapi(offer: &Offer) -> Value {
             json!({path: {"post": operation::<GraspRequest, GraspReply>("Grasps of a thing that is known by its points")}})
         }
         Offer::Agent(_) => jobs(path),
+        Offer::Env(_) => json!({path: {"post": environment()}}),
     };
     paths["/health"] = json!({"get": {
         "summary": "What is offered",
@@ -34,6 +36,18 @@ pub fn openapi(offer: &Offer) -> Value {
         "info": {"title": format!("genmanip serve {}", offer.name()), "version": env!("CARGO_PKG_VERSION")},
         "paths": paths
     })
+}
+
+/// A request of a session; `ask` says which, and its description what is answered.
+fn environment() -> Value {
+    let mut asked = operation::<EnvRequest, Value>("Drive an environment; requests and answers are MessagePack");
+    for content in ["/requestBody/content", "/responses/200/content"] {
+        if let Some(content) = asked.pointer_mut(content).and_then(Value::as_object_mut) {
+            let json = content.shift_remove("application/json").unwrap_or_default();
+            content.insert("application/msgpack".into(), json);
+        }
+    }
+    asked
 }
 
 /// A question that begins a job, the job, and its pictures.

@@ -18,7 +18,8 @@ use tokio::runtime::{self, Runtime};
 use tokio::sync::{Semaphore, oneshot};
 
 use crate::jobs::{Ended, Jobs, MAX_OPEN, MAX_WAIT_S};
-use crate::offer::{Refusal, Work};
+use crate::offer::Work;
+use crate::refusal::Refusal;
 use crate::{Offer, openapi};
 
 /// How long a request may take to arrive; 64 MiB over a slow local network need less.
@@ -151,7 +152,7 @@ fn router(shared: Arc<Shared>) -> Router {
             .route(path, post(begin_job))
             .route(&format!("{path}/jobs/{{job}}"), get(see_job))
             .route(&format!("{path}/jobs/{{job}}/pictures/{{name}}"), get(see_picture)),
-        Offer::Segment(_) | Offer::Grasp(_) => Router::new().route(path, post(answer)),
+        Offer::Segment(_) | Offer::Grasp(_) | Offer::Env(_) => Router::new().route(path, post(answer)),
     };
     asked
         .route("/health", get(health))
@@ -169,7 +170,7 @@ async fn answer(State(shared): State<Arc<Shared>>, request: Request) -> Response
     };
     let computing = Arc::clone(&shared);
     match computed(&shared, move || computing.offer.answer(&body)).await {
-        Ok(Ok(bytes)) => ([(CONTENT_TYPE, "application/json")], bytes).into_response(),
+        Ok(Ok(bytes)) => ([(CONTENT_TYPE, shared.offer.media_type())], bytes).into_response(),
         Ok(Err(refusal)) => refusal.into_response(),
         Err(message) => refused(StatusCode::INTERNAL_SERVER_ERROR, message),
     }

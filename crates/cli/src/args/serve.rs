@@ -1,6 +1,7 @@
 //! What the user may type after `serve`.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
@@ -22,6 +23,29 @@ pub enum ServeCommand {
                       job; docs/guides/services.md says how it is asked about."
     )]
     Agent(ServeAgentArguments),
+    /// Environments: a program drives the simulator, an action per request
+    #[command(
+        after_help = "Examples:\n  genmanip serve env suites/mine --address 127.0.0.1:8094\n  genmanip serve env --tasks \
+                      examples/tasks\n\nexamples/python/env_client.py is a program that drives one; \
+                      docs/guides/services.md has every request."
+    )]
+    Env(ServeEnvArguments),
+}
+
+/// Arguments of environments as a service.
+#[derive(Debug, Args)]
+pub struct ServeEnvArguments {
+    /// A frozen suite, a run, or scenarios
+    #[arg(value_name = "SUITE|RUN|SCENARIOS", required_unless_present = "tasks")]
+    pub scenes: Option<PathBuf>,
+    /// Task files or folders instead, which are laid out anew for each seed
+    #[arg(long, value_name = "PATH", num_args = 1.., conflicts_with = "scenes")]
+    pub tasks: Vec<PathBuf>,
+    /// Most sessions at once; each needs some 35 MB, and more with cameras
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = super::parse_count)]
+    pub sessions: usize,
+    #[command(flatten)]
+    pub serve: ServeArguments,
 }
 
 /// Arguments of the agent as a service.

@@ -1,4 +1,4 @@
-//! `genmanip serve`: masks, grasps and the agent for other programs.
+//! `genmanip serve`: masks, grasps, the agent and environments for other programs.
 
 use std::sync::Arc;
 
@@ -6,10 +6,12 @@ use genmanip_agent::segmentation::RgbdSegmenter;
 use genmanip_assets::worlds::default_world;
 use genmanip_motion::PlannerSettings;
 use genmanip_run::agents::AgentChoice;
+use genmanip_run::evaluate::Suite;
 use genmanip_run::inputs;
-use genmanip_serve::{AgentOffer, Offer, ServeSettings, Server, openapi};
+use genmanip_run::sessions::Scenes;
+use genmanip_serve::{AgentOffer, EnvOffer, Offer, ServeSettings, Server, openapi};
 
-use crate::args::{ServeAgentArguments, ServeArguments, ServeCommand};
+use crate::args::{ServeAgentArguments, ServeArguments, ServeCommand, ServeEnvArguments};
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
@@ -20,8 +22,18 @@ pub fn run(command: &ServeCommand, printer: &Printer) -> Result<ExitStatus, Fail
             let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
             serve(Offer::Grasp(planner), arguments, printer)
         }
+        ServeCommand::Env(arguments) => serve(Offer::Env(environments(arguments)?), &arguments.serve, printer),
         ServeCommand::Agent(arguments) => serve(Offer::Agent(agent(arguments)?), &arguments.serve, printer),
     }
+}
+
+fn environments(arguments: &ServeEnvArguments) -> Result<Arc<EnvOffer>, Failed> {
+    let ServeEnvArguments { scenes, tasks, sessions, .. } = arguments;
+    let scenes = match scenes {
+        Some(path) => Scenes::of_suite(&Suite::at(path)?)?,
+        None => Scenes::of_tasks(tasks, None)?,
+    };
+    Ok(Arc::new(EnvOffer::new(Arc::new(scenes), *sessions)))
 }
 
 fn agent(arguments: &ServeAgentArguments) -> Result<AgentOffer, Failed> {

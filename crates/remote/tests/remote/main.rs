@@ -1,6 +1,8 @@
-//! Policies behind openpi's protocol, against a server on loopback that speaks it.
+//! Policies behind other programs' protocols, against servers on loopback that speak them.
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
+
+mod vla_eval;
 
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, TcpListener};

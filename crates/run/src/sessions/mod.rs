@@ -21,13 +21,14 @@ use genmanip_rollout::cloud_verdict::cloud_verdict;
 use genmanip_rollout::environment::{Conclusion, Event, Snapshot};
 use genmanip_rollout::evaluate::Case;
 use genmanip_rollout::{Driver, Environment, RolloutError, Stage, Turn};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::RunError;
 pub use scenes::Scenes;
 
 /// What a program drives with and what it sees.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SessionSettings {
     /// What the numbers of an action mean.

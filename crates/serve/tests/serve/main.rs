@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
 
+mod env;
+
 use std::io::{Read, Write};
 use std::net::TcpStream;
 

@@ -1,0 +1,262 @@
+//! Model servers of vla-eval (allenai/vla-evaluation-harness): an observation goes out, one action comes back.
+//!
+//! A message is a map of `type`, `payload`, `seq` and `timestamp` in MessagePack; both sides begin with `hello`, and
+//! `episode_start` and `episode_end` stand around the observations of an episode. The server keeps what it knows of an
+//! episode with the connection, so a connection that is lost ends the episode, which is then not run.
+
+use std::sync::Arc;
+
+use genmanip_core::{
+    ActionChunk, ActionSpec, CameraRequest, EpisodeStart, ImageChannels, Observation, Policy, PolicyError, PolicySpec,
+    RobotModel,
+};
+use rmpv::Value;
+
+use crate::connection::{Connection, Patience, RemoteError};
+use crate::numpy::{Array, get};
+use crate::openpi::{self, libero_state};
+
+/// Version of the protocol that is spoken.
+const PROTOCOL: u64 = 1;
+/// Pixels each way, as the harness renders LIBERO.
+const SIDE: u32 = 256;
+
+/// What a server is shown and what its numbers mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// LIBERO's: changes of the tool's pose, 20 Hz; pictures `agentview` and `wrist`; 8 numbers of state.
+    Libero,
+    /// Joint targets, rad, and the opening, m, 15 Hz; pictures under the names of their cameras; joints and opening as
+    /// state. For servers made for this robot.
+    Joint,
+}
+
+impl Preset {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Libero, Self::Joint];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Libero => "libero",
+            Self::Joint => "joint",
+        }
+    }
+
+    /// Actions per second.
+    pub fn rate_hz(self) -> f64 {
+        match self {
+            Self::Libero => openpi::Preset::Libero.rate_hz(),
+            Self::Joint => 15.0,
+        }
+    }
+
+    /// What its actions mean, once they are in rad and m.
+    pub fn action(self) -> ActionSpec {
+        match self {
+            Self::Libero => openpi::Preset::Libero.action(),
+            Self::Joint => ActionSpec::native(),
+        }
+    }
+
+    /// What a server may say about its actions: the formats of their parts, as the harness names them.
+    fn formats(self) -> &'static [(&'static str, &'static str)] {
+        match self {
+            Self::Libero => {
+                &[("position", "delta_xyz"), ("rotation", "axis_angle"), ("gripper", "binary_close_positive")]
+            }
+            Self::Joint => &[],
+        }
+    }
+
+    fn scaled(self, action: &[f64]) -> Vec<f32> {
+        match self {
+            Self::Libero => openpi::Preset::Libero.scaled(action),
+            Self::Joint => action.iter().map(|&number| number as f32).collect(),
+        }
+    }
+}
+
+/// Which server is asked, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VlaEvalSettings {
+    /// Where it is, e.g. `ws://127.0.0.1:8000`.
+    pub url: String,
+    /// What it is shown.
+    pub preset: Preset,
+    /// The camera that stands beside the robot.
+    pub exterior: String,
+    /// The camera at the hand; empty for none.
+    pub wrist: String,
+    /// How long is waited.
+    pub patience: Patience,
+}
+
+/// A policy behind the protocol; one connection per episode.
+pub struct VlaEvalPolicy {
+    settings: VlaEvalSettings,
+    robot: Arc<RobotModel>,
+    instruction: String,
+    connection: Option<Connection>,
+    /// Number of the last message.
+    seq: u64,
+}
+
+impl VlaEvalPolicy {
+    /// For a robot. Nothing is asked yet.
+    pub fn new(settings: VlaEvalSettings, robot: Arc<RobotModel>) -> Self {
+        Self { settings, robot, instruction: String::new(), connection: None, seq: 0 }
+    }
+
+    /// Connects, greets, sees whether the server's actions are those of the preset, and begins the episode.
+    fn begin(&mut self) -> Result<(), RemoteError> {
+        let VlaEvalSettings { url, preset, patience, .. } = &self.settings;
+        let mut connection = Connection::connect(url, None, *patience)?;
+        self.seq = 1;
+        let hello = vec![
+            ("harness_version", Value::from(concat!("genmanip ", env!("CARGO_PKG_VERSION")))),
+            ("protocol_version", PROTOCOL.into()),
+        ];
+        let answer = connection.ask(&message("hello", map(hello), self.seq))?;
+        let told = payload(&answer, "hello").map_err(|what| connection.wrong(what))?;
+        if let Some(version) = get(told, "protocol_version").filter(|version| version.as_u64() != Some(PROTOCOL)) {
+            return Err(connection.wrong(format!("protocol version {version}, expected {PROTOCOL}")));
+        }
+        for (part, expected) in preset.formats() {
+            let told = get(told, "action_spec").and_then(|spec| get(spec, part)).and_then(|part| get(part, "format"));
+            if let Some(format) = told.and_then(Value::as_str).filter(|format| format != expected) {
+                let what =
+                    format!("with the {part} of actions as `{format}`, expected `{expected}` of {}", preset.name());
+                return Err(connection.wrong(what));
+            }
+        }
+        self.seq += 1;
+        let task = map(vec![("name", self.instruction.as_str().into()), ("suite", "genmanip".into())]);
+        connection.tell(&message("episode_start", map(vec![("task", task)]), self.seq))?;
+        self.connection = Some(connection);
+        Ok(())
+    }
+
+    fn shown(&self, observation: &Observation) -> Result<Value, PolicyError> {
+        let unsuited = |what: String| PolicyError::Unsuited(what);
+        let state = observation.state.get(Observation::STATE);
+        let state = state.ok_or_else(|| unsuited(format!("needs `{}`", Observation::STATE)))?;
+        let VlaEvalSettings { preset, exterior, wrist, .. } = &self.settings;
+        let mut images = Vec::new();
+        for (camera, name) in [(exterior, "agentview"), (wrist, "wrist")] {
+            if camera.is_empty() {
+                continue;
+            }
+            let image = observation.images.get(camera);
+            let image = image.ok_or_else(|| unsuited(format!("needs the camera `{camera}`")))?;
+            let picture = Array::picture(image.width() as usize, image.height() as usize, image.rgb.clone());
+            let name = if *preset == Preset::Libero { name } else { camera };
+            images.push((name, picture.value_with_text_keys()));
+        }
+        let state = match preset {
+            Preset::Libero => libero_state(&self.robot, state),
+            Preset::Joint => state.clone(),
+        };
+        Ok(map(vec![
+            ("images", map(images)),
+            ("states", Array::vector(state).value_with_text_keys()),
+            ("task_description", self.instruction.as_str().into()),
+        ]))
+    }
+
+    fn asked(&mut self, shown: Value) -> Result<Vec<Vec<f32>>, RemoteError> {
+        let gone =
+            || RemoteError::Unreachable { url: self.settings.url.clone(), reason: "the connection is lost".into() };
+        let mut connection = self.connection.take().ok_or_else(gone)?;
+        self.seq += 1;
+        let answer = connection.ask(&message("observation", shown, self.seq))?;
+        let (preset, dof) = (self.settings.preset, self.robot.arm_dof());
+        let rows = rows(&answer, self.seq, preset.action().length(dof)).map_err(|what| connection.wrong(what))?;
+        self.connection = Some(connection);
+        Ok(rows.iter().map(|row| preset.scaled(row)).collect())
+    }
+}
+
+impl Drop for VlaEvalPolicy {
+    /// The server may forget the episode; nobody waits for that.
+    fn drop(&mut self) {
+        if let Some(mut connection) = self.connection.take() {
+            let _ = connection.tell(&message("episode_end", Value::Map(Vec::new()), self.seq + 1));
+        }
+    }
+}
+
+impl Policy for VlaEvalPolicy {
+    fn spec(&self) -> PolicySpec {
+        let VlaEvalSettings { preset, exterior, wrist, .. } = &self.settings;
+        let cameras = [exterior, wrist].into_iter().filter(|camera| !camera.is_empty());
+        PolicySpec {
+            cameras: cameras.map(|camera| CameraRequest::new(camera, ImageChannels::RGB).sized(SIDE, SIDE)).collect(),
+            action: preset.action(),
+            ..PolicySpec::native("vla-eval", preset.rate_hz())
+        }
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        self.instruction.clone_from(&start.instruction);
+        self.begin().map_err(|error| PolicyError::Unreachable(error.to_string()))
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let shown = self.shown(observation)?;
+        let actions = self.asked(shown).map_err(|error| PolicyError::Unreachable(error.to_string()))?;
+        Ok(ActionChunk { actions, finished: false })
+    }
+}
+
+/// A message; its time is left at zero, so that the same episode sends the same bytes.
+fn message(kind: &str, payload: Value, seq: u64) -> Vec<u8> {
+    let entries =
+        vec![("type", kind.into()), ("payload", payload), ("seq", seq.into()), ("timestamp", Value::F64(0.0))];
+    let mut bytes = Vec::new();
+    // Writing into memory does not fail.
+    let _ = rmpv::encode::write_value(&mut bytes, &map(entries));
+    bytes
+}
+
+fn map(entries: Vec<(&str, Value)>) -> Value {
+    Value::Map(entries.into_iter().map(|(key, value)| (key.into(), value)).collect())
+}
+
+/// The payload of a message of a kind; an error says what the server said.
+fn payload<'a>(message: &'a Value, expected: &str) -> Result<&'a Value, String> {
+    let kind = get(message, "type").and_then(Value::as_str).ok_or("no message: it has no `type`")?;
+    let payload = get(message, "payload").ok_or("a message without `payload`")?;
+    match kind {
+        kind if kind == expected => Ok(payload),
+        "error" => {
+            let said = get(payload, "error").and_then(Value::as_str).unwrap_or("no reason");
+            Err(format!("an error: {}", said.chars().take(400).collect::<String>()))
+        }
+        kind => Err(format!("a message `{}`, expected `{expected}`", kind.chars().take(40).collect::<String>())),
+    }
+}
+
+/// The actions of an answer, row by row; servers give one, or a chunk.
+fn rows(answer: &Value, seq: u64, length: usize) -> Result<Vec<Vec<f64>>, String> {
+    let payload = payload(answer, "action")?;
+    let told = get(answer, "seq").and_then(Value::as_u64);
+    if told != Some(seq) {
+        return Err(format!("message {told:?}, expected the answer to {seq}"));
+    }
+    let actions = get(payload, "actions").ok_or("no `actions`")?;
+    let actions = Array::read(actions).map_err(|what| format!("`actions` that are no array: {what}"))?;
+    let fits = match actions.shape[..] {
+        [width] => width == length,
+        [count, width] => width == length && (1..=1000).contains(&count),
+        _ => false,
+    };
+    if !fits {
+        return Err(format!("`actions` of shape {:?}, expected [{length}] or [1 to 1000, {length}]", actions.shape));
+    }
+    let numbers = actions.reals();
+    match numbers.iter().find(|number| !number.is_finite()) {
+        Some(number) => Err(format!("`actions` with {number}")),
+        None => Ok(numbers.chunks_exact(length).map(<[f64]>::to_vec).collect()),
+    }
+}
