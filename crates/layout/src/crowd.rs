@@ -75,7 +75,9 @@ fn place(
     let area = scenario.world.workspace.within(settings.wide_x_m, settings.wide_y_m);
     let bounds_of = |object: &PosedObject| object.model.world_bounds(&object.pose, &object.joint_positions);
     let taken: Vec<Aabb> = objects.iter().map(bounds_of).collect();
-    (0..PLACES).find_map(|_| {
+    (0..PLACES).find_map(|draw| {
+        // Far from everything where there is room.
+        let gap_m = if 2 * draw < PLACES { settings.distractor_gap_m } else { settings.min_gap_m };
         let between = |[low, high]: [f64; 2], share: f64| low + (high - low) * share;
         let position = DVec3::new(between(area.x, rng.random()), between(area.y, rng.random()), 0.0);
         let pose = Pose::from_position_yaw(position, std::f64::consts::TAU * rng.random::<f64>());
@@ -83,7 +85,7 @@ fn place(
         let is_inside = |axis: usize, [low, high]: [f64; 2]| bounds.min[axis] >= low && bounds.max[axis] <= high;
         let apart = |other: &Aabb| {
             let gap = (other.min - bounds.max).max(bounds.min - other.max).truncate();
-            gap.max_element() >= settings.min_gap_m
+            gap.max_element() >= gap_m
         };
         (is_inside(0, area.x) && is_inside(1, area.y) && taken.iter().all(apart)).then_some(pose)
     })

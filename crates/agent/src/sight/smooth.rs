@@ -5,8 +5,8 @@ use genmanip_core::RgbdImage;
 /// Pixels on each side that are averaged; chosen: errors of stereo cameras hang together over about three pixels, so
 /// nine of them leave a third.
 const RADIUS: usize = 4;
-/// Errors by which the disparities of two pixels of one surface may differ.
-const SAME_SURFACE: f32 = 3.0;
+/// Errors by which the inverse depths of two pixels of one surface may differ: three of their difference.
+const SAME_SURFACE: f32 = 4.5;
 /// What averaging leaves of the error of a surface without edges.
 pub const LEFT_OVER: f64 = 1.0 / 3.0;
 

@@ -9,8 +9,8 @@ use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::glam::{DQuat, DVec3, EulerRot};
 use genmanip_core::sensor::SensorPreset;
 use genmanip_core::{
-    Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal, Look, PhysicsFactors, PlacedObject, Pose,
-    Relation, Request, Scenario, Seed, TaskKind, Vary, World,
+    Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal, Look, ObjectCard, PhysicsFactors,
+    PlacedObject, Pose, Relation, Request, Scenario, Seed, TaskKind, Vary, World,
 };
 use genmanip_layout::{LayoutSettings, add_distractors, lay_out, obstacles, posed};
 use genmanip_motion::{Allowed, Planner, PlannerSettings, PlanningScene};
@@ -173,14 +173,22 @@ impl Workshop {
 }
 
 /// How a relation is asked for.
-const ASKED: [(Relation, &str); 6] = [
+const ASKED: [(Relation, &str); 5] = [
     (Relation::Near, "next to"),
     (Relation::Left, "to the left of"),
     (Relation::Right, "to the right of"),
     (Relation::Front, "in front of"),
     (Relation::In, "into"),
-    (Relation::On, "onto"),
 ];
+
+/// Room around a thing that is to go into another one, m; chosen.
+const AROUND_M: f64 = 0.01;
+
+/// Whether the first thing, as it stands, goes into the hollow of the second.
+fn fits((thing, hollow): (&ObjectCard, &ObjectCard)) -> bool {
+    let size = thing.size_m.truncate().max_element() + AROUND_M;
+    hollow.annotations.room.is_some_and(|room| room.inside_m.into_iter().all(|inside| size <= inside))
+}
 
 /// Asks for something else that the reader understands and that is not so yet; what was asked for is judged beside it.
 fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
@@ -202,6 +210,9 @@ fn exchange(scenario: &mut Scenario, rng: &mut impl Rng) -> Result<(), String> {
         let (relation, words) = ASKED[rng.random_range(0..ASKED.len())];
         // Another thing must be moved, so that who does not listen does not do it by chance.
         if subject == reference || known.alternatives.iter().flatten().any(|atom| atom.subject() == subject) {
+            continue;
+        }
+        if relation == Relation::In && !task.card(subject).zip(task.card(reference)).is_some_and(fits) {
             continue;
         }
         let mut other = task.clone();
