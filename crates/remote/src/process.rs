@@ -86,7 +86,7 @@ pub struct ProcessPolicy {
 }
 
 impl ProcessPolicy {
-    fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<(Map<String, Value>, Vec<Array>), PolicyError> {
+    fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<Answer, PolicyError> {
         let gone = || PolicyError::Unreachable("its Python process has ended".into());
         let answer = self.process.as_mut().ok_or_else(gone)?.ask(head, arrays);
         if matches!(answer, Err(PolicyError::Unreachable(_))) {
@@ -127,6 +127,9 @@ impl Policy for ProcessPolicy {
 }
 
 const F32: &str = "<f4";
+
+/// The head of a message and its arrays.
+type Answer = (Map<String, Value>, Vec<Array>);
 
 /// An array of a message.
 #[derive(Clone, Debug, PartialEq)]
@@ -194,7 +197,7 @@ fn picture(image: &RgbdImage, put: &mut impl FnMut(Array) -> Value) -> Value {
 struct Process {
     child: Child,
     input: ChildStdin,
-    messages: Receiver<std::io::Result<(Map<String, Value>, Vec<Array>)>>,
+    messages: Receiver<std::io::Result<Answer>>,
     answer: Duration,
 }
 
@@ -221,7 +224,7 @@ impl Process {
     }
 
     /// What the policy raised is its failure; a process that is gone or silent is not.
-    fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<(Map<String, Value>, Vec<Array>), PolicyError> {
+    fn ask(&mut self, head: Value, arrays: &[Array]) -> Result<Answer, PolicyError> {
         let gone = |error: &dyn std::fmt::Display| {
             PolicyError::Unreachable(format!("its Python process has ended, see its own words above: {error}"))
         };
@@ -261,7 +264,7 @@ fn send(pipe: &mut impl Write, mut head: Value, arrays: &[Array]) -> std::io::Re
     pipe.flush()
 }
 
-fn receive(pipe: &mut impl Read) -> std::io::Result<(Map<String, Value>, Vec<Array>)> {
+fn receive(pipe: &mut impl Read) -> std::io::Result<Answer> {
     let wrong = |what: &str| std::io::Error::other(format!("its answer is no message: {what}"));
     let mut length = [0; 4];
     pipe.read_exact(&mut length)?;
