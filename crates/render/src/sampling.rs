@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::table_tops::TableTop;
 use crate::variation::{ObjectVariation, RenderVariation};
+use crate::walls::{Room, Wall};
 
 /// What a drawing may vary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -14,11 +15,11 @@ use crate::variation::{ObjectVariation, RenderVariation};
 pub enum Vary {
     /// Direction, colour, strength and size of the key light, the light of the sky, exposure.
     Light,
-    /// Colour where nothing is seen.
+    /// What is seen where nothing stands: one colour, or a room of some walls and floor.
     Background,
     /// What the table's top is made of.
     Material,
-    /// Tint and roughness of the objects, so little that every colour word stays true.
+    /// Tint, roughness and shine of the objects, so little that every colour word stays true.
     Objects,
     /// Where the cameras stand, by a hand's tremble.
     Camera,
@@ -43,9 +44,9 @@ impl Vary {
 /// Largest displacement of a camera along each axis, m, and turn about each, rad, by its mount. Chosen: a tripod that was
 /// put up again by eye, and a bracket with some play.
 const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
-/// Largest change of an object's colour channels and of its roughness, shares; chosen so that pictures beside each other
+/// Largest change of an object's colour channels, of its roughness and of how metallic a metal is, shares; chosen so that pictures beside each other
 /// show it and no colour gets another name.
-const PAINT: (f32, f32) = (0.10, 0.15);
+const PAINT: (f32, f32, f32) = (0.10, 0.15, 0.1);
 
 /// A variation of what is named, drawn from a seed; the rest is as usual.
 ///
@@ -59,15 +60,18 @@ pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
         let rng = &mut own.rng();
         match part {
             Vary::Light => light(&mut variation, rng),
-            Vary::Background => variation.background = background(rng),
+            Vary::Background => {
+                variation.background = background(rng);
+                variation.room = room(rng);
+            }
             Vary::Material => {
                 let index = rng.random_range(0..TableTop::all().len());
                 variation.table_top = TableTop::all().nth(index).unwrap_or_default();
                 variation.table_color = [(); 3].map(|()| between(rng, 0.9, 1.0));
             }
             Vary::Objects => {
-                let (tint, roughness) = PAINT;
-                variation.objects = Some(ObjectVariation { seed: own, tint, roughness });
+                let (tint, roughness, metallic) = PAINT;
+                variation.objects = Some(ObjectVariation { seed: own, tint, roughness, metallic });
             }
             Vary::Camera => {}
         }
@@ -106,6 +110,13 @@ fn background(rng: &mut impl Rng) -> [u8; 3] {
         let channel = value * (1.0 - saturation * k.min(4.0 - k).clamp(0.0, 1.0));
         (channel * 255.0) as u8
     })
+}
+
+/// A room in three looks of four.
+fn room(rng: &mut impl Rng) -> Option<Room> {
+    let wall = Wall::all().nth(rng.random_range(0..Wall::all().len()))?;
+    let floor = TableTop::all().nth(rng.random_range(0..TableTop::all().len()))?;
+    (rng.random::<f32>() < 0.75).then_some(Room { wall, floor })
 }
 
 /// sRGB of a black body, brightest channel 1: the fit by T. Helland, "How to convert temperature (K) to RGB" (2012).
