@@ -139,7 +139,7 @@ pub enum Command {
     /// Draw scenarios and recorded episodes again, without physics: as they were, or in another look
     #[command(after_help = "Examples:\n  genmanip render out/run --out out/films --variation 7\n  \
                       genmanip render SCENARIO --out out/pictures --cameras static --size 1280x720 --channels rgb,depth,ids\n\n\
-                      Parts of a look: light, background, material (of the table), objects (tint and gloss), camera.\n\
+                      Parts of a look: light, background (walls), material (of the table), objects (tint and gloss), camera.\n\
                       render.json beside the pictures says what was drawn; docs/guides/render.md has the rest.")]
     Render(RenderArguments),
     /// Write the HTML report of a run

@@ -46,11 +46,11 @@ fn is_whole(strength: &f64) -> bool {
 pub enum Vary {
     /// Direction, colour, strength and size of the key light, the light of the sky, exposure.
     Light,
-    /// Colour where nothing is seen.
+    /// What is seen where nothing stands: one colour, or a room of some walls and floor.
     Background,
     /// What the table's top is made of.
     Material,
-    /// Tint and roughness of the objects, so little that every colour word stays true.
+    /// Tint, roughness and shine of the objects, so little that every colour word stays true.
     Objects,
     /// Where the cameras stand, by a hand's tremble.
     Camera,

@@ -1,6 +1,6 @@
 //! One camera's colour picture, kept from frame to frame: only what may have changed is drawn again.
 
-use glam::Vec3A;
+use glam::{Vec2, Vec3A};
 
 use crate::arrival::{Arrival, Bins};
 use crate::assets::RenderAssets;
@@ -11,7 +11,7 @@ use crate::points::Pixels;
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::Shading;
-use crate::texture::{linear_from_srgb8, srgb8_from_linear};
+use crate::texture::srgb8_from_linear;
 use crate::view::{Lens, View, part_and_triangle, surface_of};
 
 /// Pixels of a strip of tiles that is drawn at a time: what all stages hold of it fits the second cache.
@@ -107,7 +107,6 @@ impl Canvas {
         let tiles_in_strip =
             self.opaque.tile_columns * (STRIP_PIXELS / (TILE * TILE) / self.opaque.tile_columns).max(1);
         let strips = self.stale.len().div_ceil(tiles_in_strip);
-        let background = linear_from_srgb8(scene.variation.background);
         self.shaded_pixels = 0;
         let mut tiles = Vec::with_capacity(tiles_in_strip);
         for step in 0..strips + 3 {
@@ -124,7 +123,7 @@ impl Canvas {
             self.arrival.blur(&tiles);
             select(&self.shaded, 2, &mut tiles);
             tiles.iter().for_each(|&tile| self.arrival.refine(tile));
-            self.shade(scene, &tiles, background);
+            self.shade(scene, &tiles);
             select(&self.finished, 3, &mut tiles);
             self.encode(&tiles);
             let glass = self.view.has_transparent.then_some(&self.glass);
@@ -134,16 +133,21 @@ impl Canvas {
     }
 
     /// Shades the surfaces at the centres of the pixels of tiles, and writes their bytes.
-    fn shade(&mut self, scene: &Scene<'_>, tiles: &[usize], background: Vec3A) {
+    fn shade(&mut self, scene: &Scene<'_>, tiles: &[usize]) {
         let lens = &self.view.lens;
-        let empty = srgb8_from_linear(background);
+        let plain = scene.backdrop.plain().map(|color| (color, srgb8_from_linear(color)));
         for &tile in tiles.iter().filter(|&&tile| self.arrival.may_be_empty(tile)) {
             let [columns, rows] = self.arrival.pixels_of(tile);
             for row in rows {
                 for pixel in row * lens.width + columns.start..row * lens.width + columns.end {
                     if self.arrival.surface[pixel] == 0 {
-                        self.colors[pixel] = background;
-                        self.rgb[pixel * 3..][..3].copy_from_slice(&empty);
+                        let (color, bytes) = plain.unwrap_or_else(|| {
+                            let place = Vec2::new((pixel % lens.width) as f32, row as f32);
+                            let color = scene.backdrop.color(lens.eye, lens.point_at(place, 1.0) - lens.eye);
+                            (color, srgb8_from_linear(color))
+                        });
+                        self.colors[pixel] = color;
+                        self.rgb[pixel * 3..][..3].copy_from_slice(&bytes);
                     }
                 }
             }

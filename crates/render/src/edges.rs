@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-use glam::Vec3A;
+use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
 use crate::arrival::Arrival;
@@ -228,9 +228,10 @@ impl Edges {
     }
 
     fn shade_extras(&mut self, scene: &Scene<'_>, view: &View) {
-        let background = crate::texture::linear_from_srgb8(scene.variation.background);
-        for (_, mixed, share) in self.extras.iter().filter(|(spot, ..)| spot.id == 0) {
-            self.mixed[*mixed as usize].1 += background * *share;
+        let lens = &view.lens;
+        for (spot, mixed, share) in self.extras.iter().filter(|(spot, ..)| spot.id == 0) {
+            let ray = lens.point_at(Vec2::new(spot.x, spot.y), 1.0) - lens.eye;
+            self.mixed[*mixed as usize].1 += scene.backdrop.color(lens.eye, ray) * *share;
         }
         self.extras.retain(|(spot, ..)| spot.id != 0);
         self.order.clear();

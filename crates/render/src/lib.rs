@@ -30,6 +30,7 @@ pub mod sensor;
 pub mod variation;
 
 mod arrival;
+mod backdrop;
 mod canvas;
 mod develop;
 mod edges;
@@ -39,6 +40,7 @@ mod mesh;
 mod normals;
 mod occlusion;
 mod panes;
+mod patterns;
 mod points;
 mod raster;
 mod refine;
@@ -52,6 +54,7 @@ mod table_tops;
 mod taps;
 mod texture;
 mod view;
+mod walls;
 
 #[cfg(test)]
 mod tests;
@@ -64,3 +67,4 @@ pub use posed::PosedMesh;
 pub use renderer::Renderer;
 pub use table_tops::TableTop;
 pub use variation::{ObjectVariation, RenderVariation};
+pub use walls::{Room, Wall};

@@ -342,7 +342,9 @@ impl Target {
             }
         } else {
             let mut draw = |column: usize| {
+                // A map of shadows keeps its last bit for what is transparent.
                 let value = within(start + (column as i32 + offset) as f32 * dx, low, high);
+                let value = f32::from_bits(value.to_bits() & !1);
                 nearness[column] = if value > nearness[column] { value } else { nearness[column] };
             };
             if count <= SHORT {

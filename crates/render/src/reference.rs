@@ -20,6 +20,7 @@ use glam::{Affine3A, Vec2, Vec3A};
 use rand::RngExt;
 
 use crate::assets::{RenderAssets, Surface};
+use crate::backdrop::Backdrop;
 use crate::develop::tone_map;
 use crate::error::RenderError;
 use crate::job::ViewJob;
@@ -31,6 +32,7 @@ use crate::variation::RenderVariation;
 use crate::view::{Lens, rotation};
 use bvh::{Bvh, Triangle};
 use lamps::Lamps;
+use path::Brought;
 use samples::Samples;
 
 /// How far transparent things stand above their places, metres: their undersides must lie above the table.
@@ -52,9 +54,7 @@ pub struct ReferenceSettings {
 pub struct Exposed {
     width: usize,
     exposure: f32,
-    background: Vec3A,
-    /// Per pixel: light from surfaces, and the share of the background that is seen.
-    pixels: Vec<(Vec3A, Vec3A)>,
+    pixels: Vec<Brought>,
 }
 
 /// Everything that paths meet.
@@ -63,6 +63,7 @@ struct Reference<'a> {
     bodies: Vec<Body<'a>>,
     surfaces: Vec<Surface>,
     lamps: Lamps<'a>,
+    backdrop: Backdrop,
 }
 
 /// A part at its place.
@@ -93,8 +94,9 @@ pub fn trace(
         bodies: assets.parts.iter().zip(&poses).map(|(part, pose)| Body::new(&part.mesh, pose)).collect(),
         surfaces,
         lamps: Lamps::new(&lighting, variation.light_angular_radius),
+        backdrop: Backdrop::new(variation, &lighting),
     };
-    let mut pixels = vec![(Vec3A::ZERO, Vec3A::ZERO); lens.width * lens.height];
+    let mut pixels = vec![Brought::default(); lens.width * lens.height];
     let threads = settings.threads.clamp(1, lens.height);
     let mut rows: Vec<Vec<_>> = (0..threads).map(|_| Vec::new()).collect();
     for (row, line) in pixels.chunks_exact_mut(lens.width).enumerate() {
@@ -114,8 +116,7 @@ pub fn trace(
             });
         }
     });
-    let (exposure, background) = (variation.exposure, linear_from_srgb8(variation.background));
-    Ok(Exposed { width: lens.width, exposure, background, pixels })
+    Ok(Exposed { width: lens.width, exposure: variation.exposure, pixels })
 }
 
 impl Exposed {
@@ -143,32 +144,34 @@ impl Exposed {
         self.width
     }
 
-    fn developed(&self, (radiance, behind): &(Vec3A, Vec3A), exposure: f32) -> Vec3A {
+    fn developed(&self, pixel: &Brought, exposure: f32) -> Vec3A {
         // The background is a colour of the picture, not light: surfaces are developed as if they filled the pixel.
-        let covered = 1.0 - luminance(*behind);
+        let covered = 1.0 - luminance(pixel.behind);
         let color = if covered > 1e-3 {
-            Vec3A::from_array(tone_map((*radiance * (self.exposure * exposure / covered)).to_array())) * covered
+            Vec3A::from_array(tone_map((pixel.radiance * (self.exposure * exposure / covered)).to_array())) * covered
         } else {
             Vec3A::ZERO
         };
-        (color + self.background * *behind).clamp(Vec3A::ZERO, Vec3A::ONE)
+        (color + pixel.background).clamp(Vec3A::ZERO, Vec3A::ONE)
     }
 }
 
 impl Reference<'_> {
     /// The mean of the paths around a pixel's centre, by the rasteriser's tent two pixels wide.
-    fn pixel(&self, lens: &Lens, [column, row]: [usize; 2], seed: Seed, paths: u32) -> (Vec3A, Vec3A) {
+    fn pixel(&self, lens: &Lens, [column, row]: [usize; 2], seed: Seed, paths: u32) -> Brought {
         let seed = seed.rng().random();
-        let (mut radiance, mut background) = (Vec3A::ZERO, Vec3A::ZERO);
+        let mut sum = Brought::default();
         for path in 0..paths {
             let mut samples = Samples::new(seed, path);
             let place = Vec2::new(column as f32, row as f32) + samples.two().map(tent);
             let ray = lens.turn * Vec3A::from(((place - lens.center) / lens.focal).extend(1.0));
             let brought = self.follow(lens.eye, ray.normalize(), &mut samples);
-            radiance += brought.radiance;
-            background += brought.background;
+            sum.radiance += brought.radiance;
+            sum.behind += brought.behind;
+            sum.background += brought.background;
         }
-        (radiance / paths as f32, background / paths as f32)
+        let mean = |sum: Vec3A| sum / paths as f32;
+        Brought { radiance: mean(sum.radiance), behind: mean(sum.behind), background: mean(sum.background) }
     }
 }
 

@@ -6,6 +6,7 @@ use genmanip_core::{CameraMount, Intrinsics, Pose};
 use glam::DQuat;
 
 use crate::assets::{RenderAssets, Surface};
+use crate::backdrop::Backdrop;
 use crate::canvas::{Canvas, write_geometry};
 use crate::error::RenderError;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
@@ -34,6 +35,7 @@ pub struct Renderer {
     /// What the parts of the assets are made of under the variation.
     surfaces: Vec<Surface>,
     lighting: Lighting,
+    backdrop: Backdrop,
     /// Shadows of large and of small images, and the frame that each was drawn for.
     shadows: [(ShadowMap, Option<FrameState>); 2],
     /// Pictures by camera, the one drawn last at the end.
@@ -57,9 +59,11 @@ impl Renderer {
     /// A renderer of these assets under a light.
     pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
         let surfaces = variation.surfaces(&assets);
+        let lighting = Lighting::new(&variation, &surfaces);
         Self {
             assets,
-            lighting: Lighting::new(&variation, &surfaces),
+            backdrop: Backdrop::new(&variation, &lighting),
+            lighting,
             surfaces,
             variation,
             shadows: Default::default(),
@@ -156,7 +160,8 @@ impl Renderer {
             None => (seat, Canvas::default()),
         };
         let (assets, surfaces) = (&*self.assets, &*self.surfaces);
-        let scene = Scene { assets, surfaces, variation: &self.variation, lighting: &self.lighting, shadow };
+        let (variation, lighting, backdrop) = (&self.variation, &self.lighting, &self.backdrop);
+        let scene = Scene { assets, surfaces, variation, lighting, backdrop, shadow };
         canvas.draw(&scene, frame, lens, scale);
         canvas.write(&self.assets, job.channels, out);
         self.shaded_pixels = canvas.shaded_pixels;

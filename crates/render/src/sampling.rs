@@ -6,13 +6,14 @@ use rand::{Rng, RngExt};
 
 use crate::table_tops::TableTop;
 use crate::variation::{ObjectVariation, RenderVariation};
+use crate::walls::{Room, Wall};
 
 /// Largest displacement of a camera along each axis, m, and turn about each, rad, by its mount. Chosen: a tripod that was
 /// put up again by eye, and a bracket with some play.
 const TREMBLE: [(CameraMount, f64, f64); 2] = [(CameraMount::World, 0.02, 0.017), (CameraMount::Hand, 0.004, 0.012)];
-/// Largest change of an object's colour channels and of its roughness, shares; chosen so that pictures beside each other
+/// Largest change of an object's colour channels, of its roughness and of how metallic a metal is, shares; chosen so that pictures beside each other
 /// show it and no colour gets another name.
-const PAINT: (f32, f32) = (0.10, 0.15);
+const PAINT: [f32; 3] = [0.10, 0.15, 0.1];
 
 /// A variation of what is named, drawn from a seed, as far as can be; the rest is as usual.
 pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
@@ -23,7 +24,7 @@ pub fn sampled(seed: Seed, vary: &[Vary]) -> RenderVariation {
 ///
 /// Light comes from 35 to 80 degrees above the table, from any side, with the colour of lamps between 3000 K and 7500 K.
 /// All ranges are chosen around the usual picture so that everything in it can still be told. Numbers go from the given
-/// to the drawn variation by the strength of the look; a table top is another one at any strength.
+/// to the drawn variation by the strength of the look; a table top and a room are others at any strength.
 pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
     let mut variation = usual.clone();
     let share = look.strength as f32;
@@ -38,6 +39,9 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
                 let mixed =
                     |channel: usize| mix(f32::from(usual.background[channel]), f32::from(drawn[channel]), share);
                 variation.background = [0, 1, 2].map(|channel| mixed(channel) as u8);
+                // A room is there or not.
+                variation.room =
+                    room(rng).filter(|_| share > 0.0).or_else(|| usual.room.clone().filter(|_| share <= 0.0));
             }
             Vary::Material => {
                 let index = rng.random_range(0..TableTop::all().len());
@@ -45,9 +49,8 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
                 variation.table_color = [(); 3].map(|()| between(rng, 0.9, 1.0));
             }
             Vary::Objects => {
-                let (tint, roughness) = PAINT;
-                variation.objects =
-                    Some(ObjectVariation { seed: own, tint: share * tint, roughness: share * roughness });
+                let (tint, roughness, metallic) = PAINT.map(|most| share * most).into();
+                variation.objects = Some(ObjectVariation { seed: own, tint, roughness, metallic });
             }
             Vary::Camera => {}
         }
@@ -94,6 +97,13 @@ fn background(rng: &mut impl Rng) -> [u8; 3] {
         let channel = value * (1.0 - saturation * k.min(4.0 - k).clamp(0.0, 1.0));
         (channel * 255.0) as u8
     })
+}
+
+/// A room in three looks of four.
+fn room(rng: &mut impl Rng) -> Option<Room> {
+    let wall = Wall::all().nth(rng.random_range(0..Wall::all().len()))?;
+    let floor = TableTop::all().nth(rng.random_range(0..TableTop::all().len()))?;
+    (rng.random::<f32>() < 0.75).then_some(Room { wall, floor })
 }
 
 /// sRGB of a black body, brightest channel 1: the fit by T. Helland, "How to convert temperature (K) to RGB" (2012).

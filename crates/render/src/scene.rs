@@ -1,6 +1,7 @@
 //! What all pictures of one job share.
 
 use crate::assets::{RenderAssets, Surface};
+use crate::backdrop::Backdrop;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
@@ -12,5 +13,6 @@ pub(crate) struct Scene<'a> {
     pub surfaces: &'a [Surface],
     pub variation: &'a RenderVariation,
     pub lighting: &'a Lighting,
+    pub backdrop: &'a Backdrop,
     pub shadow: &'a ShadowMap,
 }

@@ -45,6 +45,11 @@ impl Lighting {
 }
 
 impl Lighting {
+    /// Brightness of a white diffuse surface with a unit normal in the ambient light.
+    pub fn around(&self, normal: Vec3A) -> Vec3A {
+        Vec3A::from_array(self.sky.diffuse(normal.to_array()))
+    }
+
     /// What is seen of the surroundings in a unit direction, developed.
     pub fn surroundings(&self, direction: Vec3A) -> Vec3A {
         let light = Vec3A::from_array(self.sky.glossy(0.0).at(direction.to_array()));

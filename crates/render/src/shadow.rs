@@ -37,7 +37,7 @@ pub(crate) struct ShadowMap {
     /// The version in which each tile changed last.
     changed_in: Vec<u64>,
     light: Light,
-    sparse: Sparse,
+    clear: Clear,
 }
 
 /// The light's axes and the scale of the map.
@@ -147,15 +147,14 @@ impl ShadowMap {
                 motion.now = caster.place(part.mesh.at_level(level), pose, &self.light);
             }
         }
-        let (casters, motions, sparse) = (&self.casters, &self.motions, &mut self.sparse);
+        let (casters, motions, clear) = (&self.casters, &self.motions, &mut self.clear);
         let draw = |index: usize, target: &mut Target| {
             let part = &assets.parts[index];
             let mesh = part.mesh.at_level(caster_level(&part.mesh, is_coarse));
-            let quarters = quarters_of(&part.surface);
-            if quarters == 4 {
-                draw_caster(mesh, &casters[index], target);
+            if is_clear(&part.surface) {
+                clear.draw(mesh, &casters[index], &motions[index].now, target);
             } else {
-                sparse.draw(mesh, &casters[index], &motions[index].now, quarters, target);
+                draw_caster(mesh, &casters[index], target);
             }
         };
         if is_new {
@@ -415,45 +414,29 @@ fn draw_caster(mesh: &Mesh, caster: &Caster, target: &mut Target) {
     draw_mesh::<false>(&mesh.triangles, &caster.corners, &mesh.planes, eye, [true, !mesh.closed], 0, target);
 }
 
-/// How many of four texels something covers that casts a shadow: as much as it holds back of light that passes two sides.
-fn quarters_of(surface: &Surface) -> usize {
-    if surface.opacity >= 1.0 {
-        return 4;
-    }
-    let passes = surface.passes(surface.base, 1.0, true).powf(2.0);
-    (4.0 * (1.0 - luminance(passes))).round().clamp(1.0, 4.0) as usize
+/// Whether something lets most light pass.
+fn is_clear(surface: &Surface) -> bool {
+    luminance(surface.passes(surface.base, 1.0, true).powf(2.0)) > 0.4
 }
 
-/// A map of half the size for what is transparent, of which a share of the texels go into the map itself.
+/// A map of what is transparent, empty but while a part is drawn.
 #[derive(Debug, Default)]
-struct Sparse {
+struct Clear {
     target: Target,
-    caster: Caster,
 }
 
-impl Sparse {
-    /// Draws a caster's texels, so many of four, into a map.
-    fn draw(&mut self, mesh: &Mesh, caster: &Caster, covered: &Rectangle, quarters: usize, map: &mut Target) {
-        if caster.corners.is_empty() || covered.is_empty() {
-            return;
+impl Clear {
+    /// Draws a caster's texels into a map, marked as transparent.
+    fn draw(&mut self, mesh: &Mesh, caster: &Caster, covered: &Rectangle, map: &mut Target) {
+        if (self.target.width, self.target.height) != (map.width, map.height) {
+            self.target.reset::<false>(map.width, map.height, 1);
         }
-        let size = map.width / 2;
-        if (self.target.width, self.target.height) != (size, size) {
-            self.target.reset::<false>(size, size, 1);
-        }
-        self.caster.to_light = caster.to_light;
-        self.caster.corners.clear();
-        let halved = |corner: &Corner| Corner { x: corner.x * 0.5, y: corner.y * 0.5, nearness: corner.nearness };
-        self.caster.corners.extend(caster.corners.iter().map(halved));
-        draw_caster(mesh, &self.caster, &mut self.target);
-        for row in covered.rows.start / 2..covered.rows.end.div_ceil(2).min(size) {
-            for column in covered.columns.start / 2..covered.columns.end.div_ceil(2).min(size) {
-                let nearness = std::mem::take(&mut self.target.nearness[row * size + column]);
-                // The diagonal first, so that half of the texels are spread evenly.
-                for (x, y) in [(0, 0), (1, 1), (1, 0)].into_iter().take(quarters) {
-                    let texel = &mut map.nearness[(2 * row + y) * map.width + 2 * column + x];
-                    *texel = if nearness > *texel { nearness } else { *texel };
-                }
+        draw_caster(mesh, caster, &mut self.target);
+        for row in covered.rows.clone() {
+            let texels = row * map.width + covered.columns.start..row * map.width + covered.columns.end;
+            for (own, texel) in self.target.nearness[texels.clone()].iter_mut().zip(&mut map.nearness[texels]) {
+                let nearness = f32::from_bits(std::mem::take(own).to_bits() | 1);
+                *texel = if nearness > 1e-3 && nearness > *texel { nearness } else { *texel };
             }
         }
     }
@@ -536,7 +519,9 @@ fn summarise_tiles(target: &Target, changed: &[bool], low: &mut [f32], high: &mu
             let texels = &target.nearness[first..first + TILE];
             for column in 0..TILE {
                 let value = texels[column];
-                lows[column] = if value < lows[column] { value } else { lows[column] };
+                // What is transparent never covers all.
+                let solid = if value.to_bits() & 1 == 0 { value } else { 0.0 };
+                lows[column] = if solid < lows[column] { solid } else { lows[column] };
                 highs[column] = if value > highs[column] { value } else { highs[column] };
             }
         }

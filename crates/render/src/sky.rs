@@ -11,6 +11,11 @@ use crate::lanes::within;
 use crate::texture::linear_from_srgb;
 use crate::variation::RenderVariation;
 
+/// Brightness of the sky at the horizon and overhead, of the variation's colour: a dark room with a bright ceiling, so
+/// that metals and black things have something to mirror. Chosen.
+const HORIZON: f32 = 0.4;
+const ZENITH: f32 = 1.1;
+
 /// What things see of a lit table below them, which they shade and which ends, in diffuse and in mirrored light. Fitted to
 /// traced pictures.
 const TABLE_SEEN: [f32; 2] = [0.7, 0.75];
@@ -100,7 +105,7 @@ impl Glossy {
         let z = direction[2];
         let t = within(z * self.sharpness + 0.5, 0.0, 1.0);
         let above = t * t * (3.0 - 2.0 * t);
-        let overhead = 0.75 + 0.35 * (if z > 0.0 { z } else { 0.0 });
+        let overhead = HORIZON + (ZENITH - HORIZON) * (if z > 0.0 { z } else { 0.0 });
         let mut lamps = 0.0;
         for (axis, sharpness, brightness) in self.lamps {
             lamps += brightness * exp(sharpness * (dot(direction, axis) - 1.0));
@@ -142,9 +147,9 @@ impl Studio {
             sky: linear_from_srgb(variation.sky_color),
             ground: linear_from_srgb(variation.ground_color) * 0.55,
             lamps: [
-                ((key + Vec3A::Z * 0.3).normalize(), 9.0, 1.0),
-                ((side + Vec3A::Z * 0.45).normalize(), 14.0, 1.3),
-                ((-side - key.with_z(0.0) * 0.6 + Vec3A::Z * 0.35).normalize(), 18.0, 0.9),
+                ((key + Vec3A::Z * 0.3).normalize(), 14.0, 2.0),
+                ((side + Vec3A::Z * 0.45).normalize(), 24.0, 2.8),
+                ((-side - key.with_z(0.0) * 0.6 + Vec3A::Z * 0.35).normalize(), 30.0, 2.0),
             ],
         }
     }
@@ -153,7 +158,7 @@ impl Studio {
     fn radiance(&self, direction: Vec3A, ground: Vec3A) -> Vec3A {
         let t = ((direction.z / 0.06 + 1.0) * 0.5).clamp(0.0, 1.0);
         let above = t * t * (3.0 - 2.0 * t);
-        let overhead = 0.75 + 0.35 * direction.z.max(0.0);
+        let overhead = HORIZON + (ZENITH - HORIZON) * direction.z.max(0.0);
         let gradient = ground.lerp(self.sky * overhead, above);
         let lamp = |&(axis, sharpness, brightness): &(Vec3A, f32, f32)| {
             brightness * (sharpness * (direction.dot(axis) - 1.0)).exp()

@@ -9,6 +9,7 @@ use crate::assets::{RenderAssets, Surface};
 use crate::job::FIRST_OBJECT;
 use crate::table_tops::TableTop;
 use crate::texture::linear_from_srgb;
+use crate::walls::Room;
 
 /// Light and look of a drawing. Colours are sRGB, 0-1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,6 +33,8 @@ pub struct RenderVariation {
     pub exposure: f32,
     /// Where nothing is seen; written as it is, neither lit nor tone mapped.
     pub background: [u8; 3],
+    /// A room that is seen instead of that colour; it has neither depth nor ids.
+    pub room: Option<Room>,
     /// What the table's top is made of.
     pub table_top: TableTop,
     /// Multiplied with the table's own texture.
@@ -60,6 +63,9 @@ pub struct ObjectVariation {
     pub tint: f32,
     /// Largest change of the roughness.
     pub roughness: f32,
+    /// Largest change of how metallic metals are; other things stay what they are.
+    #[serde(default)]
+    pub metallic: f32,
 }
 
 impl RenderVariation {
@@ -74,14 +80,19 @@ impl RenderVariation {
     }
 
     fn painted(&self, instance: u16, surface: &Surface) -> Surface {
-        let Some(ObjectVariation { seed, tint, roughness }) = self.objects.filter(|_| instance >= FIRST_OBJECT) else {
+        let Some(ObjectVariation { seed, tint, roughness, metallic }) =
+            self.objects.filter(|_| instance >= FIRST_OBJECT)
+        else {
             return surface.clone();
         };
         let mut rng = seed.fork_index(u64::from(instance)).rng();
         let mut within = |most: f32| most * (2.0 * rng.random::<f32>() - 1.0);
         let factor = Vec3A::new(1.0 + within(tint), 1.0 + within(tint), 1.0 + within(tint));
         let roughness = (surface.roughness + within(roughness)).clamp(0.05, 1.0);
-        Surface { base: (surface.base * factor).min(Vec3A::ONE), roughness, ..surface.clone() }
+        let change = within(metallic);
+        let metallic =
+            if surface.metallic > 0.5 { (surface.metallic + change).clamp(0.5, 1.0) } else { surface.metallic };
+        Surface { base: (surface.base * factor).min(Vec3A::ONE), roughness, metallic, ..surface.clone() }
     }
 }
 
@@ -97,11 +108,12 @@ impl Default for RenderVariation {
             ambient_intensity: 0.42,            // shadows stay readable
             exposure: 1.1,                      // a white sheet facing the light becomes sRGB 241
             background: [255, 255, 255],        // the benchmark's plain white
+            room: None,                         // one colour
             table_top: TableTop::default(),     // a calm light wood
             table_color: [1.0, 1.0, 1.0],       // the texture as it is
             objects: None,                      // as they are
-            occlusion_radius_m: 0.12,           // shadows around hand-sized things
-            occlusion_strength: 1.3,            // as dark as traced ones
+            occlusion_radius_m: 0.09,           // shadows around hand-sized things
+            occlusion_strength: 1.4,            // as dark as traced ones
             shadow_resolution: 1024,            // 2 mm per texel, finer than a pixel of the default cameras
             shadow_center: [0.4, 0.0, 0.3],     // the arm and the table's usable area …
             shadow_radius_m: 1.0,               // … fit into this ball

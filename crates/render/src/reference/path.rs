@@ -23,11 +23,12 @@ const DULLEST: f32 = 0.2;
 const LIFT_M: f32 = 1e-4;
 
 /// What a path brings.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Brought {
     /// Light before the exposure.
     pub radiance: Vec3A,
-    /// Share of the background that is seen.
+    /// Share of what is behind everything that is seen, and its colour: a part of the picture, not light.
+    pub behind: Vec3A,
     pub background: Vec3A,
 }
 
@@ -53,7 +54,8 @@ impl Reference<'_> {
         for _ in 0..LONGEST {
             let Some(hit) = self.bvh.nearest(origin, direction) else {
                 if is_view {
-                    brought.background = share;
+                    brought.behind = share;
+                    brought.background = share * self.backdrop.color(origin, direction);
                 } else {
                     brought.add(share * self.arriving(direction, chance), scattered);
                 }

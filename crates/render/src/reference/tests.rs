@@ -44,7 +44,7 @@ fn traced(
 
 /// Mean light of all pixels, before the exposure.
 fn mean(exposed: &Exposed) -> f32 {
-    exposed.pixels.iter().map(|(light, _)| luminance(*light)).sum::<f32>() / exposed.pixels.len() as f32
+    exposed.pixels.iter().map(|pixel| luminance(pixel.radiance)).sum::<f32>() / exposed.pixels.len() as f32
 }
 
 fn close(got: f32, expected: f32, what: &str) {
