@@ -40,8 +40,7 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
                     |channel: usize| mix(f32::from(usual.background[channel]), f32::from(drawn[channel]), share);
                 variation.background = [0, 1, 2].map(|channel| mixed(channel) as u8);
                 // A room is there or not.
-                variation.room =
-                    room(rng).filter(|_| share > 0.0).or_else(|| usual.room.clone().filter(|_| share <= 0.0));
+                variation.room = if share > 0.0 { room(rng) } else { usual.room };
             }
             Vary::Material => {
                 let index = rng.random_range(0..TableTop::all().len());
