@@ -61,7 +61,7 @@ fn openpi(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
     let _ = fs::remove_file(&port);
     let _ = fs::remove_dir_all(&run);
     let genmanip = workspace.genmanip()?;
-    let told = fs::File::create(place.join("told.jsonl")).on("write", &place)?;
+    let told = fs::File::create(place.join("told.jsonl")).on("write", place)?;
     let mut command = workspace.command(&python);
     let server = command.arg(SERVER).arg(&port).stdout(told).stderr(Stdio::inherit()).spawn();
     let _server = Ending(server.map_err(|error| process::cannot_start("python", &error))?);
@@ -74,7 +74,7 @@ fn openpi(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
     let policy = format!("openpi:url=ws://127.0.0.1:{},preset=droid", port.trim());
     evaluate.args(["--quiet", "evaluate"]).arg(scenario).args(["--policy", &policy, "--out"]).arg(&run);
     process::output(&mut evaluate)?;
-    let told = fs::read_to_string(place.join("told.jsonl")).on("read", &place)?;
+    let told = fs::read_to_string(place.join("told.jsonl")).on("read", place)?;
     let shown = told.lines().next().unwrap_or_default();
     let wanted =
         ["\"observation/exterior_image_1_left\": {\"shape\": [224, 224, 3], \"dtype\": \"|u1\"", "\"prompt\": \""];
