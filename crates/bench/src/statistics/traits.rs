@@ -28,9 +28,12 @@ pub struct TraitSummary {
     pub success: Rate,
 }
 
+/// Successes and episodes by scenario.
+type Scenarios<'a> = BTreeMap<&'a str, (usize, usize)>;
+
 /// Success by trait and value, in the order of their names; intervals count scenarios as far as episodes end alike.
 pub fn by_trait(results: &[EpisodeResult], traits: &Traits, settings: &StatisticsSettings) -> Vec<TraitSummary> {
-    let mut groups: BTreeMap<(&str, &str), BTreeMap<&str, (usize, usize)>> = BTreeMap::new();
+    let mut groups: BTreeMap<(&str, &str), Scenarios> = BTreeMap::new();
     for result in results {
         let own = traits.get(&result.scenario_id).into_iter().flatten();
         for (name, value) in own.flat_map(|(name, values)| values.iter().map(move |value| (name, value))) {
@@ -39,7 +42,7 @@ pub fn by_trait(results: &[EpisodeResult], traits: &Traits, settings: &Statistic
             *trials += 1;
         }
     }
-    let summary = |((name, value), scenarios): ((&str, &str), BTreeMap<&str, (usize, usize)>)| TraitSummary {
+    let summary = |((name, value), scenarios): ((&str, &str), Scenarios)| TraitSummary {
         name: name.into(),
         value: value.into(),
         scenarios: scenarios.len(),
