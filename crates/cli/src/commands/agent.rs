@@ -14,7 +14,8 @@ use crate::printer::Printer;
 pub fn run(command: &AgentCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     let AgentCommand::Act(arguments) = command;
     let ActArguments { vlm, masks, grasps, path, .. } = arguments;
-    let choice = AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?;
+    let choice =
+        AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?.with_depth_error(arguments.depth_error)?;
     let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
     let files = ActFiles {
         rgb: arguments.rgb.clone(),

@@ -38,7 +38,8 @@ fn environments(arguments: &ServeEnvArguments) -> Result<Arc<EnvOffer>, Failed> 
 
 fn agent(arguments: &ServeAgentArguments) -> Result<AgentOffer, Failed> {
     let ServeAgentArguments { vlm, masks, grasps, path, .. } = arguments;
-    let choice = AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?;
+    let choice =
+        AgentChoice::named(vlm, masks, path, "full")?.with_grasps(grasps)?.with_depth_error(arguments.depth_error)?;
     let planner = inputs::planner(&default_world(), &PlannerSettings::default())?;
     // What cannot be made is told now, not to whoever asks first.
     choice.for_one_image(&planner)?;

@@ -52,6 +52,12 @@ fn a_suite_is_built_checked_and_evaluated_on() {
         .assert_refused(&["--dial 2", "up to 1"]);
     genmanip(here, &["suite", "perturb", "mine", "--axis", "gravity", "--out", "x"]).assert_ended(2, &["robot_start"]);
 
+    // The control of the agent: marks by chance, which know nothing.
+    let first = format!("mine/scenarios/{}.json", entry["id"].as_str().unwrap());
+    let marks = genmanip(here, &["evaluate", &first, "--policy", "agent:vlm=random", "--json"]).json(0);
+    assert_eq!((&marks[0]["oracle"], marks[0]["results"].as_array().unwrap().len()), (&false.into(), 1));
+    assert!(marks[0]["policy"].as_str().unwrap().starts_with("agent vlm=random masks=rgbd"), "{}", marks[0]["policy"]);
+
     let review = ["suite", "review", "mine", shown["scenarios"][1]["id"].as_str().unwrap(), "--reviewer", "ada"];
     let said = genmanip(here, &[&review[..], &["--verdict", "flawed", "--note", "upside down"]].concat());
     assert_eq!(said.stdout, "1 reviews: 0 sound, 0 ambiguous, 1 flawed\n", "{said:?}");

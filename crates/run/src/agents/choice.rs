@@ -22,6 +22,9 @@ use super::{Dials, Oracle, OracleMasks, RandomMarks, Recording, Truth, Turns, Wi
 use crate::error::RunError;
 use crate::inputs;
 
+/// Largest error of depth at 1 m that makes sense, m: with more, nothing on a table can be told from it.
+const MOST_DEPTH_ERROR_M: f64 = 0.05;
+
 /// An agent that can be made for any episode.
 #[derive(Clone)]
 pub struct AgentChoice {
@@ -175,6 +178,19 @@ impl AgentChoice {
     pub fn with_grasps(self, name: &str) -> Result<Self, RunError> {
         let grasps = GraspChoice::named(name, &["rgbd", "http:URL"])?;
         Ok(Self { grasps, ..self })
+    }
+
+    /// The same for cameras whose depth of 1 m has this standard deviation, m; cameras of a world tell it themselves.
+    ///
+    /// # Errors
+    /// A number that is no such error.
+    pub fn with_depth_error(mut self, error_m: f64) -> Result<Self, RunError> {
+        if !(0.0..=MOST_DEPTH_ERROR_M).contains(&error_m) {
+            let what = format!("depth error of {error_m} m: expected 0 to {MOST_DEPTH_ERROR_M} m at a distance of 1 m");
+            return Err(RunError::input(what).with_hint("0.0036 is that of a RealSense D435, 0.0014 that of a D415"));
+        }
+        self.settings.depth_error_m = error_m;
+        Ok(self)
     }
 
     /// The same with answers recorded in a folder, and given again from it.
@@ -356,7 +372,8 @@ impl AgentChoice {
         }
         let prompts = self.prompt_set()?;
         let services = Services { model, segmenter, grasps, prompts: Arc::new(prompts) };
-        let depth_error_m = depth_error_m(&truth.stage().scenario.world, &self.settings.cameras);
+        let told_m = depth_error_m(&truth.stage().scenario.world, &self.settings.cameras);
+        let depth_error_m = told_m.max(self.settings.depth_error_m);
         let settings = AgentSettings { depth_error_m, ..self.settings.clone() };
         let agent = Agent::new(settings, services, planner, transcribed.clone())
             .map_err(|error| RunError::broken("the agent cannot be made", error))?
