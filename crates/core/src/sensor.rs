@@ -93,6 +93,20 @@ const REALSENSE: &str = "baselines and fields of view: Intel RealSense D400 data
      performance\" (Grunnet-Jepsen et al.). Steps of 1/32 px: \"Subpixel linearity improvement\" (the same authors). \
      Farthest depth, angle, return and colour: chosen";
 
+/// The D435 at 848x480; the D415 differs in its baseline, its lens and what follows from them.
+const D435_DEPTH: DepthSensor = DepthSensor {
+    baseline_m: 0.050,
+    // 424 / tan(87 degrees / 2)
+    focal_length_px: 446.8,
+    field_of_view_deg: [87.0, 58.0],
+    // 446.8 px · 0.05 m / 126
+    range_m: [0.177, 6.0],
+    disparity_error_px: 0.08,
+    disparity_step_px: 1.0 / 32.0,
+    least_cosine: 0.17,
+    least_return: 0.015,
+};
+
 /// Known devices. The angle and the return are chosen so that black plastic has holes, and glass and mirrors hardly
 /// anything else.
 pub const SENSORS: [SensorPreset; 3] = [
@@ -100,21 +114,7 @@ pub const SENSORS: [SensorPreset; 3] = [
         name: "d435",
         what: "RealSense D435 at 848x480: active stereo, 50 mm",
         source: REALSENSE,
-        sensor: CameraSensor {
-            depth: Some(DepthSensor {
-                baseline_m: 0.050,
-                // 424 / tan(87 degrees / 2)
-                focal_length_px: 446.8,
-                field_of_view_deg: [87.0, 58.0],
-                // 446.8 px · 0.05 m / 126
-                range_m: [0.177, 6.0],
-                disparity_error_px: 0.08,
-                disparity_step_px: 1.0 / 32.0,
-                least_cosine: 0.17,
-                least_return: 0.015,
-            }),
-            color: Some(ROOM_COLOR),
-        },
+        sensor: CameraSensor { depth: Some(D435_DEPTH), color: Some(ROOM_COLOR) },
     },
     SensorPreset {
         name: "d415",
@@ -128,10 +128,7 @@ pub const SENSORS: [SensorPreset; 3] = [
                 field_of_view_deg: [65.0, 40.0],
                 // 1004.6 px · 0.055 m / 126
                 range_m: [0.439, 6.0],
-                disparity_error_px: 0.08,
-                disparity_step_px: 1.0 / 32.0,
-                least_cosine: 0.17,
-                least_return: 0.015,
+                ..D435_DEPTH
             }),
             color: Some(ROOM_COLOR),
         },
@@ -167,6 +164,13 @@ impl SensorPreset {
     /// Names of all presets.
     pub fn names() -> [&'static str; SENSORS.len()] {
         SENSORS.map(|preset| preset.name)
+    }
+}
+
+impl DepthSensor {
+    /// Standard deviation of a depth of 1 m, m; it grows with the square of the depth.
+    pub fn error_at_1_m(&self) -> f64 {
+        self.disparity_error_px / (self.focal_length_px * self.baseline_m.abs())
     }
 }
 

@@ -62,7 +62,12 @@ pub fn varied(usual: &RenderVariation, look: &Look) -> RenderVariation {
 pub fn moved(camera: &Camera, seed: Seed, vary: &[Vary]) -> Camera {
     let tremble = TREMBLE.iter().find(|(mount, ..)| *mount == camera.mount).filter(|_| vary.contains(&Vary::Camera));
     let Some(&(_, shift_m, turn_rad)) = tremble else { return camera.clone() };
-    let rng = &mut seed.fork(Vary::Camera.name()).fork(&camera.name).rng();
+    jittered(camera, shift_m, turn_rad, &mut seed.fork(Vary::Camera.name()).fork(&camera.name).rng())
+}
+
+/// The camera shifted by up to so much along each of its axes, m, and turned by up to so much about each, rad.
+#[must_use]
+pub fn jittered(camera: &Camera, shift_m: f64, turn_rad: f64, rng: &mut impl Rng) -> Camera {
     let mut within = |most: f64| most * (2.0 * rng.random::<f64>() - 1.0);
     let shift = DVec3::new(within(shift_m), within(shift_m), within(shift_m));
     let turn = DQuat::from_euler(EulerRot::XYZ, within(turn_rad), within(turn_rad), within(turn_rad));

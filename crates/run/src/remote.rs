@@ -37,9 +37,7 @@ pub(crate) struct Named<'a> {
 pub(crate) fn settings(named: &Named) -> Result<OpenpiSettings, RunError> {
     let input = |what: String, hint: &str| Err(RunError::input(what).with_hint(hint));
     let Named { url, preset, exterior, wrist, execute, timeout_s } = *named;
-    if url.strip_prefix("ws://").is_none_or(str::is_empty) {
-        return input(format!("policy openpi: url={url} is not possible"), "expected ws://HOST:PORT");
-    }
+    check_url("openpi", url)?;
     let known = Preset::ALL.map(Preset::name);
     let preset = Preset::ALL.into_iter().find(|it| it.name() == preset);
     let preset = preset.ok_or_else(|| RunError::unknown("preset", "presets", named.preset, &known))?;
@@ -78,11 +76,7 @@ pub(crate) fn vla_eval_settings(
     [exterior, wrist]: [&str; 2],
     patience_s: f64,
 ) -> Result<VlaEvalSettings, RunError> {
-    if url.strip_prefix("ws://").is_none_or(str::is_empty) {
-        return Err(
-            RunError::input(format!("policy vla-eval: url={url} is not possible")).with_hint("expected ws://HOST:PORT")
-        );
-    }
+    check_url("vla-eval", url)?;
     let known = vla_eval::Preset::ALL.map(vla_eval::Preset::name);
     let found = vla_eval::Preset::ALL.into_iter().find(|it| it.name() == preset);
     let preset = found.ok_or_else(|| RunError::unknown("preset", "presets", preset, &known))?;
@@ -176,5 +170,16 @@ impl<P: Policy> Policy for Lending<P> {
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let Self { policy, cores } = self;
         cores.lend(|| policy.act(observation))
+    }
+}
+
+/// Refuses what is no address of a websocket.
+fn check_url(policy: &str, url: &str) -> Result<(), RunError> {
+    match url.strip_prefix("ws://") {
+        Some(rest) if !rest.is_empty() => Ok(()),
+        _ => {
+            let what = format!("policy {policy}: url={url} is not possible");
+            Err(RunError::input(what).with_hint("expected ws://HOST:PORT"))
+        }
     }
 }

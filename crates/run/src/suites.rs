@@ -10,6 +10,7 @@
 mod build;
 mod check;
 mod diff;
+mod frozen;
 mod perturb;
 mod review;
 
@@ -24,7 +25,6 @@ use serde::Serialize;
 pub use build::{BuildOptions, build};
 pub use check::{Checked, check, in_words as check_in_words};
 pub use diff::{Difference, diff, in_words as diff_in_words};
-
 pub use perturb::{Axis, PerturbOptions, perturb};
 pub use review::{in_words as review_in_words, review, reviews};
 

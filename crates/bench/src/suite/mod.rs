@@ -69,6 +69,29 @@ pub struct Stage {
     pub refused: BTreeMap<String, usize>,
 }
 
+impl Stage {
+    /// A stage that nothing has come to yet.
+    pub fn new(asked: &str) -> Self {
+        Self { asked: asked.into(), passed: BTreeMap::new(), refused: BTreeMap::new() }
+    }
+
+    /// Counts a candidate that passed.
+    pub fn pass(&mut self, kind: TaskKind) {
+        *self.passed.entry(kind.name().into()).or_default() += 1;
+    }
+
+    /// Counts a candidate that did not.
+    pub fn refuse(&mut self, reason: impl Into<String>) {
+        *self.refused.entry(reason.into()).or_default() += 1;
+    }
+
+    /// Why candidates did not pass, with how often, in one line.
+    pub fn reasons(&self) -> String {
+        let reasons = self.refused.iter().map(|(reason, count)| format!("{count} times: {reason}"));
+        reasons.collect::<Vec<_>>().join("; ")
+    }
+}
+
 /// One scenario of a suite.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SuiteEntry {

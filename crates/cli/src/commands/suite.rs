@@ -1,5 +1,7 @@
 //! `genmanip suite`.
 
+use std::path::Path;
+
 use genmanip_core::Seed;
 use genmanip_run::inputs;
 use genmanip_run::suites::{self, BuildOptions, PerturbOptions};
@@ -29,10 +31,7 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
             let difference = suites::diff(&arguments.first, &arguments.second)?;
             printer.data(&difference, &suites::diff_in_words(&difference));
         }
-        SuiteCommand::Show(arguments) => {
-            let shown = suites::show(&arguments.folder)?;
-            printer.data(&shown, &suites::show_in_words(&shown));
-        }
+        SuiteCommand::Show(arguments) => return show(&arguments.folder, printer),
     }
     Ok(ExitStatus::Done)
 }
@@ -49,10 +48,10 @@ fn build(arguments: &SuiteBuildArguments, printer: &Printer) -> Result<ExitStatu
         workers: inputs::workers(arguments.workers),
     };
     let stop = crate::stop::on_interrupt();
-    let Some(_) = suites::build(&options, printer, &stop)? else { return Ok(ExitStatus::NotMet) };
-    let shown = suites::show(&arguments.out)?;
-    printer.data(&shown, &suites::show_in_words(&shown));
-    Ok(ExitStatus::Done)
+    match suites::build(&options, printer, &stop)? {
+        Some(_) => show(&arguments.out, printer),
+        None => Ok(ExitStatus::NotMet),
+    }
 }
 
 fn perturb(arguments: &SuitePerturbArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
@@ -66,8 +65,14 @@ fn perturb(arguments: &SuitePerturbArguments, printer: &Printer) -> Result<ExitS
         workers: inputs::workers(arguments.workers),
     };
     let stop = crate::stop::on_interrupt();
-    let Some(_) = suites::perturb(&options, printer, &stop)? else { return Ok(ExitStatus::NotMet) };
-    let shown = suites::show(&arguments.out)?;
+    match suites::perturb(&options, printer, &stop)? {
+        Some(_) => show(&arguments.out, printer),
+        None => Ok(ExitStatus::NotMet),
+    }
+}
+
+fn show(folder: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let shown = suites::show(folder)?;
     printer.data(&shown, &suites::show_in_words(&shown));
     Ok(ExitStatus::Done)
 }

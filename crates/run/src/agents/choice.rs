@@ -414,7 +414,7 @@ impl MaskChoice {
 /// Standard deviation of a depth of 1 m of the worst of these cameras, m, as its maker tells; 0 where all are perfect.
 fn depth_error_m(world: &World, cameras: &[String]) -> f64 {
     let sensors = cameras.iter().filter_map(|name| world.camera(name)?.sensor?.depth);
-    sensors.map(|depth| depth.disparity_error_px / (depth.focal_length_px * depth.baseline_m.abs())).fold(0.0, f64::max)
+    sensors.map(|depth| depth.error_at_1_m()).fold(0.0, f64::max)
 }
 
 /// A client of a service; the address is checked, and nothing is sent.

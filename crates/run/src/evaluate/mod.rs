@@ -237,8 +237,10 @@ pub fn table(reports: &[EvaluationReport]) -> String {
     let any_clouds = reports.iter().any(|report| report.summary.cloud_success.is_some());
     let mut head: Vec<String> = heads.map(String::from).to_vec();
     head.extend(any_clouds.then(|| "on point clouds (disagree)".to_owned()));
-    let done = |report: &EvaluationReport| report.results.iter().filter_map(|it| it.other_request_success).collect();
-    let any_other = reports.iter().any(|report| !Vec::is_empty(&done(report)));
+    let others = |report: &EvaluationReport| -> Vec<bool> {
+        report.results.iter().filter_map(|it| it.other_request_success).collect()
+    };
+    let any_other = reports.iter().any(|report| !others(report).is_empty());
     head.extend(any_other.then(|| "did what was not asked".to_owned()));
     head.extend(any_left.then(|| "not run".to_owned()));
     let mut lines = vec![head];
@@ -257,7 +259,7 @@ pub fn table(reports: &[EvaluationReport]) -> String {
             line.push(report.summary.cloud_success.as_ref().map(cell).unwrap_or_default());
         }
         if any_other {
-            let done: Vec<bool> = done(report);
+            let done = others(report);
             line.push(format!("{} of {}", done.iter().filter(|&&it| it).count(), done.len()));
         }
         if any_left {

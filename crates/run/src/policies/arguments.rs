@@ -11,17 +11,23 @@ pub struct PolicyArgument {
     pub about: &'static str,
 }
 
+const URL: PolicyArgument = PolicyArgument { name: "url", default: "ws://127.0.0.1:8000", about: "where it is" };
+const EXTERIOR: PolicyArgument =
+    PolicyArgument { name: "exterior", default: "static", about: "the camera that stands beside the robot" };
+const TIMEOUT: PolicyArgument =
+    PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" };
+
 /// What may be said about a model server of vla-eval.
 pub(super) const VLA_EVAL_ARGUMENTS: [PolicyArgument; 5] = [
-    PolicyArgument { name: "url", default: "ws://127.0.0.1:8000", about: "where it is" },
+    URL,
     PolicyArgument {
         name: "preset",
         default: "libero",
         about: "what it is shown and what it answers: libero or joint",
     },
-    PolicyArgument { name: "exterior", default: "static", about: "the camera that stands beside the robot" },
+    EXTERIOR,
     PolicyArgument { name: "wrist", default: "wrist", about: "the camera at the hand, or nothing" },
-    PolicyArgument { name: "timeout_s", default: "120", about: "how long an answer may take, s" },
+    TIMEOUT,
 ];
 
 /// What may be said about a class of a Python module.
@@ -32,21 +38,21 @@ pub(super) const PYTHON_ARGUMENTS: [PolicyArgument; 3] = [
         about: "MODULE:CLASS; the module lies in the working folder or PYTHONPATH",
     },
     PolicyArgument { name: "python", default: "python3", about: "the interpreter, which has NumPy" },
-    PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" },
+    TIMEOUT,
 ];
 
 /// What may be said about a server of openpi's protocol.
 pub(super) const OPENPI_ARGUMENTS: [PolicyArgument; 6] = [
-    PolicyArgument { name: "url", default: "ws://127.0.0.1:8000", about: "where it is" },
+    URL,
     PolicyArgument {
         name: "preset",
         default: "droid",
         about: "what it is shown and what it answers: droid (joint speeds), droid_jointpos or libero",
     },
-    PolicyArgument { name: "exterior", default: "static", about: "the camera that stands beside the robot" },
+    EXTERIOR,
     PolicyArgument { name: "wrist", default: "wrist", about: "the camera at the hand" },
     PolicyArgument { name: "execute", default: "", about: "actions of a chunk that are executed; droid 8, libero 5" },
-    PolicyArgument { name: "timeout_s", default: "120", about: "how long is waited for an answer, s" },
+    TIMEOUT,
 ];
 
 /// What may be said about the agent.

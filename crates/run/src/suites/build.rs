@@ -7,14 +7,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::notes::Split;
-use genmanip_bench::suite::{Candidate, Certificate, Stage, SuiteEntry, SuiteFile, balanced_traits, select, sha256};
-use genmanip_bench::suite_hash;
+use genmanip_bench::suite::{Candidate, Stage, SuiteEntry, SuiteFile, balanced_traits, select, sha256};
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed, Task, TaskKind, World};
 use genmanip_layout::LayoutSettings;
 use genmanip_scene::designer::{DesignSettings, Series};
 use genmanip_scene::references::{Clue, clues_at_places, is_needless};
 
-use super::{KINDS, scenario_file};
+use super::KINDS;
+use super::frozen::{self, Head, certificate};
 use crate::error::RunError;
 use crate::evaluate::{EvaluateOptions, Suite, evaluate};
 use crate::inputs;
@@ -62,11 +62,7 @@ pub fn build(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Option<SuiteFile>, RunError> {
-    let file = options.out.join("suite.json");
-    if file.exists() {
-        return Err(RunError::input(format!("{} exists", file.display()))
-            .with_hint("a suite is frozen: choose another --out folder"));
-    }
+    frozen::refuse_another(&options.out)?;
     let work = options.out.join("work");
     let (tasks, designed) = design(options, progress);
     let layouts = work.join("layouts");
@@ -98,7 +94,9 @@ pub fn build(
     let mut kept: Vec<(Scenario, SuiteEntry)> =
         entries.into_iter().enumerate().filter(|(index, _)| chosen.contains(index)).map(|(_, own)| own).collect();
     kept.sort_by(|a, b| a.0.id.cmp(&b.0.id));
-    write(options, kept, funnel).map(Some)
+    let head =
+        Head { name: options.name.clone(), seed: options.seed, per_kind: options.per_kind, perturbation: None, funnel };
+    frozen::write(&options.out, head, kept).map(Some)
 }
 
 /// Tasks of each kind that need what their kind is about.
@@ -106,7 +104,7 @@ fn design(options: &BuildOptions, progress: &dyn Progress) -> (Vec<Task>, Stage)
     let wanted = options.per_kind * options.candidates;
     let cards = options.catalogue.cards();
     let settings = DesignSettings::default();
-    let mut stage = stage("say what their kind is about, and need it");
+    let mut stage = Stage::new("say what their kind is about, and need it");
     let mut tasks = Vec::new();
     progress.begin("designing", wanted * KINDS.len());
     for kind in KINDS {
@@ -131,7 +129,7 @@ fn design(options: &BuildOptions, progress: &dyn Progress) -> (Vec<Task>, Stage)
                 },
             };
             if let Some(reason) = refused {
-                *stage.refused.entry(format!("{}: {reason}", kind.name())).or_default() += 1;
+                stage.refuse(format!("{}: {reason}", kind.name()));
             }
         }
         stage.passed.insert(kind.name().into(), passed);
@@ -169,10 +167,6 @@ fn refusal(task: &Task, needs: &mut BTreeMap<String, usize>, passed: usize, want
     None
 }
 
-fn stage(asked: &str) -> Stage {
-    Stage { asked: asked.into(), passed: BTreeMap::new(), refused: BTreeMap::new() }
-}
-
 fn lay_out_all(
     tasks: &[Task],
     folder: &Path,
@@ -184,16 +178,16 @@ fn lay_out_all(
     let (settings, seed) = (LayoutSettings::default(), options.seed.fork("layouts"));
     let rows =
         lay_out(tasks, 1, &options.world, &settings, seed, &output, options.workers, progress, stop, &mut |_| {})?;
-    let mut stage = stage("can be laid out");
+    let mut stage = Stage::new("can be laid out");
     let mut scenarios = Vec::new();
     for row in rows {
         match row.scenario {
             Some(path) => {
                 let scenario = inputs::read_scenario(Path::new(&path))?;
-                *stage.passed.entry(scenario.task.kind.name().into()).or_default() += 1;
+                stage.pass(scenario.task.kind);
                 scenarios.push(scenario);
             }
-            None => *stage.refused.entry("no layout found".into()).or_default() += 1,
+            None => stage.refuse("no layout found"),
         }
     }
     Ok((scenarios, stage))
@@ -217,29 +211,24 @@ fn certify(
     let expert = [PolicyFactory::resolve("expert")?];
     let reports = evaluate(&suite, &expert, &evaluation, progress, stop)?;
     let Some(report) = reports.into_iter().next() else { return Ok(None) };
-    let mut by_scenario: BTreeMap<String, Vec<EpisodeResult>> = BTreeMap::new();
-    for result in report.results {
-        by_scenario.entry(result.scenario_id.clone()).or_default().push(result);
-    }
-    let mut stage = stage(&format!("are solved by the expert, {TRIALS} of {TRIALS} times"));
+    let mut by_scenario = frozen::by_scenario(report.results);
+    let mut stage = Stage::new(&format!("are solved by the expert, {TRIALS} of {TRIALS} times"));
     let mut certified = Vec::new();
     for scenario in scenarios {
         let trials = by_scenario.remove(&scenario.id).unwrap_or_default();
         let verified = trials.iter().filter(|trial| trial.success).count();
         if verified == TRIALS {
-            *stage.passed.entry(scenario.task.kind.name().into()).or_default() += 1;
+            stage.pass(scenario.task.kind);
             certified.push((scenario, trials));
         } else {
-            *stage.refused.entry(format!("solved {verified} of {TRIALS} times")).or_default() += 1;
+            stage.refuse(format!("solved {verified} of {TRIALS} times"));
         }
     }
     Ok(Some((certified, stage)))
 }
 
 fn entry(scenario: Scenario, trials: &[EpisodeResult], catalogue: &Catalogue) -> (Scenario, SuiteEntry) {
-    let verified = || trials.iter().filter(|trial| trial.success);
-    let least = |value: fn(&EpisodeResult) -> f64| verified().map(value).fold(f64::INFINITY, f64::min);
-    let longest = verified().map(|trial| trial.duration_s).fold(0.0, f64::max);
+    let longest = trials.iter().filter(|it| it.success).map(|it| it.duration_s).fold(0.0, f64::max);
     let is_unseen = |uid: &str| catalogue.split(uid) != Split::Train;
     let clues = clues_at_places(&scenario.task).unwrap_or(0);
     let entry = SuiteEntry {
@@ -249,35 +238,7 @@ fn entry(scenario: Scenario, trials: &[EpisodeResult], catalogue: &Catalogue) ->
         source: scenario.task.source.clone(),
         traits: balanced_traits(&scenario.task, clues, &is_unseen),
         horizon_s: (HORIZON_FACTOR * longest / HORIZON_STEP_S).ceil() * HORIZON_STEP_S,
-        certificate: Certificate {
-            episodes: trials.len(),
-            verified: verified().count(),
-            shortest_path_m: least(|trial| trial.tcp_path_m),
-            shortest_s: least(|trial| trial.duration_s),
-        },
+        certificate: certificate(trials),
     };
     (scenario, entry)
-}
-
-/// Scenarios first, the file of the suite last: where it is, all is there.
-fn write(options: &BuildOptions, kept: Vec<(Scenario, SuiteEntry)>, funnel: Vec<Stage>) -> Result<SuiteFile, RunError> {
-    let (scenarios, entries): (Vec<Scenario>, Vec<SuiteEntry>) = kept.into_iter().unzip();
-    for scenario in &scenarios {
-        inputs::write_file(&scenario_file(&options.out, &scenario.id), scenario.to_json().as_bytes())?;
-    }
-    let suite = SuiteFile {
-        name: options.name.clone(),
-        seed: options.seed,
-        per_kind: options.per_kind,
-        genmanip_version: env!("CARGO_PKG_VERSION").into(),
-        engine: genmanip_sim::engine_version(),
-        suite_hash: suite_hash(&scenarios),
-        perturbation: None,
-        funnel,
-        scenarios: entries,
-    };
-    inputs::write_file(&options.out.join("suite.json"), suite.to_json().as_bytes())?;
-    let work = options.out.join("work");
-    fs::remove_dir_all(&work).map_err(|error| RunError::file("write", &work, error))?;
-    Ok(suite)
 }

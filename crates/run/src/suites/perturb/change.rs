@@ -6,14 +6,14 @@
 use std::sync::Arc;
 
 use genmanip_assets::{Catalogue, GraspLibrary};
-use genmanip_core::glam::{DQuat, DVec3, EulerRot};
 use genmanip_core::sensor::SensorPreset;
 use genmanip_core::{
     Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal, Look, ObjectCard, PhysicsFactors,
-    PlacedObject, Pose, Relation, Request, Scenario, Seed, TaskKind, Vary, World,
+    PlacedObject, Relation, Request, Scenario, Seed, TaskKind, Vary, World,
 };
 use genmanip_layout::{LayoutSettings, add_distractors, lay_out, obstacles, posed};
 use genmanip_motion::{Allowed, Planner, PlannerSettings, PlanningScene};
+use genmanip_render::sampling::jittered;
 use genmanip_scene::references;
 use genmanip_scene::relations::{Rest, ShapeCache, judge_goal};
 use genmanip_scene::wording::paraphrases;
@@ -109,11 +109,9 @@ impl Workshop {
     }
 
     fn shift(&self, camera: &mut Camera, rng: &mut impl Rng) {
-        let Some((_, shift_m, turn_rad)) = CAMERA.iter().find(|(mount, ..)| *mount == camera.mount) else { return };
-        let mut within = |most: f64| self.dial * most * (2.0 * rng.random::<f64>() - 1.0);
-        let shift = DVec3::new(within(*shift_m), within(*shift_m), within(*shift_m));
-        let turn = DQuat::from_euler(EulerRot::XYZ, within(*turn_rad), within(*turn_rad), within(*turn_rad));
-        camera.mount_from_camera = camera.mount_from_camera * Pose::new(shift, turn);
+        if let Some((_, shift_m, turn_rad)) = CAMERA.iter().find(|(mount, ..)| *mount == camera.mount) {
+            *camera = jittered(camera, self.dial * shift_m, self.dial * turn_rad, rng);
+        }
     }
 
     /// A posture near home that touches nothing.

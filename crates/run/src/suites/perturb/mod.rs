@@ -8,21 +8,20 @@ mod change;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
-use genmanip_bench::suite::{Certificate, Perturbation, Stage as Sieve, SuiteEntry, SuiteFile, sha256};
-use genmanip_bench::suite_hash;
+use genmanip_bench::suite::{Perturbation, Stage, SuiteEntry, SuiteFile, sha256};
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed};
 use genmanip_layout::{LayoutSettings, audit};
 use genmanip_rollout::collect::in_parallel;
 
 pub use axis::Axis;
 
-use super::{open, scenario_file};
+use super::frozen::{self, Head, certificate};
+use super::open;
 use crate::error::RunError;
 use crate::evaluate::{EvaluateOptions, Suite, evaluate};
 use crate::inputs;
@@ -36,8 +35,6 @@ const TRIALS: usize = 3;
 const LOOKER: &str = "agent:vlm=oracle,masks=oracle";
 /// Fewest pixels of each thing of the task in one prompt camera, as the benchmark wants it.
 const MIN_PIXELS: usize = 200;
-/// Simulated time for which a changed scene is left alone when it is audited, s.
-const AUDIT_S: f64 = 1.0;
 
 /// What is changed, and where it is written.
 #[derive(Clone, Debug)]
@@ -67,11 +64,7 @@ pub fn perturb(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Option<SuiteFile>, RunError> {
-    let file = options.out.join("suite.json");
-    if file.exists() {
-        return Err(RunError::input(format!("{} exists", file.display()))
-            .with_hint("a suite is frozen: choose another --out folder"));
-    }
+    frozen::refuse_another(&options.out)?;
     if !(options.dial > 0.0 && options.dial <= 1.0) {
         return Err(RunError::input(format!("--dial {}: expected a number above 0 and up to 1", options.dial))
             .with_hint("1 is the most that is meant to be solvable"));
@@ -90,7 +83,7 @@ pub fn perturb(
     let paths: Vec<PathBuf> = changed.iter().map(|scenario| drafts.join(format!("{}.json", scenario.id))).collect();
     if paths.is_empty() {
         return Err(RunError::input("no scenario of the suite can be changed so")
-            .because(in_words(&made))
+            .because(made.reasons())
             .with_hint("try a smaller --dial or another --seed"));
     }
     let trial = |policy: &str, episodes: usize| -> Result<Option<Vec<EpisodeResult>>, RunError> {
@@ -103,38 +96,44 @@ pub fn perturb(
     let (Some(expert), Some(looker)) = (trial("expert", TRIALS)?, trial(LOOKER, 1)?) else { return Ok(None) };
     let seen: BTreeSet<String> =
         looker.into_iter().filter(|result| result.success).map(|result| result.scenario_id).collect();
-    let mut by_scenario: BTreeMap<String, Vec<EpisodeResult>> = BTreeMap::new();
-    for result in expert {
-        by_scenario.entry(result.scenario_id.clone()).or_default().push(result);
-    }
-    let mut certified = sieve(&format!(
+    let mut by_scenario = frozen::by_scenario(expert);
+    let mut certified = Stage::new(&format!(
         "are solved by the expert, {TRIALS} of {TRIALS} times, and by the agent with the oracle's answers and masks"
     ));
     let mut kept: Vec<(Scenario, SuiteEntry)> = Vec::new();
     for scenario in changed {
         let trials = by_scenario.remove(&scenario.id).unwrap_or_default();
         let Some(entry) = control.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
-        let kind = entry.kind.name().to_owned();
-        let verified: Vec<&EpisodeResult> = trials.iter().filter(|trial| trial.success).collect();
-        if verified.len() < TRIALS {
-            *certified
-                .refused
-                .entry(format!("the expert solved it {} of {TRIALS} times", verified.len()))
-                .or_default() += 1;
+        let certificate = certificate(&trials);
+        if certificate.verified < TRIALS {
+            certified.refuse(format!("the expert solved it {} of {TRIALS} times", certificate.verified));
         } else if !seen.contains(&scenario.id) {
-            *certified.refused.entry("the agent did not solve it".into()).or_default() += 1;
+            certified.refuse("the agent did not solve it");
         } else {
-            *certified.passed.entry(kind).or_default() += 1;
-            let entry = changed_entry(entry, &scenario, &verified);
-            kept.push((scenario, entry));
+            certified.pass(entry.kind);
+            let (kind, sha256) = (scenario.task.kind, sha256(scenario.to_json().as_bytes()));
+            kept.push((scenario, SuiteEntry { kind, sha256, certificate, ..entry.clone() }));
         }
     }
     if kept.is_empty() {
         return Err(RunError::input("no changed scenario is certified")
-            .because(in_words(&certified))
+            .because(certified.reasons())
             .with_hint("try a smaller --dial"));
     }
-    write(options, &control, kept, vec![made, certified]).map(Some)
+    let head = Head {
+        name: options.name.clone(),
+        seed: control.seed,
+        per_kind: control.per_kind,
+        perturbation: Some(Perturbation {
+            of: control.name,
+            of_hash: control.suite_hash,
+            axis: options.axis.name().into(),
+            dial: options.dial,
+            seed: options.seed,
+        }),
+        funnel: vec![made, certified],
+    };
+    frozen::write(&options.out, head, kept).map(Some)
 }
 
 /// A changed scenario, or why it could not be changed.
@@ -146,8 +145,8 @@ fn change_all(
     options: &PerturbOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<(Vec<Scenario>, Sieve), RunError> {
-    let Some(first) = scenarios.first() else { return Ok((Vec::new(), sieve("can be changed"))) };
+) -> Result<(Vec<Scenario>, Stage), RunError> {
+    let Some(first) = scenarios.first() else { return Ok((Vec::new(), Stage::new("can be changed"))) };
     let workshop = Workshop::new(&first.world, options.axis, options.dial)?;
     let layout = LayoutSettings { min_pixels: MIN_PIXELS, ..LayoutSettings::default() };
     let seed = options.seed.fork("perturbation").fork(options.axis.name());
@@ -160,7 +159,8 @@ fn change_all(
             return Ok(Ok(changed));
         }
         let robot = workshop.planner.robot();
-        let audited = audit(&changed, Catalogue::builtin(), robot, &layout, AUDIT_S)
+        // What stands still after the change is for the expert's trials to say: no time is simulated here.
+        let audited = audit(&changed, Catalogue::builtin(), robot, &layout, 0.0)
             .map_err(|error| RunError::broken(format!("{} cannot be audited", changed.id), error))?;
         Ok(match audited.hidden {
             Some(reason) => Err(reason.to_string()),
@@ -170,77 +170,17 @@ fn change_all(
     };
     let outcomes = in_parallel(scenarios, options.workers, stop, &one)?;
     progress.end();
-    let mut made = sieve("can be changed, with every thing of the task in view");
+    let mut made = Stage::new("can be changed, with every thing of the task in view");
     let mut changed = Vec::new();
-    for outcome in outcomes {
+    for (scenario, outcome) in scenarios.iter().zip(outcomes) {
         match outcome {
-            Ok(scenario) => {
-                *made.passed.entry(scenario.task.kind.name().into()).or_default() += 1;
-                changed.push(scenario);
+            Ok(draft) => {
+                // Another instruction is of another kind; what is counted are the scenarios of the control arm.
+                made.pass(scenario.task.kind);
+                changed.push(draft);
             }
-            Err(reason) => *made.refused.entry(reason).or_default() += 1,
+            Err(reason) => made.refuse(reason),
         }
     }
     Ok((changed, made))
-}
-
-fn changed_entry(entry: &SuiteEntry, scenario: &Scenario, verified: &[&EpisodeResult]) -> SuiteEntry {
-    let least = |value: fn(&EpisodeResult) -> f64| verified.iter().map(|it| value(it)).fold(f64::INFINITY, f64::min);
-    SuiteEntry {
-        kind: scenario.task.kind,
-        sha256: sha256(scenario.to_json().as_bytes()),
-        certificate: Certificate {
-            episodes: TRIALS,
-            verified: verified.len(),
-            shortest_path_m: least(|trial| trial.tcp_path_m),
-            shortest_s: least(|trial| trial.duration_s),
-        },
-        ..entry.clone()
-    }
-}
-
-/// Scenarios first, the file of the suite last: where it is, all is there.
-fn write(
-    options: &PerturbOptions,
-    control: &SuiteFile,
-    kept: Vec<(Scenario, SuiteEntry)>,
-    funnel: Vec<Sieve>,
-) -> Result<SuiteFile, RunError> {
-    let (scenarios, entries): (Vec<Scenario>, Vec<SuiteEntry>) = kept.into_iter().unzip();
-    for scenario in &scenarios {
-        inputs::write_file(&scenario_file(&options.out, &scenario.id), scenario.to_json().as_bytes())?;
-    }
-    let suite = SuiteFile {
-        name: options.name.clone(),
-        seed: control.seed,
-        per_kind: control.per_kind,
-        genmanip_version: env!("CARGO_PKG_VERSION").into(),
-        engine: genmanip_sim::engine_version(),
-        suite_hash: suite_hash(&scenarios),
-        perturbation: Some(Perturbation {
-            of: control.name.clone(),
-            of_hash: control.suite_hash.clone(),
-            axis: options.axis.name().into(),
-            dial: options.dial,
-            seed: options.seed,
-        }),
-        funnel,
-        scenarios: entries,
-    };
-    inputs::write_file(&options.out.join("suite.json"), suite.to_json().as_bytes())?;
-    remove(&options.out.join("work"))?;
-    Ok(suite)
-}
-
-fn remove(work: &Path) -> Result<(), RunError> {
-    fs::remove_dir_all(work).map_err(|error| RunError::file("write", work, error))
-}
-
-fn sieve(asked: &str) -> Sieve {
-    Sieve { asked: asked.into(), passed: BTreeMap::new(), refused: BTreeMap::new() }
-}
-
-fn in_words(sieve: &Sieve) -> String {
-    let reasons: Vec<String> = sieve.refused.iter().map(|(reason, count)| format!("{count} times: {reason}")).collect();
-    reasons.join("; ")
 }
