@@ -2,6 +2,7 @@
 
 mod review;
 mod select;
+mod template;
 #[cfg(test)]
 mod tests;
 
@@ -14,6 +15,7 @@ use sha2::{Digest, Sha256};
 
 pub use review::{Review, ReviewFile, ReviewVerdict};
 pub use select::{Candidate, Marginal, marginals, select};
+pub use template::template;
 
 /// The file `suite.json` of a suite's folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

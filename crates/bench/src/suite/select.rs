@@ -12,8 +12,10 @@ pub struct Candidate {
     pub kind: String,
     /// What is balanced, by name, with the values that it has.
     pub traits: BTreeMap<String, Vec<String>>,
-    /// Things that the goal names; the same thing is rather not taken twice.
-    pub things: Vec<String>,
+    /// What is rather not taken twice: things that the goal names, the template of the sentence.
+    pub once: Vec<String>,
+    /// Whether it is taken before all others, whatever it does to the balance.
+    pub is_preferred: bool,
 }
 
 /// Share of one value of a trait in a selection.
@@ -36,7 +38,7 @@ impl Marginal {
     }
 }
 
-/// Weight of a thing that is named again, against the squared relative deviations of the marginals: chosen so that it
+/// Weight of what is taken again, against the squared relative deviations of the marginals: chosen so that it
 /// decides among candidates that balance alike.
 const AGAIN: f64 = 0.002;
 /// Rounds of exchanges; each stops when nothing is gained.
@@ -46,7 +48,7 @@ const ROUNDS: usize = 8;
 #[derive(Default)]
 struct Tally {
     values: BTreeMap<String, BTreeMap<String, f64>>,
-    things: BTreeMap<String, f64>,
+    once: BTreeMap<String, f64>,
 }
 
 impl Tally {
@@ -56,8 +58,8 @@ impl Tally {
                 *self.values.entry(name.clone()).or_default().entry(value.clone()).or_default() += weight;
             }
         }
-        for thing in &candidate.things {
-            *self.things.entry(thing.clone()).or_default() += weight;
+        for thing in &candidate.once {
+            *self.once.entry(thing.clone()).or_default() += weight;
         }
     }
 
@@ -66,7 +68,7 @@ impl Tally {
             let wanted = counts.values().sum::<f64>() / counts.len() as f64;
             counts.values().map(|count| ((count - wanted) / wanted.max(1.0)).powi(2)).sum::<f64>()
         };
-        let again = self.things.values().map(|count| (count - 1.0).max(0.0).powi(2)).sum::<f64>();
+        let again = self.once.values().map(|count| (count - 1.0).max(0.0).powi(2)).sum::<f64>();
         self.values.values().map(deviation).sum::<f64>() + AGAIN * again
     }
 }
@@ -74,7 +76,8 @@ impl Tally {
 /// Indices of `per_kind` candidates of each kind, ascending, such that every value of every trait has about the same
 /// share; fewer where a kind has fewer.
 ///
-/// Candidates are taken one by one, the best first, and then exchanged while that helps. Deterministic.
+/// Preferred candidates come first and stay; the others are taken one by one, the best first, and then exchanged while
+/// that helps. Deterministic.
 pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
     let mut tally = Tally::default();
     // Every value counts, also one that nothing has been taken of.
@@ -85,7 +88,9 @@ pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
     let mut chosen = vec![false; candidates.len()];
     for _ in 0..per_kind {
         for kind in &kinds {
-            let free = (0..candidates.len()).filter(|&index| !chosen[index] && candidates[index].kind == *kind);
+            let is_free = |index: &usize| !chosen[*index] && candidates[*index].kind == *kind;
+            let preferred = (0..candidates.len()).find(|index| is_free(index) && candidates[*index].is_preferred);
+            let free = preferred.map_or(0..candidates.len(), |index| index..index + 1).filter(is_free);
             let cost_with = |tally: &mut Tally, index: usize| {
                 tally.add(&candidates[index], 1.0);
                 let cost = tally.cost();
@@ -111,7 +116,7 @@ pub fn select(candidates: &[Candidate], per_kind: usize) -> Vec<usize> {
 fn exchange(candidates: &[Candidate], chosen: &mut [bool], tally: &mut Tally) -> bool {
     let mut has_helped = false;
     for out in 0..candidates.len() {
-        if !chosen[out] {
+        if !chosen[out] || candidates[out].is_preferred {
             continue;
         }
         let before = tally.cost();

@@ -7,7 +7,8 @@ fn candidate(kind: usize, relation: usize, clutter: usize, thing: usize) -> Cand
     Candidate {
         kind: format!("kind {kind}"),
         traits: [one("relation", relation), one("objects", clutter)].into(),
-        things: vec![format!("thing {thing}")],
+        once: vec![format!("thing {thing}")],
+        is_preferred: false,
     }
 }
 
@@ -46,4 +47,16 @@ fn other_things_are_preferred() {
     let all = [candidate(0, 0, 0, 1), candidate(0, 0, 0, 1), candidate(0, 0, 0, 2)];
     let chosen = select(&all, 2);
     assert!(chosen.contains(&2), "{chosen:?}");
+}
+
+/// They are taken though others balance better, as many as are wanted.
+#[test]
+fn preferred_candidates_come_first() {
+    let mut all: Vec<Candidate> = (0..6).map(|thing| candidate(0, thing % 2, 0, thing)).collect();
+    for index in [2, 4] {
+        all[index].is_preferred = true;
+    }
+    assert_eq!(select(&all, 1), [2]);
+    assert_eq!(select(&all, 2), [2, 4]);
+    assert_eq!(select(&all, 4), [1, 2, 3, 4]);
 }

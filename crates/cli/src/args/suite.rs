@@ -12,10 +12,12 @@ use super::parse_count;
 #[derive(Debug, Subcommand)]
 pub enum SuiteCommand {
     /// Design tasks, lay them out, let the expert try each, and freeze those that make a balanced suite
-    #[command(after_help = "Example:\n  genmanip suite build --seed 7 --per-kind 50 --out suites/mine\n\n\
+    #[command(
+        after_help = "Example:\n  genmanip suite build examples/tasks --seed 7 --per-kind 50 --out suites/mine\n\n\
                       Spatial, appearance, common-sense and long-horizon tasks. A task whose sentence means its goal\n\
                       without its need, its places or its traits is refused, and so is what the expert does not solve\n\
-                      five times of five. An interrupted build continues: start the same command again.")]
+                      five times of five. An interrupted build continues: start the same command again."
+    )]
     Build(SuiteBuildArguments),
     /// Change every scenario of a suite in one respect, by a stated amount; the suite itself is the control arm
     #[command(
@@ -48,6 +50,8 @@ pub enum SuiteCommand {
 /// Arguments of `suite build`.
 #[derive(Debug, Args)]
 pub struct SuiteBuildArguments {
+    /// Tasks that are taken before designed ones: recorded answers, task documents or folders of them
+    pub tasks: Vec<PathBuf>,
     /// Folder of the suite
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

@@ -44,6 +44,10 @@ fn build(arguments: &SuiteBuildArguments, printer: &Printer) -> Result<ExitStatu
         candidates: arguments.candidates,
         seed: Seed::new(arguments.seed),
         catalogue: catalogue(&arguments.catalog.catalog),
+        tasks: match arguments.tasks.as_slice() {
+            [] => Vec::new(),
+            paths => inputs::read_tasks(paths)?,
+        },
         world: inputs::read_world(None)?,
         workers: inputs::workers(arguments.workers),
     };

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::Catalogue;
 use genmanip_assets::notes::Split;
-use genmanip_bench::suite::{Candidate, Stage, SuiteEntry, SuiteFile, balanced_traits, select, sha256};
+use genmanip_bench::suite::{Candidate, Stage, SuiteEntry, SuiteFile, balanced_traits, select, sha256, template};
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed, Task, TaskKind, World};
 use genmanip_layout::LayoutSettings;
 use genmanip_scene::designer::{DesignSettings, Series};
@@ -47,6 +47,8 @@ pub struct BuildOptions<'a> {
     pub seed: Seed,
     /// Objects that tasks may be about.
     pub catalogue: &'a Catalogue,
+    /// Tasks that are taken before designed ones, of any kind of the suite: recorded answers of language models.
+    pub tasks: Vec<Task>,
     /// World of the scenarios.
     pub world: World,
     /// Threads.
@@ -77,10 +79,14 @@ pub fn build(
     let funnel = vec![designed, laid_out, tried];
     let entries: Vec<(Scenario, SuiteEntry)> =
         certified.into_iter().map(|(scenario, trials)| entry(scenario, &trials, options.catalogue)).collect();
-    let candidate = |(scenario, entry): &(Scenario, SuiteEntry)| Candidate {
-        kind: entry.kind.name().into(),
-        traits: entry.traits.clone(),
-        things: scenario.task.goal.alternatives.iter().flatten().flat_map(|a| a.ids().map(String::from)).collect(),
+    let candidate = |(scenario, entry): &(Scenario, SuiteEntry)| {
+        let things = scenario.task.goal.alternatives.iter().flatten().flat_map(|atom| atom.ids().map(String::from));
+        Candidate {
+            kind: entry.kind.name().into(),
+            traits: entry.traits.clone(),
+            once: things.chain([template(&scenario.task.instruction)]).collect(),
+            is_preferred: options.tasks.iter().any(|task| task.id == scenario.task.id),
+        }
     };
     let candidates: Vec<Candidate> = entries.iter().map(candidate).collect();
     let chosen: BTreeSet<usize> = select(&candidates, options.per_kind).into_iter().collect();
@@ -112,8 +118,18 @@ fn design(options: &BuildOptions, progress: &dyn Progress) -> (Vec<Task>, Stage)
         let Ok(mut series) = Series::new(&kinds, cards, options.seed, &settings, false) else { continue };
         let mut needs: BTreeMap<String, usize> = BTreeMap::new();
         let mut passed = 0;
+        for task in options.tasks.iter().filter(|task| task.kind == kind) {
+            match refusal(task, &mut needs, passed, wanted) {
+                Some(reason) => stage.refuse(format!("{}, recorded: {reason}", kind.name())),
+                None => {
+                    tasks.push(task.clone());
+                    passed += 1;
+                    progress.advance();
+                }
+            }
+        }
         for _ in 0..wanted * DESIGNS_PER_CANDIDATE {
-            if passed == wanted {
+            if passed >= wanted {
                 break;
             }
             let refused = match series.compose() {

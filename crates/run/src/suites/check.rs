@@ -1,15 +1,14 @@
 //! Whether a suite is what its file says.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
 use genmanip_assets::Catalogue;
-use genmanip_bench::suite::{Marginal, marginals, sha256};
-
+use genmanip_bench::suite::{Marginal, marginals, sha256, template};
 use genmanip_bench::suite_hash;
-use genmanip_core::limits;
+use genmanip_core::{Scenario, limits};
 use genmanip_rollout::Stage;
 use genmanip_scene::references::{self, Clue, is_needless};
 use serde::Serialize;
@@ -27,6 +26,8 @@ pub struct Checked {
     pub scenarios: usize,
     /// Largest deviation of a trait's value from its even share, as a part of that.
     pub worst_marginal: f64,
+    /// Share of the sentence that is most frequent once what it is about is left blank.
+    pub template_share: f64,
     /// What is wrong, a line each; empty for a sound suite.
     pub faults: Vec<String>,
 }
@@ -88,7 +89,16 @@ pub fn check(folder: &Path) -> Result<Checked, RunError> {
     }
     let spread = marginals(suite.scenarios.iter().map(|entry| &entry.traits));
     let worst = spread.iter().map(Marginal::deviation).fold(0.0, f64::max);
-    Ok(Checked { name: suite.name, scenarios: scenarios.len(), worst_marginal: worst, faults })
+    let template_share = template_share(&scenarios);
+    Ok(Checked { name: suite.name, scenarios: scenarios.len(), worst_marginal: worst, template_share, faults })
+}
+
+fn template_share(scenarios: &[Scenario]) -> f64 {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for scenario in scenarios {
+        *counts.entry(template(&scenario.task.instruction)).or_default() += 1;
+    }
+    counts.values().max().map_or(0.0, |&most| most as f64 / scenarios.len() as f64)
 }
 
 /// Files that are missing, strange, or not written as they were.
@@ -111,10 +121,11 @@ fn files(folder: &Path, wanted: &BTreeSet<&str>) -> Result<Vec<String>, RunError
 /// The same in words.
 pub fn in_words(checked: &Checked) -> String {
     let mut text = format!(
-        "{}: {} scenarios, worst marginal {:.0} % of its share\n",
+        "{}: {} scenarios, worst marginal {:.0} % of its share, most frequent sentence {:.1} %\n",
         checked.name,
         checked.scenarios,
-        100.0 * checked.worst_marginal
+        100.0 * checked.worst_marginal,
+        100.0 * checked.template_share
     );
     for fault in &checked.faults {
         text += &format!("  {fault}\n");
