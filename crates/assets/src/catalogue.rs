@@ -191,6 +191,25 @@ impl Catalogue {
         Ok(variant(&base, seed))
     }
 
+    /// The recipe of an object, all expressions worked out, and the stream of what it leaves open.
+    ///
+    /// # Errors
+    /// When there is no such object, or it has no recipe of its own: imported ones and variants.
+    pub(crate) fn recipe(&self, asset: &AssetRef) -> Result<(Value, Seed), AssetError> {
+        match asset {
+            AssetRef::Builtin { uid, .. } => {
+                let unknown = || AssetError::UnknownUid { got: uid.clone(), near: self.near_misses(uid) };
+                let records: Vec<Value> = read(FILE, RECORDS)?;
+                let record = records.into_iter().find(|record| record["uid"] == *uid).ok_or_else(unknown)?;
+                Ok((record["recipe"].clone(), seed_of(uid)))
+            }
+            AssetRef::Generated { family, params, seed, version } if !params.contains_key(VARIED) => {
+                Families::builtin().recipe_of(family, *version, params, *seed)
+            }
+            _ => Err(AssetError::NoRecipe { asset: asset.clone() }),
+        }
+    }
+
     fn without_recipe(&self) -> Vec<String> {
         let is_builtin = |card: &&ObjectCard| matches!(card.asset, AssetRef::Builtin { .. });
         let missing = self.cards.iter().filter(is_builtin).filter(|card| !self.recipes.contains_key(&card.uid));

@@ -1,5 +1,7 @@
 //! Why an object cannot be had.
 
+use genmanip_core::AssetRef;
+
 /// Errors of the catalogue.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AssetError {
@@ -52,6 +54,20 @@ pub enum AssetError {
         expected: String,
         /// What this program makes.
         got: String,
+    },
+    /// Objects that were not made from a recipe of their own.
+    #[error("{asset} cannot be frozen: it was imported, or varies another object")]
+    NoRecipe {
+        /// Which.
+        asset: AssetRef,
+    },
+    /// A frozen object whose file says what cannot be.
+    #[error("the frozen object {asset}: {message}")]
+    NotFrozen {
+        /// Which.
+        asset: AssetRef,
+        /// What is wrong.
+        message: String,
     },
     /// A family cannot make what a reference asks for.
     #[error("family {family} cannot make an object: {reason}")]

@@ -145,7 +145,8 @@ pub struct ObjectLink {
 }
 
 /// How one link moves against its parent.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Joint {
     /// Name, unique in the object.
     pub name: String,
@@ -180,7 +181,8 @@ pub enum JointKind {
 }
 
 /// A named state: every listed joint lies in its interval.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct JointState {
     /// One of the card's states.
     pub name: String,
@@ -191,7 +193,8 @@ pub struct JointState {
 }
 
 /// Mass, its centre and the inertia about that centre, in the link's frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct MassProperties {
     /// Mass.
     pub mass_kg: f64,

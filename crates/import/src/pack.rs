@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use genmanip_assets::imported::Origin;
 use genmanip_core::{
-    Joint, JointKind, JointState, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Texture,
-    TriMesh, VisualPart,
+    Joint, JointState, MassProperties, Material, ObjectCard, ObjectLink, ObjectModel, Piece, Pose, Texture, TriMesh,
+    VisualPart,
 };
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -30,7 +30,7 @@ struct Header {
     family: String,
     friction: f64,
     links: Vec<Link>,
-    states: Vec<KeptState>,
+    states: Vec<JointState>,
     origin: Origin,
     report: Report,
 }
@@ -40,7 +40,7 @@ struct Header {
 struct Link {
     name: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    joint: Option<KeptJoint>,
+    joint: Option<Joint>,
     pieces: Vec<Piece>,
     cavity: Vec<Piece>,
     mass_kg: f64,
@@ -48,39 +48,6 @@ struct Link {
     inertia: DMat3,
     parts: Vec<Part>,
 }
-
-/// [`Joint`] as it is kept.
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "Joint", deny_unknown_fields)]
-struct JointRecord {
-    name: String,
-    parent: usize,
-    kind: JointKind,
-    parent_from_joint: Pose,
-    axis: DVec3,
-    range: [f64; 2],
-    damping: f64,
-    friction_loss: f64,
-    stiffness: f64,
-    spring_reference: f64,
-}
-
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(transparent)]
-struct KeptJoint(#[serde(with = "JointRecord")] Joint);
-
-/// [`JointState`] as it is kept.
-#[derive(Serialize, Deserialize)]
-#[serde(remote = "JointState", deny_unknown_fields)]
-struct StateRecord {
-    name: String,
-    intervals: Vec<(String, [f64; 2])>,
-    nominal: Vec<f64>,
-}
-
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(transparent)]
-struct KeptState(#[serde(with = "StateRecord")] JointState);
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -109,7 +76,7 @@ pub fn to_bytes(object: &Imported) -> Vec<u8> {
     let model = &object.model;
     let links = model.links.iter().map(|link| Link {
         name: link.name.clone(),
-        joint: link.joint.clone().map(KeptJoint),
+        joint: link.joint.clone(),
         pieces: link.pieces.clone(),
         cavity: link.cavity.clone(),
         mass_kg: link.mass.mass_kg,
@@ -122,7 +89,7 @@ pub fn to_bytes(object: &Imported) -> Vec<u8> {
         family: model.family.clone(),
         friction: model.friction,
         links: links.collect(),
-        states: model.joint_states.iter().cloned().map(KeptState).collect(),
+        states: model.joint_states.clone(),
         origin: object.origin.clone(),
         report: object.report.clone(),
     };
@@ -202,7 +169,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
     for (index, link) in header.links.into_iter().enumerate() {
         let visual = link.parts.iter().map(|part| from_part(part, &mut numbers, &mut pictures, &mut textures));
         let visual = visual.collect::<Result<Vec<VisualPart>, String>>()?;
-        let joint = link.joint.map(|KeptJoint(joint)| checked(joint, index)).transpose()?;
+        let joint = link.joint.map(|joint| checked(joint, index)).transpose()?;
         if joint.is_none() != (index == 0)
             || !(link.mass_kg.is_finite() && link.mass_kg > 0.0)
             || !link.center.is_finite()
@@ -227,7 +194,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Imported, String> {
         family: header.family,
         links,
         friction: header.friction,
-        joint_states: header.states.into_iter().map(|KeptState(state)| state).collect(),
+        joint_states: header.states,
     };
     Ok(Imported { model, origin: header.origin, report: header.report })
 }

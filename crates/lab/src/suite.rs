@@ -50,7 +50,7 @@ pub fn measure(
 ) -> Result<Report, LabError> {
     let mut clock = cpu_clock();
     let started = clock();
-    let checked = suites::check(folder)?;
+    let checked = suites::check(folder, workers, progress, &AtomicBool::new(false))?;
     let check_s = clock() - started;
     let shown = suites::show(folder)?;
     let suite = Suite::frozen(folder)?.with_episodes(episodes).with_seed(seed);

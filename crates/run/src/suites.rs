@@ -3,16 +3,20 @@
 //! ```text
 //! NAME/suite.json        what it is, how it was chosen, and per scenario its hash and certificate
 //! NAME/scenarios/*.json  the scenarios
+//! NAME/assets/*.json     their objects, once `freeze` has put them there
 //! NAME/review.json       what people said of its scenarios; not frozen
 //! NAME/work/             layouts and trials of all candidates, while it is built: an interrupted build continues there
 //! ```
 
+mod assets;
 mod build;
 mod check;
 mod diff;
+mod freeze;
 mod frozen;
 mod perturb;
 mod review;
+mod training;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,11 +26,14 @@ use genmanip_bench::text_table;
 use genmanip_core::{TaskKind, limits};
 use serde::Serialize;
 
+pub use assets::SuiteAssets;
 pub use build::{BuildOptions, build};
 pub use check::{Checked, check, in_words as check_in_words};
 pub use diff::{Difference, diff, in_words as diff_in_words};
+pub use freeze::freeze;
 pub use perturb::{Axis, PerturbOptions, perturb};
 pub use review::{in_words as review_in_words, review, reviews};
+pub use training::{Training, TrainingOptions, shared, training};
 
 use crate::error::RunError;
 use crate::inputs;

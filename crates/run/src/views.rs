@@ -52,7 +52,7 @@ pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &P
     let name = |camera: &Camera| camera.name.clone();
     match out.extension().and_then(|ending| ending.to_str()) {
         Some(ending @ ("png" | "jpg" | "jpeg")) => {
-            let sheet = sheet(&draw(setting, &cameras)?);
+            let sheet = sheet(&draw(setting, &cameras, Catalogue::builtin())?);
             let encoded = match ending {
                 "png" => encode::png_rgb(sheet.width, sheet.height, &sheet.rgb),
                 _ => encode::jpeg_rgb(sheet.width, sheet.height, &sheet.rgb, JPEG_QUALITY),
@@ -68,7 +68,7 @@ pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &P
                 inputs::write_file(&file, &png(camera, &picture)?)?;
                 Ok(Preview { cameras: vec![camera.name.clone()], file })
             };
-            cameras.iter().zip(draw(setting, &cameras)?).map(write).collect()
+            cameras.iter().zip(draw(setting, &cameras, Catalogue::builtin())?).map(write).collect()
         }
     }
 }
@@ -78,7 +78,7 @@ pub fn preview(file: &Path, names: &[String], size_px: Option<[u32; 2]>, out: &P
 /// # Errors
 /// As [`preview`].
 pub fn picture(setting: &Setting, camera: &Camera) -> Result<Vec<u8>, RunError> {
-    let picture = draw(setting, std::slice::from_ref(camera))?.swap_remove(0);
+    let picture = draw(setting, std::slice::from_ref(camera), Catalogue::builtin())?.swap_remove(0);
     png(camera, &picture)
 }
 
@@ -87,15 +87,19 @@ fn png(camera: &Camera, picture: &FrameBuffers) -> Result<Vec<u8>, RunError> {
         .map_err(|error| RunError::broken(format!("cannot encode the picture of camera {}", camera.name), error))
 }
 
-/// One picture per camera.
-fn draw(setting: &Setting, cameras: &[Camera]) -> Result<Vec<FrameBuffers>, RunError> {
+/// One picture per camera, of objects from a source.
+pub(crate) fn draw(
+    setting: &Setting,
+    cameras: &[Camera],
+    source: &dyn AssetSource,
+) -> Result<Vec<FrameBuffers>, RunError> {
     let robot = inputs::robot(setting.world())?;
     let (id, objects) = match setting {
         Setting::World(_) => ("", &[][..]),
         Setting::Scenario(scenario) => (scenario.id.as_str(), &scenario.objects[..]),
     };
     let models = objects.iter().map(|placed| {
-        Catalogue::builtin().instance(placed).map_err(|error| {
+        source.instance(placed).map_err(|error| {
             RunError::broken(format!("cannot draw object {} of scenario {id}", placed.id), error)
                 .with_hint("a scenario belongs to the objects it was made with; lay its task out again")
         })

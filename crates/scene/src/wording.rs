@@ -88,6 +88,26 @@ pub fn paraphrases(task: &Task, count: usize) -> Vec<String> {
     found
 }
 
+/// Directions as the robot has them, and as a camera that faces the robot sees them.
+const SEEN: [(&str, &str); 8] = [
+    ("to the robot's left of", "to the camera's right of"),
+    ("to the robot's right of", "to the camera's left of"),
+    ("on the far side of", "on the camera's side of"),
+    ("farthest to the robot's left", "farthest to the camera's right"),
+    ("farthest to the robot's right", "farthest to the camera's left"),
+    ("farthest from the robot", "nearest to the camera"),
+    ("nearest to the robot", "farthest from the camera"),
+    ("closest to the robot", "farthest from the camera"),
+];
+
+/// The instruction with its directions as the camera that faces the robot sees them, where that can be said and is
+/// understood.
+pub fn from_the_camera(task: &Task) -> Option<String> {
+    let instruction = task.instruction.clone();
+    let said = SEEN.iter().fold(instruction, |said, (robot, camera)| said.replace(robot, camera));
+    (said != task.instruction && references::check_said(task, &said).is_ok()).then_some(said)
+}
+
 /// The instruction in the words of one draw; what commands nothing stays as it is.
 fn reworded(instruction: &str, draw: usize) -> String {
     let mut sentences = Vec::new();
@@ -292,6 +312,19 @@ mod tests {
             assert_eq!(paraphrases(&task, 6), said);
         }
         assert!(poor.is_empty(), "{}", poor.join("\n"));
+    }
+
+    /// Only sentences with directions have it, and it means the same.
+    #[test]
+    fn directions_can_be_told_from_the_camera() {
+        let spatial: Vec<Task> =
+            tasks(760_003, 240).into_iter().filter(|task| task.kind == TaskKind::Spatial).collect();
+        let told =
+            spatial.iter().filter_map(from_the_camera).inspect(|said| assert!(said.contains("camera"), "{said}"));
+        let (told, directed) = (told.count(), spatial.iter().filter(|task| task.instruction.contains("robot")).count());
+        assert!(directed > 10 && told * 10 >= directed * 9, "{told} of {directed}");
+        let plain = Task { instruction: "Put the red mug on the plate.".into(), ..spatial[0].clone() };
+        assert_eq!(from_the_camera(&plain), None);
     }
 
     /// What is not understood has no paraphrase that could be trusted.

@@ -134,6 +134,26 @@ impl Family {
         self.vars.keys()
     }
 
+    /// Stream of everything that is drawn of the object of a seed: its own, so that objects of one seed differ from
+    /// family to family.
+    pub(crate) fn stream(&self, seed: Seed) -> Seed {
+        seed.fork(&self.family)
+    }
+
+    /// The recipe of the object of a seed, all expressions worked out.
+    ///
+    /// # Errors
+    /// As [`Family::instance`].
+    pub(crate) fn recipe(
+        &self,
+        params: &BTreeMap<String, Value>,
+        seed: Seed,
+        palettes: &BTreeMap<String, Value>,
+        library: &Library,
+    ) -> Result<Value, String> {
+        self.worked_out(params, seed, palettes, library).map(|(_, recipe)| recipe)
+    }
+
     /// The object of a seed, with some parameters set.
     ///
     /// # Errors
@@ -145,23 +165,8 @@ impl Family {
         palettes: &BTreeMap<String, Value>,
         library: &Library,
     ) -> Result<ObjectModel, String> {
-        if let Some(unknown) = params.keys().find(|name| !self.vars.contains_key(*name)) {
-            let known: Vec<&str> = self.vars.keys().map(String::as_str).collect();
-            return Err(format!("it has no parameter `{unknown}`, only {}", known.join(", ")));
-        }
-        // Its own stream, so that objects of one seed differ from family to family.
-        let stream = seed.fork(&self.family);
-        let draw =
-            Draw { family: self, params, seed: stream, palettes, known: RefCell::default(), chain: Cell::default() };
-        let words = self.words(&draw, library)?;
-        let states: Vec<Value> = expanded(&self.states, &draw, library)?;
-        let recipe: Recipe = read(serde_json::json!({
-            "family": self.family,
-            "friction": words.friction,
-            "parts": expanded(&self.parts, &draw, library)?,
-            "links": expanded(&self.links, &draw, library)?,
-            "states": states,
-        }))?;
+        let (words, recipe) = self.worked_out(params, seed, palettes, library)?;
+        let recipe: Recipe = read(recipe)?;
         let parts = recipe.parts.iter().chain(recipe.links.iter().flat_map(|link| &link.parts));
         if let Some(flaw) = parts.enumerate().find_map(|(index, part)| Some((index, part.flaw()?))) {
             return Err(format!("part {}: {}", flaw.0, flaw.1));
@@ -170,7 +175,7 @@ impl Family {
         if let Some(flaw) = recipe.flaw(&card) {
             return Err(flaw);
         }
-        let mut model = recipe.build(&card, stream);
+        let mut model = recipe.build(&card, self.stream(seed));
         let closed = vec![0.0; model.joint_count()];
         model.card.size_m = rounded(model.world_bounds(&Pose::IDENTITY, &closed).size());
         let bounds = model.world_bounds(&Pose::IDENTITY, &closed);
@@ -178,6 +183,30 @@ impl Family {
             Some(flaw) => Err(flaw),
             None => Ok(model),
         }
+    }
+
+    fn worked_out(
+        &self,
+        params: &BTreeMap<String, Value>,
+        seed: Seed,
+        palettes: &BTreeMap<String, Value>,
+        library: &Library,
+    ) -> Result<(Words, Value), String> {
+        if let Some(unknown) = params.keys().find(|name| !self.vars.contains_key(*name)) {
+            let known: Vec<&str> = self.vars.keys().map(String::as_str).collect();
+            return Err(format!("it has no parameter `{unknown}`, only {}", known.join(", ")));
+        }
+        let seed = self.stream(seed);
+        let draw = Draw { family: self, params, seed, palettes, known: RefCell::default(), chain: Cell::default() };
+        let words = self.words(&draw, library)?;
+        let recipe = serde_json::json!({
+            "family": self.family,
+            "friction": words.friction,
+            "parts": expanded(&self.parts, &draw, library)?,
+            "links": expanded(&self.links, &draw, library)?,
+            "states": expanded(&self.states, &draw, library)?,
+        });
+        Ok((words, recipe))
     }
 
     fn words(&self, draw: &Draw, library: &Library) -> Result<Words, String> {

@@ -42,6 +42,10 @@ pub struct Families {
     library: Library,
 }
 
+fn refused(family: &str, reason: String) -> AssetError {
+    AssetError::NotGenerated { family: family.to_owned(), reason }
+}
+
 impl Families {
     /// The families that come with the program.
     ///
@@ -118,16 +122,33 @@ impl Families {
         params: &BTreeMap<String, Value>,
         seed: Seed,
     ) -> Result<ObjectModel, AssetError> {
-        let refused = |reason: String| AssetError::NotGenerated { family: family.to_owned(), reason };
-        let known = self.families.get(family).ok_or_else(|| {
+        let known = self.known(family)?.in_version(version);
+        known.instance(params, seed, &self.palettes, &self.library).map_err(|reason| refused(family, reason))
+    }
+
+    /// The recipe of that object, all expressions worked out, and the stream of what it leaves open.
+    ///
+    /// # Errors
+    /// As [`Families::instance_of`].
+    pub(crate) fn recipe_of(
+        &self,
+        family: &str,
+        version: u32,
+        params: &BTreeMap<String, Value>,
+        seed: Seed,
+    ) -> Result<(Value, Seed), AssetError> {
+        let known = self.known(family)?.in_version(version);
+        let recipe = known.recipe(params, seed, &self.palettes, &self.library);
+        Ok((recipe.map_err(|reason| refused(family, reason))?, known.stream(seed)))
+    }
+
+    fn known(&self, family: &str) -> Result<&Family, AssetError> {
+        self.families.get(family).ok_or_else(|| {
             let near: Vec<&str> =
                 self.families.keys().map(String::as_str).filter(|name| is_near(name, family)).collect();
-            refused(format!(
-                "there is no such family; near misses: {}",
-                if near.is_empty() { "none".into() } else { near.join(", ") }
-            ))
-        })?;
-        known.in_version(version).instance(params, seed, &self.palettes, &self.library).map_err(refused)
+            let near = if near.is_empty() { "none".into() } else { near.join(", ") };
+            refused(family, format!("there is no such family; near misses: {near}"))
+        })
     }
 
     /// The card of the object of a family for a seed.

@@ -2,6 +2,7 @@
 
 mod cameras;
 mod families;
+mod frozen;
 mod grasps;
 mod joints;
 mod objects;

@@ -8,7 +8,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use genmanip_core::{Atom, Document, Seed, Task, TaskKind};
+use genmanip_core::{AssetRef, Atom, Document, Seed, Task, TaskKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -39,6 +39,20 @@ pub struct SuiteFile {
     pub funnel: Vec<Stage>,
     /// The scenarios, ordered by id.
     pub scenarios: Vec<SuiteEntry>,
+    /// Their objects, where these were frozen beside them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub assets: Vec<FrozenFile>,
+}
+
+/// An object of a frozen suite.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FrozenFile {
+    /// Which it is.
+    pub asset: AssetRef,
+    /// Name of its file in `assets/`.
+    pub file: String,
+    /// SHA-256 of that file, hexadecimal.
+    pub sha256: String,
 }
 
 impl Document for SuiteFile {
@@ -111,6 +125,9 @@ pub struct SuiteEntry {
     pub horizon_s: f64,
     /// That it can be solved.
     pub certificate: Certificate,
+    /// SHA-256 of the colours that each camera sees at its start, where these were frozen, by the camera's name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub pictures: BTreeMap<String, String>,
 }
 
 /// What the expert needed.

@@ -31,6 +31,12 @@ pub enum SuiteCommand {
                       the oracle's answers and masks does not solve it."
     )]
     Perturb(SuitePerturbArguments),
+    /// Design tasks to train on for a suite: no sentence, scene graph or unseen object is shared
+    #[command(after_help = "Example:\n  genmanip suite train suites/mine --per-kind 250 --seed 1 --out train\n  \
+                      genmanip collect train/tasks --episodes 4 --out out/train\n\n\
+                      Tasks of the suite's four kinds about the objects for training; --check names what given tasks\n\
+                      share with the suite instead.")]
+    Train(SuiteTrainArguments),
     /// Keep what a person says of a scenario, in review.json beside the suite
     #[command(
         after_help = "Example:\n  genmanip suite review suites/mine spatial-7-00003-000 --reviewer ada --verdict ambiguous \\\n    \
@@ -40,11 +46,28 @@ pub enum SuiteCommand {
     )]
     Review(SuiteReviewArguments),
     /// Say whether a suite is what was frozen, and name everything that is not
-    Check(SuiteArguments),
+    Check(SuiteWorkArguments),
+    /// Put the objects of a suite, and hashes of what its cameras see, beside its scenarios
+    #[command(after_help = "Example:\n  genmanip suite freeze suites/mine\n\n\
+                      From then on the suite is evaluated on with its own objects (collision pieces, inertia, cavities,\n\
+                      states, recipes of what is drawn), and `suite check` names every byte, every place in which the\n\
+                      catalogue differs, and every camera that sees something else.")]
+    Freeze(SuiteWorkArguments),
     /// Say what is in a suite, how it was chosen, and how its traits are spread
     Show(SuiteArguments),
     /// Say in what two suites differ, and whether results on them can be compared
     Diff(SuiteDiffArguments),
+}
+
+/// Arguments of `suite check` and `suite freeze`.
+#[derive(Debug, Args)]
+pub struct SuiteWorkArguments {
+    /// Folder of the suite
+    #[arg(value_name = "SUITE")]
+    pub folder: PathBuf,
+    /// Worker threads [default: all cores]
+    #[arg(long, value_parser = parse_count)]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `suite build`.
@@ -72,6 +95,26 @@ pub struct SuiteBuildArguments {
     pub workers: Option<usize>,
     #[command(flatten)]
     pub catalog: super::CatalogArguments,
+}
+
+/// Arguments of `suite train`.
+#[derive(Debug, Args)]
+pub struct SuiteTrainArguments {
+    /// Folder of the suite that is tested on
+    #[arg(value_name = "SUITE")]
+    pub folder: PathBuf,
+    /// Folder of the tasks
+    #[arg(long, value_name = "DIR", required_unless_present = "check")]
+    pub out: Option<PathBuf>,
+    /// Tasks of each of the four kinds
+    #[arg(long, value_name = "N", default_value_t = 250, value_parser = parse_count)]
+    pub per_kind: usize,
+    /// Seed of the tasks
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+    /// Design nothing: say what these tasks, or folders of them, share with the suite
+    #[arg(long, value_name = "TASKS", num_args = 1.., conflicts_with_all = ["out", "per_kind", "seed"])]
+    pub check: Vec<PathBuf>,
 }
 
 /// Arguments of `suite perturb`.

@@ -4,9 +4,11 @@ use std::path::Path;
 
 use genmanip_core::Seed;
 use genmanip_run::inputs;
-use genmanip_run::suites::{self, BuildOptions, PerturbOptions};
+use genmanip_run::suites::{self, BuildOptions, PerturbOptions, TrainingOptions};
 
-use crate::args::{SuiteBuildArguments, SuiteCommand, SuitePerturbArguments, SuiteReviewArguments};
+use crate::args::{
+    SuiteBuildArguments, SuiteCommand, SuitePerturbArguments, SuiteReviewArguments, SuiteTrainArguments,
+};
 use crate::commands::assets::catalogue;
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -15,8 +17,10 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
     match command {
         SuiteCommand::Build(arguments) => return build(arguments, printer),
         SuiteCommand::Perturb(arguments) => return perturb(arguments, printer),
+        SuiteCommand::Train(arguments) => return train(arguments, printer),
         SuiteCommand::Check(arguments) => {
-            let checked = suites::check(&arguments.folder)?;
+            let (workers, stop) = (inputs::workers(arguments.workers), crate::stop::on_interrupt());
+            let checked = suites::check(&arguments.folder, workers, printer, &stop)?;
             printer.data(&checked, &suites::check_in_words(&checked));
             if !checked.faults.is_empty() {
                 return Ok(ExitStatus::NotMet);
@@ -30,6 +34,13 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
         SuiteCommand::Diff(arguments) => {
             let difference = suites::diff(&arguments.first, &arguments.second)?;
             printer.data(&difference, &suites::diff_in_words(&difference));
+        }
+        SuiteCommand::Freeze(arguments) => {
+            let (workers, stop) = (inputs::workers(arguments.workers), crate::stop::on_interrupt());
+            return match suites::freeze(&arguments.folder, workers, printer, &stop)? {
+                Some(_) => show(&arguments.folder, printer),
+                None => Ok(ExitStatus::NotMet),
+            };
         }
         SuiteCommand::Show(arguments) => return show(&arguments.folder, printer),
     }
@@ -73,6 +84,31 @@ fn perturb(arguments: &SuitePerturbArguments, printer: &Printer) -> Result<ExitS
         Some(_) => show(&arguments.out, printer),
         None => Ok(ExitStatus::NotMet),
     }
+}
+
+fn train(arguments: &SuiteTrainArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let Some(out) = &arguments.out else {
+        let shared = suites::shared(&arguments.folder, &arguments.check)?;
+        let words = match shared.as_slice() {
+            [] => "nothing is shared with the suite\n".to_owned(),
+            lines => lines.iter().map(|line| format!("{line}\n")).collect(),
+        };
+        printer.data(&shared, &words);
+        return Ok(if shared.is_empty() { ExitStatus::Done } else { ExitStatus::NotMet });
+    };
+    let options = TrainingOptions {
+        suite: arguments.folder.clone(),
+        out: out.clone(),
+        per_kind: arguments.per_kind,
+        seed: Seed::new(arguments.seed),
+    };
+    let training = suites::training(&options, printer)?;
+    let tasks: usize = training.funnel.passed.values().sum();
+    let left_out: usize = training.funnel.refused.values().sum();
+    let words =
+        format!("{tasks} tasks in {}, {left_out} left out; nothing is shared with {}\n", out.display(), training.suite);
+    printer.data(&training, &words);
+    Ok(ExitStatus::Done)
 }
 
 fn show(folder: &Path, printer: &Printer) -> Result<ExitStatus, Failed> {

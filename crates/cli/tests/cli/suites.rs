@@ -1,6 +1,9 @@
 //! A small suite from its seed to an evaluation, and what happens to one that somebody changed.
 
 use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
 
 use crate::{genmanip, tree};
 
@@ -65,13 +68,31 @@ fn a_suite_is_built_checked_and_evaluated_on() {
         .assert_refused(&["no scenario `none`", "suite show mine"]);
     assert_eq!(genmanip(here, &["suite", "check", "mine"]).code, Some(0));
 
+    frozen_objects_and_pictures(here, &reports);
+
+    let train = ["suite", "train", "mine", "--per-kind", "2", "--seed", "4", "--out", "train"];
+    let trained = genmanip(here, &[&train[..], &["--json"]].concat()).json(0);
+    assert_eq!((&trained["suite_hash"], &trained["funnel"]["passed"]["spatial"]), (&shown["suite_hash"], &2.into()));
+    assert_eq!(fs::read_dir(here.join("train/tasks")).unwrap().count(), 8);
+    genmanip(here, &train).assert_refused(&["training.json exists"]);
+    let same = genmanip(here, &["suite", "train", "mine", "--check", "train/tasks"]);
+    assert_eq!((same.code, same.stdout.as_str()), (Some(0), "nothing is shared with the suite\n"), "{same:?}");
+    // What a suite is made of is no training.
+    let scenario: Value = serde_json::from_slice(
+        &fs::read(here.join(format!("mine/scenarios/{}.json", entry["id"].as_str().unwrap()))).unwrap(),
+    )
+    .unwrap();
+    let mut task = scenario["task"].clone();
+    task["schema"] = "genmanip.task/2".into();
+    fs::write(here.join("stolen.json"), task.to_string()).unwrap();
+    let stolen = genmanip(here, &["suite", "train", "mine", "--check", "stolen.json"]);
+    assert_eq!(stolen.code, Some(1), "{stolen:?}");
+    assert!(stolen.stdout.contains("its sentence is one of the suite"), "{stolen:?}");
+
     // One digit of one scenario, and a scenario that nobody froze.
     let id = entry["id"].as_str().unwrap();
     let path = here.join(format!("mine/scenarios/{id}.json"));
-    let text = fs::read_to_string(&path).unwrap();
-    let at = text.find("\"pose\"").map(|at| at + text[at..].find('.').unwrap() + 3).unwrap();
-    let digit = if text.as_bytes()[at] == b'1' { "2" } else { "1" };
-    fs::write(&path, format!("{}{digit}{}", &text[..at], &text[at + 1..])).unwrap();
+    let text = with_another_digit(&path, "\"pose\"");
     fs::write(here.join("mine/scenarios/stranger.json"), &text).unwrap();
     let spoilt = genmanip(here, &["suite", "check", "mine"]);
     assert_eq!(spoilt.code, Some(1), "{spoilt:?}");
@@ -80,4 +101,47 @@ fn a_suite_is_built_checked_and_evaluated_on() {
     }
     genmanip(here, &call).assert_refused(&["not those that were frozen", "genmanip suite check mine"]);
     genmanip(here, &["suite", "check", "nowhere"]).assert_refused(&["no suite at nowhere", "suite build"]);
+}
+
+/// Freezes the suite with its objects and pictures: results stay, and a changed byte of either is named.
+fn frozen_objects_and_pictures(here: &Path, before: &Value) {
+    let frozen = genmanip(here, &["suite", "freeze", "mine", "--json"]).json(0);
+    let assets = frozen["assets"].as_array().unwrap();
+    assert!(!assets.is_empty());
+    assert_eq!(frozen["scenarios"][3]["pictures"].as_object().unwrap().len(), 5);
+    genmanip(here, &["suite", "freeze", "mine"]).assert_refused(&["holds its objects and pictures already"]);
+    let sound = genmanip(here, &["suite", "check", "mine", "--json"]).json(0);
+    assert_eq!((&sound["faults"], &sound["notes"]), (&json!([]), &json!([])));
+    let call = ["evaluate", "--suite", "mine", "--policy", "do_nothing:seconds=0.1", "--json"];
+    let after = genmanip(here, &call).json(0);
+    assert_eq!((&after[0]["results"], &after[0]["suite_hash"]), (&before[0]["results"], &before[0]["suite_hash"]));
+
+    let name = assets[0]["file"].as_str().unwrap();
+    let path = here.join("mine/assets").join(name);
+    let text = with_another_digit(&path, "\"pieces\"");
+    let spoilt = genmanip(here, &["suite", "check", "mine"]);
+    assert_eq!(spoilt.code, Some(1), "{spoilt:?}");
+    assert!(spoilt.stdout.contains(&format!("assets/{name} is not as it was frozen")), "{spoilt:?}");
+    // Evaluations go by the frozen object, not by what the catalogue makes of its name.
+    genmanip(here, &call).assert_refused(&[&format!("assets/{name} is not as it was frozen")]);
+    fs::write(&path, text).unwrap();
+
+    let file = here.join("mine/suite.json");
+    let text = fs::read_to_string(&file).unwrap();
+    let hash = frozen["scenarios"][1]["pictures"]["static"].as_str().unwrap();
+    fs::write(&file, text.replace(hash, &hash.chars().rev().collect::<String>())).unwrap();
+    let spoilt = genmanip(here, &["suite", "check", "mine"]);
+    let id = frozen["scenarios"][1]["id"].as_str().unwrap();
+    assert!(spoilt.stdout.contains(&format!("{id}: looks otherwise through static")), "{spoilt:?}");
+    fs::write(&file, text).unwrap();
+    assert_eq!(genmanip(here, &["suite", "check", "mine"]).code, Some(0));
+}
+
+/// Changes one digit of the first number with a point behind a word of a file; the text that was there.
+fn with_another_digit(path: &Path, word: &str) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    let at = text.find(word).map(|at| at + text[at..].find('.').unwrap() + 3).unwrap();
+    let digit = if text.as_bytes()[at] == b'1' { "2" } else { "1" };
+    fs::write(path, format!("{}{digit}{}", &text[..at], &text[at + 1..])).unwrap();
+    text
 }

@@ -109,7 +109,7 @@ fn one(
 ) -> Result<Option<EvaluationReport>, RunError> {
     let label = suite.label(policy.label());
     let planner = inputs::planner(&suite.settings.world, &suite.settings.planner)?;
-    let resources = Resources::builtin(&planner);
+    let resources = Resources { catalogue: suite.source(), ..Resources::builtin(&planner) };
     let identity = Identity::of(suite, policy, options.keep_episodes);
     let stream = folder.map(|folder| Stream::open(&folder.join("evaluation").join(&label), &identity, options.shard));
     let stream = stream.transpose()?;

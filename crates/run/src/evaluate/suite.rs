@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_bench::statistics::Traits;
 use genmanip_bench::suite::{Perturbation, SuiteEntry};
 use genmanip_bench::{reference_paths_m, suite_hash};
@@ -15,6 +16,7 @@ use genmanip_rollout::evaluate::Case;
 
 use crate::error::{Cause, RunError};
 use crate::folder::{Run, RunFolder};
+use crate::suites::SuiteAssets;
 use crate::{inputs, suites};
 
 /// Stands between the id of a scenario's first episode and the number of a further one.
@@ -40,6 +42,8 @@ pub struct Suite {
     pub cameras: Option<String>,
     /// What lies among the episodes and is not evaluated on: damaged ones and strangers, a line each.
     pub left_out: Vec<String>,
+    /// Objects of a suite that was frozen with its own.
+    pub assets: Option<Arc<SuiteAssets>>,
     /// Recorded episodes on the same scenarios.
     store: Option<EpisodeStore>,
     /// Whether the scenarios are those of a run, whose folder then takes the evaluations.
@@ -109,6 +113,7 @@ impl Suite {
             perturbation: None,
             cameras: None,
             left_out,
+            assets: None,
             store: Some(store),
             is_of_run: true,
         })
@@ -159,6 +164,7 @@ impl Suite {
             perturbation: None,
             cameras: None,
             left_out: Vec::new(),
+            assets: None,
             store: None,
             is_of_run: false,
         })
@@ -186,9 +192,15 @@ impl Suite {
                 suite.traits.insert(entry.id.clone(), traits(entry, &case.scenario.task));
             }
         }
+        suite.assets = suites::SuiteAssets::of(folder, &file).map(Arc::new);
         suite.name = file.name;
         suite.perturbation = file.perturbation;
         Ok(suite)
+    }
+
+    /// Where the objects of the scenarios come from.
+    pub fn source(&self) -> &dyn AssetSource {
+        self.assets.as_deref().map_or(Catalogue::builtin(), |own| own)
     }
 
     /// The same suite with the cameras of a file: each takes the place of the scenarios' camera of that name, or is

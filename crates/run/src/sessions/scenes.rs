@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_core::{Seed, Task};
 use genmanip_motion::Planner;
 use genmanip_rollout::Stage;
@@ -13,6 +13,7 @@ use genmanip_rollout::evaluate::Case;
 use crate::error::RunError;
 use crate::evaluate::Suite;
 use crate::inputs;
+use crate::suites::SuiteAssets;
 
 /// Stages that are kept ready, the ones used last; a stage has a few megabytes.
 const KEPT: usize = 16;
@@ -27,7 +28,8 @@ pub struct Scenes {
 }
 
 enum Origin {
-    Cases(Vec<Case>),
+    /// With the objects of a suite that was frozen with its own.
+    Cases(Vec<Case>, Option<Arc<SuiteAssets>>),
     Tasks(Vec<Task>),
 }
 
@@ -46,7 +48,7 @@ impl Scenes {
     /// # Errors
     /// When there is no such robot.
     pub fn of_suite(suite: &Suite) -> Result<Self, RunError> {
-        Self::new(Origin::Cases(suite.cases.clone()), suite.settings.clone())
+        Self::new(Origin::Cases(suite.cases.clone(), suite.assets.clone()), suite.settings.clone())
     }
 
     /// Task files, or folders of them, laid out in a world: that of the file, or the one that comes with the program.
@@ -69,7 +71,7 @@ impl Scenes {
     /// How many there are: indices are below.
     pub fn len(&self) -> usize {
         match &self.origin {
-            Origin::Cases(cases) => cases.len(),
+            Origin::Cases(cases, _) => cases.len(),
             Origin::Tasks(tasks) => tasks.len(),
         }
     }
@@ -82,7 +84,7 @@ impl Scenes {
     /// Ids of the episodes or tasks, by index.
     pub fn ids(&self) -> Vec<&str> {
         match &self.origin {
-            Origin::Cases(cases) => cases.iter().map(|case| case.id.as_str()).collect(),
+            Origin::Cases(cases, _) => cases.iter().map(|case| case.id.as_str()).collect(),
             Origin::Tasks(tasks) => tasks.iter().map(|task| task.id.as_str()).collect(),
         }
     }
@@ -90,7 +92,7 @@ impl Scenes {
     /// Most objects that any of them has.
     pub fn most_objects(&self) -> usize {
         match &self.origin {
-            Origin::Cases(cases) => cases.iter().map(|case| case.scenario.objects.len()).max(),
+            Origin::Cases(cases, _) => cases.iter().map(|case| case.scenario.objects.len()).max(),
             Origin::Tasks(tasks) => tasks.iter().map(|task| task.objects.len()).max(),
         }
         .unwrap_or_default()
@@ -138,10 +140,14 @@ impl Scenes {
             RunError::input(what).with_hint(format!("there are {}, counted from 0", self.len()))
         };
         let case = match &self.origin {
-            Origin::Cases(cases) => cases.get(index).ok_or_else(none)?.clone(),
+            Origin::Cases(cases, _) => cases.get(index).ok_or_else(none)?.clone(),
             Origin::Tasks(tasks) => self.laid_out(tasks.get(index).ok_or_else(none)?, number)?,
         };
-        let stage = Stage::open(Arc::clone(&case.scenario), Catalogue::builtin(), self.planner.robot());
+        let source: &dyn AssetSource = match &self.origin {
+            Origin::Cases(_, Some(own)) => own.as_ref(),
+            _ => Catalogue::builtin(),
+        };
+        let stage = Stage::open(Arc::clone(&case.scenario), source, self.planner.robot());
         let stage = stage.map_err(|error| {
             RunError::input(format!("scenario {} cannot be set up", case.scenario.id))
                 .because(error)

@@ -255,6 +255,7 @@ fn entry(scenario: Scenario, trials: &[EpisodeResult], catalogue: &Catalogue) ->
         traits: balanced_traits(&scenario.task, clues, &is_unseen),
         horizon_s: (HORIZON_FACTOR * longest / HORIZON_STEP_S).ceil() * HORIZON_STEP_S,
         certificate: certificate(trials),
+        pictures: BTreeMap::new(),
     };
     (scenario, entry)
 }

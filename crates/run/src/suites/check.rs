@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
-use genmanip_assets::Catalogue;
+use genmanip_assets::{AssetSource, Catalogue};
 use genmanip_bench::suite::{Marginal, marginals, sha256, template};
 use genmanip_bench::suite_hash;
 use genmanip_core::{Scenario, limits};
@@ -13,9 +14,10 @@ use genmanip_rollout::Stage;
 use genmanip_scene::references::{self, Clue, is_needless};
 use serde::Serialize;
 
-use super::{open, scenario_file};
+use super::{SuiteAssets, freeze, open, scenario_file};
 use crate::error::RunError;
 use crate::inputs;
+use crate::progress::Progress;
 
 /// What was found.
 #[derive(Clone, Debug, Serialize)]
@@ -28,6 +30,8 @@ pub struct Checked {
     pub worst_marginal: f64,
     /// Share of the sentence that is most frequent once what it is about is left blank.
     pub template_share: f64,
+    /// Frozen objects that the catalogue makes otherwise by now, a line each; the suite goes on with its own.
+    pub notes: Vec<String>,
     /// What is wrong, a line each; empty for a sound suite.
     pub faults: Vec<String>,
 }
@@ -37,9 +41,15 @@ pub struct Checked {
 ///
 /// # Errors
 /// When the suite's file cannot be read; a scenario that cannot be is a fault.
-pub fn check(folder: &Path) -> Result<Checked, RunError> {
+pub fn check(folder: &Path, workers: usize, progress: &dyn Progress, stop: &AtomicBool) -> Result<Checked, RunError> {
     let suite = open(folder)?;
-    let mut faults = files(folder, &suite.scenarios.iter().map(|entry| entry.id.as_str()).collect())?;
+    let mut faults =
+        strangers(folder, "scenarios", &suite.scenarios.iter().map(|it| format!("{}.json", it.id)).collect())?;
+    if !suite.assets.is_empty() {
+        faults.extend(strangers(folder, "assets", &suite.assets.iter().map(|it| it.file.clone()).collect())?);
+    }
+    let own = SuiteAssets::of(folder, &suite);
+    let source: &dyn AssetSource = own.as_ref().map_or(Catalogue::builtin(), |own| own);
     let mut scenarios = Vec::new();
     for entry in &suite.scenarios {
         let mut fault = |what: String| faults.push(format!("{}: {what}", entry.id));
@@ -76,7 +86,7 @@ pub fn check(folder: &Path) -> Result<Checked, RunError> {
         }
         // Physics of its objects, by their hashes.
         let robot = inputs::robot(&scenario.world)?;
-        if let Err(error) = Stage::open(Arc::new(scenario.clone()), Catalogue::builtin(), &robot) {
+        if let Err(error) = Stage::open(Arc::new(scenario.clone()), source, &robot) {
             fault(error.to_string());
         }
         scenarios.push(scenario);
@@ -87,10 +97,13 @@ pub fn check(folder: &Path) -> Result<Checked, RunError> {
     for review in super::reviews(folder)?.stale(&suite) {
         faults.push(format!("{}: {} looked at another one of this name", review.scenario, review.reviewer));
     }
+    let differences = freeze::differences(folder, &suite, &scenarios, workers, progress, stop)?;
+    faults.extend(differences.faults);
     let spread = marginals(suite.scenarios.iter().map(|entry| &entry.traits));
     let worst = spread.iter().map(Marginal::deviation).fold(0.0, f64::max);
     let template_share = template_share(&scenarios);
-    Ok(Checked { name: suite.name, scenarios: scenarios.len(), worst_marginal: worst, template_share, faults })
+    let (name, notes) = (suite.name, differences.notes);
+    Ok(Checked { name, scenarios: scenarios.len(), worst_marginal: worst, template_share, notes, faults })
 }
 
 fn template_share(scenarios: &[Scenario]) -> f64 {
@@ -101,17 +114,16 @@ fn template_share(scenarios: &[Scenario]) -> f64 {
     counts.values().max().map_or(0.0, |&most| most as f64 / scenarios.len() as f64)
 }
 
-/// Files that are missing, strange, or not written as they were.
-fn files(folder: &Path, wanted: &BTreeSet<&str>) -> Result<Vec<String>, RunError> {
-    let path = folder.join("scenarios");
+/// Files in a folder of the suite that it does not name.
+fn strangers(folder: &Path, inside: &str, wanted: &BTreeSet<String>) -> Result<Vec<String>, RunError> {
+    let path = folder.join(inside);
     let entries = fs::read_dir(&path).and_then(|entries| entries.collect::<Result<Vec<_>, _>>());
     let entries = entries.map_err(|error| RunError::file("list", &path, error))?;
     let mut faults = Vec::new();
     for entry in entries {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let id = name.strip_suffix(".json").unwrap_or_default();
-        if !wanted.contains(id) {
-            faults.push(format!("scenarios/{name} belongs to no scenario of the suite"));
+        if !wanted.contains(&name) {
+            faults.push(format!("{inside}/{name} belongs to no scenario of the suite"));
         }
     }
     faults.sort();
@@ -127,6 +139,9 @@ pub fn in_words(checked: &Checked) -> String {
         100.0 * checked.worst_marginal,
         100.0 * checked.template_share
     );
+    for note in &checked.notes {
+        text += &format!("  note: {note}\n");
+    }
     for fault in &checked.faults {
         text += &format!("  {fault}\n");
     }

@@ -68,6 +68,7 @@ pub(super) fn write(folder: &Path, head: Head, kept: Vec<(Scenario, SuiteEntry)>
         perturbation: head.perturbation,
         funnel: head.funnel,
         scenarios: entries,
+        assets: Vec::new(),
     };
     inputs::write_file(&folder.join("suite.json"), suite.to_json().as_bytes())?;
     let work = folder.join("work");

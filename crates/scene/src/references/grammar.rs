@@ -59,11 +59,15 @@ pub(super) enum Action {
 use Relation::{Back, Between, Front, In, Left, Near, On, Right, Top};
 
 /// Prepositions, longer ones first.
-const PLACES: [(&str, &[Relation]); 15] = [
+const PLACES: [(&str, &[Relation]); 18] = [
     ("on the far side of", &[Front]),
     ("on the robot's side of", &[Back]),
     ("to the robot's left of", &[Left]),
     ("to the robot's right of", &[Right]),
+    // The camera faces the robot.
+    ("on the camera's side of", &[Front]),
+    ("to the camera's left of", &[Right]),
+    ("to the camera's right of", &[Left]),
     ("on top of", &[On, Top]),
     ("next to", &[Near]),
     ("close to", &[Near]),

@@ -224,10 +224,19 @@ impl<'c> Listener<'c> {
     /// The ones that are certainly farther than all others in the direction that the words give, if they give one.
     fn extreme(&self, words: &[&str], among: &[Thing<'c>]) -> Option<Vec<Thing<'c>>> {
         let (axis, outward) = match words {
-            ["farthest", "to", "the", "robot's", "left"] => (Axis::Width, true),
-            ["farthest", "to", "the", "robot's", "right"] => (Axis::Width, false),
-            ["farthest", "from", "the", "robot"] => (Axis::Depth, true),
-            ["nearest" | "closest", "to", "the", "robot"] => (Axis::Depth, false),
+            // The camera faces the robot.
+            ["farthest", "to", "the", "robot's", "left"] | ["farthest", "to", "the", "camera's", "right"] => {
+                (Axis::Width, true)
+            }
+            ["farthest", "to", "the", "robot's", "right"] | ["farthest", "to", "the", "camera's", "left"] => {
+                (Axis::Width, false)
+            }
+            ["farthest", "from", "the", "robot"] | ["nearest" | "closest", "to", "the", "camera"] => {
+                (Axis::Depth, true)
+            }
+            ["nearest" | "closest", "to", "the", "robot"] | ["farthest", "from", "the", "camera"] => {
+                (Axis::Depth, false)
+            }
             _ => return None,
         };
         let wins = |thing: &&Thing| {

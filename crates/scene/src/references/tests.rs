@@ -66,7 +66,7 @@ fn sentences_mean_what_a_person_would_understand() {
     let bowls = ["005 left 006", "028 in 006", "027 right 006"];
     let doors = ["057=closed", "059=open", "057 left 059", "062=off", "062 right 059"];
     let middle = ["001 left 030", "030 left 002", "030 between 001 002", "027 right 002"];
-    let cases: [(&str, &[&str], &str); 34] = [
+    let cases: [(&str, &[&str], &str); 37] = [
         ("Put the red mug on the plate.", &mugs, "001 on/top 008"),
         ("Put the mug on the plate.", &mugs, r#"`mug` may be any of ["001", "002"]"#),
         ("Put the cup with the square handle on the plate.", &mugs, "002 on/top 008"),
@@ -85,6 +85,9 @@ fn sentences_mean_what_a_person_would_understand() {
         ("Frobnicate the mug.", &mugs, "not understood: `Frobnicate the mug.`"),
         ("Put the gizmo on the plate.", &mugs, "not understood: `gizmo`"),
         ("Take the can farthest from the robot and set it next to the red mug.", &row, "019 near 001"),
+        ("Take the can nearest to the camera and set it next to the red mug.", &row, "019 near 001"),
+        ("Put the apple to the camera's right of the red mug.", &mugs, "027 left 001"),
+        ("Take whatever is on the camera's side of the plate and put it beside the blue mug.", &mugs, "027 near 002"),
         ("Take the can nearest to the robot and set it next to the red mug.", &row, "021 near 001"),
         ("Put the middle one of the three cans between the two mugs.", &row, "020 between 001 002"),
         ("Put the mug farthest to the robot's left next to the tomato soup can.", &row, "001 near 021"),

@@ -16,7 +16,7 @@ use genmanip_motion::{Allowed, Planner, PlannerSettings, PlanningScene};
 use genmanip_render::sampling::jittered;
 use genmanip_scene::references;
 use genmanip_scene::relations::{Rest, ShapeCache, judge_goal};
-use genmanip_scene::wording::paraphrases;
+use genmanip_scene::wording::{from_the_camera, paraphrases};
 use rand::{Rng, RngExt};
 
 use super::Axis;
@@ -88,7 +88,8 @@ impl Workshop {
                 changed.objects = more.ok_or("there is no room for more things")?.objects;
             }
             Axis::Wording => {
-                let all = paraphrases(&scenario.task, PARAPHRASES);
+                let mut all = paraphrases(&scenario.task, PARAPHRASES);
+                all.extend(from_the_camera(&scenario.task));
                 let chosen = (!all.is_empty()).then(|| rng.random_range(0..all.len()));
                 let chosen = chosen.ok_or("the reader accepts no other wording")?;
                 changed.task.instruction.clone_from(&all[chosen]);

@@ -8,7 +8,7 @@ mod change;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -112,7 +112,7 @@ pub fn perturb(
         } else {
             certified.pass(entry.kind);
             let (kind, sha256) = (scenario.task.kind, sha256(scenario.to_json().as_bytes()));
-            kept.push((scenario, SuiteEntry { kind, sha256, certificate, ..entry.clone() }));
+            kept.push((scenario, SuiteEntry { kind, sha256, certificate, pictures: BTreeMap::new(), ..entry.clone() }));
         }
     }
     if kept.is_empty() {
