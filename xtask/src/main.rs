@@ -8,6 +8,7 @@
 //! | `tidy` | the rules of ARCHITECTURE.md that a compiler does not check |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is a command-line program")]
 
+mod cluster;
 mod demo;
 mod interop;
 mod mujoco;
@@ -34,6 +35,7 @@ Usage: cargo xtask <verb>
   test [PHASE…]    everything CI runs, or only the named phases
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
   test --interop   let published packages of other projects ask and answer us (downloads 200 MB; not part of CI)
+  test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)
   tidy             check the rules that the compiler does not know
 
 Example: cargo xtask test fmt clippy";
@@ -56,6 +58,7 @@ fn run(args: &[String]) -> Result {
         Some("setup") => setup::run(&workspace),
         Some("demo") => demo::run(&workspace, rest),
         Some("test") if rest == ["--packs"] => packs::run(&workspace),
+        Some("test") if rest == ["--cluster"] => cluster::run(&workspace),
         Some("test") if rest == ["--interop"] => interop::run(&workspace),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root),

@@ -3,6 +3,8 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use crate::DataError;
 use crate::files::{names, remove, write_new};
 use crate::partial::beside;
@@ -104,6 +106,13 @@ impl Drop for Aside {
             let _ = fs::remove_dir_all(&self.folder);
         }
     }
+}
+
+/// Writes a JSON file of a data set.
+pub(crate) fn write_json(dataset: &Aside, name: &str, value: &Value) -> Result<(), DataError> {
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|error| DataError::NotWritable { what: name.into(), why: error.to_string() })?;
+    dataset.write(name, (text + "\n").as_bytes())
 }
 
 /// Writes one file so that it is on the disk when this returns; there must be none.

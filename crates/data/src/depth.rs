@@ -23,7 +23,12 @@ pub fn encode_depth_png(depth_m: &[f32], width: u32, height: u32) -> Result<Vec<
     if depth_m.len() != width as usize * height as usize {
         return Err(DataError::mismatch("values of a depth image", width as usize * height as usize, depth_m.len()));
     }
-    let data: Vec<u8> = depth_m.iter().flat_map(|depth| depth_to_mm(*depth).to_be_bytes()).collect();
+    encode_mm_png(&depth_m.iter().map(|depth| depth_to_mm(*depth)).collect::<Vec<_>>(), width, height)
+}
+
+/// A PNG file of a depth image in millimetres, row by row; there must be `width · height`.
+pub(crate) fn encode_mm_png(depth_mm: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError> {
+    let data: Vec<u8> = depth_mm.iter().flat_map(|depth| depth.to_be_bytes()).collect();
     let mut file = Vec::new();
     let mut encoder = Encoder::new(&mut file, width, height);
     encoder.set_color(ColorType::Grayscale);

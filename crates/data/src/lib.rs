@@ -26,6 +26,7 @@ mod frames;
 mod guard;
 pub mod hdf5;
 pub mod images;
+pub mod import;
 pub mod lerobot;
 mod manifest;
 pub mod mcap;

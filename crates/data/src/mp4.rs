@@ -23,6 +23,8 @@ pub(crate) struct Video {
     pub(crate) durations: Vec<u32>,
     /// Where each frame lies in the file, and how many bytes it has.
     pub(crate) frames: Vec<(u64, u32)>,
+    /// Whether pictures are shown in another order than they lie in.
+    pub(crate) is_reordered: bool,
     /// Parameter sets.
     parameters: Vec<Vec<u8>>,
     file: File,
@@ -67,7 +69,8 @@ impl Video {
         let frames = places(table, &sizes)?;
         let is_within =
             frames.iter().all(|(at, size)| at.checked_add(u64::from(*size)).is_some_and(|end| end <= length));
-        is_within.then_some(Self { width, height, timescale, durations, frames, parameters, file })
+        let is_reordered = find(table, b"ctts").is_some();
+        is_within.then_some(Self { width, height, timescale, durations, frames, is_reordered, parameters, file })
     }
 
     /// A frame as a decoder takes it: start codes, and the parameter sets before it where they are wanted.

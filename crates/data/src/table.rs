@@ -45,6 +45,12 @@ impl Columns {
         self.push(name, Arc::new(BooleanArray::from(values)), false);
     }
 
+    /// Where it is known.
+    pub(crate) fn optional_bool(&mut self, name: &str, values: impl IntoIterator<Item = Option<bool>>) {
+        let values: Vec<Option<bool>> = values.into_iter().collect();
+        self.push(name, Arc::new(BooleanArray::from(values)), true);
+    }
+
     pub(crate) fn text<S: AsRef<str>>(&mut self, name: &str, values: impl IntoIterator<Item = S>) {
         self.push(name, Arc::new(StringArray::from_iter_values(values)), false);
     }
@@ -264,7 +270,8 @@ impl Table {
         self.batches(names, ROWS_AT_ONCE)
     }
 
-    fn batches(
+    /// The rows of some columns, at most so many at once.
+    pub(crate) fn batches(
         self,
         names: &[&str],
         rows_at_once: usize,

@@ -224,8 +224,17 @@ pub fn mux_mp4<'a>(videos: impl IntoIterator<Item = &'a EncodedVideo>) -> Result
 }
 
 /// Whether an access unit holds an IDR slice (NAL unit type 5).
-fn is_keyframe(frame: &[u8]) -> bool {
-    frame.windows(4).any(|window| window[..3] == [0, 0, 1] && window[3] & 0x1f == 5)
+pub(crate) fn is_keyframe(frame: &[u8]) -> bool {
+    holds(frame, 5)
+}
+
+/// Whether an access unit carries its parameter sets (NAL unit type 7).
+pub(crate) fn has_parameters(frame: &[u8]) -> bool {
+    holds(frame, 7)
+}
+
+fn holds(frame: &[u8], kind: u8) -> bool {
+    frame.windows(4).any(|window| window[..3] == [0, 0, 1] && window[3] & 0x1f == kind)
 }
 
 fn video_error(error: impl ToString) -> DataError {

@@ -4,6 +4,7 @@
 
 mod checking;
 mod editing;
+mod importing;
 mod mcap;
 mod synthetic;
 

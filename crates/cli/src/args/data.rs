@@ -38,6 +38,15 @@ pub enum DataCommand {
     /// Leave some episodes of a dataset out
     #[command(after_help = "Example:\n  genmanip data delete DATASET --episodes 3,7-9 --out out/rest")]
     Delete(DataDeleteArguments),
+    /// Make a dataset of another program one that these verbs read: LeRobot v3.0 and v2.1, the original GenManip
+    #[command(after_help = "Examples:\n  genmanip data import ~/data/pusht --out out/pusht\n  \
+                      genmanip data import ~/data/aloha --ffmpeg ffmpeg --out out/aloha\n  \
+                      genmanip data import ~/GenManip/saved/demonstrations/put_mug --out out/mug\n\n\
+                      Numbers, names and sentences stay; H.264 pictures are copied as they are. With --ffmpeg, video of other\n\
+                      codecs, such as AV1, is decoded by that program and encoded anew. Depth goes into OUT-depth.\n\
+                      Of the original GenManip, folders with meta_info.pkl and lmdb/; pickles are read, never executed.\n\
+                      check, show, filter, split, merge and delete then work on it.")]
+    Import(DataImportArguments),
     /// Write the card of a dataset anew: what is in it, seeds, licences; and croissant.json for catalogues
     #[command(after_help = "Example:\n  genmanip data card out/run/dataset")]
     Card(DataCardArguments),
@@ -105,6 +114,20 @@ pub struct DataFilterArguments {
     /// Folder of the new dataset
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+/// Arguments of `data import`.
+#[derive(Debug, Args)]
+pub struct DataImportArguments {
+    /// Folder of a dataset, or of the original's episodes
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Folder of the new dataset
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// The ffmpeg that decodes what is not H.264
+    #[arg(long, value_name = "PROGRAM")]
+    pub ffmpeg: Option<PathBuf>,
 }
 
 /// Arguments of `data card`.

@@ -7,6 +7,7 @@ use genmanip_assets::robots;
 use genmanip_bench::{dataset_page, text_table};
 use genmanip_core::{RobotModel, Seed};
 use genmanip_data::check::{self, Checked, Finding, Overview};
+use genmanip_data::import::{self, ImportSettings};
 use genmanip_data::lerobot::{
     self,
     edit::{self, By},
@@ -16,8 +17,8 @@ use genmanip_run::{Progress, inputs};
 use serde_json::json;
 
 use crate::args::{
-    DataCardArguments, DataCheckArguments, DataCommand, DataDeleteArguments, DataFilterArguments, DataShowArguments,
-    DataSplitArguments,
+    DataCardArguments, DataCheckArguments, DataCommand, DataDeleteArguments, DataFilterArguments, DataImportArguments,
+    DataShowArguments, DataSplitArguments,
 };
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -39,6 +40,7 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
         DataCommand::Filter(DataFilterArguments { dataset, conditions, out }) => {
             edited(printer, |heard| Ok(vec![edit::filter(dataset, conditions, out, heard)?]))
         }
+        DataCommand::Import(arguments) => import(arguments, printer),
         DataCommand::Card(DataCardArguments { dataset }) => {
             let card = lerobot::write_card(dataset).map_err(|error| {
                 let hint = error.hint().unwrap_or_else(|| "genmanip data check says what is wrong with it".into());
@@ -55,29 +57,53 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
     }
 }
 
-/// Makes data sets of others and says what was made.
-fn edited(
-    printer: &Printer,
-    make: impl FnOnce(edit::Heard) -> Result<Vec<ExportReport>, DataError>,
-) -> Result<ExitStatus, Failed> {
+fn import(arguments: &DataImportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let DataImportArguments { dataset, out, ffmpeg } = arguments;
+    let settings = ImportSettings { ffmpeg: ffmpeg.clone(), ..ImportSettings::default() };
+    let imported = import::import(dataset, &settings, out, &mut counted("importing episodes", printer));
+    let made = imported.map_err(|error| {
+        let unread = matches!(error, DataError::Video(_) | DataError::Mismatch { .. }) && ffmpeg.is_none();
+        let hint = error.hint().unwrap_or_else(|| match unread && error.to_string().contains("video") {
+            true => "nothing was written; --ffmpeg PROGRAM decodes what is not plain H.264".into(),
+            false => "nothing was written; genmanip data check says more of a LeRobot dataset".into(),
+        });
+        Failed::because(format!("cannot import {}", dataset.display()), &error).hint(hint)
+    })?;
+    let mut text = line(&made.written);
+    text += &made.imported.notes.iter().map(|note| format!("  {note}\n")).collect::<String>();
+    printer.data(&made, &text);
+    Ok(ExitStatus::Done)
+}
+
+fn line(made: &ExportReport) -> String {
+    format!("{}: {} episodes, {} rows\n", made.dataset.display(), made.episodes, made.frames)
+}
+
+/// Counts episodes of how many there are.
+fn counted<'a>(what: &'a str, printer: &'a Printer) -> impl FnMut(usize) + 'a {
     let mut copied = 0_usize;
-    let mut heard = |total: usize| {
+    move |total: usize| {
         if copied.is_multiple_of(total) {
-            printer.begin("copying episodes", total);
+            printer.begin(what, total);
         }
         copied += 1;
         printer.advance();
         if copied.is_multiple_of(total) {
             printer.end();
         }
-    };
-    let made = make(&mut heard).map_err(|error| {
+    }
+}
+
+/// Makes data sets of others and says what was made.
+fn edited(
+    printer: &Printer,
+    make: impl FnOnce(edit::Heard) -> Result<Vec<ExportReport>, DataError>,
+) -> Result<ExitStatus, Failed> {
+    let made = make(&mut counted("copying episodes", printer)).map_err(|error| {
         let hint =
             error.hint().unwrap_or_else(|| "nothing was changed; genmanip data check says more of a dataset".into());
         Failed::because("cannot make the dataset", &error).hint(hint)
     })?;
-    let line =
-        |made: &ExportReport| format!("{}: {} episodes, {} rows\n", made.dataset.display(), made.episodes, made.frames);
     printer.data(&made, &made.iter().map(line).collect::<String>());
     Ok(ExitStatus::Done)
 }

@@ -12,17 +12,17 @@ use super::findings::Findings;
 use crate::lerobot::CONTRACT;
 use crate::{DataError, files};
 
-pub(super) const INFO: &str = "meta/info.json";
+pub(crate) const INFO: &str = "meta/info.json";
 
 /// Version of the format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Version {
+pub(crate) enum Version {
     V30,
     V21,
 }
 
 impl Version {
-    pub(super) fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::V30 => "lerobot-v3.0",
             Self::V21 => "lerobot-v2.1",
@@ -32,90 +32,90 @@ impl Version {
 
 /// A column as `info.json` describes it.
 #[derive(Clone, Debug)]
-pub(super) struct Feature {
-    pub(super) key: String,
-    pub(super) dtype: String,
-    pub(super) shape: Vec<usize>,
-    pub(super) names: Vec<String>,
+pub(crate) struct Feature {
+    pub(crate) key: String,
+    pub(crate) dtype: String,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) names: Vec<String>,
 }
 
 impl Feature {
-    pub(super) fn is_video(&self) -> bool {
+    pub(crate) fn is_video(&self) -> bool {
         self.dtype == "video"
     }
 
-    pub(super) fn is_image(&self) -> bool {
+    pub(crate) fn is_image(&self) -> bool {
         self.dtype == "image"
     }
 
-    pub(super) fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.shape.iter().product()
     }
 }
 
 /// `info.json`.
 #[derive(Clone, Debug)]
-pub(super) struct Info {
-    pub(super) version: Version,
-    pub(super) robot: String,
-    pub(super) fps: f64,
-    pub(super) totals: [i64; 3],
-    pub(super) features: Vec<Feature>,
-    pub(super) json: Value,
+pub(crate) struct Info {
+    pub(crate) version: Version,
+    pub(crate) robot: String,
+    pub(crate) fps: f64,
+    pub(crate) totals: [i64; 3],
+    pub(crate) features: Vec<Feature>,
+    pub(crate) json: Value,
 }
 
 impl Info {
     /// Whether rows say which step they belong to, as those of this program do.
-    pub(super) fn has_steps(&self) -> bool {
+    pub(crate) fn has_steps(&self) -> bool {
         self.features.iter().any(|feature| feature.key == "subtask_index")
     }
 }
 
 /// Pictures of one episode in a file.
 #[derive(Clone, Debug)]
-pub(super) struct VideoSpan {
-    pub(super) key: String,
-    pub(super) file: String,
-    pub(super) from_s: f64,
-    pub(super) to_s: f64,
+pub(crate) struct VideoSpan {
+    pub(crate) key: String,
+    pub(crate) file: String,
+    pub(crate) from_s: f64,
+    pub(crate) to_s: f64,
 }
 
 /// An episode as the data set lists it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Listed {
-    pub(super) index: i64,
-    pub(super) length: i64,
-    pub(super) from: i64,
-    pub(super) to: i64,
-    pub(super) sentence: String,
-    pub(super) sentences: usize,
-    pub(super) store_id: Option<String>,
-    pub(super) scenario_id: Option<String>,
-    pub(super) seed: Option<i64>,
+pub(crate) struct Listed {
+    pub(crate) index: i64,
+    pub(crate) length: i64,
+    pub(crate) from: i64,
+    pub(crate) to: i64,
+    pub(crate) sentence: String,
+    pub(crate) sentences: usize,
+    pub(crate) store_id: Option<String>,
+    pub(crate) scenario_id: Option<String>,
+    pub(crate) seed: Option<i64>,
     /// What its steps are called, where that is told.
-    pub(super) subtasks: Option<Vec<String>>,
-    pub(super) success: Option<bool>,
-    pub(super) failure: Option<String>,
-    pub(super) kind: Option<String>,
+    pub(crate) subtasks: Option<Vec<String>>,
+    pub(crate) success: Option<bool>,
+    pub(crate) failure: Option<String>,
+    pub(crate) kind: Option<String>,
     /// The robot's home, where the scenario tells it; rad.
-    pub(super) home: Option<Vec<f64>>,
-    pub(super) data: String,
-    pub(super) videos: Vec<VideoSpan>,
+    pub(crate) home: Option<Vec<f64>>,
+    pub(crate) data: String,
+    pub(crate) videos: Vec<VideoSpan>,
     /// Where its row stands: file and row, or line.
-    pub(super) listed_in: (String, usize),
+    pub(crate) listed_in: (String, usize),
 }
 
 impl Listed {
-    pub(super) fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         format!("episode {}", self.index)
     }
 }
 
 /// Statistics of one feature by name.
-pub(super) type Statistics = BTreeMap<String, Vec<f64>>;
+pub(crate) type Statistics = BTreeMap<String, Vec<f64>>;
 
 /// Where the statistics of single episodes stand.
-pub(super) enum EpisodeStats {
+pub(crate) enum EpisodeStats {
     /// Columns `stats/KEY/NAME` of the episodes tables, of which one file is kept.
     Tables(RefCell<Option<(String, RecordBatch)>>),
     /// Lines of `episodes_stats.jsonl`.
@@ -123,25 +123,25 @@ pub(super) enum EpisodeStats {
 }
 
 /// All that a data set says of itself.
-pub(super) struct Book {
-    pub(super) root: PathBuf,
-    pub(super) info: Info,
-    pub(super) tasks: Vec<(i64, String)>,
-    pub(super) tasks_file: &'static str,
+pub(crate) struct Book {
+    pub(crate) root: PathBuf,
+    pub(crate) info: Info,
+    pub(crate) tasks: Vec<(i64, String)>,
+    pub(crate) tasks_file: &'static str,
     /// What steps are called, in the order of their indices.
-    pub(super) subtasks: Vec<(i64, String)>,
-    pub(super) subtasks_file: &'static str,
-    pub(super) episodes: Vec<Listed>,
-    pub(super) contract: Option<ActionContract>,
+    pub(crate) subtasks: Vec<(i64, String)>,
+    pub(crate) subtasks_file: &'static str,
+    pub(crate) episodes: Vec<Listed>,
+    pub(crate) contract: Option<ActionContract>,
     /// Whether this program made it.
-    pub(super) is_own: bool,
-    pub(super) meta_files: Vec<String>,
-    pub(super) stats: Value,
-    pub(super) episode_stats: EpisodeStats,
+    pub(crate) is_own: bool,
+    pub(crate) meta_files: Vec<String>,
+    pub(crate) stats: Value,
+    pub(crate) episode_stats: EpisodeStats,
 }
 
 /// Reads `info.json`; without it nothing can be said.
-pub(super) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, DataError> {
+pub(crate) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, DataError> {
     let path = root.join(INFO);
     let bytes = files::read(&path, limits::SETTINGS)?;
     let json: Value = serde_json::from_slice(&bytes).map_err(|error| {
@@ -189,7 +189,7 @@ fn feature(key: &str, about: &Value) -> Feature {
 }
 
 /// A JSON file; what cannot be read is found.
-pub(super) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Value {
+pub(crate) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Value {
     match files::read(&root.join(name), limits::EVALUATION) {
         Ok(bytes) => serde_json::from_slice(&bytes).unwrap_or_else(|error| {
             findings.add("info", name, "", "JSON", error);
@@ -205,7 +205,7 @@ pub(super) fn read_json(root: &Path, name: &str, findings: &mut Findings) -> Val
 }
 
 /// The contract of the actions, if there is one.
-pub(super) fn read_contract(root: &Path, findings: &mut Findings) -> Option<ActionContract> {
+pub(crate) fn read_contract(root: &Path, findings: &mut Findings) -> Option<ActionContract> {
     let bytes = match files::read(&root.join(CONTRACT), limits::SETTINGS) {
         Ok(bytes) => bytes,
         Err(error) if error.is_missing() => return None,
@@ -218,7 +218,7 @@ pub(super) fn read_contract(root: &Path, findings: &mut Findings) -> Option<Acti
 }
 
 /// What a file path template of `info.json` means.
-pub(super) fn fill(template: &str, numbers: &[(&str, i64)], video_key: &str) -> String {
+pub(crate) fn fill(template: &str, numbers: &[(&str, i64)], video_key: &str) -> String {
     let mut path = template.replace("{video_key}", video_key);
     for (name, number) in numbers {
         path = path.replace(&format!("{{{name}:03d}}"), &format!("{number:03}"));
@@ -229,7 +229,7 @@ pub(super) fn fill(template: &str, numbers: &[(&str, i64)], video_key: &str) -> 
 }
 
 /// Whether totals, tasks, episodes and contract fit each other.
-pub(super) fn check(book: &Book, findings: &mut Findings) {
+pub(crate) fn check(book: &Book, findings: &mut Findings) {
     let count = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
     let [episodes, frames, tasks] = book.info.totals;
     findings.require("info", INFO, "total_episodes", &count(book.episodes.len()), &episodes);

@@ -27,14 +27,14 @@ const LISTED: usize = 1000;
 
 /// Findings under way.
 #[derive(Debug, Default)]
-pub(super) struct Findings {
+pub(crate) struct Findings {
     listed: Vec<Finding>,
     further: usize,
     counts: BTreeMap<(&'static str, String), usize>,
 }
 
 impl Findings {
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
         check: &'static str,
         file: &str,
@@ -53,7 +53,7 @@ impl Findings {
     }
 
     /// [`Findings::add`] where two things differ.
-    pub(super) fn require<T: PartialEq + std::fmt::Debug>(
+    pub(crate) fn require<T: PartialEq + std::fmt::Debug>(
         &mut self,
         check: &'static str,
         file: &str,
@@ -67,7 +67,7 @@ impl Findings {
     }
 
     /// Takes over what is wrong with a data set in another folder.
-    pub(super) fn adopt(&mut self, folder: &str, findings: Vec<Finding>, further: usize) {
+    pub(crate) fn adopt(&mut self, folder: &str, findings: Vec<Finding>, further: usize) {
         self.listed.extend(
             findings.into_iter().map(|finding| Finding { file: format!("{folder}/{}", finding.file), ..finding }),
         );
@@ -75,7 +75,7 @@ impl Findings {
     }
 
     /// Those listed, and the number of the others.
-    pub(super) fn into_parts(self) -> (Vec<Finding>, usize) {
+    pub(crate) fn into_parts(self) -> (Vec<Finding>, usize) {
         (self.listed, self.further)
     }
 }

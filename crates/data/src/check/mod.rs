@@ -19,6 +19,7 @@ mod v30;
 mod videos;
 mod zarr;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -26,8 +27,9 @@ use genmanip_core::RobotModel;
 use serde::Serialize;
 
 use crate::DataError;
-use book::Book;
 use findings::Findings;
+
+pub(crate) use book::{Book, Feature, Listed, Version};
 
 pub use findings::Finding;
 pub use leaks::{Identity, leaks};
@@ -68,11 +70,7 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<Checked, Data
     if listed.contains(".zgroup") {
         return Ok(zarr::check(dataset, &listed, findings));
     }
-    let info = book::read_info(dataset, &mut findings)?;
-    let book = match info.version {
-        book::Version::V30 => v30::read(dataset, info, &listed, &mut findings),
-        book::Version::V21 => v21::read(dataset, info, &listed, &mut findings),
-    };
+    let book = read(dataset, &listed, &mut findings)?;
     let robot = robots.iter().find(|robot| robot.name == book.info.robot).map(Arc::as_ref);
     paths::check(&book, &listed, &mut findings);
     book::check(&book, &mut findings);
@@ -83,6 +81,24 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<Checked, Data
     record::check(&book, &mut findings);
     depth::check(&book, robots, &mut findings)?;
     Ok(finished(dataset, &book, totals.rows(), identities, &totals, findings))
+}
+
+/// What a LeRobot data set says of itself; what cannot be understood is found.
+///
+/// # Errors
+/// When the folder cannot be listed, or is no LeRobot data set of a known version.
+pub(crate) fn book(dataset: &Path) -> Result<(Book, Vec<Finding>), DataError> {
+    let mut findings = Findings::default();
+    let book = read(dataset, &paths::list(dataset)?, &mut findings)?;
+    Ok((book, findings.into_parts().0))
+}
+
+fn read(dataset: &Path, listed: &BTreeSet<String>, findings: &mut Findings) -> Result<Book, DataError> {
+    let info = book::read_info(dataset, findings)?;
+    Ok(match info.version {
+        Version::V30 => v30::read(dataset, info, listed, findings),
+        Version::V21 => v21::read(dataset, info, listed, findings),
+    })
 }
 
 fn finished(

@@ -30,6 +30,30 @@ pub(crate) struct EpisodeFacts {
     pub(crate) variation_seed: Option<Seed>,
 }
 
+/// What every writer must know of an episode, whoever made it.
+pub(crate) trait Told {
+    /// Its name, for messages.
+    fn name(&self) -> &str;
+    /// What it was to do.
+    fn instruction(&self) -> &str;
+    /// What its steps are called; empty where that is not told.
+    fn steps(&self) -> &[String];
+}
+
+impl Told for EpisodeFacts {
+    fn name(&self) -> &str {
+        &self.result.id
+    }
+
+    fn instruction(&self) -> &str {
+        &self.instruction
+    }
+
+    fn steps(&self) -> &[String] {
+        &self.steps.texts
+    }
+}
+
 impl EpisodeFacts {
     pub(crate) fn of(source: &Source, settings: &ExportSettings) -> Self {
         let scenario = &source.episode.scenario;

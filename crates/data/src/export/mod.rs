@@ -152,15 +152,15 @@ pub(crate) struct Source {
     pub(crate) tracks: Vec<CameraTrack>,
 }
 
-/// One episode, ready to be written.
-pub(crate) struct EpisodeRows {
+/// One episode, ready to be written, with what is told of it as a whole.
+pub(crate) struct EpisodeRows<F = facts::EpisodeFacts> {
     pub(crate) frames: usize,
     pub(crate) features: Vec<features::Feature>,
     pub(crate) images: Vec<features::ImageFeature>,
     pub(crate) videos: Vec<features::VideoFeature>,
     /// Which step of the episode each row belongs to; empty in a data set that does not tell.
     pub(crate) steps: Vec<usize>,
-    pub(crate) facts: facts::EpisodeFacts,
+    pub(crate) facts: F,
 }
 
 /// Reads the selected episodes one by one, so that none stays in memory.

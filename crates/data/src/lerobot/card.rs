@@ -1,6 +1,7 @@
 //! `README.md` of a data set, with the front matter that dataset hubs read.
 
 use super::LerobotSettings;
+use super::imported::Imported;
 use crate::export::action_in_words;
 
 /// The card of the main data set.
@@ -46,6 +47,21 @@ pub(crate) fn depth(name: &str) -> String {
          They are kept apart because training code takes every image column for an input of the policy.\n\n\
          Each `observation.images.*_depth` is a 16-bit grey PNG: millimetres along the optical axis, 0 = nothing hit.\n",
         front_matter()
+    )
+}
+
+/// The card of an imported data set, which has the licence of its source.
+pub(crate) fn imported(name: &str, imported: &Imported) -> String {
+    let notes: String = imported.notes.iter().map(|note| format!("- {note}.\n")).collect();
+    let notes = if notes.is_empty() { notes } else { format!("\nIt differs from its source:\n\n{notes}") };
+    let front = "---\ntask_categories:\n- robotics\ntags:\n- LeRobot\nconfigs:\n- config_name: default\n  data_files: \
+                 data/*/*.parquet\n---\n\n";
+    format!(
+        "{front}# {name}\n\n\
+         Imported by GenManip in Rust from a data set in the format {}; what the columns mean, and the licence, are \
+         those of its source.\n\
+         `store_id` of the episodes table says which episode of the source each one was.\n{notes}",
+        imported.format
     )
 }
 

@@ -8,11 +8,17 @@ use serde_json::json;
 
 use super::stats::Stats;
 use crate::DataError;
-use crate::export::facts::EpisodeFacts;
+use crate::export::facts::{EpisodeFacts, Told};
 use crate::table::{self, Columns, Purpose};
 
+/// What an episodes table tells of its episodes beside LeRobot's own columns.
+pub(crate) trait Entries: Told + Clone {
+    /// Adds the columns of all episodes of a file.
+    fn add(columns: &mut Columns, all: &[&Self]);
+}
+
 /// One row of the episodes table.
-pub(crate) struct EpisodeEntry {
+pub(crate) struct EpisodeEntry<F = EpisodeFacts> {
     pub(crate) episode: usize,
     /// Chunk and file of data, videos and of this row.
     pub(crate) chunk: usize,
@@ -22,7 +28,7 @@ pub(crate) struct EpisodeEntry {
     pub(crate) length: usize,
     pub(crate) videos: Vec<VideoSpan>,
     pub(crate) stats: Vec<(String, Stats)>,
-    pub(crate) facts: EpisodeFacts,
+    pub(crate) facts: F,
 }
 
 /// Where an episode lies in a video file, and what its colours are.
@@ -34,13 +40,16 @@ pub(crate) struct VideoSpan {
 }
 
 /// The bytes of `meta/episodes/chunk-…/file-….parquet`; LeRobot's own columns first, ours last.
-pub(crate) fn episodes_table(entries: &[EpisodeEntry]) -> Result<Vec<u8>, DataError> {
+pub(crate) fn episodes_table<F: Entries>(entries: &[EpisodeEntry<F>]) -> Result<Vec<u8>, DataError> {
     let mut columns = Columns::default();
-    let integer = |value: fn(&EpisodeEntry) -> usize| {
+    let integer = |value: fn(&EpisodeEntry<F>) -> usize| {
         entries.iter().map(move |entry| i64::try_from(value(entry)).unwrap_or(i64::MAX))
     };
     columns.i64("episode_index", integer(|entry| entry.episode));
-    columns.text_lists("tasks", &entries.iter().map(|entry| vec![entry.facts.instruction.clone()]).collect::<Vec<_>>());
+    columns.text_lists(
+        "tasks",
+        &entries.iter().map(|entry| vec![entry.facts.instruction().to_owned()]).collect::<Vec<_>>(),
+    );
     columns.i64("length", integer(|entry| entry.length));
     columns.i64("data/chunk_index", integer(|entry| entry.chunk));
     columns.i64("data/file_index", integer(|entry| entry.file));
@@ -57,7 +66,7 @@ pub(crate) fn episodes_table(entries: &[EpisodeEntry]) -> Result<Vec<u8>, DataEr
     statistics(&mut columns, entries);
     columns.i64("meta/episodes/chunk_index", integer(|entry| entry.chunk));
     columns.i64("meta/episodes/file_index", integer(|entry| entry.file));
-    own_columns(&mut columns, entries);
+    F::add(&mut columns, &entries.iter().map(|entry| &entry.facts).collect::<Vec<_>>());
     table::to_parquet(Path::new("meta/episodes"), columns, Purpose::Dataset, None)
 }
 
@@ -97,42 +106,46 @@ fn sentences_table(name: &str, sentences: &[String]) -> Result<Vec<u8>, DataErro
 }
 
 /// Seed, scenario, outcome and versions of every episode, to filter by and to replay from.
-fn own_columns(columns: &mut Columns, entries: &[EpisodeEntry]) {
-    let facts = || entries.iter().map(|entry| &entry.facts);
-    let results = || facts().map(|facts| &facts.result);
-    columns.text("store_id", results().map(|result| &result.id));
-    columns.bool("success", results().map(|result| result.success));
-    columns.bool("success_once", results().map(|result| result.success_once));
-    columns.f64("score", results().map(|result| result.verdict.score));
-    let failure = |result: &EpisodeResult| result.failure().map_or(String::new(), |failure| failure.to_string());
-    columns.text("failure", results().map(failure));
-    let cause = |result: &EpisodeResult| result.failure().map_or("", |failure| failure.cause.name());
-    columns.text("failure_cause", results().map(cause));
-    let lists = |list: fn(&EpisodeFacts) -> &[String]| facts().map(|facts| list(facts).to_vec()).collect::<Vec<_>>();
-    columns.text_lists("subtasks", &lists(|facts| &facts.steps.texts));
-    columns.text_lists("paraphrases", &lists(|facts| &facts.paraphrases));
-    columns.text_lists("objects", &lists(|facts| &facts.objects));
-    columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
-    if facts().any(|facts| facts.variation_seed.is_some()) {
-        let seed =
-            |facts: &EpisodeFacts| facts.variation_seed.map_or(-1, |seed| i64::try_from(seed.value()).unwrap_or(-1));
-        columns.i64("variation_seed", facts().map(seed));
-    }
-    columns.text("scenario_id", results().map(|result| &result.scenario_id));
-    columns.text("task_id", results().map(|result| &result.task_id));
-    columns.text("task_kind", facts().map(|facts| facts.kind));
-    columns.text("policy", results().map(|result| &result.policy));
-    columns.bool("oracle", results().map(|result| result.oracle));
-    columns.text("engine", results().map(|result| &result.engine));
-    columns.text("genmanip_version", results().map(|result| &result.genmanip_version));
-    columns.text("scenario_json", facts().map(|facts| &facts.scenario_json));
-    for (place, (camera, _)) in entries.first().iter().flat_map(|entry| &entry.facts.cameras).enumerate() {
-        let k = facts().flat_map(|facts| facts.cameras[place].1).collect();
-        columns.vectors::<Float64Type>(&format!("camera.{camera}.fx_fy_cx_cy"), 4, k);
+impl Entries for EpisodeFacts {
+    fn add(columns: &mut Columns, all: &[&Self]) {
+        let facts = || all.iter().copied();
+        let results = || facts().map(|facts| &facts.result);
+        columns.text("store_id", results().map(|result| &result.id));
+        columns.bool("success", results().map(|result| result.success));
+        columns.bool("success_once", results().map(|result| result.success_once));
+        columns.f64("score", results().map(|result| result.verdict.score));
+        let failure = |result: &EpisodeResult| result.failure().map_or(String::new(), |failure| failure.to_string());
+        columns.text("failure", results().map(failure));
+        let cause = |result: &EpisodeResult| result.failure().map_or("", |failure| failure.cause.name());
+        columns.text("failure_cause", results().map(cause));
+        let lists =
+            |list: fn(&EpisodeFacts) -> &[String]| facts().map(|facts| list(facts).to_vec()).collect::<Vec<_>>();
+        columns.text_lists("subtasks", &lists(|facts| &facts.steps.texts));
+        columns.text_lists("paraphrases", &lists(|facts| &facts.paraphrases));
+        columns.text_lists("objects", &lists(|facts| &facts.objects));
+        columns.i64("seed", results().map(|result| i64::try_from(result.seed.value()).unwrap_or(i64::MAX)));
+        if facts().any(|facts| facts.variation_seed.is_some()) {
+            let seed = |facts: &EpisodeFacts| {
+                facts.variation_seed.map_or(-1, |seed| i64::try_from(seed.value()).unwrap_or(-1))
+            };
+            columns.i64("variation_seed", facts().map(seed));
+        }
+        columns.text("scenario_id", results().map(|result| &result.scenario_id));
+        columns.text("task_id", results().map(|result| &result.task_id));
+        columns.text("task_kind", facts().map(|facts| facts.kind));
+        columns.text("policy", results().map(|result| &result.policy));
+        columns.bool("oracle", results().map(|result| result.oracle));
+        columns.text("engine", results().map(|result| &result.engine));
+        columns.text("genmanip_version", results().map(|result| &result.genmanip_version));
+        columns.text("scenario_json", facts().map(|facts| &facts.scenario_json));
+        for (place, (camera, _)) in all.first().iter().flat_map(|facts| &facts.cameras).enumerate() {
+            let k = facts().flat_map(|facts| facts.cameras[place].1).collect();
+            columns.vectors::<Float64Type>(&format!("camera.{camera}.fx_fy_cx_cy"), 4, k);
+        }
     }
 }
 
-fn statistics(columns: &mut Columns, entries: &[EpisodeEntry]) {
+fn statistics<F>(columns: &mut Columns, entries: &[EpisodeEntry<F>]) {
     let Some(first) = entries.first() else { return };
     for (place, span) in first.videos.iter().enumerate() {
         for (which, (name, _)) in span.stats.named.iter().enumerate() {
@@ -152,7 +165,7 @@ fn statistics(columns: &mut Columns, entries: &[EpisodeEntry]) {
     }
 }
 
-fn counts(columns: &mut Columns, key: &str, entries: &[EpisodeEntry]) {
+fn counts<F>(columns: &mut Columns, key: &str, entries: &[EpisodeEntry<F>]) {
     let counts: Vec<i64> = entries.iter().map(|entry| i64::try_from(entry.length).unwrap_or(i64::MAX)).collect();
     let rows: Vec<&[i64]> = counts.chunks(1).collect();
     columns.lists::<Int64Type>(&format!("stats/{key}/count"), &rows);

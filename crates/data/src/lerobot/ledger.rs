@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::stats::Collected;
 use crate::DataError;
 use crate::export::EpisodeRows;
+use crate::export::facts::Told;
 use crate::export::features::{Feature, Values};
 
 /// The account of a data set under construction.
@@ -38,12 +39,11 @@ impl Ledger {
     }
 
     /// Gives the rows of the next episode their indices and takes their statistics.
-    pub(crate) fn admit(&mut self, rows: &mut EpisodeRows) -> Result<(), DataError> {
-        let task = place_of(&mut self.tasks, &rows.facts.instruction);
+    pub(crate) fn admit<F: Told>(&mut self, rows: &mut EpisodeRows<F>) -> Result<(), DataError> {
+        let task = place_of(&mut self.tasks, rows.facts.instruction());
         rows.features.extend(self.bookkeeping(rows.frames, task));
         if !rows.steps.is_empty() {
-            let places: Vec<usize> =
-                rows.facts.steps.texts.iter().map(|text| place_of(&mut self.subtasks, text)).collect();
+            let places: Vec<usize> = rows.facts.steps().iter().map(|text| place_of(&mut self.subtasks, text)).collect();
             let indices = rows.steps.iter().map(|step| number(places.get(*step).copied().unwrap_or(0)));
             rows.features.push(Feature::new("subtask_index", &[], Values::I64(indices.collect())));
         }
@@ -76,7 +76,7 @@ impl Ledger {
         ]
     }
 
-    fn check_features(&mut self, rows: &EpisodeRows) -> Result<(), DataError> {
+    fn check_features<F: Told>(&mut self, rows: &EpisodeRows<F>) -> Result<(), DataError> {
         let mut described = serde_json::Map::new();
         described.extend(rows.videos.iter().map(|video| (video.key.clone(), video.describe())));
         described.extend(rows.images.iter().map(|image| (image.key.clone(), image.describe())));
@@ -84,7 +84,7 @@ impl Ledger {
         let described = Value::Object(described);
         match &self.features {
             Some(first) if *first != described => {
-                let what = format!("features of episode {}", rows.facts.result.id);
+                let what = format!("features of episode {}", rows.facts.name());
                 Err(DataError::mismatch(what, first, described))
             }
             Some(_) => Ok(()),

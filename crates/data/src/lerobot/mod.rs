@@ -5,19 +5,21 @@
 //! and action, pictures are RGB video, simulator truth is named `sim.*`, end-effector variants `ee.*`, camera poses
 //! `camera.*`, and depth lives in a data set of its own, `<name>-depth`, with the same indices.
 
-mod card;
+pub(crate) mod card;
 mod croissant;
 mod depth;
 pub mod edit;
-mod episodes;
+pub(crate) mod episodes;
 mod features;
+pub(crate) mod imported;
 mod info;
 mod ledger;
+pub(crate) mod made;
 mod reader;
-mod record;
+pub(crate) mod record;
 pub(crate) mod stats;
 mod v21;
-mod writer;
+pub(crate) mod writer;
 
 use std::path::{Path, PathBuf};
 
@@ -174,8 +176,9 @@ impl Writers {
         dataset: &Path,
     ) -> Result<Option<PathBuf>, DataError> {
         let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), settings, None)).transpose()?;
-        let colors = self.colors.finish(&card::color(&name, settings, "v3.0"), settings, Some(contract))?;
+        let made = made::Made::Exported(settings.clone());
+        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &made, None)).transpose()?;
+        let colors = self.colors.finish(&made.card(&name), &made, Some(contract))?;
         let depth_dataset = depths.is_some().then(|| depth_path(dataset));
         if let Some(depths) = depths {
             depths.publish()?;
@@ -186,7 +189,7 @@ impl Writers {
 }
 
 /// A place aside for a data set that may lie at `target`; what a kill left unfinished there is removed.
-fn begin(target: &Path, run: Option<&str>) -> Result<Aside, DataError> {
+pub(crate) fn begin(target: &Path, run: Option<&str>) -> Result<Aside, DataError> {
     check_owner(target, run)?;
     aside::make_parent(target)?;
     files::sweep(aside::parent(target))?;

@@ -3,41 +3,47 @@
 use std::path::Path;
 
 use genmanip_core::{ActionContract, Document};
-use serde_json::Value;
 
-use super::episodes::{self, EpisodeEntry, VideoSpan};
+use super::episodes::{self, Entries, EpisodeEntry, VideoSpan};
 use super::info::{self, FILES_PER_CHUNK};
 use super::ledger::Ledger;
+use super::made::Made;
 use super::stats::Stats;
-use super::{LerobotSettings, SUBTASKS, features, record};
-use crate::aside::Aside;
+use super::{SUBTASKS, features, record};
+use crate::aside::{Aside, write_json};
 use crate::export::EpisodeRows;
+use crate::export::facts::EpisodeFacts;
 use crate::export::features::{Feature, VideoFeature};
 use crate::table::{Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, EpisodeStore, video};
 
 /// A data set under construction.
-pub(crate) struct DatasetWriter {
+pub(crate) struct DatasetWriter<F = EpisodeFacts> {
     aside: Aside,
     robot: String,
     episodes_per_file: usize,
     ledger: Ledger,
-    file: OpenFile,
+    file: OpenFile<F>,
 }
 
 /// What goes into the files of the current index.
-#[derive(Default)]
-struct OpenFile {
+struct OpenFile<F> {
     table: Option<TableWriter>,
     videos: Vec<(String, Vec<EncodedVideo>)>,
     frames: usize,
-    entries: Vec<EpisodeEntry>,
+    entries: Vec<EpisodeEntry<F>>,
+}
+
+impl<F> Default for OpenFile<F> {
+    fn default() -> Self {
+        Self { table: None, videos: Vec::new(), frames: 0, entries: Vec::new() }
+    }
 }
 
 /// A complete data set that is not visible yet.
 pub(crate) struct Finished(pub(crate) Aside);
 
-impl DatasetWriter {
+impl<F: Entries> DatasetWriter<F> {
     pub(crate) fn new(aside: Aside, episodes_per_file: usize, fps: u32, robot: &str) -> Self {
         Self {
             robot: robot.into(),
@@ -57,7 +63,7 @@ impl DatasetWriter {
     }
 
     /// Appends an episode as one row group.
-    pub(crate) fn push(&mut self, mut rows: EpisodeRows) -> Result<(), DataError> {
+    pub(crate) fn push(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
         let episodes = self.ledger.episodes;
         if episodes > 0 && episodes.is_multiple_of(self.episodes_per_file) {
             self.close_file()?;
@@ -92,7 +98,7 @@ impl DatasetWriter {
     pub(crate) fn finish(
         mut self,
         card: &str,
-        settings: &LerobotSettings,
+        made: &Made,
         contract: Option<&ActionContract>,
     ) -> Result<Finished, DataError> {
         self.close_file()?;
@@ -103,8 +109,7 @@ impl DatasetWriter {
         let info = info::info(&self.robot, &totals, self.ledger.fps, features, has_video);
         write_json(&self.aside, "meta/info.json", &info)?;
         write_json(&self.aside, "meta/stats.json", &self.ledger.collected.finish()?)?;
-        write_json(&self.aside, "meta/genmanip.json", &info::meaning(settings))?;
-        self.aside.write(super::SETTINGS, settings.to_json().as_bytes())?;
+        made.write(&self.aside, None)?;
         if let Some(contract) = contract {
             self.aside.write(super::CONTRACT, contract.to_json().as_bytes())?;
         }
@@ -130,7 +135,7 @@ impl DatasetWriter {
         self.aside.write(&format!("meta/episodes/{}", name("parquet")), &episodes::episodes_table(&entries)?)
     }
 
-    fn entry(&self, rows: &EpisodeRows) -> EpisodeEntry {
+    fn entry(&self, rows: &EpisodeRows<F>) -> EpisodeEntry<F> {
         let number = self.ledger.episodes / self.episodes_per_file;
         let time_s = |frames: usize| frames as f64 / f64::from(self.ledger.fps);
         let span = |video: &VideoFeature| VideoSpan {
@@ -151,13 +156,6 @@ impl DatasetWriter {
             facts: rows.facts.clone(),
         }
     }
-}
-
-/// Writes a JSON file of a data set.
-pub(crate) fn write_json(dataset: &Aside, name: &str, value: &Value) -> Result<(), DataError> {
-    let text = serde_json::to_string_pretty(value)
-        .map_err(|error| DataError::NotWritable { what: name.into(), why: error.to_string() })?;
-    dataset.write(name, (text + "\n").as_bytes())
 }
 
 impl Finished {

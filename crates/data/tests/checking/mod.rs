@@ -68,7 +68,7 @@ pub fn told(checked: &Checked) -> String {
     checked.findings.iter().map(|finding| format!("{finding:?}\n")).collect()
 }
 
-fn copy(from: &Path, to: &Path) {
+pub fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
         let path = entry.unwrap().path();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use arrow_array::RecordBatch;
+use arrow_array::{Array, RecordBatch};
 use serde::Deserialize;
 
 use super::source::Source;
@@ -53,6 +53,9 @@ impl Condition {
                 "object" => serde_json::from_str::<Brief>(&found).ok().map(|scenario| scenario.has(&self.value)),
                 _ => Some(found == self.value),
             };
+        }
+        if batch.column_by_name(column).is_some_and(|column| row < column.len() && column.is_null(row)) {
+            return Some(false);
         }
         let numbers = cell(batch, column, row)?;
         let [found] = numbers[..] else { return None };

@@ -7,16 +7,17 @@ use std::sync::Arc;
 use arrow_array::types::Float64Type;
 use arrow_array::{ArrayRef, RecordBatch};
 use genmanip_core::{Document, Scenario};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::super::episodes::{subtasks_table, tasks_table};
 use super::super::info::{self, FILES_PER_CHUNK, Totals};
+use super::super::made::Made;
 use super::super::stats::{Aggregated, Collected, Stats};
-use super::super::writer::{Finished, write_json};
-use super::super::{CONTRACT, LerobotSettings, SETTINGS, SUBTASKS, record};
+use super::super::writer::Finished;
+use super::super::{CONTRACT, SUBTASKS, record};
 use super::Pick;
 use super::source::{Listed, Opened, Source};
-use crate::aside::Aside;
+use crate::aside::{Aside, write_json};
 use crate::columns::{Column, cell, text, texts};
 use crate::table::{Columns, Purpose, TableWriter};
 use crate::{DataError, EncodedVideo, video};
@@ -214,7 +215,7 @@ impl<'a> Composer<'a> {
             set(&format!("{prefix}/chunk_index"), chunk);
             set(&format!("{prefix}/file_index"), file);
         }
-        let fps = f64::from(source.settings.export.fps);
+        let fps = f64::from(source.made.fps());
         for key in source.features(true) {
             set(&format!("videos/{key}/chunk_index"), chunk);
             set(&format!("videos/{key}/file_index"), file);
@@ -236,7 +237,9 @@ impl<'a> Composer<'a> {
         if let Some(name) = name {
             let scenario = text(listed, "scenario_json", 0).map(|(text, _)| renamed(&text, name)).transpose()?;
             columns.text("store_id", [name]);
-            columns.text("scenario_id", [name]);
+            if listed.column_by_name("scenario_id").is_some() {
+                columns.text("scenario_id", [name]);
+            }
             scenario.into_iter().for_each(|scenario| columns.text("scenario_json", [scenario]));
         }
         Ok(columns)
@@ -260,13 +263,13 @@ impl<'a> Composer<'a> {
     }
 
     /// Writes what describes the whole; also says how many rows there are.
-    pub(super) fn finish(mut self, card: &str, settings: &LerobotSettings) -> Result<(Finished, usize), DataError> {
+    pub(super) fn finish(mut self, card: &str, made: &Made) -> Result<(Finished, usize), DataError> {
         self.close_file()?;
         let first = &self.sources[0];
         let totals = Totals { episodes: self.episodes, frames: self.frames, tasks: self.sentences.len() };
         let robot = first.info["robot_type"].as_str().unwrap_or_default();
         let (features, has_video) = (first.info["features"].clone(), first.features(true).next().is_some());
-        let info = info::info(robot, &totals, settings.export.fps, features, has_video);
+        let info = info::info(robot, &totals, made.fps(), features, has_video);
         write_json(&self.aside, "meta/info.json", &info)?;
         let mut stats: serde_json::Map<String, Value> =
             self.colors.into_iter().map(|(key, colors)| (key, colors.whole().to_json(true))).collect();
@@ -274,13 +277,13 @@ impl<'a> Composer<'a> {
             stats.extend(numbers);
         }
         write_json(&self.aside, "meta/stats.json", &Value::Object(stats))?;
-        let mut meaning = info::meaning(settings);
-        meaning["statistics"] = json!(
-            "numbers exact over all frames; colours from those of the episodes as LeRobot does it, quantiles being means \
-             of theirs; none for depth"
-        );
-        write_json(&self.aside, "meta/genmanip.json", &meaning)?;
-        self.aside.write(SETTINGS, settings.to_json().as_bytes())?;
+        made.write(
+            &self.aside,
+            Some(
+                "numbers exact over all frames; colours from those of the episodes as LeRobot does it, quantiles being \
+                 means of theirs; none for depth",
+            ),
+        )?;
         if let Some(contract) = &first.contract {
             self.aside.write(CONTRACT, contract.to_json().as_bytes())?;
         }

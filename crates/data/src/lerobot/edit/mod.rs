@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use genmanip_core::Seed;
 use genmanip_core::names::is_file_name;
 
-use super::{LerobotSettings, begin, card, depth_path, writer::Finished};
+use super::made::Made;
+use super::{begin, card, depth_path, writer::Finished};
 use crate::DataError;
 use crate::export::ExportReport;
 use compose::Composer;
@@ -171,7 +172,7 @@ struct Sources {
     colors: Vec<Source>,
     /// As many, or none.
     depths: Vec<Source>,
-    settings: LerobotSettings,
+    made: Made,
 }
 
 impl Sources {
@@ -180,9 +181,9 @@ impl Sources {
         let Some(first) = colors.first() else {
             return Err(DataError::mismatch("data sets", "at least one", 0));
         };
-        let settings = LerobotSettings { run: None, ..first.settings.clone() };
+        let made = first.made.clone().without_run();
         let mut depths = Vec::new();
-        if settings.export.depth {
+        if made.has_depth() {
             depths = datasets.iter().map(|root| Source::open(&depth_path(root))).collect::<Result<Vec<_>, _>>()?;
         }
         for all in [&colors, &depths] {
@@ -199,7 +200,7 @@ impl Sources {
                 return Err(DataError::mismatch(what, format!("those of {}", color.root.display()), "others"));
             }
         }
-        Ok(Self { colors, depths, settings })
+        Ok(Self { colors, depths, made })
     }
 
     /// Writes episodes as a data set, and their depth pictures as its sibling, which becomes visible first.
@@ -212,12 +213,12 @@ impl Sources {
         let depths = match self.depths.is_empty() {
             true => None,
             false => {
-                let per_file = self.settings.episodes_per_depth_file;
+                let per_file = self.made.episodes_per_depth_file();
                 let card = card::depth(&name);
                 Some(self.compose(&self.depths, (picks, &names), &depth_path(out), per_file, &card, heard)?.0)
             }
         };
-        let (per_file, card) = (self.settings.episodes_per_file, card::color(&name, &self.settings, "v3.0"));
+        let (per_file, card) = (self.made.episodes_per_file(), self.made.card(&name));
         let (colors, frames) = self.compose(&self.colors, (picks, &names), out, per_file, &card, heard)?;
         let depth_dataset = depths.is_some().then(|| depth_path(out));
         if let Some(depths) = depths {
@@ -241,19 +242,19 @@ impl Sources {
             composer.push(*pick, name.as_deref())?;
             heard(picks.len() * (1 + usize::from(!self.depths.is_empty())));
         }
-        composer.finish(card, &self.settings)
+        composer.finish(card, &self.made)
     }
 
     /// The names that episodes get which another of a different run has already.
     fn names(&self, picks: &[Pick]) -> Result<Vec<Option<String>>, DataError> {
         let listed = |pick: &Pick| &self.colors[pick.source].episodes[pick.episode];
         let mut taken: BTreeSet<String> = picks.iter().map(|pick| listed(pick).store_id.clone()).collect();
-        let mut known: BTreeMap<&str, Vec<(i64, usize)>> = BTreeMap::new();
+        let mut known: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
         let mut names = Vec::new();
         for pick in picks {
             let episode = listed(pick);
             let twins = known.entry(&episode.store_id).or_default();
-            if let Some((_, source)) = twins.iter().find(|(seed, _)| *seed == episode.seed) {
+            if let Some((_, source)) = twins.iter().find(|(origin, _)| *origin == episode.origin) {
                 let [a, b] = [*source, pick.source].map(|source| self.colors[source].root.display());
                 let what = format!("episode {} of {b}", episode.store_id);
                 return Err(DataError::mismatch(what, "each episode once", format!("the same one in {a}")));
@@ -261,7 +262,7 @@ impl Sources {
             let free = |number: usize| format!("{}.{number}", episode.store_id);
             let name = (!twins.is_empty()).then(|| (2..).map(free).find(|name| !taken.contains(name))).flatten();
             taken.extend(name.clone());
-            twins.push((episode.seed, pick.source));
+            twins.push((&episode.origin, pick.source));
             names.push(name);
         }
         Ok(names)

@@ -7,7 +7,9 @@ use arrow_array::RecordBatch;
 use genmanip_core::{ActionContract, Document, limits};
 use serde_json::Value;
 
-use super::super::{CONTRACT, LerobotSettings, SETTINGS, SUBTASKS};
+use super::super::imported::SOURCE_HASH;
+use super::super::made::Made;
+use super::super::{CONTRACT, SUBTASKS};
 use crate::columns::{cell, integer, text};
 use crate::mp4::Video;
 use crate::table::{self, RowGroups, Table};
@@ -16,7 +18,7 @@ use crate::{DataError, EncodedVideo, EpisodeStore, files};
 /// A data set of this program.
 pub(super) struct Source {
     pub(super) root: PathBuf,
-    pub(super) settings: LerobotSettings,
+    pub(super) made: Made,
     pub(super) contract: Option<ActionContract>,
     pub(super) info: Value,
     /// Tables of episodes, in order.
@@ -35,7 +37,8 @@ pub(super) struct Source {
 pub(super) struct Listed {
     pub(super) sentence: String,
     pub(super) store_id: String,
-    pub(super) seed: i64,
+    /// What tells it from another of the same name: its seed, or the hash of what it was imported from.
+    pub(super) origin: String,
     pub(super) length: usize,
     from: i64,
     /// Chunk and file of its rows.
@@ -50,13 +53,7 @@ impl Source {
     pub(super) fn open(root: &Path) -> Result<Self, DataError> {
         let read = |name: &str| files::read(&root.join(name), limits::SETTINGS);
         let document = |name: &str, source| DataError::Document { path: root.join(name), source };
-        let settings = match read(SETTINGS) {
-            Err(error) if error.is_missing() => {
-                let expected = "a LeRobotDataset v3.0 that this program wrote";
-                return Err(DataError::mismatch(root.display().to_string(), expected, format!("no {SETTINGS} in it")));
-            }
-            bytes => LerobotSettings::from_bytes(&bytes?).map_err(|error| document(SETTINGS, error))?,
-        };
+        let made = Made::read(root)?;
         let contract = match read(CONTRACT) {
             Err(error) if error.is_missing() => None,
             bytes => Some(ActionContract::from_bytes(&bytes?).map_err(|error| document(CONTRACT, error))?),
@@ -68,11 +65,11 @@ impl Source {
             return Err(DataError::mismatch(named("format"), "LeRobot v3.0", &info["codebase_version"]));
         }
         let record = root.join("extras/record");
-        let record = if settings.record && contract.is_some() { Some(EpisodeStore::open(record)?) } else { None };
+        let record = if made.has_record() && contract.is_some() { Some(EpisodeStore::open(record)?) } else { None };
         let tables = table::files_below(&root.join("meta/episodes"))?;
         let mut source = Self {
             root: root.into(),
-            settings,
+            made,
             contract,
             info,
             tables,
@@ -136,7 +133,10 @@ impl Source {
                 self.episodes.push(Listed {
                     sentence: word("tasks")?,
                     store_id: word("store_id")?,
-                    seed: whole("seed")?,
+                    origin: match text(&batch, SOURCE_HASH, row) {
+                        Some((hash, _)) => hash,
+                        None => whole("seed")?.to_string(),
+                    },
                     length: usize::try_from(whole("length")?).map_err(|_| missing("length"))?,
                     from,
                     data,
@@ -173,13 +173,7 @@ impl Source {
         }
         let contract = |source: &Self| source.contract.as_ref().map_or(Value::Null, Document::to_value);
         fits("action contract", &contract(first), &contract(self))?;
-        let settings = |source: &Self| LerobotSettings {
-            run: None,
-            episodes_per_file: 1,
-            episodes_per_depth_file: 1,
-            ..source.settings.clone()
-        };
-        fits("export settings", &settings(first).to_value(), &settings(self).to_value())
+        fits("export settings", &first.made.comparable(), &self.made.comparable())
     }
 }
 
@@ -232,7 +226,7 @@ impl Opened {
         source: &Source,
         episode: &Listed,
     ) -> Result<Vec<(String, EncodedVideo)>, DataError> {
-        let fps = source.settings.export.fps;
+        let fps = source.made.fps();
         let mut videos = Vec::new();
         for (key, [chunk, file], from_s) in &episode.videos {
             let path = source.root.join(format!("videos/{key}/chunk-{chunk:03}/file-{file:03}.mp4"));

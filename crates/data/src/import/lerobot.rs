@@ -1,0 +1,314 @@
+//! LeRobot data sets, v3.0 and v2.1, of any program.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use arrow_array::cast::AsArray;
+use arrow_array::{Array, RecordBatch};
+
+use super::facts::{self, ImportedFacts};
+use super::pictures::{Pictures, Wanted};
+use super::{About, ImportSettings, Incoming, Take};
+use crate::check::{self, Book, Listed, Version};
+use crate::columns::{Column, Rows};
+use crate::export::EpisodeRows;
+use crate::export::features::{Feature, ImageFeature, Values};
+use crate::table::Table;
+use crate::{DataError, EpisodeStore, depth};
+
+/// Columns that are made anew.
+const BOOKKEEPING: [&str; 5] = ["timestamp", "frame_index", "episode_index", "index", "task_index"];
+/// Types of numbers that are kept as they are or, for `int32`, wider.
+const NUMBERS: [&str; 5] = ["float32", "float64", "int32", "int64", "bool"];
+/// Rows in memory at once where the table holds pictures.
+const ROWS_AT_ONCE: usize = 256;
+/// Largest difference of a time from `frame_index / fps`, s; ten times what LeRobot's own readers have.
+const TIME_TOLERANCE_S: f64 = 1e-3;
+/// Whole numbers up to here are exact as doubles, which columns are read through.
+const EXACT: f64 = 9_007_199_254_740_992.0;
+
+/// A LeRobot data set.
+pub(super) struct Lerobot {
+    book: Book,
+    fps: u32,
+    pictures: Pictures,
+    notes: BTreeSet<String>,
+}
+
+impl Lerobot {
+    pub(super) fn open(root: &Path, settings: &ImportSettings) -> Result<Self, DataError> {
+        let (book, findings) = check::book(root)?;
+        // Statistics are made anew.
+        if let Some(first) = findings.iter().find(|finding| finding.check != "statistics") {
+            let what = format!("{} in {}", first.place, root.join(&first.file).display());
+            return Err(DataError::mismatch(what.trim_start_matches(" in "), &first.expected, &first.found));
+        }
+        if book.is_own && book.info.version == Version::V30 {
+            let expected = "a data set of another program or version";
+            let got = "one that the tools of this program read as it is";
+            return Err(DataError::mismatch(root.display().to_string(), expected, got));
+        }
+        let fps = book.info.fps;
+        if !(1.0..=240.0).contains(&fps) || fps.fract() != 0.0 {
+            let what = format!("fps of {}", root.join("meta/info.json").display());
+            return Err(DataError::mismatch(what, "a whole number from 1 to 240", fps));
+        }
+        let pictures = Pictures::new(settings.ffmpeg.clone());
+        Ok(Self { book, fps: fps as u32, pictures, notes: BTreeSet::new() })
+    }
+
+    /// The columns of a table that are kept: numbers, and depth pictures.
+    fn wanted(&mut self, known: &[String]) -> (Vec<String>, Vec<String>) {
+        let has_steps = !self.book.subtasks.is_empty();
+        let (mut numbers, mut depths) = (Vec::new(), Vec::new());
+        for feature in self.book.info.features.iter().filter(|feature| known.contains(&feature.key)) {
+            let key = &feature.key;
+            let about = &self.book.info.json["features"][key]["info"];
+            let is_depth = about["is_depth_map"] == true || about["video.is_depth_map"] == true;
+            if NUMBERS.contains(&feature.dtype.as_str()) && (key != "subtask_index" || has_steps) {
+                numbers.push(key.clone());
+            } else if feature.is_image() && is_depth {
+                depths.push(key.clone());
+            } else if !feature.is_video() {
+                self.notes.insert(format!("column {key} of {} is left out", feature.dtype));
+            }
+        }
+        (numbers, depths)
+    }
+
+    fn episode(
+        &mut self,
+        listed: &Listed,
+        rows: &Rows,
+        images: Vec<ImageFeature>,
+    ) -> Result<EpisodeRows<ImportedFacts>, DataError> {
+        let place = || format!("{} of {}", listed.place(), self.book.root.join(&listed.data).display());
+        let frames = usize::try_from(listed.length).unwrap_or(0);
+        let column = |name: &str| {
+            let found = rows.get(name).filter(|column| column.width == 1);
+            found.ok_or_else(|| DataError::mismatch(place(), format!("numbers in a column `{name}`"), "none"))
+        };
+        let steady = |(row, time): (usize, &f64)| (time - row as f64 / f64::from(self.fps)).abs() <= TIME_TOLERANCE_S;
+        let times = column("timestamp")?;
+        if let Some(row) = (0..frames).find(|row| !steady((*row, &times.values[*row]))) {
+            let what = format!("timestamp of row {row}, {}", place());
+            return Err(DataError::mismatch(what, row as f64 / f64::from(self.fps), times.values[row]));
+        }
+        if let Some(other) = column("episode_index")?.values.iter().find(|index| **index != listed.index as f64) {
+            return Err(DataError::mismatch(format!("episode_index of {}", place()), listed.index, other));
+        }
+        if listed.sentences > 1 {
+            self.notes.insert("of several sentences of an episode only the first is kept".into());
+        }
+        let mut features = Vec::new();
+        for feature in &self.book.info.features {
+            let Some(column) = rows.get(&feature.key) else { continue };
+            if BOOKKEEPING.contains(&feature.key.as_str()) || feature.key == "subtask_index" {
+                continue;
+            }
+            if column.dtype == "int64" && column.values.iter().any(|value| value.abs() >= EXACT) {
+                let what = format!("column {} of {}", feature.key, place());
+                return Err(DataError::mismatch(what, "whole numbers below 2^53", "larger ones"));
+            }
+            features.push(Feature {
+                key: feature.key.clone(),
+                names: names(feature, column.width),
+                values: values(column),
+            });
+        }
+        let steps = match rows.get("subtask_index") {
+            Some(column) => self.steps(listed, column)?,
+            None => Vec::new(),
+        };
+        let texts = if steps.is_empty() { Vec::new() } else { self.texts(listed) };
+        let videos = listed.videos.iter().map(|span| {
+            let feature = self.book.info.features.iter().find(|feature| feature.key == span.key);
+            let shape = feature.map(|feature| feature.shape.as_slice()).unwrap_or_default();
+            let [height, width, 3] = *shape else {
+                return Err(DataError::mismatch(
+                    format!("shape of {}", span.key),
+                    "[height, width, 3]",
+                    format!("{shape:?}"),
+                ));
+            };
+            let first = (span.from_s * f64::from(self.fps)).round();
+            if !(0.0..1e9).contains(&first) {
+                return Err(DataError::mismatch(
+                    format!("from_timestamp of {}", listed.place()),
+                    "a time",
+                    span.from_s,
+                ));
+            }
+            let path = self.book.root.join(&span.file);
+            self.pictures.take(&Wanted {
+                key: &span.key,
+                path,
+                size: [height, width],
+                fps: self.fps,
+                from: first as usize,
+                count: frames,
+            })
+        });
+        let videos = videos.collect::<Result<Vec<_>, _>>()?;
+        let told = rows.get("next.success").and_then(|column| column.values.last().copied());
+        let index = usize::try_from(listed.index).unwrap_or(0);
+        let facts = ImportedFacts {
+            store_id: facts::name(listed.store_id.as_deref(), index),
+            instruction: listed.sentence.clone(),
+            steps: texts,
+            success: listed.success.or_else(|| told.map(|value| value > 0.0)),
+            failure: listed.failure.clone().unwrap_or_default(),
+            seed: listed.seed,
+            scenario_id: listed.scenario_id.clone().unwrap_or_default(),
+            ..ImportedFacts::default()
+        };
+        let mut rows = EpisodeRows { frames, features, images, videos, steps, facts };
+        rows.facts.source_sha256 = facts::hash(&rows);
+        Ok(rows)
+    }
+
+    /// The step of each row, by its place among those of the episode.
+    fn steps(&self, listed: &Listed, column: &Column) -> Result<Vec<usize>, DataError> {
+        let texts = self.texts(listed);
+        let place = |index: &f64| {
+            let text = self.book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
+            text.and_then(|text| texts.iter().position(|known| known == text)).ok_or_else(|| {
+                DataError::mismatch(format!("subtask_index of {}", listed.place()), "a step of the episode", index)
+            })
+        };
+        column.values.iter().map(place).collect()
+    }
+
+    /// What the steps of an episode are called: as it lists them, or all of the data set.
+    fn texts(&self, listed: &Listed) -> Vec<String> {
+        match &listed.subtasks {
+            Some(texts) if !texts.is_empty() => texts.clone(),
+            _ => self.book.subtasks.iter().map(|(_, text)| text.clone()).collect(),
+        }
+    }
+
+    /// The episodes of a file of rows.
+    fn file(&mut self, file: &str, episodes: &[Listed], take: Take) -> Result<(), DataError> {
+        let path = self.book.root.join(file);
+        let table = Table::open(&path)?;
+        let (numbers, depths) = self.wanted(&table.names());
+        let wanted: Vec<&str> = numbers.iter().chain(&depths).map(String::as_str).collect();
+        let mut left = episodes.iter().peekable();
+        let (mut rows, mut pictures, mut held) = (Rows::new(), BTreeMap::<String, Vec<Vec<u8>>>::new(), 0);
+        for batch in table.batches(&wanted, ROWS_AT_ONCE)? {
+            let batch = batch?;
+            let mut at = 0;
+            while at < batch.num_rows() {
+                let Some(listed) = left.peek() else {
+                    return Err(DataError::table(&path, "rows behind those of the last episode"));
+                };
+                let length = usize::try_from(listed.length).unwrap_or(0).max(1);
+                let part = batch.slice(at, (length - held).min(batch.num_rows() - at));
+                append(&path, &part, &numbers, &mut rows)?;
+                for key in &depths {
+                    pictures.entry(key.clone()).or_default().extend(bytes(&path, &part, key)?);
+                }
+                at += part.num_rows();
+                held += part.num_rows();
+                if held == length {
+                    let images = images(std::mem::take(&mut pictures))?;
+                    let episode = self.episode(listed, &std::mem::take(&mut rows), images)?;
+                    take(episode)?;
+                    held = 0;
+                    left.next();
+                }
+            }
+        }
+        match left.next() {
+            Some(listed) => {
+                let what = format!("rows of {} in {}", listed.place(), path.display());
+                Err(DataError::mismatch(what, listed.length, held))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Incoming for Lerobot {
+    fn about(&self) -> About {
+        let record: PathBuf = self.book.root.join("extras/record");
+        let record = self.book.is_own.then(|| EpisodeStore::open(record).ok()).flatten();
+        About {
+            format: self.book.info.version.name(),
+            robot: self.book.info.robot.clone(),
+            fps: self.fps,
+            episodes: self.book.episodes.len(),
+            record: record.filter(|_| self.book.contract.is_some()),
+            contract: self.book.contract.clone(),
+        }
+    }
+
+    fn each(&mut self, take: Take) -> Result<(), DataError> {
+        let episodes = self.book.episodes.clone();
+        let mut first = 0;
+        while first < episodes.len() {
+            let file = &episodes[first].data;
+            let count = episodes[first..].iter().take_while(|episode| episode.data == *file).count();
+            self.file(file, &episodes[first..first + count], take)?;
+            first += count;
+        }
+        Ok(())
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let encoded = "pictures were decoded by another program and encoded anew as H.264";
+        self.notes.iter().cloned().chain(self.pictures.are_encoded.then(|| encoded.to_owned())).collect()
+    }
+}
+
+/// Names of a column's entries; LeRobot may have none, or nest them.
+fn names(feature: &check::Feature, width: usize) -> Vec<String> {
+    match width {
+        1 => feature.names.iter().take(1).filter(|name| **name != feature.key).cloned().collect(),
+        _ if feature.names.len() == width => feature.names.clone(),
+        _ => (0..width).map(|entry| format!("{}_{entry}", feature.key)).collect(),
+    }
+}
+
+fn values(column: &Column) -> Values {
+    match column.dtype {
+        "float32" => Values::F32(column.values.iter().map(|value| *value as f32).collect()),
+        "bool" => Values::Bool(column.values.iter().map(|value| *value > 0.0).collect()),
+        "int32" | "int64" => Values::I64(column.values.iter().map(|value| *value as i64).collect()),
+        _ => Values::F64(column.values.clone()),
+    }
+}
+
+fn append(path: &Path, batch: &RecordBatch, keys: &[String], rows: &mut Rows) -> Result<(), DataError> {
+    for key in keys {
+        let column = batch.column_by_name(key).and_then(|column| Column::of(column));
+        let column = column
+            .ok_or_else(|| DataError::table(path, format!("column `{key}` does not hold numbers in every row")))?;
+        let known = rows.entry(key.clone()).or_insert_with(|| Column { values: Vec::new(), ..column.clone() });
+        if known.width != column.width {
+            let what =
+                format!("column `{key}` has {} numbers in some rows and {} in others", known.width, column.width);
+            return Err(DataError::table(path, what));
+        }
+        known.values.extend(column.values);
+    }
+    Ok(())
+}
+
+/// The files of a column of pictures.
+fn bytes(path: &Path, batch: &RecordBatch, key: &str) -> Result<Vec<Vec<u8>>, DataError> {
+    let structs = batch.column_by_name(key).and_then(|column| column.as_struct_opt());
+    let files =
+        structs.and_then(|structs| structs.column_by_name("bytes")).and_then(|files| files.as_binary_opt::<i32>());
+    let files = files.filter(|files| files.null_count() == 0);
+    let files = files.ok_or_else(|| DataError::table(path, format!("column `{key}` holds no files of pictures")))?;
+    Ok(files.iter().flatten().map(<[u8]>::to_vec).collect())
+}
+
+fn images(pictures: BTreeMap<String, Vec<Vec<u8>>>) -> Result<Vec<ImageFeature>, DataError> {
+    let image = |(key, png): (String, Vec<Vec<u8>>)| {
+        let (width, height, _) = depth::decode_depth_png(png.first().map(Vec::as_slice).unwrap_or_default())?;
+        Ok(ImageFeature { key, width, height, png })
+    };
+    pictures.into_iter().map(image).collect()
+}

@@ -1,0 +1,185 @@
+//! Data sets of other programs as data sets that the tools of this one read: LeRobot v3.0 and v2.1, and the episode
+//! folders of the original GenManip.
+//!
+//! What is made is a LeRobotDataset v3.0, with the sibling `<name>-depth` where the source has depth. Numbers, names and
+//! sentences are those of the source; H.264 pictures are copied as they are. Nothing of the source is executed.
+
+mod facts;
+mod jpeg;
+mod lerobot;
+mod lmdb;
+mod original;
+mod pickle;
+mod pictures;
+
+use std::path::{Path, PathBuf};
+
+use genmanip_core::ActionContract;
+use serde::Serialize;
+
+use crate::export::{EpisodeRows, ExportReport};
+use crate::lerobot::made::Made;
+use crate::lerobot::writer::DatasetWriter;
+use crate::lerobot::{begin, card, depth_path};
+use crate::{DataError, EpisodeStore, files};
+use facts::ImportedFacts;
+
+pub use crate::lerobot::imported::Imported;
+
+/// How a data set is imported.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImportSettings {
+    /// The program that decodes video of other codecs than H.264, which is then encoded anew. Default none.
+    pub ffmpeg: Option<PathBuf>,
+    /// Episodes per data and video file. Default 100.
+    pub episodes_per_file: usize,
+    /// Episodes per file of the depth data set. Default 10.
+    pub episodes_per_depth_file: usize,
+}
+
+impl Default for ImportSettings {
+    fn default() -> Self {
+        Self { ffmpeg: None, episodes_per_file: 100, episodes_per_depth_file: 10 }
+    }
+}
+
+/// What was imported.
+#[derive(Clone, Debug, Serialize)]
+pub struct ImportReport {
+    /// What was written.
+    #[serde(flatten)]
+    pub written: ExportReport,
+    /// Format of the source and what differs from it.
+    pub imported: Imported,
+}
+
+/// Writes the data set at `source` anew at `out` (and `<out>-depth`); `heard` is told of each episode, with how many
+/// there are.
+///
+/// # Errors
+/// When `source` is of no known format, is damaged or holds what cannot be kept, or `out` exists; nothing is then left
+/// there.
+pub fn import(
+    source: &Path,
+    settings: &ImportSettings,
+    out: &Path,
+    heard: &mut dyn FnMut(usize),
+) -> Result<ImportReport, DataError> {
+    let mut incoming = open(source, settings)?;
+    let about = incoming.about();
+    let mut writers = Writers::begin(about, settings, out)?;
+    incoming.each(&mut |episode| {
+        writers.push(episode)?;
+        heard(writers.about.episodes);
+        Ok(())
+    })?;
+    writers.publish(incoming.notes(), settings, out)
+}
+
+/// Whatever it is that lies there.
+fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Incoming>, DataError> {
+    if files::is_own_file(&source.join("meta/info.json")) {
+        return Ok(Box::new(lerobot::Lerobot::open(source, settings)?));
+    }
+    if original::is_there(source)? {
+        return Ok(Box::new(original::Original::open(source)?));
+    }
+    let expected =
+        "the folder of a LeRobot data set (with meta/info.json) or of episodes of GenManip (with meta_info.pkl)";
+    Err(DataError::mismatch(source.display().to_string(), expected, "none"))
+}
+
+/// A data set that comes in.
+trait Incoming {
+    fn about(&self) -> About;
+
+    /// Hands on every episode, in order.
+    fn each(&mut self, take: Take) -> Result<(), DataError>;
+
+    /// What was changed or left out; known when all episodes were handed on.
+    fn notes(&self) -> Vec<String>;
+}
+
+/// Takes an episode; its `images` are depth pictures.
+type Take<'a> = &'a mut dyn FnMut(EpisodeRows<ImportedFacts>) -> Result<(), DataError>;
+
+/// A data set as a whole.
+struct About {
+    /// As in [`Imported::format`].
+    format: &'static str,
+    robot: String,
+    fps: u32,
+    episodes: usize,
+    /// Where it says what its actions mean as data sets of this program do.
+    contract: Option<ActionContract>,
+    /// The native record of its episodes, if it carries one.
+    record: Option<EpisodeStore>,
+}
+
+/// A data set and its depth sibling under construction.
+struct Writers {
+    about: About,
+    colors: DatasetWriter<ImportedFacts>,
+    depths: Option<DatasetWriter<ImportedFacts>>,
+    depth_target: PathBuf,
+    episodes_per_depth_file: usize,
+}
+
+impl Writers {
+    fn begin(about: About, settings: &ImportSettings, out: &Path) -> Result<Self, DataError> {
+        let depth_target = depth_path(out);
+        crate::lerobot::check_owner(&depth_target, None)?;
+        let colors = DatasetWriter::new(begin(out, None)?, settings.episodes_per_file.max(1), about.fps, &about.robot);
+        let episodes_per_depth_file = settings.episodes_per_depth_file.max(1);
+        Ok(Self { about, colors, depths: None, depth_target, episodes_per_depth_file })
+    }
+
+    fn push(&mut self, mut episode: EpisodeRows<ImportedFacts>) -> Result<(), DataError> {
+        let images = std::mem::take(&mut episode.images);
+        let is_first = self.colors.episodes() == 0;
+        if is_first && !images.is_empty() {
+            let aside = begin(&self.depth_target, None)?;
+            let per_file = self.episodes_per_depth_file;
+            self.depths = Some(DatasetWriter::new(aside, per_file, self.about.fps, &self.about.robot));
+        }
+        if let Some(depths) = &mut self.depths {
+            let EpisodeRows { frames, facts, .. } = &episode;
+            let (features, videos, steps) = Default::default();
+            depths.push(EpisodeRows { frames: *frames, features, images, videos, steps, facts: facts.clone() })?;
+        } else if !images.is_empty() {
+            let what = format!("depth pictures of episode {}", episode.facts.store_id);
+            return Err(DataError::mismatch(what, "none, as in the first episode", images.len()));
+        }
+        if let Some(record) = &self.about.record {
+            self.colors.copy_record(record, &episode.facts.store_id)?;
+        }
+        self.colors.push(episode)
+    }
+
+    fn publish(self, notes: Vec<String>, settings: &ImportSettings, out: &Path) -> Result<ImportReport, DataError> {
+        let (episodes, frames) = (self.colors.episodes(), self.colors.frames());
+        if episodes == 0 {
+            return Err(DataError::mismatch("episodes to import", "at least one", 0));
+        }
+        let imported = Imported {
+            format: self.about.format.into(),
+            fps: self.about.fps,
+            depth: self.depths.is_some(),
+            record: self.about.record.is_some(),
+            episodes_per_file: settings.episodes_per_file.max(1),
+            episodes_per_depth_file: self.episodes_per_depth_file,
+            notes,
+        };
+        let made = Made::Imported(imported.clone());
+        let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &made, None)).transpose()?;
+        let colors = self.colors.finish(&made.card(&name), &made, self.about.contract.as_ref())?;
+        let depth_dataset = depths.is_some().then_some(self.depth_target);
+        if let Some(depths) = depths {
+            depths.publish()?;
+        }
+        colors.publish()?;
+        let written = ExportReport { dataset: out.into(), depth_dataset, episodes, frames, left_out: Vec::new() };
+        Ok(ImportReport { written, imported })
+    }
+}

@@ -1,0 +1,369 @@
+//! Episode folders of the original GenManip, version 0.9: `meta_info.pkl`, and `lmdb/` with a pickle per key.
+//!
+//! ```text
+//! EPISODE/meta_info.pkl                            language_instruction, num_steps, episode_name
+//! EPISODE/lmdb/data.mdb
+//!   arm_action, gripper_action, gripper_close      one list each, an entry per frame
+//!   ee_pose_action                                 position and quaternion (w, x, y, z) in the robot's frame
+//!   name                                           `PLACE/STAGE` of the plan that a frame belongs to
+//!   observation/robot/{qpos,qvel,ee_pose_state}
+//!   observation/obj_pose/OBJECT/{position,orientation}
+//!   observation/CAMERA/camera2env_pose             4x4
+//!   observation/CAMERA/color_image/0000            JPEG
+//!   observation/CAMERA/depth_image/0000            16-bit PNG, metres x 10,000
+//! ```
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use genmanip_core::limits::Limit;
+
+use super::facts::{self, ImportedFacts};
+use super::jpeg;
+use super::lmdb::Lmdb;
+use super::pickle::{Pickle, Value};
+use super::{About, Incoming, Take};
+use crate::depth::{decode_depth_png, encode_mm_png};
+use crate::export::EpisodeRows;
+use crate::export::features::{Feature, ImageFeature, Values, VideoFeature};
+use crate::video::{VideoEncoder, VideoSettings};
+use crate::{ColorHistogram, DataError, files};
+
+const META: &str = "meta_info.pkl";
+const META_LIMIT: Limit = Limit { what: "what an episode tells of itself", bytes: 64 << 20 };
+/// Deepest folder that is searched for episodes: TASK/DATE/EPISODE.
+const DEEPEST: usize = 3;
+/// Frames per second of the original's recordings.
+const FPS: u32 = 30;
+/// Places for objects in every row, as in our own `sim.object_pose`.
+const OBJECTS: usize = 16;
+/// Of the original's depth: a tenth of a millimetre.
+const UNITS_PER_MM: u16 = 10;
+const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
+
+/// Columns of numbers: ours, theirs (one after the other), and what the entries are called.
+const COLUMNS: [(&str, &[&str], &str); 7] = [
+    ("observation.state", &["observation/robot/qpos"], "q"),
+    ("observation.velocity", &["observation/robot/qvel"], "v"),
+    ("action", &["arm_action", "gripper_action"], "target"),
+    ("gripper_close", &["gripper_close"], ""),
+    ("ee.state", &["observation/robot/ee_pose_state"], "pose"),
+    ("ee.action", &["ee_pose_action"], "pose"),
+    ("robot.robot2env_pose", &["observation/robot/robot2env_pose"], "matrix"),
+];
+
+/// Episode folders.
+pub(super) struct Original {
+    folders: Vec<PathBuf>,
+    taken: BTreeSet<String>,
+    notes: BTreeSet<String>,
+}
+
+/// Whether there is at least one episode in a folder, or it is one.
+pub(super) fn is_there(root: &Path) -> Result<bool, DataError> {
+    Ok(!folders(root)?.is_empty())
+}
+
+fn folders(root: &Path) -> Result<Vec<PathBuf>, DataError> {
+    let (mut found, mut open) = (Vec::new(), vec![(root.to_owned(), 0)]);
+    while let Some((folder, depth)) = open.pop() {
+        if files::is_own_file(&folder.join(META)) {
+            found.push(folder);
+            continue;
+        }
+        if depth < DEEPEST && files::is_own_folder(&folder) {
+            let names = files::names(&folder)?.into_iter().map(|name| folder.join(name));
+            open.extend(names.filter(|path| files::is_own_folder(path)).map(|path| (path, depth + 1)));
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+impl Original {
+    pub(super) fn open(root: &Path) -> Result<Self, DataError> {
+        let notes = [
+            "frames are taken to be 1/30 s apart, as the original recorded them; it does not say so",
+            "depth is rounded from 0.1 mm to 1 mm",
+            "pictures were JPEG and are encoded anew as H.264",
+            "boxes, semantic masks, traces and poses of the joints are left out",
+        ];
+        let notes = notes.map(str::to_owned).into();
+        Ok(Self { folders: folders(root)?, taken: BTreeSet::new(), notes })
+    }
+
+    fn episode(&mut self, index: usize, folder: &Path) -> Result<Option<EpisodeRows<ImportedFacts>>, DataError> {
+        let path = folder.join(META);
+        let meta = Pickle::read(&files::read(&path, META_LIMIT)?).map_err(|why| damaged(&path, &why))?;
+        let meta = meta.root();
+        let word = |key: &str| meta.get(key).and_then(Value::text).map(str::to_owned);
+        let frames = meta.get("num_steps").and_then(Value::integer).and_then(|count| usize::try_from(count).ok());
+        let frames = frames.ok_or_else(|| damaged(&path, "expected a number under `num_steps`, got none"))?;
+        let instruction = word("language_instruction")
+            .ok_or_else(|| damaged(&path, "expected a text under `language_instruction`, got none"))?;
+        if frames == 0 {
+            return Ok(None);
+        }
+        let record = Record { lmdb: Lmdb::open(&folder.join("lmdb/data.mdb"))?, folder, frames };
+        let own = word("episode_name").or_else(|| folder.file_name().map(|name| name.to_string_lossy().into_owned()));
+        let mut name = facts::name(own.as_deref(), index);
+        if !self.taken.insert(name.clone()) {
+            name = facts::name(None, index);
+            self.taken.insert(name.clone());
+        }
+        let (steps, texts) = record.steps()?;
+        let objects = record.objects().into_iter().collect();
+        let facts = ImportedFacts { store_id: name, instruction, steps: texts, objects, ..ImportedFacts::default() };
+        let (videos, images) = (record.videos()?, record.depths()?);
+        let mut rows = EpisodeRows { frames, features: record.features()?, images, videos, steps, facts };
+        rows.facts.source_sha256 = facts::hash(&rows);
+        Ok(Some(rows))
+    }
+}
+
+impl Incoming for Original {
+    fn about(&self) -> About {
+        About {
+            format: "genmanip-0.9",
+            robot: "franka".into(),
+            fps: FPS,
+            episodes: self.folders.len(),
+            contract: None,
+            record: None,
+        }
+    }
+
+    fn each(&mut self, take: Take) -> Result<(), DataError> {
+        let mut empty = 0;
+        for (index, folder) in self.folders.clone().iter().enumerate() {
+            match self.episode(index, folder)? {
+                Some(episode) => take(episode)?,
+                None => empty += 1,
+            }
+        }
+        if empty > 0 {
+            self.notes.insert(format!("{empty} episodes without frames are left out"));
+        }
+        Ok(())
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.notes.iter().cloned().collect()
+    }
+}
+
+fn damaged(path: &Path, why: &str) -> DataError {
+    let (expected, got) = why.split_once(", got ").unwrap_or((why, "something else"));
+    DataError::mismatch(path.display().to_string(), expected.trim_start_matches("expected "), got)
+}
+
+/// The numbers of each frame, and whether they are single precision.
+type Frames = Vec<(Vec<f64>, bool)>;
+
+/// The frames of an episode.
+struct Record<'a> {
+    lmdb: Lmdb,
+    folder: &'a Path,
+    frames: usize,
+}
+
+impl Record<'_> {
+    fn pickle(&self, key: &str) -> Result<Option<Pickle>, DataError> {
+        let Some(bytes) = self.lmdb.get(key)? else { return Ok(None) };
+        Pickle::read(&bytes).map(Some).map_err(|why| self.damaged(key, &why))
+    }
+
+    fn damaged(&self, key: &str, why: &str) -> DataError {
+        damaged(&self.folder.join("lmdb").join(key), why)
+    }
+
+    /// The entries of a list with one per frame, each as numbers.
+    fn numbers(&self, key: &str) -> Result<Option<Frames>, DataError> {
+        let Some(pickle) = self.pickle(key)? else { return Ok(None) };
+        let entries = pickle.root().entries().unwrap_or_default();
+        let rows: Option<Vec<_>> = entries.into_iter().map(Value::numbers).collect();
+        match rows {
+            Some(rows) if rows.len() == self.frames => Ok(Some(rows)),
+            Some(rows) => Err(self.damaged(key, &format!("expected {} entries, got {}", self.frames, rows.len()))),
+            None => Err(self.damaged(key, "expected numbers in every entry, got something else")),
+        }
+    }
+
+    fn features(&self) -> Result<Vec<Feature>, DataError> {
+        let mut features = Vec::new();
+        for (ours, theirs, entry) in COLUMNS {
+            let mut rows: Vec<Vec<f64>> = vec![Vec::new(); self.frames];
+            let mut is_single = true;
+            for key in theirs {
+                let Some(part) = self.numbers(key)? else { continue };
+                for (row, (values, single)) in rows.iter_mut().zip(part) {
+                    row.extend(values);
+                    is_single &= single;
+                }
+            }
+            let width = rows.first().map_or(0, Vec::len);
+            if width == 0 {
+                if ours == "observation.state" || ours == "action" {
+                    return Err(self.damaged(theirs[0], "expected a list with an entry per frame, got none"));
+                }
+                continue;
+            }
+            features.push(self.feature(ours, names(entry, width), &rows, is_single)?);
+        }
+        features.push(self.object_poses()?);
+        for camera in self.cameras() {
+            let key = format!("observation/{camera}/camera2env_pose");
+            let Some(rows) = self.numbers(&key)? else { continue };
+            let rows: Vec<Vec<f64>> = rows.into_iter().map(|(row, _)| row).collect();
+            features.push(self.feature(
+                &format!("camera.{camera}.camera2env_pose"),
+                names("matrix", 16),
+                &rows,
+                false,
+            )?);
+        }
+        Ok(features)
+    }
+
+    fn feature(&self, key: &str, names: Vec<String>, rows: &[Vec<f64>], is_single: bool) -> Result<Feature, DataError> {
+        let width = names.len().max(1);
+        if let Some(row) = rows.iter().position(|row| row.len() != width) {
+            let why = format!("expected {width} numbers in frame {row}, got {}", rows[row].len());
+            return Err(self.damaged(key, &why));
+        }
+        let flat = rows.iter().flatten();
+        let values = match is_single {
+            true => Values::F32(flat.map(|value| *value as f32).collect()),
+            false => Values::F64(flat.copied().collect()),
+        };
+        Ok(Feature { key: key.into(), names, values })
+    }
+
+    /// Ids of the objects, in order.
+    fn objects(&self) -> BTreeSet<String> {
+        let of = |key: &str| Some(key.strip_prefix("observation/obj_pose/")?.strip_suffix("/position")?.to_owned());
+        self.lmdb.keys().filter_map(of).collect()
+    }
+
+    /// Poses of the objects in the order of their ids, zeros where there is none.
+    fn object_poses(&self) -> Result<Feature, DataError> {
+        let objects = self.objects();
+        if objects.len() > OBJECTS {
+            let why = format!("expected at most {OBJECTS} objects, got {}", objects.len());
+            return Err(self.damaged("observation/obj_pose", &why));
+        }
+        let mut values = vec![0.0; self.frames * OBJECTS * POSE.len()];
+        for (place, object) in objects.iter().enumerate() {
+            for (part, from, width) in [("position", 0, 3), ("orientation", 3, 4)] {
+                let key = format!("observation/obj_pose/{object}/{part}");
+                let rows = self.numbers(&key)?.unwrap_or_default();
+                for (row, (numbers, _)) in rows.into_iter().enumerate() {
+                    if numbers.len() != width {
+                        return Err(self.damaged(&key, &format!("expected {width} numbers, got {}", numbers.len())));
+                    }
+                    let at = (row * OBJECTS + place) * POSE.len() + from;
+                    values[at..at + width].copy_from_slice(&numbers);
+                }
+            }
+        }
+        let names = (0..OBJECTS).flat_map(|object| POSE.map(|part| format!("object_{object}.{part}"))).collect();
+        Ok(Feature { key: "sim.object_pose".into(), names, values: Values::F64(values) })
+    }
+
+    /// The stage of the plan that each frame belongs to, and what the stages are called.
+    fn steps(&self) -> Result<(Vec<usize>, Vec<String>), DataError> {
+        let Some(pickle) = self.pickle("name")? else { return Ok(Default::default()) };
+        let entries = pickle.root().entries().unwrap_or_default();
+        let names: Vec<&str> = entries.into_iter().filter_map(Value::text).collect();
+        if names.len() != self.frames {
+            return Ok(Default::default());
+        }
+        let mut texts: Vec<String> = Vec::new();
+        let steps = names.into_iter().map(|name| {
+            texts.iter().position(|known| known == name).unwrap_or_else(|| {
+                texts.push(name.into());
+                texts.len() - 1
+            })
+        });
+        let steps = steps.collect();
+        Ok((steps, texts))
+    }
+
+    fn cameras(&self) -> BTreeSet<String> {
+        let of = |key: &str| Some(key.strip_prefix("observation/")?.strip_suffix("/color_image/0000")?.to_owned());
+        self.lmdb.keys().filter_map(of).collect()
+    }
+
+    /// The files of a camera's pictures; none where it has none.
+    fn pictures(&self, camera: &str, kind: &str) -> Result<Vec<Vec<u8>>, DataError> {
+        let key = |frame: usize| format!("observation/{camera}/{kind}/{frame:04}");
+        if self.lmdb.get(&key(0))?.is_none() {
+            return Ok(Vec::new());
+        }
+        let picture = |frame: usize| {
+            let missing = || self.damaged(&key(frame), "expected the bytes of a picture, got none");
+            let pickle = self.pickle(&key(frame))?.ok_or_else(missing)?;
+            pickle.root().bytes().map(<[u8]>::to_vec).ok_or_else(missing)
+        };
+        (0..self.frames).map(picture).collect()
+    }
+
+    fn videos(&self) -> Result<Vec<VideoFeature>, DataError> {
+        let video = |camera: String| {
+            let mut encoder: Option<VideoEncoder> = None;
+            let mut colors = ColorHistogram::default();
+            for file in self.pictures(&camera, "color_image")? {
+                let (width, height, rgb) = jpeg::decode(&file)?;
+                let encoder = match &mut encoder {
+                    Some(encoder) => encoder,
+                    none => none.insert(VideoEncoder::new(width, height, FPS, &VideoSettings::default())?),
+                };
+                encoder.push(&rgb)?;
+                colors.add_image(&rgb, width as usize);
+            }
+            let encoder = encoder.ok_or_else(|| self.damaged(&camera, "expected pictures, got none"))?;
+            Ok(VideoFeature { key: format!("observation.images.{camera}"), video: encoder.finish(), colors })
+        };
+        self.cameras().into_iter().map(video).collect()
+    }
+
+    fn depths(&self) -> Result<Vec<ImageFeature>, DataError> {
+        let mut images = Vec::new();
+        for camera in self.cameras() {
+            let mut image = ImageFeature {
+                key: format!("observation.images.{camera}_depth"),
+                width: 0,
+                height: 0,
+                png: Vec::new(),
+            };
+            for file in self.pictures(&camera, "depth_image")? {
+                let (width, height, tenths) = decode_depth_png(&file)?;
+                if !image.png.is_empty() && (width, height) != (image.width, image.height) {
+                    return Err(self.damaged(&camera, "expected depth pictures of one size, got several"));
+                }
+                (image.width, image.height) = (width, height);
+                let mm: Vec<u16> = tenths.iter().map(|tenth| millimetres(*tenth)).collect();
+                image.png.push(encode_mm_png(&mm, width, height)?);
+            }
+            if !image.png.is_empty() {
+                images.push(image);
+            }
+        }
+        Ok(images)
+    }
+}
+
+/// Rounded; what was hit stays hit.
+fn millimetres(tenths: u16) -> u16 {
+    let rounded = tenths / UNITS_PER_MM + u16::from(tenths % UNITS_PER_MM >= UNITS_PER_MM / 2);
+    rounded.max(u16::from(tenths > 0))
+}
+
+fn names(entry: &str, width: usize) -> Vec<String> {
+    match (entry, width) {
+        (_, 1) => Vec::new(),
+        ("pose", 7) => POSE.map(str::to_owned).into(),
+        ("pose", _) | ("", _) => (0..width).map(|place| format!("{place}")).collect(),
+        (entry, _) => (0..width).map(|place| format!("{entry}_{place}")).collect(),
+    }
+}

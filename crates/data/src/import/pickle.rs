@@ -1,0 +1,230 @@
+//! Pickles of plain values and numpy arrays, read without executing anything.
+//!
+//! A pickle is a program for a small machine whose instructions can call any function of Python. This machine knows the
+//! instructions that build values; of functions it knows the few that make numpy's arrays, by name, and builds these
+//! itself. Anything else is refused.
+//!
+//! Values lie in one list and name each other by their places there: what is shared stays shared, so that no pickle
+//! becomes larger than its bytes, and what contains itself does no harm.
+
+mod machine;
+#[cfg(test)]
+mod tests;
+
+use machine::Machine;
+
+/// A value's place in its pickle.
+type Place = usize;
+
+/// A pickle that was read.
+#[derive(Debug)]
+pub(super) struct Pickle {
+    values: Vec<Node>,
+    root: Place,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Node {
+    None,
+    Bool(bool),
+    Int(i64),
+    Float(f64),
+    Text(String),
+    Bytes(Vec<u8>),
+    List(Vec<Place>),
+    Tuple(Vec<Place>),
+    Dict(Vec<(Place, Place)>),
+    Function(Function),
+    /// `numpy.dtype`, and whether its bytes come with the largest first.
+    Type {
+        name: String,
+        is_big: bool,
+    },
+    /// What an array is before its contents come.
+    EmptyArray,
+    Array {
+        kind: Kind,
+        shape: Vec<usize>,
+        bytes: Place,
+    },
+    /// An array of records or objects: known to be there.
+    Opaque,
+}
+
+/// The functions that are known by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Function {
+    Reconstruct,
+    NdArray,
+    DType,
+    Scalar,
+    FromBuffer,
+    Encode,
+    OrderedDict,
+    Set,
+}
+
+impl Function {
+    fn named(module: &str, name: &str) -> Option<Self> {
+        Some(match (module, name) {
+            ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => Self::Reconstruct,
+            ("numpy.core.multiarray" | "numpy._core.multiarray", "scalar") => Self::Scalar,
+            ("numpy.core.numeric" | "numpy._core.numeric", "_frombuffer") => Self::FromBuffer,
+            ("numpy", "ndarray") => Self::NdArray,
+            ("numpy", "dtype") => Self::DType,
+            ("_codecs", "encode") => Self::Encode,
+            ("collections", "OrderedDict") => Self::OrderedDict,
+            ("builtins" | "__builtin__", "set" | "frozenset") => Self::Set,
+            _ => return None,
+        })
+    }
+}
+
+/// What an array holds; least byte first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Bool,
+    /// Signed, with this many bytes.
+    Int(usize),
+    Unsigned(usize),
+    Float(usize),
+}
+
+impl Kind {
+    fn of(name: &str) -> Option<Self> {
+        let (kind, size) = name.split_at_checked(1)?;
+        let size: usize = size.parse().ok()?;
+        Some(match (kind, size) {
+            ("b", 1) => Self::Bool,
+            ("i", 1 | 2 | 4 | 8) => Self::Int(size),
+            ("u", 1 | 2 | 4 | 8) => Self::Unsigned(size),
+            ("f", 4 | 8) => Self::Float(size),
+            _ => return None,
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Self::Bool => 1,
+            Self::Int(size) | Self::Unsigned(size) | Self::Float(size) => size,
+        }
+    }
+}
+
+/// A value of a pickle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Value<'a> {
+    pickle: &'a Pickle,
+    place: Place,
+}
+
+impl<'a> Value<'a> {
+    fn node(self) -> &'a Node {
+        &self.pickle.values[self.place]
+    }
+
+    fn at(self, place: Place) -> Self {
+        Self { place, ..self }
+    }
+
+    pub(super) fn text(self) -> Option<&'a str> {
+        match self.node() {
+            Node::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// The entries of a list or tuple.
+    pub(super) fn entries(self) -> Option<Vec<Value<'a>>> {
+        match self.node() {
+            Node::List(places) | Node::Tuple(places) => Some(places.iter().map(|place| self.at(*place)).collect()),
+            _ => None,
+        }
+    }
+
+    /// What a dictionary holds under a text.
+    pub(super) fn get(self, key: &str) -> Option<Value<'a>> {
+        let Node::Dict(entries) = self.node() else { return None };
+        // Of two entries with the same key the later one holds.
+        let found = entries.iter().rev().find(|(name, _)| self.at(*name).text() == Some(key));
+        found.map(|(_, value)| self.at(*value))
+    }
+
+    /// A whole number.
+    pub(super) fn integer(self) -> Option<i64> {
+        match self.node() {
+            Node::Int(value) => Some(*value),
+            _ => None,
+        }
+    }
+
+    /// The bytes of an array of bytes, such as a picture file.
+    pub(super) fn bytes(self) -> Option<&'a [u8]> {
+        match self.node() {
+            Node::Bytes(bytes) => Some(bytes),
+            Node::Array { kind: Kind::Unsigned(1), bytes, .. } => self.at(*bytes).bytes(),
+            _ => None,
+        }
+    }
+
+    /// All numbers of an array, a number, or lists of them, one after the other; whether all are single precision.
+    pub(super) fn numbers(self) -> Option<(Vec<f64>, bool)> {
+        let (mut numbers, mut is_single) = (Vec::new(), true);
+        self.gather(0, &mut numbers, &mut is_single)?;
+        Some((numbers, is_single))
+    }
+
+    fn gather(self, depth: usize, into: &mut Vec<f64>, is_single: &mut bool) -> Option<()> {
+        /// Entries of a frame's value: a pose has 16; lists that share parts must not grow beyond use.
+        const MOST: usize = 100_000;
+        match self.node() {
+            Node::Bool(value) => into.push(f64::from(u8::from(*value))),
+            Node::Int(value) => into.push(*value as f64),
+            Node::Float(value) => {
+                *is_single = false;
+                into.push(*value);
+            }
+            Node::Array { kind, bytes, .. } => {
+                *is_single &= *kind == Kind::Float(4);
+                let bytes = self.at(*bytes).bytes()?;
+                into.extend(bytes.chunks_exact(kind.size()).take(MOST).map(|bytes| number(*kind, bytes)));
+            }
+            Node::List(places) | Node::Tuple(places) if depth < 4 => {
+                places.iter().try_for_each(|place| self.at(*place).gather(depth + 1, into, is_single))?;
+            }
+            _ => return None,
+        }
+        (into.len() <= MOST).then_some(())
+    }
+}
+
+fn number(kind: Kind, bytes: &[u8]) -> f64 {
+    let mut wide = [0; 8];
+    wide[..bytes.len()].copy_from_slice(bytes);
+    let value = u64::from_le_bytes(wide);
+    match kind {
+        Kind::Bool | Kind::Unsigned(_) => value as f64,
+        Kind::Int(size) => {
+            let spare = 64 - 8 * size;
+            (((value << spare) as i64) >> spare) as f64
+        }
+        Kind::Float(4) => f64::from(f32::from_bits(value as u32)),
+        Kind::Float(_) => f64::from_bits(value),
+    }
+}
+
+impl Pickle {
+    /// Reads a pickle of protocols 0 to 5.
+    ///
+    /// # Errors
+    /// What was expected, what came, and at which byte.
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, String> {
+        let mut machine = Machine::new(bytes);
+        let root = machine.run().map_err(|why| format!("{why}, byte {}", machine.at))?;
+        Ok(Self { values: machine.values, root })
+    }
+
+    pub(super) fn root(&self) -> Value<'_> {
+        Value { pickle: self, place: self.root }
+    }
+}

@@ -1,0 +1,117 @@
+//! How a data set came about: exported from episodes of this program, or imported from those of another.
+
+use std::path::Path;
+
+use genmanip_core::{Document, limits};
+use serde_json::{Value, json};
+
+use super::imported::{IMPORTED, Imported};
+use super::{LerobotSettings, SETTINGS, card, info};
+use crate::aside::{Aside, write_json};
+use crate::{DataError, files};
+
+/// How a data set came about.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Made {
+    Exported(LerobotSettings),
+    Imported(Imported),
+}
+
+impl Made {
+    /// What a data set says of itself.
+    pub(crate) fn read(root: &Path) -> Result<Self, DataError> {
+        let document = |name: &str, source| DataError::Document { path: root.join(name), source };
+        match files::read(&root.join(SETTINGS), limits::SETTINGS) {
+            Err(error) if error.is_missing() => {}
+            bytes => {
+                let settings = LerobotSettings::from_bytes(&bytes?).map_err(|error| document(SETTINGS, error))?;
+                return Ok(Self::Exported(settings));
+            }
+        }
+        match files::read(&root.join(IMPORTED), limits::SETTINGS) {
+            Err(error) if error.is_missing() => {
+                let expected = "a LeRobotDataset v3.0 that this program wrote, or `data import`ed";
+                let got = format!("neither {SETTINGS} nor {IMPORTED} in it");
+                Err(DataError::mismatch(root.display().to_string(), expected, got))
+            }
+            bytes => Ok(Self::Imported(Imported::from_bytes(&bytes?).map_err(|error| document(IMPORTED, error))?)),
+        }
+    }
+
+    /// Writes what a data set says of itself; `statistics` where they were not made of the episodes' rows and pictures.
+    pub(crate) fn write(&self, dataset: &Aside, statistics: Option<&str>) -> Result<(), DataError> {
+        match self {
+            Self::Exported(settings) => {
+                let mut meaning = info::meaning(settings);
+                if let Some(statistics) = statistics {
+                    meaning["statistics"] = json!(statistics);
+                }
+                write_json(dataset, "meta/genmanip.json", &meaning)?;
+                dataset.write(SETTINGS, settings.to_json().as_bytes())
+            }
+            Self::Imported(imported) => dataset.write(IMPORTED, imported.to_json().as_bytes()),
+        }
+    }
+
+    pub(crate) fn card(&self, name: &str) -> String {
+        match self {
+            Self::Exported(settings) => card::color(name, settings, "v3.0"),
+            Self::Imported(imported) => card::imported(name, imported),
+        }
+    }
+
+    pub(crate) fn fps(&self) -> u32 {
+        match self {
+            Self::Exported(settings) => settings.export.fps,
+            Self::Imported(imported) => imported.fps,
+        }
+    }
+
+    pub(crate) fn has_depth(&self) -> bool {
+        match self {
+            Self::Exported(settings) => settings.export.depth,
+            Self::Imported(imported) => imported.depth,
+        }
+    }
+
+    pub(crate) fn has_record(&self) -> bool {
+        match self {
+            Self::Exported(settings) => settings.record,
+            Self::Imported(imported) => imported.record,
+        }
+    }
+
+    pub(crate) fn episodes_per_file(&self) -> usize {
+        match self {
+            Self::Exported(settings) => settings.episodes_per_file,
+            Self::Imported(imported) => imported.episodes_per_file,
+        }
+    }
+
+    pub(crate) fn episodes_per_depth_file(&self) -> usize {
+        match self {
+            Self::Exported(settings) => settings.episodes_per_depth_file,
+            Self::Imported(imported) => imported.episodes_per_depth_file,
+        }
+    }
+
+    /// For a data set of its own.
+    pub(crate) fn without_run(self) -> Self {
+        match self {
+            Self::Exported(settings) => Self::Exported(LerobotSettings { run: None, ..settings }),
+            imported @ Self::Imported(_) => imported,
+        }
+    }
+
+    /// What must be the same in data sets whose episodes go into one.
+    pub(crate) fn comparable(&self) -> Value {
+        match self.clone().without_run() {
+            Self::Exported(settings) => {
+                LerobotSettings { episodes_per_file: 1, episodes_per_depth_file: 1, ..settings }.to_value()
+            }
+            Self::Imported(imported) => {
+                Imported { episodes_per_file: 1, episodes_per_depth_file: 1, notes: Vec::new(), ..imported }.to_value()
+            }
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! Data sets of other programs: what was imported holds what its source held, and the tools work on it.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use arrow_array::{ArrayRef, BooleanArray, RecordBatch};
+use genmanip_core::Seed;
+use genmanip_data::import::{self, ImportSettings};
+use genmanip_data::lerobot::edit::{self, By};
+use genmanip_data::lerobot::{self, LerobotDataset};
+use genmanip_data::{ExportReport, LerobotSettings, Selection};
+use parquet::arrow::ArrowWriter;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+
+use crate::checking::{checked, copy, settings, store, told};
+use crate::synthetic::robot;
+use crate::tree;
+
+/// Data sets of six episodes, the fourth of them failed, in a folder of their own.
+struct Bench {
+    folder: tempfile::TempDir,
+}
+
+type Export = fn(
+    &genmanip_data::EpisodeStore,
+    &Selection,
+    &genmanip_core::RobotModel,
+    &LerobotSettings,
+    &Path,
+) -> Result<ExportReport, genmanip_data::DataError>;
+
+impl Bench {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn export(&self, name: &str, export: Export) -> PathBuf {
+        let store = store(&self.at(&format!("store-{name}")));
+        let dataset = self.at(name);
+        export(&store, &Selection::Recorded, &robot(), &Self::settings(), &dataset).unwrap();
+        dataset
+    }
+
+    fn settings() -> LerobotSettings {
+        settings(genmanip_data::export::default_action())
+    }
+
+    fn import(&self, source: &Path, name: &str) -> Result<PathBuf, String> {
+        let settings = ImportSettings { episodes_per_file: 3, episodes_per_depth_file: 2, ..ImportSettings::default() };
+        let out = self.at(name);
+        let imported = import::import(source, &settings, &out, &mut |total| assert_eq!(total, 6));
+        imported.map(|report| assert_eq!(report.written.episodes, 6)).map_err(|error| {
+            assert!(!out.exists() && !lerobot::depth_path(&out).exists(), "{error}");
+            error.to_string()
+        })?;
+        Ok(out)
+    }
+}
+
+/// The files of a data set that hold its rows, pictures and sentences.
+fn contents(dataset: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let is_content = |name: &str| {
+        let kinds = ["data/", "videos/", "extras/", "meta/info.json", "meta/tasks.parquet", "meta/subtasks.parquet"];
+        kinds.iter().any(|kind| name.starts_with(kind))
+    };
+    tree(dataset).into_iter().filter(|(path, _)| is_content(path.to_str().unwrap())).collect()
+}
+
+fn assert_same_contents(left: &Path, right: &Path) {
+    let (left, right) = (contents(left), contents(right));
+    assert_eq!(left.keys().collect::<Vec<_>>(), right.keys().collect::<Vec<_>>());
+    for (path, bytes) in left {
+        assert!(bytes == right[&path], "{}", path.display());
+    }
+}
+
+/// Rows, times, pictures, sentences, steps, outcomes and the native record: byte for byte those of an export of v3.0.
+#[test]
+fn version_2_1_becomes_3_0() {
+    let bench = Bench::new();
+    let (old, new) = (bench.export("v21", lerobot::export_v21), bench.export("v30", lerobot::export));
+    let imported = bench.import(&old, "imported").unwrap();
+    assert_same_contents(&imported, &new);
+    assert_eq!(told(&checked(&imported)), "");
+    let [left, right] = [&imported, &new].map(|dataset| LerobotDataset::open(dataset).unwrap());
+    assert_eq!(left.episodes(), right.episodes());
+    assert_eq!(left.contract(), right.contract());
+    let again = bench.import(&old, "again").unwrap();
+    let all = |dataset: &Path| {
+        let mut all = tree(dataset);
+        all.remove(Path::new("README.md")); // has its name
+        all
+    };
+    assert!(all(&imported) == all(&again), "equal bytes");
+    // An episode that was imported twice is the same one.
+    let error = edit::merge(&[imported, again], &bench.at("both"), &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("each episode once"), "{error}");
+}
+
+fn rewrite(path: &Path, change: impl Fn(RecordBatch) -> RecordBatch) {
+    let reader = ParquetRecordBatchReaderBuilder::try_new(File::open(path).unwrap()).unwrap();
+    let batches: Vec<RecordBatch> =
+        reader.with_batch_size(7).build().unwrap().map(|batch| change(batch.unwrap())).collect();
+    let mut writer = ArrowWriter::try_new(File::create(path).unwrap(), batches[0].schema(), None).unwrap();
+    batches.iter().for_each(|batch| writer.write(batch).unwrap());
+    writer.close().unwrap();
+}
+
+/// A table without the columns that only this program writes.
+fn foreign_columns(batch: RecordBatch) -> RecordBatch {
+    let known = ["episode_index", "tasks", "length", "data/", "dataset_", "videos/", "meta/"];
+    let schema = batch.schema();
+    let kept =
+        schema.fields().iter().enumerate().filter(|(_, field)| known.iter().any(|name| field.name().starts_with(name)));
+    batch.project(&kept.map(|(place, _)| place).collect::<Vec<_>>()).unwrap()
+}
+
+/// A data set of version 3.0 as another program would have written it: one row group per file, nothing of ours.
+fn foreign(bench: &Bench, name: &str) -> PathBuf {
+    let dataset = bench.export(name, lerobot::export);
+    for own in ["meta/genmanip.json", "meta/lerobot_settings.json", "meta/action_contract.json", "README.md"] {
+        fs::remove_file(dataset.join(own)).unwrap();
+    }
+    fs::remove_dir_all(dataset.join("extras")).unwrap();
+    fs::remove_dir_all(lerobot::depth_path(&dataset)).unwrap();
+    for file in tree(&dataset).keys().map(|path| path.to_str().unwrap().to_owned()) {
+        if file.starts_with("meta/episodes") {
+            rewrite(&dataset.join(&file), foreign_columns);
+        } else if file.starts_with("data/") {
+            rewrite(&dataset.join(&file), |batch| batch);
+        }
+    }
+    dataset
+}
+
+#[test]
+fn version_3_0_of_another_program_is_as_it_was_and_can_be_edited() {
+    let bench = Bench::new();
+    let source = foreign(&bench, "foreign");
+    let imported = bench.import(&source, "imported").unwrap();
+    assert_same_contents(&imported, &{
+        let own = bench.export("own", lerobot::export);
+        fs::remove_dir_all(own.join("extras")).unwrap();
+        own
+    });
+    let sound = checked(&imported);
+    assert_eq!((told(&sound).as_str(), sound.episodes), ("", 6));
+    let names = |dataset: &Path| -> Vec<String> {
+        let table = dataset.join("meta/episodes/chunk-000/file-000.parquet");
+        let reader = ParquetRecordBatchReaderBuilder::try_new(File::open(table).unwrap()).unwrap().build().unwrap();
+        let batch = reader.last().unwrap().unwrap();
+        let column: ArrayRef = batch.column_by_name("store_id").unwrap().clone();
+        let texts = column.as_any().downcast_ref::<arrow_array::StringArray>().unwrap();
+        texts.iter().map(|text| text.unwrap().to_owned()).collect()
+    };
+    assert_eq!(names(&imported), ["episode_000000", "episode_000001", "episode_000002"]);
+
+    let quiet = &mut |_| {};
+    let kept = edit::filter(&imported, &["success=true".parse().unwrap()], &bench.at("kept"), quiet).unwrap();
+    assert_eq!(kept.episodes, 5, "what the rows themselves tell");
+    let parts = [("train".to_owned(), 0.5), ("test".to_owned(), 0.5)];
+    let parts = edit::split(&imported, &parts, By::Episode, Seed::new(1), &bench.at("parts"), quiet).unwrap();
+    let parts: Vec<PathBuf> = parts.into_iter().map(|part| part.dataset).collect();
+    let whole = edit::merge(&parts, &bench.at("whole"), quiet).unwrap();
+    assert_eq!((whole.episodes, whole.frames), (6, sound.frames));
+    for dataset in [&bench.at("kept"), &parts[0], &bench.at("whole")] {
+        assert_eq!(told(&checked(dataset)), "", "{}", dataset.display());
+    }
+}
+
+/// What cannot be kept as it is, is refused, and nothing is left.
+#[test]
+fn unfit_data_sets_are_refused() {
+    let bench = Bench::new();
+    let own = bench.export("own", lerobot::export);
+    let error = bench.import(&own, "out").unwrap_err();
+    assert!(error.contains("read as it is"), "{error}");
+    let error = bench.import(&bench.at("nowhere"), "out").unwrap_err();
+    assert!(error.contains("or of episodes of GenManip"), "{error}");
+
+    type Change = fn(&Path);
+    let cases: [(Change, &str); 6] = [
+        (
+            |dataset| fs::remove_file(dataset.join("videos/observation.images.wrist/chunk-000/file-001.mp4")).unwrap(),
+            "file-001.mp4",
+        ),
+        (
+            |dataset| {
+                fs::write(dataset.join("videos/observation.images.wrist/chunk-000/file-000.mp4"), b"nothing").unwrap()
+            },
+            "no index in it",
+        ),
+        (|dataset| fs::remove_file(dataset.join("data/chunk-000/file-001.parquet")).unwrap(), "file-001.parquet"),
+        (
+            |dataset| {
+                rewrite(&dataset.join("data/chunk-000/file-000.parquet"), |batch| batch.slice(0, batch.num_rows() / 2));
+            },
+            "timestamp of row 3",
+        ),
+        (
+            |dataset| {
+                let path = dataset.join("meta/info.json");
+                let text = fs::read_to_string(&path).unwrap().replace("\"fps\": 15", "\"fps\": 30");
+                fs::write(path, text).unwrap();
+            },
+            "timestamp of row 1",
+        ),
+        (
+            |dataset| {
+                rewrite(&dataset.join("data/chunk-000/file-000.parquet"), |batch| {
+                    let unknown: ArrayRef = std::sync::Arc::new(BooleanArray::from(vec![None; batch.num_rows()]));
+                    let fields: Vec<_> = batch
+                        .schema()
+                        .fields()
+                        .iter()
+                        .map(|field| {
+                            let is_nullable = field.name() == "is_idle" || field.is_nullable();
+                            field.as_ref().clone().with_nullable(is_nullable)
+                        })
+                        .collect();
+                    let schema = std::sync::Arc::new(arrow_schema::Schema::new(fields));
+                    let place = schema.index_of("is_idle").unwrap();
+                    let mut columns = batch.columns().to_vec();
+                    columns[place] = unknown;
+                    RecordBatch::try_new(schema, columns).unwrap()
+                });
+            },
+            "`is_idle` does not hold numbers in every row",
+        ),
+    ];
+    for (number, (change, expected)) in cases.into_iter().enumerate() {
+        let source = foreign(&bench, &format!("foreign-{number}"));
+        change(&source);
+        let error = bench.import(&source, "out").unwrap_err();
+        assert!(error.contains(expected), "{expected} in {error}");
+    }
+}
+
+/// Where an episode of the original lies, written by its own libraries (`testdata/make_original_episode.py`).
+fn original() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/original")
+}
+
+/// Its numbers, sentence, stages and depth, and pictures of the colours that it was given.
+#[test]
+fn episodes_of_the_original_come_in() {
+    let bench = Bench::new();
+    copy(&original(), &bench.at("demos/task/a"));
+    copy(&original(), &bench.at("demos/task/b"));
+    let (settings, out) = (ImportSettings::default(), bench.at("imported"));
+    let report = import::import(&bench.at("demos"), &settings, &out, &mut |_| {}).unwrap();
+    assert_eq!((report.written.episodes, report.written.frames), (2, 10));
+    let depth_dataset = lerobot::depth_path(&out);
+    // Both folders hold the same episode, which is the one thing to find.
+    let found = told(&checked(&out));
+    assert!(found.lines().count() == 1 && found.contains("an episode only once"), "{found}");
+    assert_eq!(told(&checked(&depth_dataset)), "");
+    let rows = first(&out, "data");
+    let column = |name: &str| -> Vec<f64> { numbers(rows.column_by_name(name).unwrap()) };
+    let joints = |step: usize| (0..9).map(move |joint| joint as f64 / 8.0 + step as f64 / 16.0);
+    let states: Vec<f64> = (0..5).flat_map(joints).collect();
+    assert_eq!(column("observation.state")[..45], states);
+    let action: Vec<f64> =
+        (0..5).flat_map(|step| joints(step + 1).take(7).chain([if step < 2 { 0.04 } else { 0.0 }; 2])).collect();
+    assert_eq!(column("action")[..45], action);
+    assert_eq!(column("gripper_close")[..5], [-1.0, -1.0, 1.0, 1.0, 1.0]);
+    assert_eq!(column("subtask_index")[..5], [0.0, 0.0, 1.0, 1.0, 2.0]);
+    let poses = column("sim.object_pose");
+    assert_eq!(poses[112..119], [0.75, 0.0, 0.75, 0.0, 1.0, 0.0, 0.0], "the mug in the second frame");
+    assert_eq!(poses[119..126], [0.25, -0.5, 0.25, 0.0, 1.0, 0.0, 0.0], "the table, second in the order of ids");
+    assert_eq!(column("camera.realsense.camera2env_pose")[16..19], [1.0, 2.0, 3.0]);
+    let listed = first(&out, "meta/episodes");
+    let names = listed.column_by_name("store_id").unwrap();
+    let names = names.as_any().downcast_ref::<arrow_array::StringArray>().unwrap();
+    assert_eq!((names.value(0), names.value(1)), ("2025-06-05_10_00_00_000001", "episode_000001"));
+
+    let depths = first(&depth_dataset, "data");
+    let pictures = depths.column_by_name("observation.images.realsense_depth").unwrap();
+    let pictures = pictures.as_any().downcast_ref::<arrow_array::StructArray>().unwrap();
+    let files = pictures.column_by_name("bytes").unwrap();
+    let file = files.as_any().downcast_ref::<arrow_array::BinaryArray>().unwrap().value(1);
+    let (width, height, mm) = genmanip_data::depth::decode_depth_png(file).unwrap();
+    assert_eq!((width, height), (32, 24));
+    assert_eq!(mm[..11], [0, 1, 1, 1, 1, 1, 1, 1, 2, 6554, 0]);
+    assert_eq!(mm[32], 1122, "(32 * 7 + 11000) tenths");
+}
+
+fn first(dataset: &Path, table: &str) -> RecordBatch {
+    let path = dataset.join(table).join("chunk-000/file-000.parquet");
+    let reader = ParquetRecordBatchReaderBuilder::try_new(File::open(path).unwrap()).unwrap();
+    reader.with_batch_size(1000).build().unwrap().next().unwrap().unwrap()
+}
+
+fn numbers(column: &ArrayRef) -> Vec<f64> {
+    use arrow_array::cast::AsArray;
+    use arrow_array::types::{Float32Type, Float64Type, Int64Type};
+    if let Some(lists) = column.as_fixed_size_list_opt() {
+        return numbers(lists.values());
+    }
+    if let Some(values) = column.as_primitive_opt::<Float32Type>() {
+        return values.values().iter().map(|value| f64::from(*value)).collect();
+    }
+    if let Some(values) = column.as_primitive_opt::<Int64Type>() {
+        return values.values().iter().map(|value| *value as f64).collect();
+    }
+    column.as_primitive::<Float64Type>().values().to_vec()
+}
+
+/// Recordings that execute, that are damaged, or that lead outside end in one line.
+#[test]
+fn hostile_recordings_are_refused() {
+    let bench = Bench::new();
+    let marker = bench.at("executed");
+    let system = format!("cos\nsystem\n(S'touch {}'\ntR.", marker.display());
+    let meta = |bytes: Vec<u8>| move |folder: &Path| fs::write(folder.join("meta_info.pkl"), &bytes).unwrap();
+    let data = |change: fn(&mut Vec<u8>)| {
+        move |folder: &Path| {
+            let path = folder.join("lmdb/data.mdb");
+            let mut bytes = fs::read(&path).unwrap();
+            change(&mut bytes);
+            fs::write(path, bytes).unwrap();
+        }
+    };
+    type Change = Box<dyn Fn(&Path)>;
+    let cases: Vec<(Change, &str)> = vec![
+        (Box::new(meta(system.into_bytes())), "got a call of os.system, which is not executed"),
+        (Box::new(meta(b"}.".to_vec())), "a number under `num_steps`"),
+        (Box::new(meta(vec![0; 100])), "an instruction that builds plain values"),
+        (Box::new(data(|bytes| bytes.truncate(20_000))), "a page beyond its end"),
+        (Box::new(data(|bytes| bytes.truncate(10))), "another kind of file"),
+        (Box::new(data(|bytes| bytes[8192..].fill(0xff))), "a damaged page"),
+        (Box::new(|folder| fs::remove_file(folder.join("lmdb/data.mdb")).unwrap()), "data.mdb"),
+        (
+            Box::new(data(|bytes| {
+                let key = b"observation/robot/qpos";
+                let at = bytes.windows(key.len()).position(|window| window == key).unwrap();
+                bytes[at] = b'x';
+            })),
+            "an entry per frame",
+        ),
+    ];
+    for (number, (change, expected)) in cases.into_iter().enumerate() {
+        let folder = bench.at(&format!("episode-{number}"));
+        copy(&original(), &folder);
+        change(&folder);
+        let out = bench.at("out");
+        let error = import::import(&folder, &ImportSettings::default(), &out, &mut |_| {}).unwrap_err().to_string();
+        assert!(error.contains(expected) && !error.contains('\n'), "{expected} in {error}");
+        assert!(!out.exists() && !marker.exists());
+    }
+    // Any page may be damaged anywhere.
+    let bytes = fs::read(original().join("lmdb/data.mdb")).unwrap();
+    for number in 0..300_usize {
+        let mut changed = bytes.clone();
+        for at in 0..8 {
+            let place = (number * 7919 + at * 104_729) % changed.len();
+            changed[place] ^= 1 << (number % 8);
+        }
+        let folder = bench.at("changed");
+        copy(&original(), &folder);
+        fs::write(folder.join("lmdb/data.mdb"), changed).unwrap();
+        let out = bench.at(&format!("changed-{number}"));
+        let _ = import::import(&folder, &ImportSettings::default(), &out, &mut |_| {});
+        fs::remove_dir_all(folder).unwrap();
+    }
+}
