@@ -14,6 +14,7 @@ use multiversion::multiversion;
 use crate::assets::RenderAssets;
 use crate::lanes::{CHUNK, nearest_integer};
 use crate::layers::{MarkCount, TILE};
+use crate::occluders::Occluders;
 use crate::occlusion::{Taps, occlude};
 use crate::points::{Centers, Pixels, Points, packed};
 use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
@@ -220,7 +221,7 @@ impl Arrival {
     }
 
     /// Finds the tiles where nothing can be darkened.
-    pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation) {
+    pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation, occluders: &Occluders) {
         let is_seam = |tile: usize| {
             let own = self.tiles[tile].surface;
             let (column, row) = (tile % self.columns, tile / self.columns);
@@ -235,7 +236,8 @@ impl Arrival {
             let part = assets.parts.get((self.tiles[tile].surface as usize).wrapping_sub(1));
             let [from, to] = self.around(tile, self.tiles[tile].reach);
             // Only one convex part is seen all around.
-            variation.occlusion_radius_m <= 0.0 || part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
+            variation.occlusion_radius_m <= 0.0
+                || !occluders.count() && part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
         }));
         self.is_plain = is_plain;
     }
@@ -256,10 +258,12 @@ impl Arrival {
         }
         coarse.iter().for_each(|&tile| self.share_key(tile));
         self.find_ambient(tiles, bins, assets.parts.len(), dark);
+        let strength = variation.occlusion_strength * scene.occluders.left_to_depth();
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
-            occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, taps);
+            occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, strength, taps);
+            scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
             for i in 0..points.count {
                 let (column, row) = (nearest_integer(points.column[i]), nearest_integer(points.row[i]));
                 self.raw_half[row as usize / 2 * self.half_width + column as usize / 2] = taps.share[i];

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::{Frame, Material, ObjectModel, Pose, RobotModel, VisualPart, World};
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 
 use crate::error::RenderError;
 use crate::job::{FIRST_OBJECT, FrameState, ROBOT, TABLE};
@@ -18,6 +18,8 @@ pub struct RenderAssets {
     robot: Option<Arc<RobotModel>>,
     objects: Vec<Arc<ObjectModel>>,
     body_count: usize,
+    /// Low and high corners of boxes around the opaque parts of each body, in its frame.
+    bounds: Vec<Option<(Vec3, Vec3)>>,
 }
 
 /// One mesh of one material, in the frame of its body.
@@ -103,12 +105,18 @@ impl RenderAssets {
         if parts.len() > limit {
             return Err(RenderError::TooLarge { what: "visual parts", got: parts.len(), limit });
         }
-        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body }))
+        let bounds = bounds(&parts, body);
+        Ok(Arc::new(Self { parts, robot, objects: objects.to_vec(), body_count: body, bounds }))
     }
 
     /// Number of poses in a [`FrameState`]: links of the robot and of all objects.
     pub fn body_count(&self) -> usize {
         self.body_count
+    }
+
+    /// Low and high corner of the box around the opaque parts of a body, in its frame; `None` without any.
+    pub(crate) fn bounds_of(&self, body: usize) -> Option<(Vec3, Vec3)> {
+        self.bounds[body]
     }
 
     /// Number of triangles of everything together.
@@ -156,6 +164,20 @@ impl RenderAssets {
         let hand = self.robot.as_ref().and_then(|robot| frame.body_poses.get(robot.hand));
         hand.copied().unwrap_or_default()
     }
+}
+
+/// Low and high corners of boxes around the opaque parts of each body.
+fn bounds(parts: &[Part], bodies: usize) -> Vec<Option<(Vec3, Vec3)>> {
+    let mut bounds = vec![None; bodies];
+    for part in parts.iter().filter(|part| part.casts_shadow && !part.is_transparent()) {
+        if let Some(known) = part.body.and_then(|body| bounds.get_mut(body)) {
+            for &place in &part.mesh.positions {
+                let (low, high) = known.unwrap_or((place, place));
+                *known = Some((low.min(place), high.max(place)));
+            }
+        }
+    }
+    bounds
 }
 
 impl Part {

@@ -7,6 +7,7 @@ use crate::assets::RenderAssets;
 use crate::edges::Edges;
 use crate::job::{Channels, FrameBuffers, FrameState};
 use crate::layers::{Layers, TILE};
+use crate::occluders::Occluders;
 use crate::points::Pixels;
 use crate::raster::Target;
 use crate::scene::Scene;
@@ -27,6 +28,7 @@ pub(crate) struct Canvas {
     glass: [Target; 2],
     arrival: Arrival,
     shadow_version: u64,
+    occluders: Occluders,
     /// Linear display colours at pixel centres, without what is transparent.
     colors: Vec<Vec3A>,
     rgb: Vec<u8>,
@@ -89,8 +91,12 @@ impl Canvas {
         } else {
             self.stale.clone_from(&self.changed);
         }
+        if scene.occluders.differ(&self.occluders) {
+            self.stale.fill(true);
+        }
+        self.occluders.clone_from(scene.occluders);
         self.shadow_version = scene.shadow.version();
-        self.arrival.find_plain(assets, scene.variation);
+        self.arrival.find_plain(assets, scene.variation, scene.occluders);
         self.shaded.clone_from(&self.stale);
         self.arrival.widen(&mut self.shaded);
         self.finished.clone_from(&self.shaded);

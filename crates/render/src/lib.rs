@@ -38,6 +38,7 @@ mod lanes;
 mod layers;
 mod mesh;
 mod normals;
+mod occluders;
 mod occlusion;
 mod panes;
 mod patterns;

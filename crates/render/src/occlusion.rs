@@ -22,6 +22,7 @@ pub(crate) fn occlude(
     size: [usize; 2],
     focal: f32,
     variation: &RenderVariation,
+    strength: f32,
     taps: &mut Taps,
 ) {
     let radius = variation.occlusion_radius_m;
@@ -33,7 +34,7 @@ pub(crate) fn occlude(
         }
         add_taps(taps, points, focal, radius);
     }
-    let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
+    let scale = 2.5 * strength / (radius.powi(5) * TAPS as f32);
     for i in 0..CHUNK {
         let share = 1.0 - taps.darkening[i] * scale;
         taps.share[i] = if share > 0.15 { share } else { 0.15 };

@@ -10,6 +10,7 @@ use crate::backdrop::Backdrop;
 use crate::canvas::{Canvas, write_geometry};
 use crate::error::RenderError;
 use crate::job::{FrameBuffers, FrameState, ViewJob};
+use crate::occluders::Occluders;
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::Lighting;
@@ -38,6 +39,8 @@ pub struct Renderer {
     backdrop: Backdrop,
     /// Shadows of large and of small images, and the frame that each was drawn for.
     shadows: [(ShadowMap, Option<FrameState>); 2],
+    /// What holds back ambient light in the last job.
+    occluders: Occluders,
     /// Pictures by camera, the one drawn last at the end.
     kept: Vec<(Seat, Canvas)>,
     /// Depth and ids without colour.
@@ -67,6 +70,7 @@ impl Renderer {
             surfaces,
             variation,
             shadows: Default::default(),
+            occluders: Occluders::default(),
             kept: Vec::new(),
             view: View::default(),
             solid: Target::default(),
@@ -144,6 +148,7 @@ impl Renderer {
             shadow.update(&self.assets, frame, &self.variation, size, is_small);
             shadow_of.get_or_insert_with(|| frame.clone()).clone_from(frame);
         }
+        self.occluders.place(&self.assets, frame, job.camera.mount);
         let seat = Seat {
             mount: job.camera.mount,
             mount_from_camera: job.camera.mount_from_camera,
@@ -161,7 +166,8 @@ impl Renderer {
         };
         let (assets, surfaces) = (&*self.assets, &*self.surfaces);
         let (variation, lighting, backdrop) = (&self.variation, &self.lighting, &self.backdrop);
-        let scene = Scene { assets, surfaces, variation, lighting, backdrop, shadow };
+        let occluders = &self.occluders;
+        let scene = Scene { assets, surfaces, variation, lighting, backdrop, shadow, occluders };
         canvas.draw(&scene, frame, lens, scale);
         canvas.write(&self.assets, job.channels, out);
         self.shaded_pixels = canvas.shaded_pixels;

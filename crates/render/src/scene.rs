@@ -2,6 +2,7 @@
 
 use crate::assets::{RenderAssets, Surface};
 use crate::backdrop::Backdrop;
+use crate::occluders::Occluders;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::variation::RenderVariation;
@@ -15,4 +16,6 @@ pub(crate) struct Scene<'a> {
     pub lighting: &'a Lighting,
     pub backdrop: &'a Backdrop,
     pub shadow: &'a ShadowMap,
+    /// What holds back ambient light and is not told by the picture.
+    pub occluders: &'a Occluders,
 }

@@ -335,6 +335,8 @@ struct Reflected {
     strength: Lane,
     /// How much of the ambient light is held back by what holds back the lamp's.
     veiled: Lane,
+    /// How much of the key light the sides of a corner throw on each other is there.
+    corner: Lane,
     lobe: Lane,
     weight: Lane,
     color: [Lane; 3],
@@ -353,6 +355,7 @@ impl Default for Reflected {
             bias: ZERO,
             strength: ZERO,
             veiled: ZERO,
+            corner: ZERO,
             lobe: ZERO,
             weight: ZERO,
             color: lanes,
@@ -363,6 +366,10 @@ impl Default for Reflected {
 /// Share of the key light that the sides of a corner throw on each other twice, of what they would if all faced it. Fitted
 /// to traced pictures.
 const CORNER_KEY: f32 = 0.8;
+/// How much less of it there is where a surface that faces the key light lies in shadow, and how many times the share of
+/// the sky that is seen it is at most: what enters a deep hollow is little. Fitted likewise.
+const CORNER_SHADE: f32 = 0.6;
+const CORNER_OPEN: f32 = 2.0;
 
 /// Share of the ambient light, for a surface that faces the key light, that comes from around it and is held back with
 /// it. Fitted to traced pictures.
@@ -465,6 +472,7 @@ fn find_highlights(roughness: f32, to_light: [f32; 3], key: &Lane, out: &mut Ref
         let lit = if lit > 0.0 { lit } else { 0.0 };
         out.strength[i] = lit * key[i];
         out.veiled[i] = (lit - out.strength[i]) * WITH_KEY;
+        out.corner[i] = 1.0 - within((lit - out.strength[i]) * 4.0, 0.0, 1.0) * CORNER_SHADE;
         let half = [viewer[0] + to_light[0], viewer[1] + to_light[1], viewer[2] + to_light[2]];
         let inverse = 1.0 / (dot(half, half) + 1e-12).sqrt();
         let half = [half[0] * inverse, half[1] * inverse, half[2] * inverse];
@@ -501,7 +509,8 @@ fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Refle
             let ambient = if ambient > 0.0 { ambient } else { 0.0 };
             let direct = (f0 + (1.0 - f0) * out.weight[i]) * out.lobe[i];
             let direct = if direct < 12.0 { direct } else { 12.0 };
-            let corner = (1.0 - ambient_share) * albedo * albedo * albedo * lamp * CORNER_KEY;
+            let enclosed = (1.0 - ambient_share) * within(ambient_share * CORNER_OPEN, 0.0, 1.0);
+            let corner = enclosed * out.corner[i] * albedo * albedo * albedo * lamp * CORNER_KEY;
             let diffuse = albedo * (around * between(ambient_share, albedo) + corner + arriving);
             let specular = out.mirrored[channel][i] * ambient * glossy_share + arriving * direct;
             out.color[channel][i] = (diffuse * side + specular) * exposure;

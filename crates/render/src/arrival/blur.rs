@@ -8,10 +8,12 @@ use super::{Arrival, LEVEL, put};
 use crate::layers::TILE;
 use crate::refine::{HALF, UNKNOWN};
 
-/// Pixels around a tile that its blur reads.
+/// Values around one that its blur reads, on each side.
 const MARGIN: usize = 2;
 /// Rows and columns of a tile with its surroundings.
 const WINDOW: usize = TILE + 2 * MARGIN;
+/// The same where four pixels share a value.
+const COARSE_WINDOW: usize = TILE + 4 * MARGIN;
 /// The same of the coarse grid of the ambient light.
 const HALF_WINDOW: usize = HALF + 2 * MARGIN;
 
@@ -33,9 +35,15 @@ impl Arrival {
             rows.for_each(|row| put(&mut self.key[row * self.width..][columns.clone()], &values));
             return;
         }
-        let mut window = Window::<WINDOW>::default();
-        window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
-        let blurred = blur_tile(&window);
+        let blurred = if self.tiles[tile].is_coarse {
+            let mut window = Window::<COARSE_WINDOW, 2>::default();
+            window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
+            blur_coarse_tile(&window)
+        } else {
+            let mut window = Window::<WINDOW, 1>::default();
+            window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
+            blur_tile(&window)
+        };
         for (row, line) in rows.zip(&blurred) {
             put(&mut self.key[row * self.width..][columns.clone()], line);
         }
@@ -52,7 +60,7 @@ impl Arrival {
             }
             return;
         }
-        let mut window = Window::<HALF_WINDOW>::default();
+        let mut window = Window::<HALF_WINDOW, 1>::default();
         window.load(self, &self.raw_half, self.half_width, [columns.start, rows.start], 2);
         let blurred = blur_half_tile(&window);
         for (row, line) in rows.zip(&blurred) {
@@ -62,29 +70,32 @@ impl Arrival {
     }
 }
 
-/// A tile and its surroundings.
-struct Window<const SIDE: usize> {
+/// A tile and its surroundings, of which every `STEP`th value counts.
+struct Window<const SIDE: usize, const STEP: usize> {
     surface: [[u32; SIDE]; SIDE],
     depth: [[f32; SIDE]; SIDE],
     value: [[f32; SIDE]; SIDE],
 }
 
-impl<const SIDE: usize> Default for Window<SIDE> {
+impl<const SIDE: usize, const STEP: usize> Default for Window<SIDE, STEP> {
     fn default() -> Self {
         let zero = [[0.0; SIDE]; SIDE];
         Self { surface: [[0; SIDE]; SIDE], depth: zero, value: [[UNKNOWN; SIDE]; SIDE] }
     }
 }
 
-impl<const SIDE: usize> Window<SIDE> {
+impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
+    /// Values beside the tile on each side.
+    const BESIDE: usize = MARGIN * STEP;
+
     /// From values on a grid with a step of so many pixels.
     fn load(&mut self, arrival: &Arrival, values: &[f32], width: usize, [x0, y0]: [usize; 2], step: usize) {
         let height = values.len() / width;
-        let from = MARGIN.saturating_sub(x0);
-        let to = SIDE.min(width + MARGIN - x0);
+        let from = Self::BESIDE.saturating_sub(x0);
+        let to = SIDE.min(width + Self::BESIDE - x0);
         for row in 0..SIDE {
-            let Some(y) = (y0 + row).checked_sub(MARGIN).filter(|&y| y < height) else { continue };
-            let x = x0 + from - MARGIN;
+            let Some(y) = (y0 + row).checked_sub(Self::BESIDE).filter(|&y| y < height) else { continue };
+            let x = x0 + from - Self::BESIDE;
             self.value[row][from..to].copy_from_slice(&values[y * width + x..][..to - from]);
             let fine = y * step * arrival.width + x * step;
             let depths = arrival.depth[fine..].iter().step_by(step);
@@ -101,12 +112,13 @@ impl<const SIDE: usize> Window<SIDE> {
         let mut lines = [[UNKNOWN; OUT]; SIDE];
         for row in 0..SIDE {
             for column in 0..OUT {
-                let (surface, depth) = (self.surface[row][column + MARGIN], self.depth[row][column + MARGIN]);
+                let (surface, depth) =
+                    (self.surface[row][column + Self::BESIDE], self.depth[row][column + Self::BESIDE]);
                 let (mut sum, mut total) = (0.0, 0.0);
                 for tap in 0..5 {
-                    let value = self.value[row][column + tap];
-                    let is_same = (self.surface[row][column + tap] == surface)
-                        & ((self.depth[row][column + tap] - depth).abs() < LEVEL * depth)
+                    let value = self.value[row][column + tap * STEP];
+                    let is_same = (self.surface[row][column + tap * STEP] == surface)
+                        & ((self.depth[row][column + tap * STEP] - depth).abs() < LEVEL * depth)
                         & (value >= 0.0);
                     let weight = if is_same { WEIGHTS[tap] } else { 0.0 };
                     sum += weight * value;
@@ -118,13 +130,15 @@ impl<const SIDE: usize> Window<SIDE> {
         let mut out = [[UNKNOWN; OUT]; OUT];
         for row in 0..OUT {
             for column in 0..OUT {
-                let (surface, depth) =
-                    (self.surface[row + MARGIN][column + MARGIN], self.depth[row + MARGIN][column + MARGIN]);
+                let (surface, depth) = (
+                    self.surface[row + Self::BESIDE][column + Self::BESIDE],
+                    self.depth[row + Self::BESIDE][column + Self::BESIDE],
+                );
                 let (mut sum, mut total) = (0.0, 0.0);
                 for tap in 0..5 {
-                    let value = lines[row + tap][column];
-                    let is_same = (self.surface[row + tap][column + MARGIN] == surface)
-                        & ((self.depth[row + tap][column + MARGIN] - depth).abs() < LEVEL * depth)
+                    let value = lines[row + tap * STEP][column];
+                    let is_same = (self.surface[row + tap * STEP][column + Self::BESIDE] == surface)
+                        & ((self.depth[row + tap * STEP][column + Self::BESIDE] - depth).abs() < LEVEL * depth)
                         & (value >= 0.0);
                     let weight = if is_same { WEIGHTS[tap] } else { 0.0 };
                     sum += weight * value;
@@ -138,11 +152,16 @@ impl<const SIDE: usize> Window<SIDE> {
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn blur_tile(window: &Window<WINDOW>) -> [[f32; TILE]; TILE] {
+fn blur_tile(window: &Window<WINDOW, 1>) -> [[f32; TILE]; TILE] {
     window.blurred()
 }
 
 #[multiversion(targets("x86_64+avx2"))]
-fn blur_half_tile(window: &Window<HALF_WINDOW>) -> [[f32; HALF]; HALF] {
+fn blur_coarse_tile(window: &Window<COARSE_WINDOW, 2>) -> [[f32; TILE]; TILE] {
+    window.blurred()
+}
+
+#[multiversion(targets("x86_64+avx2"))]
+fn blur_half_tile(window: &Window<HALF_WINDOW, 1>) -> [[f32; HALF]; HALF] {
     window.blurred()
 }
