@@ -15,6 +15,7 @@ mod diff;
 mod freeze;
 mod frozen;
 mod perturb;
+mod pictures;
 mod review;
 mod training;
 

@@ -11,7 +11,7 @@ use genmanip_bench::suite::{Candidate, Stage, SuiteEntry, SuiteFile, balanced_tr
 use genmanip_core::{Document, EpisodeResult, Scenario, Seed, Task, TaskKind, World};
 use genmanip_layout::LayoutSettings;
 use genmanip_scene::designer::{DesignSettings, Series};
-use genmanip_scene::references::{Clue, clues_at_places, is_needless};
+use genmanip_scene::references::{self, Clue, Mismatch, clues_at_places, is_needless};
 
 use super::KINDS;
 use super::frozen::{self, Head, certificate};
@@ -31,6 +31,10 @@ const HORIZON_FACTOR: f64 = 3.0;
 const HORIZON_STEP_S: f64 = 5.0;
 /// Designs of a kind for each candidate that is wanted, before the kind is given up.
 const DESIGNS_PER_CANDIDATE: usize = 24;
+/// A value of a trait is frequent above so many times the mean of its values, and so many designs with one are passed
+/// over for each candidate that is chosen.
+const FREQUENT: f64 = 1.1;
+const PASSED_OVER: usize = 10;
 
 /// What is built, and where.
 #[derive(Clone, Debug)]
@@ -108,79 +112,162 @@ pub fn build(
 /// Tasks of each kind that need what their kind is about.
 fn design(options: &BuildOptions, progress: &dyn Progress) -> (Vec<Task>, Stage) {
     let wanted = options.per_kind * options.candidates;
-    let cards = options.catalogue.cards();
-    let settings = DesignSettings::default();
     let mut stage = Stage::new("say what their kind is about, and need it");
     let mut tasks = Vec::new();
     progress.begin("designing", wanted * KINDS.len());
     for kind in KINDS {
-        let kinds = [kind];
-        let Ok(mut series) = Series::new(&kinds, cards, options.seed, &settings, false) else { continue };
-        let mut needs: BTreeMap<String, usize> = BTreeMap::new();
-        let mut passed = 0;
+        let mut chosen = Chosen { wanted, ..Chosen::default() };
         for task in options.tasks.iter().filter(|task| task.kind == kind) {
-            match refusal(task, &mut needs, passed, wanted) {
+            match chosen.refusal(task) {
                 Some(reason) => stage.refuse(format!("{}, recorded: {reason}", kind.name())),
                 None => {
-                    tasks.push(task.clone());
-                    passed += 1;
+                    chosen.take(task.clone(), options.catalogue);
                     progress.advance();
                 }
             }
         }
-        for _ in 0..wanted * DESIGNS_PER_CANDIDATE {
-            if passed >= wanted {
-                break;
-            }
-            let refused = match series.compose() {
-                Err(_) => Some("no such task could be composed".to_owned()),
-                Ok(task) => match refusal(&task, &mut needs, passed, wanted) {
-                    Some(reason) => Some(reason),
-                    None => {
-                        tasks.push(task);
-                        passed += 1;
-                        progress.advance();
-                        None
-                    }
-                },
-            };
-            if let Some(reason) = refused {
-                stage.refuse(format!("{}: {reason}", kind.name()));
-            }
+        let series = series(kind);
+        for (number, settings) in series.iter().enumerate() {
+            // The same share of what is left for each series.
+            let until = chosen.tasks.len() + (wanted.saturating_sub(chosen.tasks.len())) / (series.len() - number);
+            compose(kind, settings, until, &mut chosen, &mut stage, options, progress);
         }
-        stage.passed.insert(kind.name().into(), passed);
+        chosen.tasks.iter().for_each(|_| stage.pass(kind));
+        tasks.append(&mut chosen.tasks);
     }
     progress.end();
     (tasks, stage)
 }
 
-/// Why a task is no candidate; the need of one that is counts.
-fn refusal(task: &Task, needs: &mut BTreeMap<String, usize>, passed: usize, wanted: usize) -> Option<String> {
-    match Clue::of(task.kind).filter(|&clue| is_needless(task, clue)) {
-        Some(Clue::Need) => return Some("what is meant is clear without the need".into()),
-        Some(Clue::Place) => return Some("what is meant is clear without where it is".into()),
-        Some(Clue::Trait) => return Some("what is meant is clear without what it looks like".into()),
-        None => {}
+/// Long-horizon tasks have two, three and four steps equally often.
+fn series(kind: TaskKind) -> Vec<DesignSettings> {
+    let usual = DesignSettings::default();
+    match kind {
+        TaskKind::LongHorizon => [2, 3, 4].map(|steps| DesignSettings { steps: [steps; 2], ..usual.clone() }).into(),
+        _ => vec![usual],
     }
-    if task.kind == TaskKind::CommonSense {
-        // The need is the sentence before the request.
-        let need = task.instruction.split(['.', ':', ';']).next().unwrap_or_default().to_lowercase();
-        let count = needs.entry(need).or_default();
-        if *count >= 2 {
+}
+
+/// Composes tasks until so many are chosen.
+fn compose(
+    kind: TaskKind,
+    settings: &DesignSettings,
+    until: usize,
+    chosen: &mut Chosen,
+    stage: &mut Stage,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) {
+    let kinds = [kind];
+    let seed = options.seed.fork(&format!("{} steps", settings.steps[0]));
+    let Ok(mut series) = Series::new(&kinds, options.catalogue.cards(), seed, settings, false) else { return };
+    let (first, mut passed_over) = (chosen.tasks.len(), 0);
+    for _ in 0..DESIGNS_PER_CANDIDATE * until.saturating_sub(first) {
+        if chosen.tasks.len() >= until {
+            break;
+        }
+        let refused = match series.compose() {
+            Err(_) => Some("no such task could be composed".to_owned()),
+            Ok(mut task) => {
+                task.id = format!("{}-{}-{:05}", kind.name(), options.seed, chosen.tasks.len());
+                let is_frequent = chosen.is_frequent(&task, options.catalogue);
+                match chosen.refusal(&task) {
+                    Some(reason) => Some(reason),
+                    None if is_frequent && passed_over < PASSED_OVER * (chosen.tasks.len() - first + 1) => {
+                        passed_over += 1;
+                        Some("others like it are frequent already".to_owned())
+                    }
+                    None => {
+                        chosen.take(task, options.catalogue);
+                        progress.advance();
+                        None
+                    }
+                }
+            }
+        };
+        if let Some(reason) = refused {
+            stage.refuse(format!("{}: {reason}", kind.name()));
+        }
+    }
+}
+
+/// The candidates of a kind so far.
+#[derive(Default)]
+struct Chosen {
+    tasks: Vec<Task>,
+    /// How many there are to be.
+    wanted: usize,
+    /// How often each need was said.
+    needs: BTreeMap<String, usize>,
+    /// Spatial tasks with one clue.
+    with_one_clue: usize,
+    /// How often each value of each trait occurs, by name and value; 0 for those that were only seen.
+    traits: BTreeMap<String, BTreeMap<String, usize>>,
+}
+
+impl Chosen {
+    fn take(&mut self, task: Task, catalogue: &Catalogue) {
+        if let Some(need) = need(&task) {
+            *self.needs.entry(need).or_default() += 1;
+        }
+        self.with_one_clue += usize::from(has_one_clue(&task));
+        for (name, values) in traits(&task, catalogue) {
+            for value in values {
+                *self.traits.entry(name.clone()).or_default().entry(value).or_default() += 1;
+            }
+        }
+        self.tasks.push(task);
+    }
+
+    /// Whether some trait of a task has a value that is more frequent than the others that were seen of it.
+    fn is_frequent(&mut self, task: &Task, catalogue: &Catalogue) -> bool {
+        let mut is_frequent = false;
+        for (name, values) in traits(task, catalogue) {
+            let counts = self.traits.entry(name).or_default();
+            for value in values {
+                counts.entry(value.clone()).or_default();
+                let mean = counts.values().sum::<usize>() as f64 / counts.len() as f64;
+                is_frequent |= counts[&value] as f64 > FREQUENT * mean + 1.0;
+            }
+        }
+        is_frequent
+    }
+
+    /// Why a task is no candidate.
+    fn refusal(&self, task: &Task) -> Option<String> {
+        match Clue::of(task.kind).filter(|&clue| is_needless(task, clue)) {
+            Some(Clue::Need) => return Some("what is meant is clear without the need".into()),
+            Some(Clue::Place) => return Some("what is meant is clear without where it is".into()),
+            Some(Clue::Trait) => return Some("what is meant is clear without what it looks like".into()),
+            None => {}
+        }
+        if need(task).is_some_and(|need| self.needs.get(&need).is_some_and(|&count| count >= 2)) {
             return Some("its need occurs twice already".into());
         }
-        *count += 1;
-    }
-    let is_simple = task.kind == TaskKind::Spatial && clues_at_places(task).is_ok_and(|count| count < 2);
-    // At least half of the spatial candidates tell two things by their place.
-    let simple = needs.entry("one clue".into()).or_default();
-    if is_simple {
-        if 2 * *simple >= wanted.max(passed) {
-            return Some("enough tasks with one clue".into());
+        // A recorded sentence may be beyond the reader, but not mean something else to it.
+        match references::check(task) {
+            Ok(()) | Err(Mismatch::Unreadable { .. }) => {}
+            Err(mismatch) => return Some(format!("its sentence does not mean its goal: {mismatch}")),
         }
-        *simple += 1;
+        // At least half of the spatial candidates tell two things by their place.
+        let is_half = 2 * self.with_one_clue >= self.wanted.max(self.tasks.len());
+        (has_one_clue(task) && is_half).then(|| "enough tasks with one clue".into())
     }
-    None
+}
+
+/// What a common-sense task says before its request.
+fn need(task: &Task) -> Option<String> {
+    let need = || task.instruction.split(['.', ':', ';']).next().unwrap_or_default().to_lowercase();
+    (task.kind == TaskKind::CommonSense).then(need)
+}
+
+fn has_one_clue(task: &Task) -> bool {
+    task.kind == TaskKind::Spatial && clues_at_places(task).is_ok_and(|count| count < 2)
+}
+
+fn traits(task: &Task, catalogue: &Catalogue) -> BTreeMap<String, Vec<String>> {
+    let is_unseen = |uid: &str| catalogue.split(uid) != Split::Train;
+    balanced_traits(task, clues_at_places(task).unwrap_or(0), &is_unseen)
 }
 
 fn lay_out_all(
@@ -245,14 +332,12 @@ fn certify(
 
 fn entry(scenario: Scenario, trials: &[EpisodeResult], catalogue: &Catalogue) -> (Scenario, SuiteEntry) {
     let longest = trials.iter().filter(|it| it.success).map(|it| it.duration_s).fold(0.0, f64::max);
-    let is_unseen = |uid: &str| catalogue.split(uid) != Split::Train;
-    let clues = clues_at_places(&scenario.task).unwrap_or(0);
     let entry = SuiteEntry {
         id: scenario.id.clone(),
         sha256: sha256(scenario.to_json().as_bytes()),
         kind: scenario.task.kind,
         source: scenario.task.source.clone(),
-        traits: balanced_traits(&scenario.task, clues, &is_unseen),
+        traits: traits(&scenario.task, catalogue),
         horizon_s: (HORIZON_FACTOR * longest / HORIZON_STEP_S).ceil() * HORIZON_STEP_S,
         certificate: certificate(trials),
         pictures: BTreeMap::new(),

@@ -1,27 +1,18 @@
 //! Freezing what a suite's scenarios are made of: objects, and hashes of what its cameras see.
 
-use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use genmanip_assets::{AssetSource, Catalogue, FrozenAsset};
-use genmanip_bench::suite::{FrozenFile, SuiteFile, sha256};
+use genmanip_bench::suite::{FrozenFile, SuiteEntry, SuiteFile, sha256};
 use genmanip_core::{Document, Scenario};
-use genmanip_rollout::collect::in_parallel;
 
 use super::assets::{SuiteAssets, distinct, path};
+use super::pictures::draw;
 use super::{open, scenario_file};
 use crate::error::RunError;
 use crate::inputs;
 use crate::progress::Progress;
-use crate::views;
-use crate::worlds::Setting;
-
-/// SHA-256 of the colours that each camera sees at the start of a scenario, by the camera's name.
-type Pictures = BTreeMap<String, String>;
-
-/// Most places that are named of one object.
-const MOST_PLACES: usize = 3;
 
 /// Puts the objects of a suite's scenarios and hashes of its pictures beside them; `None` when it was stopped.
 ///
@@ -44,7 +35,7 @@ pub fn freeze(
     if let Some(fault) = checked.faults.first() {
         return Err(RunError::input(format!("{} is not a sound suite", folder.display())).because(fault.clone()));
     }
-    let read = |entry: &genmanip_bench::suite::SuiteEntry| inputs::read_scenario(&scenario_file(folder, &entry.id));
+    let read = |entry: &SuiteEntry| inputs::read_scenario(&scenario_file(folder, &entry.id));
     let scenarios: Vec<Scenario> = suite.scenarios.iter().map(read).collect::<Result<_, _>>()?;
     let catalogue = Catalogue::builtin();
     let cannot = |error| RunError::broken("an object cannot be frozen", error);
@@ -63,80 +54,6 @@ pub fn freeze(
     }
     inputs::write_file(&folder.join("suite.json"), suite.to_json().as_bytes())?;
     Ok(Some(suite))
-}
-
-/// What is not as it was frozen, and what the catalogue makes otherwise by now, which is no fault.
-#[derive(Default)]
-pub(super) struct Differences {
-    pub faults: Vec<String>,
-    pub notes: Vec<String>,
-}
-
-/// Compares the frozen objects with their files and with the catalogue, and the pictures with those drawn now.
-pub(super) fn differences(
-    folder: &Path,
-    suite: &SuiteFile,
-    scenarios: &[Scenario],
-    workers: usize,
-    progress: &dyn Progress,
-    stop: &AtomicBool,
-) -> Result<Differences, RunError> {
-    let mut found = Differences::default();
-    let Some(source) = SuiteAssets::of(folder, suite) else { return Ok(found) };
-    for file in &suite.assets {
-        let frozen = match SuiteAssets::read(folder, file) {
-            Ok(frozen) => frozen,
-            Err(fault) => {
-                found.faults.push(fault);
-                continue;
-            }
-        };
-        if let Err(error) = source.model(&file.asset) {
-            found.faults.push(error.to_string());
-        }
-        match FrozenAsset::of(&file.asset, Catalogue::builtin()) {
-            Ok(today) => {
-                let places = frozen.differences(&today, MOST_PLACES);
-                if !places.is_empty() {
-                    found.notes.push(format!("assets/{}: the catalogue has another {}", file.file, places.join(", ")));
-                }
-            }
-            Err(error) => found.notes.push(format!("assets/{}: {error}", file.file)),
-        }
-    }
-    if found.faults.is_empty()
-        && let Some(pictures) = draw(scenarios, &source, workers, progress, stop)?
-    {
-        for (scenario, pictures) in scenarios.iter().zip(pictures) {
-            let Some(entry) = suite.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
-            let other = entry.pictures.iter().filter(|(camera, hash)| pictures.get(*camera) != Some(hash));
-            let cameras: Vec<&str> = other.map(|(camera, _)| camera.as_str()).collect();
-            if !cameras.is_empty() {
-                found.faults.push(format!("{}: looks otherwise through {}", scenario.id, cameras.join(", ")));
-            }
-        }
-    }
-    Ok(found)
-}
-
-/// What the cameras of scenarios see; `None` when it was stopped.
-fn draw(
-    scenarios: &[Scenario],
-    source: &SuiteAssets,
-    workers: usize,
-    progress: &dyn Progress,
-    stop: &AtomicBool,
-) -> Result<Option<Vec<Pictures>>, RunError> {
-    progress.begin("drawing", scenarios.len());
-    let one = |scenario: &Scenario| -> Result<Pictures, RunError> {
-        let cameras = &scenario.world.cameras;
-        let drawn = views::draw(&Setting::Scenario(Box::new(scenario.clone())), cameras, source)?;
-        progress.advance();
-        Ok(cameras.iter().zip(drawn).map(|(camera, picture)| (camera.name.clone(), sha256(&picture.rgb))).collect())
-    };
-    let drawn = in_parallel(scenarios, workers, stop, &one)?;
-    progress.end();
-    Ok((!stop.load(Ordering::Relaxed)).then_some(drawn))
 }
 
 /// A frozen object as one line: its numbers would be a line each otherwise.

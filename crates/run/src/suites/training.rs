@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use genmanip_assets::notes::Split;
 use genmanip_assets::Catalogue;
+use genmanip_assets::notes::Split;
 use genmanip_bench::suite::Stage;
 use genmanip_core::{Document, ObjectCard, Scenario, Seed, Task};
 use genmanip_scene::designer::{DesignSettings, Series};

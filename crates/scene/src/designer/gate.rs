@@ -1,5 +1,6 @@
 //! The last gate: a design is judged as an answer of a language model would be, and its sentence is read back.
 
+use super::RULES;
 use std::sync::Arc;
 
 use genmanip_core::{Atom, ObjectCard, Task, TaskKind};
@@ -28,7 +29,7 @@ pub(super) fn pass(scene: &Sketch, draft: &Draft, kind: TaskKind, id: &str) -> R
         objects: offered.iter().cloned().map(Arc::new).collect(),
         surfaces: Vec::new(),
         interchangeable: Vec::new(),
-        source: "rules".into(),
+        source: RULES.into(),
     };
     let request = TaskRequest {
         id: task.id.clone(),

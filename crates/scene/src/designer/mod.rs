@@ -39,6 +39,9 @@ use sketch::Sketch;
 pub use gate::as_answer;
 pub use report::{DesignReport, Occurrence, measure};
 pub use series::{Missing, Series};
+
+/// Source of tasks that were designed by these rules.
+pub const RULES: &str = "rules";
 pub use settings::{DesignSettings, RelationQuotas};
 
 /// Why there is no task.

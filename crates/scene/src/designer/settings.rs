@@ -21,10 +21,17 @@ pub struct DesignSettings {
     /// Share of scenes with a second copy of something.
     #[serde(default)]
     pub copies: f64,
+    /// Fewest and most steps of a long-horizon task, 2 to 4.
+    #[serde(default = "two_to_four")]
+    pub steps: [usize; 2],
     /// Size along x and y of the area that a scene is sketched in, metres.
     pub area_m: [f64; 2],
     /// Smallest gap between the outlines of neighbours in the sketch, metres.
     pub gap_m: f64,
+}
+
+fn two_to_four() -> [usize; 2] {
+    [2, 4]
 }
 
 impl Default for DesignSettings {
@@ -36,6 +43,7 @@ impl Default for DesignSettings {
             chance: 3.0,
             disjunctions: 0.2,
             copies: 0.0,
+            steps: two_to_four(),
             area_m: [0.47, 0.78],
             gap_m: 0.035,
         }

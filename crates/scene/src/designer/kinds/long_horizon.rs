@@ -25,8 +25,10 @@ struct Step {
 
 /// Steps in a row, two things to one place, or a tower.
 pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
-    // Pairs and towers nearly always work out, steps often do not and are drawn again.
+    // Pairs and towers nearly always work out, steps often do not and are drawn again. Both have two steps.
+    let is_two = composer.settings.steps[0] <= 2;
     match composer.rng.random_range(0..120) {
+        _ if !is_two => compose_steps(composer),
         0..9 => compose_pair(composer),
         9 => compose_tower(composer),
         _ => compose_steps(composer),
@@ -34,7 +36,8 @@ pub(super) fn compose(composer: &mut Composer) -> Option<Draft> {
 }
 
 fn compose_steps(composer: &mut Composer) -> Option<Draft> {
-    let count = [2, 2, 2, 2, 3, 3, 3, 4][composer.rng.random_range(0..8)];
+    let [fewest, most] = composer.settings.steps;
+    let count = [2, 2, 2, 2, 3, 3, 3, 4][composer.rng.random_range(0..8)].clamp(fewest, most.max(fewest));
     let mut items: Vec<(&ObjectCard, Place, Option<Place>)> = Vec::new();
     let mut may_choose = toss(composer, 2.0 * composer.settings.disjunctions);
     for _ in 0..count {
