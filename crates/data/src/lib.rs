@@ -29,6 +29,7 @@ pub mod images;
 pub mod import;
 pub mod lerobot;
 mod manifest;
+pub mod masks;
 pub mod mcap;
 mod mp4;
 pub mod paper;

@@ -5,6 +5,7 @@
 mod checking;
 mod editing;
 mod importing;
+mod masking;
 mod mcap;
 mod synthetic;
 

@@ -2,6 +2,7 @@
 
 use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, RgbdImage, Seed};
 use genmanip_data::images::variation_seed;
+use genmanip_data::masks::{self, MaskTrack};
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
 use genmanip_render::reference::{ReferenceSettings, trace};
 use genmanip_render::{FrameBuffers, Look, RenderError, RenderVariation, Renderer, Vary, ViewJob, sampling, sensor};
@@ -170,6 +171,36 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
         }
     }
     Ok(tracks.into_iter().map(TrackRecorder::finish).collect::<Result<Vec<_>, _>>()?)
+}
+
+/// Which thing each pixel shows, for every camera of the settings, in the pictures that [`draw`] draws; ids as
+/// [`masks`] tells them.
+///
+/// # Errors
+/// As [`draw`].
+pub fn draw_masks(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<MaskTrack>, RolloutError> {
+    const IDS: ImageChannels = ImageChannels { rgb: false, depth: false, ids: true, normals: false, points: false };
+    const _: () = assert!(genmanip_render::FIRST_OBJECT == masks::FIRST_OBJECT);
+    let seed = variation_seed(episode.result.seed);
+    let camera = |name: &String| {
+        stage.camera(&CameraRequest::new(name, IDS)).map(|camera| sampling::moved(&camera, seed, &settings.vary))
+    };
+    let cameras = settings.cameras.iter().map(camera).collect::<Result<Vec<_>, _>>()?;
+    let views: Vec<_> = cameras.iter().map(|camera| (camera, IDS)).collect();
+    let track = |camera: &Camera| MaskTrack { camera: camera.name.clone(), fps: settings.fps, png: Vec::new() };
+    let mut tracks: Vec<MaskTrack> = cameras.iter().map(track).collect();
+    let mut painter = Painter::new(stage)?;
+    let stride = (episode.result.control_rate_hz / f64::from(settings.fps)).round().max(1.0) as usize;
+    for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {
+        let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
+        let noise = sensor_seed(episode.result.seed, index);
+        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, noise)?;
+        for (track, image) in tracks.iter_mut().zip(&images) {
+            let size = &image.intrinsics;
+            track.png.push(masks::encode(&image.ids, size.width, size.height)?);
+        }
+    }
+    Ok(tracks)
 }
 
 fn failed(scenario: &str, error: &dyn std::error::Error) -> RolloutError {

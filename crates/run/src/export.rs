@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_core::Episode;
+use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::action_name;
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{DataError, EpisodeStore, ExportReport, ExportSettings, Selection, hdf5, mcap, paper, zarr};
@@ -95,7 +96,8 @@ pub fn export(
             .with_hint("collect some first; failed ones are exported with --keep-failed"));
     }
     let pictures = ImageSettings { cameras: rows.cameras.clone(), fps: rows.fps, ..looks };
-    draw_missing(&store, &ids, &pictures, options.workers, progress, stop)?;
+    check_columns(options, rows, format)?;
+    draw_missing(&store, &ids, (&pictures, rows.needs_masks()), options.workers, progress, stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
     }
@@ -118,24 +120,47 @@ pub fn export(
     Ok(Some(exported))
 }
 
-/// Draws the pictures that the store lacks, from the recorded states and in the looks of the run.
+/// Refuses columns that a format has no place for.
+fn check_columns(options: &ExportOptions, rows: &ExportSettings, format: &str) -> Result<(), RunError> {
+    let asks = |columns| rows.columns.contains(&columns);
+    let what = match options.format {
+        Format::Lerobot => return Ok(()),
+        _ if asks(ExtraColumns::Masks) => "masks",
+        Format::Mcap | Format::Paper if asks(ExtraColumns::Boxes) => "boxes",
+        _ => return Ok(()),
+    };
+    let hint = "take --to lerobot; boxes also fit into lerobot-v2.1, zarr and hdf5";
+    Err(RunError::input(format!("{format} has no place for {what}")).with_hint(hint))
+}
+
+/// Draws the pictures that the store lacks, from the recorded states and in the looks of the run; also which thing each
+/// pixel shows, where that is asked for.
 fn draw_missing(
     store: &EpisodeStore,
     ids: &[String],
-    pictures: &ImageSettings,
+    (pictures, with_masks): (&ImageSettings, bool),
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<(), RunError> {
-    let is_missing = |id: &&String| !store.has_tracks(id, pictures.fps, &pictures.cameras);
+    let (fps, cameras) = (pictures.fps, &pictures.cameras);
+    let lacks_masks = |id: &str| with_masks && !store.has_masks(id, fps, cameras);
+    let is_missing = |id: &&String| !store.has_tracks(id, fps, cameras) || lacks_masks(id);
     let missing: Vec<&String> = ids.iter().filter(is_missing).collect();
-    if pictures.cameras.is_empty() || missing.is_empty() {
+    if cameras.is_empty() || missing.is_empty() {
         return Ok(());
     }
     progress.begin("drawing", missing.len());
     in_parallel(&missing, workers, stop, &|id| {
         match store.read(id) {
-            Ok(episode) => draw(store, &episode, pictures)?,
+            Ok(episode) => {
+                if !store.has_tracks(id, fps, cameras) {
+                    draw(store, &episode, pictures)?;
+                }
+                if lacks_masks(id) {
+                    draw_masks(store, &episode, pictures)?;
+                }
+            }
             // The export names it.
             Err(error) if error.is_damage() => {}
             Err(error) => return Err(replay::unreadable(id, error)),
@@ -145,6 +170,14 @@ fn draw_missing(
     })?;
     progress.end();
     Ok(())
+}
+
+fn draw_masks(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {
+    let id = &episode.result.id;
+    let masks = images::draw_masks(&replay::stage(episode)?, episode, pictures)
+        .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;
+    let failed = |error: DataError| RunError::broken(format!("cannot keep the masks of {id}"), error);
+    store.attach_masks(id, &masks).map_err(failed)
 }
 
 fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {

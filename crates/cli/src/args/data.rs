@@ -47,6 +47,11 @@ pub enum DataCommand {
                       Of the original GenManip, folders with meta_info.pkl and lmdb/; pickles are read, never executed.\n\
                       check, show, filter, split, merge and delete then work on it.")]
     Import(DataImportArguments),
+    /// Make a dataset one of LeRobot v2.1, for readers of that version such as GR00T and openpi
+    #[command(after_help = "Example:\n  genmanip data convert out/run/dataset --to lerobot-v2.1 --out out/old\n\n\
+                      Takes LeRobot v3.0 and v2.1 of any program. Columns, pictures, steps, outcomes and the action contract stay;\n\
+                      depth has no place there. The way back is data import.")]
+    Convert(DataConvertArguments),
     /// Write the card of a dataset anew: what is in it, seeds, licences; and croissant.json for catalogues
     #[command(after_help = "Example:\n  genmanip data card out/run/dataset")]
     Card(DataCardArguments),
@@ -122,6 +127,23 @@ pub struct DataImportArguments {
     /// Folder of a dataset, or of the original's episodes
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
+    /// Folder of the new dataset
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// The ffmpeg that decodes what is not H.264
+    #[arg(long, value_name = "PROGRAM")]
+    pub ffmpeg: Option<PathBuf>,
+}
+
+/// Arguments of `data convert`.
+#[derive(Debug, Args)]
+pub struct DataConvertArguments {
+    /// Folder of a LeRobot dataset
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// The format
+    #[arg(long, value_name = "FORMAT", value_parser = ["lerobot-v2.1"])]
+    pub to: String,
     /// Folder of the new dataset
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

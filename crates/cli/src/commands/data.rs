@@ -1,13 +1,13 @@
 //! `genmanip data`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::robots;
 use genmanip_bench::{dataset_page, text_table};
 use genmanip_core::{RobotModel, Seed};
 use genmanip_data::check::{self, Checked, Finding, Overview};
-use genmanip_data::import::{self, ImportSettings};
+use genmanip_data::import::{self, ImportReport, ImportSettings};
 use genmanip_data::lerobot::{
     self,
     edit::{self, By},
@@ -17,8 +17,8 @@ use genmanip_run::{Progress, inputs};
 use serde_json::json;
 
 use crate::args::{
-    DataCardArguments, DataCheckArguments, DataCommand, DataDeleteArguments, DataFilterArguments, DataImportArguments,
-    DataShowArguments, DataSplitArguments,
+    DataCardArguments, DataCheckArguments, DataCommand, DataConvertArguments, DataDeleteArguments, DataFilterArguments,
+    DataImportArguments, DataShowArguments, DataSplitArguments,
 };
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -40,7 +40,16 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
         DataCommand::Filter(DataFilterArguments { dataset, conditions, out }) => {
             edited(printer, |heard| Ok(vec![edit::filter(dataset, conditions, out, heard)?]))
         }
-        DataCommand::Import(arguments) => import(arguments, printer),
+        DataCommand::Import(DataImportArguments { dataset, out, ffmpeg }) => {
+            taken_over(("import", dataset, ffmpeg), printer, |settings, heard| {
+                import::import(dataset, settings, out, heard)
+            })
+        }
+        DataCommand::Convert(DataConvertArguments { dataset, to: _, out, ffmpeg }) => {
+            taken_over(("convert", dataset, ffmpeg), printer, |settings, heard| {
+                import::to_v21(dataset, settings, out, heard)
+            })
+        }
         DataCommand::Card(DataCardArguments { dataset }) => {
             let card = lerobot::write_card(dataset).map_err(|error| {
                 let hint = error.hint().unwrap_or_else(|| "genmanip data check says what is wrong with it".into());
@@ -57,17 +66,21 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
     }
 }
 
-fn import(arguments: &DataImportArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let DataImportArguments { dataset, out, ffmpeg } = arguments;
+/// Makes a data set of another one, with what decodes its video.
+fn taken_over(
+    (what, dataset, ffmpeg): (&str, &Path, &Option<PathBuf>),
+    printer: &Printer,
+    take: impl FnOnce(&ImportSettings, &mut dyn FnMut(usize)) -> Result<ImportReport, DataError>,
+) -> Result<ExitStatus, Failed> {
     let settings = ImportSettings { ffmpeg: ffmpeg.clone(), ..ImportSettings::default() };
-    let imported = import::import(dataset, &settings, out, &mut counted("importing episodes", printer));
-    let made = imported.map_err(|error| {
-        let unread = matches!(error, DataError::Video(_) | DataError::Mismatch { .. }) && ffmpeg.is_none();
-        let hint = error.hint().unwrap_or_else(|| match unread && error.to_string().contains("video") {
+    let taken = take(&settings, &mut counted(&format!("{what}ing episodes"), printer));
+    let made = taken.map_err(|error| {
+        let is_of_video = ffmpeg.is_none() && error.to_string().contains("video");
+        let hint = error.hint().unwrap_or_else(|| match is_of_video {
             true => "nothing was written; --ffmpeg PROGRAM decodes what is not plain H.264".into(),
             false => "nothing was written; genmanip data check says more of a LeRobot dataset".into(),
         });
-        Failed::because(format!("cannot import {}", dataset.display()), &error).hint(hint)
+        Failed::because(format!("cannot {what} {}", dataset.display()), &error).hint(hint)
     })?;
     let mut text = line(&made.written);
     text += &made.imported.notes.iter().map(|note| format!("  {note}\n")).collect::<String>();

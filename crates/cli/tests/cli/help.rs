@@ -28,6 +28,8 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["data", "check"],
         &["data", "show"],
         &["data", "merge"],
+        &["data", "import"],
+        &["data", "convert"],
         &["data", "split"],
         &["data", "filter"],
         &["data", "delete"],

@@ -210,7 +210,8 @@ fn a_run_exports_with_any_action_and_plays_it_back() {
     let folder = copy_of_finished_run();
     let here = folder.path();
     let export = ["export", "run", "--to", "lerobot", "--action", "ee", "--rotation", "quat", "--rate", "20"];
-    let report = genmanip(here, &[&export[..], &["--cameras", "wrist", "--json"]].concat()).json(0);
+    let more = ["--cameras", "wrist", "--columns", "boxes,masks"];
+    let report = genmanip(here, &[&export[..], &more, &["--json"]].concat()).json(0);
     let dataset = "run/exports/lerobot-ee-quat-20hz";
     assert_eq!((&report["dataset"], &report["episodes"]), (&dataset.into(), &2.into()));
     let files = tree(&here.join(dataset));
@@ -221,13 +222,29 @@ fn a_run_exports_with_any_action_and_plays_it_back() {
     assert_eq!((&contract["action"]["space"], &contract["rate_hz"]), (&"ee_pose".into(), &20.0.into()));
     assert!(info["features"].get("observation.images.wrist").is_some());
     assert!(info["features"].get("observation.images.static").is_none());
+    assert_eq!(info["features"]["sim.box.wrist"]["shape"][0], 64);
+    let sibling: Value =
+        serde_json::from_slice(&tree(&here.join(format!("{dataset}-depth")))["meta/info.json"]).unwrap();
+    assert!(sibling["features"].get("observation.images.wrist_mask").is_some());
+    let shown = genmanip(here, &["data", "show", dataset, "--json"]).json(0);
+    assert_eq!(shown["dataset"]["findings"], Value::Array(Vec::new()));
+    let old = genmanip(here, &["export", "run", "--to", "lerobot-v2.1", "--no-images", "--out", "old"]);
+    let told = genmanip(here, &["data", "import", "old", "--out", "new", "--json"]).json(0);
+    assert_eq!(
+        (old.code, &told["imported"]["format"], &told["episodes"]),
+        (Some(0), &"lerobot-v2.1".into(), &2.into())
+    );
+    let back = genmanip(here, &["data", "convert", "new", "--to", "lerobot-v2.1", "--out", "back"]);
+    assert_eq!(back.code, Some(0), "{back:?}");
+    assert_eq!(genmanip(here, &["data", "check", "new", "old"]).code, Some(1), "the same episodes");
+    assert_eq!(genmanip(here, &["data", "check", "back"]).code, Some(0));
 
     let policy = format!("playback:dataset={dataset}");
     let reports = genmanip(here, &["evaluate", "run", "--policy", &policy, "--json"]).json(0);
     assert_eq!(reports[0]["summary"]["success"]["value"], 1.0, "{}", reports[0]["results"]);
     assert_eq!(reports[0]["oracle"], false);
     // Again: nothing is drawn, and the bytes are the same.
-    let again = genmanip(here, &[&export[..], &["--cameras", "wrist"]].concat());
+    let again = genmanip(here, &[&export[..], &more].concat());
     assert!(again.code == Some(0) && !again.stderr.contains("drawing"), "{again:?}");
     assert_same_tree(&tree(&here.join(dataset)), &files);
 
@@ -239,6 +256,9 @@ fn a_run_exports_with_any_action_and_plays_it_back() {
         (&["export", "nowhere", "--to", "lerobot"], &["nowhere"]),
         (&["export", "run", "--to", "lerobot", "--cameras", "ceiling", "--rate", "30"], &["unknown camera `ceiling`"]),
         (&["export", "run", "--to", "lerobot", "--out", "run/episodes"], &["no place", "--out"]),
+        (&["export", "run", "--to", "paper", "--columns", "boxes"], &["paper has no place for boxes", "--to lerobot"]),
+        (&["export", "run", "--to", "zarr", "--columns", "masks"], &["zarr has no place for masks", "--to lerobot"]),
+        (&["data", "import", "run", "--out", "x"], &["cannot import run", "meta/info.json"]),
         (&["evaluate", "run", "--policy", "playback:dataset=run"], &["cannot play run back", "lerobot"]),
     ] {
         genmanip(here, arguments).assert_refused(wanted);

@@ -8,6 +8,7 @@ use super::book::{self, Book, Version};
 use super::findings::Findings;
 use super::{paths, record, v30};
 use crate::DataError;
+use crate::export::ExtraColumns;
 use crate::lerobot::depth_path;
 
 pub(super) fn check(book: &Book, robots: &[Arc<RobotModel>], findings: &mut Findings) -> Result<(), DataError> {
@@ -15,7 +16,7 @@ pub(super) fn check(book: &Book, robots: &[Arc<RobotModel>], findings: &mut Find
     if book.info.version != Version::V30 || has_pictures {
         return Ok(());
     }
-    let Some(settings) = record::settings(book).filter(|settings| settings.export.depth) else { return Ok(()) };
+    let Some(settings) = record::settings(book).filter(|settings| settings.export.has_sibling()) else { return Ok(()) };
     let sibling = depth_path(&book.root);
     let name = format!("../{}", sibling.file_name().unwrap_or_default().to_string_lossy());
     if !sibling.is_dir() {
@@ -32,8 +33,12 @@ pub(super) fn check(book: &Book, robots: &[Arc<RobotModel>], findings: &mut Find
     // What is wrong with either was found; here only whether they are of the same episodes.
     let mut ignored = Findings::default();
     let info = book::read_info(&sibling, &mut ignored)?;
-    for camera in &settings.export.cameras {
-        let key = format!("observation.images.{camera}_depth");
+    let has_masks = settings.export.columns.contains(&ExtraColumns::Masks);
+    let kinds = [("depth", settings.export.depth), ("mask", has_masks)].into_iter().filter(|(_, is_there)| *is_there);
+    let keys = kinds.flat_map(|(kind, _)| {
+        settings.export.cameras.iter().map(move |camera| format!("observation.images.{camera}_{kind}"))
+    });
+    for key in keys {
         if !info.features.iter().any(|feature| feature.key == key) {
             findings.add("depth", &name, "features", format!("`{key}`"), "none");
         }

@@ -25,7 +25,8 @@ pub const ROTATIONS: [(&str, RotationEncoding); 4] = [
 pub const RATES: [u32; 5] = [10, 15, 20, 30, 60];
 
 /// Columns on request by name.
-pub const COLUMNS: [(&str, ExtraColumns); 1] = [("sim", ExtraColumns::Sim)];
+pub const COLUMNS: [(&str, ExtraColumns); 3] =
+    [("sim", ExtraColumns::Sim), ("boxes", ExtraColumns::Boxes), ("masks", ExtraColumns::Masks)];
 
 /// The contract of an action: the opening in metres, and even motion from row to row.
 pub fn action(space: ActionSpace, rotation: RotationEncoding) -> ActionSpec {

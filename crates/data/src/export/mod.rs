@@ -2,6 +2,7 @@
 //!
 //! The writer of a format takes each episode as rows and files it; it chooses nothing itself.
 
+mod boxes;
 pub mod choice;
 pub(crate) mod facts;
 pub(crate) mod features;
@@ -14,6 +15,7 @@ use std::path::PathBuf;
 use genmanip_core::{ActionContract, ActionSpace, ActionSpec, Between, Episode, RobotModel};
 use serde::{Deserialize, Serialize};
 
+use crate::masks::MaskTrack;
 use crate::{CameraTrack, DataError, EpisodeStore};
 
 /// What the rows of a data set hold.
@@ -56,9 +58,25 @@ pub enum ExtraColumns {
     /// Simulator truth of the objects, `sim.object_pose` and the like: for critics, teachers and analysis, not for
     /// policies.
     Sim,
+    /// Boxes around the objects in each camera's pictures, and how many pixels show them: `sim.box.<camera>` and
+    /// `sim.visible_pixels.<camera>`.
+    Boxes,
+    /// Which thing each pixel sees, as pictures `observation.images.<camera>_mask` in the sibling data set.
+    Masks,
 }
 
 impl ExportSettings {
+    /// Whether it must be known which thing each pixel sees.
+    pub fn needs_masks(&self) -> bool {
+        let asks = |columns: &ExtraColumns| matches!(columns, ExtraColumns::Boxes | ExtraColumns::Masks);
+        !self.cameras.is_empty() && self.columns.iter().any(asks)
+    }
+
+    /// Whether there are pictures besides colour, which lie in a sibling data set.
+    pub(crate) fn has_sibling(&self) -> bool {
+        self.depth || (self.columns.contains(&ExtraColumns::Masks) && !self.cameras.is_empty())
+    }
+
     /// The contract of the `action` column for a robot.
     pub(crate) fn contract(&self, robot: &RobotModel) -> ActionContract {
         let joints: Vec<&str> = robot.arm_joints().map(|joint| joint.name.as_str()).collect();
@@ -150,6 +168,8 @@ pub struct ExportReport {
 pub(crate) struct Source {
     pub(crate) episode: Episode,
     pub(crate) tracks: Vec<CameraTrack>,
+    /// As many as tracks where they are asked for.
+    pub(crate) masks: Vec<MaskTrack>,
 }
 
 /// One episode, ready to be written, with what is told of it as a whole.
@@ -232,8 +252,16 @@ impl<'a> Exporter<'a> {
     fn source(&self, id: &str) -> Result<Source, DataError> {
         let (episode, fps) = (self.store.read(id)?, self.settings.fps);
         let (frames, _) = sampling(episode.frames.len(), episode.result.control_rate_hz, fps)?;
-        let mut tracks = Vec::new();
+        let (mut tracks, mut masks) = (Vec::new(), Vec::new());
         for camera in &self.settings.cameras {
+            if self.settings.needs_masks() {
+                let track = self.store.read_masks(id, fps, camera)?;
+                if track.png.len() != frames {
+                    let what = format!("masks of camera {camera} in episode {id}");
+                    return Err(DataError::mismatch(what, frames, track.png.len()));
+                }
+                masks.push(track);
+            }
             let track = self.store.read_track(id, fps, camera)?;
             if track.video.frames.len() != frames {
                 let what = format!("pictures of camera {camera} in episode {id}");
@@ -241,7 +269,7 @@ impl<'a> Exporter<'a> {
             }
             tracks.push(track);
         }
-        Ok(Source { episode, tracks })
+        Ok(Source { episode, tracks, masks })
     }
 }
 

@@ -8,7 +8,7 @@ use crate::frames::pose_to_row;
 
 /// Places for objects in every row, so that data sets of different scenes fit into one; chosen: designed scenes have at
 /// most ten.
-const OBJECTS: usize = 16;
+pub(super) const OBJECTS: usize = 16;
 /// Joints of an object that are told: drawer cabinets have two.
 const JOINTS: usize = 2;
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];

@@ -5,8 +5,8 @@ use genmanip_core::{ActionSpace, ActionSpec, Frame, Pose, RobotModel, RotationEn
 
 use super::facts::EpisodeFacts;
 use super::features::{Feature, Values, VideoFeature};
-use super::privileged;
 use super::{EpisodeRows, ExportSettings, ExtraColumns, Source, sampling};
+use super::{boxes, privileged};
 use crate::frames::pose_to_row;
 use crate::{CameraTrack, DataError};
 
@@ -63,6 +63,11 @@ pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSetting
     if settings.columns.contains(&ExtraColumns::Sim) {
         let states: Vec<&Frame> = intervals.iter().map(|row| row.now).collect();
         features.extend(privileged::features(&states, &result.id)?);
+    }
+    if settings.columns.contains(&ExtraColumns::Boxes) {
+        for masks in &source.masks {
+            features.extend(boxes::features(masks, source.episode.scenario.objects.len(), &result.id)?);
+        }
     }
     features.extend(source.tracks.iter().map(|track| camera_poses(track, intervals.len())));
     features.push(flags("next.done", &intervals, |row, _| is_last(row)));

@@ -1,6 +1,7 @@
 //! What is told of an imported episode as a whole.
 
 use genmanip_core::names::is_file_name;
+use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::export::EpisodeRows;
@@ -8,6 +9,7 @@ use crate::export::facts::Told;
 use crate::export::features::Values;
 use crate::lerobot::episodes::Entries;
 use crate::lerobot::imported::SOURCE_HASH;
+use crate::lerobot::v21::Line;
 use crate::table::Columns;
 
 /// What a source tells of an episode; what it does not tell stays unknown.
@@ -52,6 +54,21 @@ impl Entries for ImportedFacts {
         columns.i64("seed", all.iter().map(|facts| facts.seed.unwrap_or(-1)));
         columns.text("scenario_id", all.iter().map(|facts| &facts.scenario_id));
         columns.text(SOURCE_HASH, all.iter().map(|facts| &facts.source_sha256));
+    }
+}
+
+impl Line for ImportedFacts {
+    fn line(&self) -> Value {
+        let Self { store_id, scenario_id, seed, success, failure, steps, .. } = self;
+        let failure = (!failure.is_empty()).then_some(failure);
+        json!({
+            "store_id": store_id,
+            "scenario_id": scenario_id,
+            "seed": seed,
+            "success": success,
+            "failure": failure,
+            "subtasks": steps,
+        })
     }
 }
 

@@ -43,11 +43,6 @@ impl Lerobot {
             let what = format!("{} in {}", first.place, root.join(&first.file).display());
             return Err(DataError::mismatch(what.trim_start_matches(" in "), &first.expected, &first.found));
         }
-        if book.is_own && book.info.version == Version::V30 {
-            let expected = "a data set of another program or version";
-            let got = "one that the tools of this program read as it is";
-            return Err(DataError::mismatch(root.display().to_string(), expected, got));
-        }
         let fps = book.info.fps;
         if !(1.0..=240.0).contains(&fps) || fps.fract() != 0.0 {
             let what = format!("fps of {}", root.join("meta/info.json").display());
@@ -55,6 +50,16 @@ impl Lerobot {
         }
         let pictures = Pictures::new(settings.ffmpeg.clone());
         Ok(Self { book, fps: fps as u32, pictures, notes: BTreeSet::new() })
+    }
+
+    /// Refuses what needs no import.
+    pub(super) fn check_foreign(&self) -> Result<(), DataError> {
+        if !self.book.is_own || self.book.info.version != Version::V30 {
+            return Ok(());
+        }
+        let expected = "a data set of another program or version";
+        let got = "one that the tools of this program read as it is";
+        Err(DataError::mismatch(self.book.root.display().to_string(), expected, got))
     }
 
     /// The columns of a table that are kept: numbers, and depth pictures.
@@ -232,7 +237,7 @@ impl Lerobot {
 impl Incoming for Lerobot {
     fn about(&self) -> About {
         let record: PathBuf = self.book.root.join("extras/record");
-        let record = self.book.is_own.then(|| EpisodeStore::open(record).ok()).flatten();
+        let record = EpisodeStore::open(record).ok();
         About {
             format: self.book.info.version.name(),
             robot: self.book.info.robot.clone(),

@@ -4,6 +4,7 @@
 //! What is made is a LeRobotDataset v3.0, with the sibling `<name>-depth` where the source has depth. Numbers, names and
 //! sentences are those of the source; H.264 pictures are copied as they are. Nothing of the source is executed.
 
+mod convert;
 mod facts;
 mod jpeg;
 mod lerobot;
@@ -25,6 +26,7 @@ use crate::{DataError, EpisodeStore, files};
 use facts::ImportedFacts;
 
 pub use crate::lerobot::imported::Imported;
+pub use convert::to_v21;
 
 /// How a data set is imported.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -79,7 +81,9 @@ pub fn import(
 /// Whatever it is that lies there.
 fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Incoming>, DataError> {
     if files::is_own_file(&source.join("meta/info.json")) {
-        return Ok(Box::new(lerobot::Lerobot::open(source, settings)?));
+        let dataset = lerobot::Lerobot::open(source, settings)?;
+        dataset.check_foreign()?;
+        return Ok(Box::new(dataset));
     }
     if original::is_there(source)? {
         return Ok(Box::new(original::Original::open(source)?));
@@ -173,7 +177,7 @@ impl Writers {
         let made = Made::Imported(imported.clone());
         let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &made, None)).transpose()?;
-        let colors = self.colors.finish(&made.card(&name), &made, self.about.contract.as_ref())?;
+        let colors = self.colors.finish(&made.card(&name, "v3.0"), &made, self.about.contract.as_ref())?;
         let depth_dataset = depths.is_some().then_some(self.depth_target);
         if let Some(depths) = depths {
             depths.publish()?;

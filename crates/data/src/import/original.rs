@@ -16,7 +16,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use genmanip_core::limits::Limit;
+use genmanip_core::limits::{ENTRIES, Limit};
 
 use super::facts::{self, ImportedFacts};
 use super::jpeg;
@@ -65,8 +65,13 @@ pub(super) fn is_there(root: &Path) -> Result<bool, DataError> {
 }
 
 fn folders(root: &Path) -> Result<Vec<PathBuf>, DataError> {
-    let (mut found, mut open) = (Vec::new(), vec![(root.to_owned(), 0)]);
+    let (mut found, mut open, mut seen) = (Vec::new(), vec![(root.to_owned(), 0)], 0);
     while let Some((folder, depth)) = open.pop() {
+        seen += 1;
+        if seen > ENTRIES {
+            let expected = format!("at most {ENTRIES} folders to search for episodes");
+            return Err(DataError::mismatch(root.display().to_string(), expected, "more"));
+        }
         if files::is_own_file(&folder.join(META)) {
             found.push(folder);
             continue;

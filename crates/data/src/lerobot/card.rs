@@ -2,15 +2,24 @@
 
 use super::LerobotSettings;
 use super::imported::Imported;
-use crate::export::action_in_words;
+use crate::export::{ExtraColumns, action_in_words};
 
 /// The card of the main data set.
 pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> String {
-    let depth = if settings.export.depth {
-        format!("Depth images of the same frames are in the sibling data set `{name}-depth`.\n")
-    } else {
-        String::new()
-    };
+    let asks = |columns| settings.export.columns.contains(&columns);
+    let mut depth = String::new();
+    if asks(ExtraColumns::Boxes) {
+        depth += "`sim.box.*` are boxes (left, top, right, bottom in pixels) around what the pictures show of each object.\n";
+    }
+    if settings.export.depth {
+        depth += &format!("Depth images of the same frames are in the sibling data set `{name}-depth`.\n");
+    }
+    if asks(ExtraColumns::Masks) {
+        depth += &format!(
+            "`{name}-depth` also has masks: which thing each pixel shows, 0 = nothing, 1 = table, 2 = robot, 3 + i = object i \
+             of `objects` in the episodes table.\n"
+        );
+    }
     let record = if settings.record {
         "`extras/record` holds every episode as it was simulated: scenario, initial state, every 60 Hz command.\n\
          `genmanip replay` reproduces an episode from it, byte for byte.\n"

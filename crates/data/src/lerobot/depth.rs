@@ -1,11 +1,17 @@
-//! From an episode to the rows of the sibling data set `<name>-depth`.
+//! From an episode to the rows of the sibling data set `<name>-depth`: depth, and on request which thing each pixel sees.
 
 use crate::export::features::ImageFeature;
-use crate::export::{EpisodeRows, Source};
+use crate::export::{EpisodeRows, ExportSettings, ExtraColumns, Source};
+use crate::masks::MaskTrack;
 use crate::{CameraTrack, DataError};
 
-/// Depth pictures as 16-bit PNG in millimetres, bytes in the table, beside the rows `colors` of the main data set.
-pub(crate) fn depth_rows(source: &Source, colors: &EpisodeRows) -> Result<EpisodeRows, DataError> {
+/// Depth pictures as 16-bit PNG in millimetres, and masks, bytes in the table, beside the rows `colors` of the main data
+/// set.
+pub(crate) fn depth_rows(
+    source: &Source,
+    colors: &EpisodeRows,
+    settings: &ExportSettings,
+) -> Result<EpisodeRows, DataError> {
     let frames = colors.frames;
     let image = |track: &CameraTrack| {
         if track.depth_png.len() != frames {
@@ -20,10 +26,23 @@ pub(crate) fn depth_rows(source: &Source, colors: &EpisodeRows) -> Result<Episod
             png: track.depth_png.clone(),
         })
     };
+    let mut images = Vec::new();
+    if settings.depth {
+        images = source.tracks.iter().map(image).collect::<Result<_, _>>()?;
+    }
+    if settings.columns.contains(&ExtraColumns::Masks) {
+        let mask = |(track, masks): (&CameraTrack, &MaskTrack)| ImageFeature {
+            key: format!("observation.images.{}_mask", track.camera.name),
+            width: track.camera.intrinsics.width,
+            height: track.camera.intrinsics.height,
+            png: masks.png.clone(),
+        };
+        images.extend(source.tracks.iter().zip(&source.masks).map(mask));
+    }
     Ok(EpisodeRows {
         frames,
         features: Vec::new(),
-        images: source.tracks.iter().map(image).collect::<Result<_, _>>()?,
+        images,
         videos: Vec::new(),
         steps: Vec::new(),
         facts: colors.facts.clone(),

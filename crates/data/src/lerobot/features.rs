@@ -64,7 +64,11 @@ impl ImageFeature {
             "dtype": "image",
             "shape": [self.height, self.width, 1],
             "names": ["height", "width", "channels"],
-            "info": {"is_depth_map": true, "depth_unit": "mm"},
+            // Ids of things are whole numbers without a unit.
+            "info": match self.key.ends_with("_mask") {
+                true => json!({"is_depth_map": false, "is_instance_mask": true}),
+                false => json!({"is_depth_map": true, "depth_unit": "mm"}),
+            },
         })
     }
 }

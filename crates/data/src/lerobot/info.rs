@@ -62,6 +62,11 @@ pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
             "sim.grasped": "both fingers touch one object, simulator truth",
             "camera.<name>.world_from_camera": "position (m) and quaternion (w, x, y, z) of the optical frame: x right, y \
                                                 down, z forward",
+            "sim.box.<name>": "on request: left, top, right, bottom (pixels; the last two are the first behind it) of what the \
+                               camera's picture shows of each object, in the order of `objects`; zeros where it is not seen; \
+                               also sim.visible_pixels.<name>",
+            "observation.images.<name>_mask": "on request, depth data set: 16-bit ids, 0 = nothing, 1 = table, 2 = robot, 3 + i \
+                                               = object i of `objects`",
             "observation.images.<name>_depth": "depth data set: millimetres along the optical axis, 0 = nothing hit",
         },
         "rotation": "fixed_xyz_euler: about the fixed x, y, z axes in this order, R = Rz·Ry·Rx",

@@ -53,9 +53,10 @@ impl Made {
         }
     }
 
-    pub(crate) fn card(&self, name: &str) -> String {
+    /// The card, for a version of the format.
+    pub(crate) fn card(&self, name: &str, version: &str) -> String {
         match self {
-            Self::Exported(settings) => card::color(name, settings, "v3.0"),
+            Self::Exported(settings) => card::color(name, settings, version),
             Self::Imported(imported) => card::imported(name, imported),
         }
     }
@@ -69,7 +70,7 @@ impl Made {
 
     pub(crate) fn has_depth(&self) -> bool {
         match self {
-            Self::Exported(settings) => settings.export.depth,
+            Self::Exported(settings) => settings.export.has_sibling(),
             Self::Imported(imported) => imported.depth,
         }
     }

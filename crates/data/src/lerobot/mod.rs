@@ -18,7 +18,7 @@ pub(crate) mod made;
 mod reader;
 pub(crate) mod record;
 pub(crate) mod stats;
-mod v21;
+pub(crate) mod v21;
 pub(crate) mod writer;
 
 use std::path::{Path, PathBuf};
@@ -106,7 +106,7 @@ pub fn export(
     let exporter = Exporter::new(store, selection, robot, &settings.export)?;
     let mut writers = Writers::begin(settings, robot, dataset)?;
     let left_out = exporter.each(|source, rows| {
-        writers.push(source, rows)?;
+        writers.push(source, rows, &settings.export)?;
         if settings.record { writers.colors.copy_record(store, &source.episode.result.id) } else { Ok(()) }
     })?;
     let frames = writers.colors.frames();
@@ -129,8 +129,8 @@ pub fn write(
     let settings = LerobotSettings { record: false, ..settings.clone() };
     let mut writers = Writers::begin(&settings, robot, dataset)?;
     for (episode, tracks) in episodes {
-        let source = Source { episode, tracks };
-        writers.push(&source, rows(&source, robot, &settings.export)?)?;
+        let source = Source { episode, tracks, masks: Vec::new() };
+        writers.push(&source, rows(&source, robot, &settings.export)?, &settings.export)?;
     }
     let (episodes, frames) = (writers.colors.episodes(), writers.colors.frames());
     if episodes == 0 {
@@ -157,13 +157,14 @@ impl Writers {
             Ok::<_, DataError>(writer::DatasetWriter::new(aside, episodes_per_file, export.fps, &robot.name))
         };
         let colors = writer(dataset, *episodes_per_file)?;
-        let depths = export.depth.then(|| writer(&depth_path(dataset), *episodes_per_depth_file)).transpose()?;
+        let depths =
+            export.has_sibling().then(|| writer(&depth_path(dataset), *episodes_per_depth_file)).transpose()?;
         Ok(Self { colors, depths })
     }
 
-    fn push(&mut self, source: &Source, rows: EpisodeRows) -> Result<(), DataError> {
+    fn push(&mut self, source: &Source, rows: EpisodeRows, settings: &ExportSettings) -> Result<(), DataError> {
         if let Some(depths) = &mut self.depths {
-            depths.push(depth::depth_rows(source, &rows)?)?;
+            depths.push(depth::depth_rows(source, &rows, settings)?)?;
         }
         self.colors.push(rows)
     }
@@ -178,7 +179,7 @@ impl Writers {
         let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let made = made::Made::Exported(settings.clone());
         let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &made, None)).transpose()?;
-        let colors = self.colors.finish(&made.card(&name), &made, Some(contract))?;
+        let colors = self.colors.finish(&made.card(&name, "v3.0"), &made, Some(contract))?;
         let depth_dataset = depths.is_some().then(|| depth_path(dataset));
         if let Some(depths) = depths {
             depths.publish()?;

@@ -16,9 +16,11 @@ use serde_json::{Value, json};
 
 use super::info::FILES_PER_CHUNK;
 use super::ledger::Ledger;
+use super::made::Made;
 use super::stats::Stats;
-use super::{CONTRACT, LerobotSettings, SETTINGS, begin, card, features, info, record};
+use super::{CONTRACT, LerobotSettings, begin, features, info, record};
 use crate::aside::Aside;
+use crate::export::facts::{EpisodeFacts, Told};
 use crate::export::{EpisodeRows, ExportReport, ExportSettings, Exporter, Selection};
 use crate::table::{Purpose, TableWriter};
 use crate::{DataError, EpisodeStore, video};
@@ -38,32 +40,53 @@ pub fn export_v21(
     let settings = LerobotSettings { export: rows, ..settings.clone() };
     let exporter = Exporter::new(store, selection, robot, &settings.export)?;
     let aside = begin(dataset, settings.run.as_deref())?;
-    let mut writer = Writer {
-        ledger: Ledger::new(settings.export.fps, aside.folder()),
-        aside,
-        episodes: String::new(),
-        statistics: String::new(),
-    };
+    let mut writer = Writer::new(aside, settings.export.fps);
     let left_out = exporter.each(|source, rows| {
         writer.push(rows)?;
         if settings.record { record::copy(&writer.aside, store, &source.episode.result.id) } else { Ok(()) }
     })?;
     let frames = writer.ledger.frames;
-    writer.finish(dataset, robot, &settings, &exporter.contract())?;
+    writer.finish(dataset, &robot.name, &Made::Exported(settings.clone()), Some(&exporter.contract()))?;
     let episodes = exporter.len() - left_out.len();
     Ok(ExportReport { dataset: dataset.into(), depth_dataset: None, episodes, frames, left_out })
 }
 
-struct Writer {
-    aside: Aside,
-    ledger: Ledger,
+/// What `episodes.jsonl` tells of an episode beside the format's own.
+pub(crate) trait Line: Told {
+    /// An object.
+    fn line(&self) -> Value;
+}
+
+impl Line for EpisodeFacts {
+    fn line(&self) -> Value {
+        let result = &self.result;
+        json!({
+            "store_id": result.id,
+            "scenario_id": result.scenario_id,
+            "seed": result.seed,
+            "success": result.success,
+            "failure": result.failure().map(|failure| failure.to_string()),
+            "subtasks": self.steps.texts,
+            "paraphrases": self.paraphrases,
+        })
+    }
+}
+
+/// A data set of version 2.1 under construction.
+pub(crate) struct Writer {
+    pub(crate) aside: Aside,
+    pub(crate) ledger: Ledger,
     /// `episodes.jsonl` and `episodes_stats.jsonl` so far.
     episodes: String,
     statistics: String,
 }
 
 impl Writer {
-    fn push(&mut self, mut rows: EpisodeRows) -> Result<(), DataError> {
+    pub(crate) fn new(aside: Aside, fps: u32) -> Self {
+        Self { ledger: Ledger::new(fps, aside.folder()), aside, episodes: String::new(), statistics: String::new() }
+    }
+
+    pub(crate) fn push<F: Line>(&mut self, mut rows: EpisodeRows<F>) -> Result<(), DataError> {
         self.ledger.admit(&mut rows)?;
         let episode = self.ledger.episodes;
         let chunk = episode / FILES_PER_CHUNK;
@@ -82,37 +105,33 @@ impl Writer {
             let stats = Stats::of_vectors(&feature.numbers(), feature.length());
             statistics.insert(feature.key.clone(), without_quantiles(stats, false));
         }
-        let result = &rows.facts.result;
-        let line = json!({
+        let mut line = json!({
             "episode_index": episode,
-            "tasks": [rows.facts.instruction],
+            "tasks": [rows.facts.instruction()],
             "length": rows.frames,
-            "store_id": result.id,
-            "scenario_id": result.scenario_id,
-            "seed": result.seed,
-            "success": result.success,
-            "failure": result.failure().map(|failure| failure.to_string()),
-            "subtasks": rows.facts.steps.texts,
-            "paraphrases": rows.facts.paraphrases,
         });
+        if let (Value::Object(line), Value::Object(more)) = (&mut line, rows.facts.line()) {
+            line.extend(more);
+        }
         self.episodes += &format!("{line}\n");
         self.statistics += &format!("{}\n", json!({"episode_index": episode, "stats": statistics}));
         self.ledger.count(rows.frames);
         Ok(())
     }
 
-    fn finish(
+    /// Writes what describes the whole and makes it visible.
+    pub(crate) fn finish(
         mut self,
         dataset: &Path,
-        robot: &RobotModel,
-        settings: &LerobotSettings,
-        contract: &ActionContract,
+        robot: &str,
+        made: &Made,
+        contract: Option<&ActionContract>,
     ) -> Result<(), DataError> {
         let features = self.ledger.features.take().unwrap_or_default();
         let name = dataset.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let stats = self.ledger.collected.finish()?;
-        let modality = modality(contract, &features, robot.arm_dof());
-        let info = info_v21(&self.ledger, &robot.name, features);
+        let modality = modality(contract, &features);
+        let info = info_v21(&self.ledger, robot, features);
         let listed = |name: &str, sentences: &[String]| -> String {
             let line = |(index, sentence)| format!("{}\n", json!({(format!("{name}_index")): index, (name): sentence}));
             sentences.iter().enumerate().map(line).collect()
@@ -123,14 +142,15 @@ impl Writer {
         write("meta/stats.json", &stats)?;
         write("meta/modality.json", &modality)?;
         write("norm_stats.json", &norm_stats(&stats))?;
-        write("meta/genmanip.json", &info::meaning(settings))?;
         self.aside.write("meta/tasks.jsonl", tasks.as_bytes())?;
         self.aside.write("meta/subtasks.jsonl", subtasks.as_bytes())?;
         self.aside.write("meta/episodes.jsonl", self.episodes.as_bytes())?;
         self.aside.write("meta/episodes_stats.jsonl", self.statistics.as_bytes())?;
-        self.aside.write(SETTINGS, settings.to_json().as_bytes())?;
-        self.aside.write(CONTRACT, contract.to_json().as_bytes())?;
-        self.aside.write("README.md", info::card_with_info(&card::color(&name, settings, "v2.1"), &info).as_bytes())?;
+        made.write(&self.aside, None)?;
+        if let Some(contract) = contract {
+            self.aside.write(CONTRACT, contract.to_json().as_bytes())?;
+        }
+        self.aside.write("README.md", info::card_with_info(&made.card(&name, "v2.1"), &info).as_bytes())?;
         self.aside.publish()
     }
 }
@@ -161,11 +181,39 @@ fn without_quantiles(mut stats: Stats, is_image: bool) -> Value {
     stats.to_json(is_image)
 }
 
-/// Which entries of state and action are what.
-fn modality(contract: &ActionContract, features: &Value, dof: usize) -> Value {
+/// Which entries of state and action are what; without a contract each is one part.
+fn modality(contract: Option<&ActionContract>, features: &Value) -> Value {
+    let length = |key: &str| features[key]["shape"][0].as_u64().and_then(|length| usize::try_from(length).ok());
+    let part: Part = |start: usize, end: usize, is_absolute: bool, rotation: Option<&str>| json!({"start": start, "end": end, "absolute": is_absolute, "dtype": "float32", "rotation_type": rotation});
+    let (state, action) = match contract {
+        Some(contract) => parts(contract, length("observation.state").unwrap_or(1).saturating_sub(1), part),
+        None => {
+            let whole = |key: &str, name: &str| length(key).map(|length| json!({name: part(0, length, true, None)}));
+            (whole("observation.state", "state"), whole("action", "action"))
+        }
+    };
+    let videos = features.as_object().into_iter().flatten().filter(|(_, entry)| entry["dtype"] == "video");
+    let video: serde_json::Map<String, Value> = videos
+        .map(|(key, _)| {
+            let name = key.trim_start_matches("observation.images.").to_owned();
+            (name, json!({"original_key": key}))
+        })
+        .collect();
+    json!({
+        "state": state.unwrap_or_else(|| json!({})),
+        "action": action.unwrap_or_else(|| json!({})),
+        "video": video,
+        "annotation": {"human.task_description": {"original_key": "task_index"}},
+    })
+}
+
+/// Makes the entry of a part: first index, the one behind the last, whether it is absolute, name of its rotation.
+type Part = fn(usize, usize, bool, Option<&str>) -> Value;
+
+/// The parts of state and action of an arm with so many joints.
+fn parts(contract: &ActionContract, dof: usize, part: Part) -> (Option<Value>, Option<Value>) {
     let spec = &contract.action;
     let motion = spec.motion_length(dof);
-    let part = |start: usize, end: usize, is_absolute: bool, rotation: Option<&str>| json!({"start": start, "end": end, "absolute": is_absolute, "dtype": "float32", "rotation_type": rotation});
     let is_absolute = matches!(spec.space, ActionSpace::JointPosition | ActionSpace::EePose);
     let rotation = match spec.rotation {
         RotationEncoding::QuatWxyz | RotationEncoding::QuatXyzw => "quaternion",
@@ -181,22 +229,8 @@ fn modality(contract: &ActionContract, features: &Value, dof: usize) -> Value {
         action.insert("eef_rotation".into(), part(3, motion, is_absolute, Some(rotation)));
     }
     action.insert("gripper".into(), part(motion, motion + 1, true, None));
-    let videos = features.as_object().into_iter().flatten().filter(|(_, entry)| entry["dtype"] == "video");
-    let video: serde_json::Map<String, Value> = videos
-        .map(|(key, _)| {
-            let name = key.trim_start_matches("observation.images.").to_owned();
-            (name, json!({"original_key": key}))
-        })
-        .collect();
-    json!({
-        "state": {
-            "single_arm": part(0, dof, true, None),
-            "gripper": part(dof, dof + 1, true, None),
-        },
-        "action": action,
-        "video": video,
-        "annotation": {"human.task_description": {"original_key": "task_index"}},
-    })
+    let state = json!({"single_arm": part(0, dof, true, None), "gripper": part(dof, dof + 1, true, None)});
+    (Some(state), Some(Value::Object(action)))
 }
 
 /// Mean, deviation and outer quantiles of state and action.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use arrow_array::{ArrayRef, BooleanArray, RecordBatch};
+use arrow_array::{Array, ArrayRef, BooleanArray, RecordBatch};
 use genmanip_core::Seed;
 use genmanip_data::import::{self, ImportSettings};
 use genmanip_data::lerobot::edit::{self, By};
@@ -65,7 +65,7 @@ impl Bench {
 /// The files of a data set that hold its rows, pictures and sentences.
 fn contents(dataset: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let is_content = |name: &str| {
-        let kinds = ["data/", "videos/", "extras/", "meta/info.json", "meta/tasks.parquet", "meta/subtasks.parquet"];
+        let kinds = ["data/", "videos/", "extras/", "meta/info.json", "meta/tasks.", "meta/subtasks."];
         kinds.iter().any(|kind| name.starts_with(kind))
     };
     tree(dataset).into_iter().filter(|(path, _)| is_content(path.to_str().unwrap())).collect()
@@ -97,6 +97,16 @@ fn version_2_1_becomes_3_0() {
         all
     };
     assert!(all(&imported) == all(&again), "equal bytes");
+    // And back: what was imported, and what was exported as v3.0, are the v2.1 that was exported.
+    for source in [&imported, &new] {
+        let back = bench.at("back");
+        import::to_v21(source, &ImportSettings::default(), &back, &mut |_| {}).unwrap();
+        assert_same_contents(&back, &old);
+        assert_eq!(told(&checked(&back)), "");
+        let modality = |dataset: &Path| fs::read(dataset.join("meta/modality.json")).unwrap();
+        assert!(modality(&back) == modality(&old));
+        fs::remove_dir_all(back).unwrap();
+    }
     // An episode that was imported twice is the same one.
     let error = edit::merge(&[imported, again], &bench.at("both"), &mut |_| {}).unwrap_err().to_string();
     assert!(error.contains("each episode once"), "{error}");
@@ -299,6 +309,10 @@ fn first(dataset: &Path, table: &str) -> RecordBatch {
 fn numbers(column: &ArrayRef) -> Vec<f64> {
     use arrow_array::cast::AsArray;
     use arrow_array::types::{Float32Type, Float64Type, Int64Type};
+    if let Some(lists) = column.as_list_opt::<i32>() {
+        let (from, to) = (lists.value_offsets()[0], *lists.value_offsets().last().unwrap());
+        return numbers(&lists.values().slice(from as usize, (to - from) as usize));
+    }
     if let Some(lists) = column.as_fixed_size_list_opt() {
         return numbers(lists.values());
     }
@@ -368,4 +382,40 @@ fn hostile_recordings_are_refused() {
         let _ = import::import(&folder, &ImportSettings::default(), &out, &mut |_| {});
         fs::remove_dir_all(folder).unwrap();
     }
+}
+
+/// Video that is no H.264 is decoded by a program, here one that gives pictures of even colours; without one it is refused.
+#[cfg(unix)]
+#[test]
+fn other_codecs_are_decoded_by_a_program() {
+    use std::os::unix::fs::PermissionsExt;
+    let bench = Bench::new();
+    let source = foreign(&bench, "foreign");
+    for path in tree(&source).keys().filter(|path| path.extension().is_some_and(|ending| ending == "mp4")) {
+        fs::write(source.join(path), b"av01").unwrap();
+    }
+    let error = bench.import(&source, "refused").unwrap_err();
+    assert!(error.contains("no index in it"), "{error}");
+
+    let frame = 96 * 64 * 3;
+    let colors: Vec<u8> = (0..60_u8).flat_map(|picture| vec![4 * picture; frame]).collect();
+    fs::write(bench.at("colors"), colors).unwrap();
+    let program = bench.at("decoder");
+    fs::write(&program, format!("#!/bin/sh\nexec cat '{}'\n", bench.at("colors").display())).unwrap();
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+    let settings = ImportSettings { ffmpeg: Some(program.clone()), ..ImportSettings::default() };
+    let report = import::import(&source, &settings, &bench.at("decoded"), &mut |_| {}).unwrap();
+    assert!(report.imported.notes.iter().any(|note| note.contains("encoded anew")), "{:?}", report.imported.notes);
+    assert_eq!(told(&checked(&bench.at("decoded"))), "");
+    // The second episode begins with picture 12 of its file, and its mean is that of pictures 12 to 26.
+    let listed = first(&bench.at("decoded"), "meta/episodes");
+    let means = numbers(&listed.column_by_name("stats/observation.images.wrist/mean").unwrap().slice(1, 1));
+    assert!((means[0] - 4.0 * 19.0 / 255.0).abs() < 0.01, "{means:?}");
+
+    fs::write(bench.at("colors"), vec![0; 5 * frame]).unwrap();
+    let error = import::import(&source, &settings, &bench.at("short"), &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("no picture 5 in") && error.contains("has no more"), "{error}");
+    let settings = ImportSettings { ffmpeg: Some(bench.at("nowhere")), ..settings };
+    let error = import::import(&source, &settings, &bench.at("none"), &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("cannot start"), "{error}");
 }

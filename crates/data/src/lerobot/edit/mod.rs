@@ -218,7 +218,7 @@ impl Sources {
                 Some(self.compose(&self.depths, (picks, &names), &depth_path(out), per_file, &card, heard)?.0)
             }
         };
-        let (per_file, card) = (self.made.episodes_per_file(), self.made.card(&name));
+        let (per_file, card) = (self.made.episodes_per_file(), self.made.card(&name, "v3.0"));
         let (colors, frames) = self.compose(&self.colors, (picks, &names), out, per_file, &card, heard)?;
         let depth_dataset = depths.is_some().then(|| depth_path(out));
         if let Some(depths) = depths {

@@ -1,0 +1,145 @@
+//! Which thing each pixel of a camera's pictures sees, drawn on request from the recorded states.
+//!
+//! In the store a group `masks_<fps>hz` holds two files per camera: `<camera>.json` with the lengths, and
+//! `<camera>.masks`, 16-bit grey PNG files one after the other. 0 is nothing, 1 the table, 2 the robot,
+//! [`FIRST_OBJECT`]` + i` object `i` of the scenario.
+
+use genmanip_core::{Document, DocumentError};
+use serde::{Deserialize, Serialize};
+
+use crate::depth::{decode_depth_png, encode_mm_png};
+use crate::{Attachment, DataError, EpisodeStore, video};
+
+/// Id of the first object.
+pub const FIRST_OBJECT: u16 = 3;
+
+/// One camera's masks of one episode.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MaskTrack {
+    /// Name of the camera.
+    pub camera: String,
+    /// Pictures per second.
+    pub fps: u32,
+    /// 16-bit PNG files, one per picture.
+    pub png: Vec<Vec<u8>>,
+}
+
+/// What a picture shows of a thing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Seen {
+    /// Left, top, right, bottom in pixels; right and bottom are the first behind it. Zeros where nothing is seen.
+    pub bounds_px: [u32; 4],
+    /// Pixels that show it.
+    pub pixels: u32,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct MaskFile {
+    fps: u32,
+    png_bytes: Vec<usize>,
+}
+
+impl Document for MaskFile {
+    const SCHEMA: &'static str = "genmanip.mask_track/1";
+}
+
+/// A PNG file of ids, row by row.
+///
+/// # Errors
+/// When the number of ids is not `width · height`.
+pub fn encode(ids: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError> {
+    let expected = width as usize * height as usize;
+    if ids.len() != expected {
+        return Err(DataError::mismatch("ids of a mask", expected, ids.len()));
+    }
+    encode_mm_png(ids, width, height)
+}
+
+/// What a mask shows of the first objects of the scenario.
+///
+/// # Errors
+/// When the file is not a 16-bit grey PNG.
+pub fn seen(png: &[u8], objects: usize) -> Result<Vec<Seen>, DataError> {
+    let (width, _, ids) = decode_depth_png(png)?;
+    let mut all = vec![Seen::default(); objects];
+    for (y, row) in (0_u32..).zip(ids.chunks(width.max(1) as usize)) {
+        for (x, id) in (0_u32..).zip(row) {
+            let Some(seen) = id.checked_sub(FIRST_OBJECT).and_then(|object| all.get_mut(usize::from(object))) else {
+                continue;
+            };
+            let [left, top, right, bottom] = seen.bounds_px;
+            seen.bounds_px = match seen.pixels {
+                0 => [x, y, x + 1, y + 1],
+                _ => [left.min(x), top.min(y), right.max(x + 1), bottom.max(y + 1)],
+            };
+            seen.pixels += 1;
+        }
+    }
+    Ok(all)
+}
+
+impl EpisodeStore {
+    /// Keeps the masks of an episode; all have one rate, and replace those of that rate.
+    ///
+    /// # Errors
+    /// When the rates differ, there is none, or the store refuses.
+    pub fn attach_masks(&self, id: &str, masks: &[MaskTrack]) -> Result<(), DataError> {
+        let Some(fps) = masks.first().map(|track| track.fps) else {
+            return Err(DataError::mismatch("masks to attach", "at least one camera", 0));
+        };
+        if let Some(other) = masks.iter().find(|track| track.fps != fps) {
+            return Err(DataError::mismatch("rate of the masks", fps, other.fps));
+        }
+        let files = masks.iter().flat_map(|track| {
+            let about = MaskFile { fps, png_bytes: track.png.iter().map(Vec::len).collect() };
+            [
+                Attachment { name: format!("{}.json", track.camera), bytes: about.to_json().into_bytes() },
+                Attachment { name: format!("{}.masks", track.camera), bytes: track.png.concat() },
+            ]
+        });
+        self.attach(id, &group(fps), &files.collect::<Vec<_>>())
+    }
+
+    /// Whether masks of an episode at a rate are kept for all the cameras named.
+    pub fn has_masks(&self, id: &str, fps: u32, cameras: &[String]) -> bool {
+        let group = group(fps);
+        let folder = self.root().join(id).join(&group);
+        self.has_group(id, &group) && cameras.iter().all(|camera| folder.join(format!("{camera}.json")).is_file())
+    }
+
+    /// The masks of one camera at a rate.
+    ///
+    /// # Errors
+    /// When they are not there or damaged.
+    pub fn read_masks(&self, id: &str, fps: u32, camera: &str) -> Result<MaskTrack, DataError> {
+        let name = |ending: &str| format!("{}/{camera}.{ending}", group(fps));
+        let text = self.read_attachment(id, &name("json"))?;
+        let fail =
+            |source: DocumentError| DataError::Document { path: self.root().join(id).join(name("json")), source };
+        let file = MaskFile::from_json(&String::from_utf8_lossy(&text)).map_err(fail)?;
+        let png = video::split(&self.read_attachment(id, &name("masks"))?, &file.png_bytes)?;
+        Ok(MaskTrack { camera: camera.into(), fps: file.fps, png })
+    }
+}
+
+fn group(fps: u32) -> String {
+    format!("masks_{fps}hz")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_hold_all_pixels_of_a_thing_and_no_more() {
+        let mut ids = vec![0; 6 * 4];
+        for (x, y, id) in [(1, 1, 3), (4, 2, 3), (0, 3, 5), (5, 0, 2), (3, 0, 1), (2, 2, 9)] {
+            ids[y * 6 + x] = id;
+        }
+        let found = seen(&encode(&ids, 6, 4).unwrap(), 3).unwrap();
+        assert_eq!(found[0], Seen { bounds_px: [1, 1, 5, 3], pixels: 2 });
+        assert_eq!(found[1], Seen::default());
+        assert_eq!(found[2], Seen { bounds_px: [0, 3, 1, 4], pixels: 1 });
+        assert!(encode(&ids, 5, 4).is_err() && seen(b"no picture", 1).is_err());
+    }
+}
