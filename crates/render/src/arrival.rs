@@ -12,9 +12,8 @@ use std::ops::Range;
 use multiversion::multiversion;
 
 use crate::assets::RenderAssets;
-use crate::lanes::{CHUNK, nearest_integer};
+use crate::lanes::{CHUNK, Lane, nearest_integer};
 use crate::layers::{MarkCount, TILE};
-use crate::occluders::Occluders;
 use crate::occlusion::{Taps, occlude};
 use crate::points::{Centers, Pixels, Points, packed};
 use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
@@ -76,6 +75,8 @@ struct Work {
     /// Tiles whose shares of the key light and of the ambient light follow from estimates.
     doubtful: Vec<usize>,
     dark: Vec<usize>,
+    /// Pixels of tiles that only what is not in the picture may darken.
+    open: Bins,
 }
 
 /// Pixels by the part they show, [`packed`].
@@ -221,7 +222,7 @@ impl Arrival {
     }
 
     /// Finds the tiles where nothing can be darkened.
-    pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation, occluders: &Occluders) {
+    pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation) {
         let is_seam = |tile: usize| {
             let own = self.tiles[tile].surface;
             let (column, row) = (tile % self.columns, tile / self.columns);
@@ -236,8 +237,7 @@ impl Arrival {
             let part = assets.parts.get((self.tiles[tile].surface as usize).wrapping_sub(1));
             let [from, to] = self.around(tile, self.tiles[tile].reach);
             // Only one convex part is seen all around.
-            variation.occlusion_radius_m <= 0.0
-                || !occluders.count() && part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
+            variation.occlusion_radius_m <= 0.0 || part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
         }));
         self.is_plain = is_plain;
     }
@@ -247,7 +247,7 @@ impl Arrival {
         let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
         let mut work = std::mem::take(&mut self.work);
         self.find_key(shadow, tiles, bins, assets.parts.len(), &mut work);
-        let Work { pixels, points, taps, doubts, coarse, dark, .. } = &mut *work;
+        let Work { pixels, points, taps, doubts, coarse, dark, open, .. } = &mut *work;
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
@@ -257,17 +257,21 @@ impl Arrival {
             shadow.settle(doubts, &mut self.raw_key);
         }
         coarse.iter().for_each(|&tile| self.share_key(tile));
-        self.find_ambient(tiles, bins, assets.parts.len(), dark);
+        open.clear(assets.parts.len());
+        self.find_ambient(tiles, bins, assets.parts.len(), dark, scene.occluders.count().then_some(&mut *open));
         let strength = variation.occlusion_strength * scene.occluders.left_to_depth();
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
             occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, strength, taps);
             scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
-            for i in 0..points.count {
-                let (column, row) = (nearest_integer(points.column[i]), nearest_integer(points.row[i]));
-                self.raw_half[row as usize / 2 * self.half_width + column as usize / 2] = taps.share[i];
-            }
+            put_half(points, &taps.share, &mut self.raw_half, self.half_width);
+        });
+        open.for_each(pixels, centers, |part, pixels| {
+            points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
+            taps.share = [1.0; CHUNK];
+            scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
+            put_half(points, &taps.share, &mut self.raw_half, self.half_width);
         });
         for &tile in &work.doubtful {
             let [columns, rows] = self.pixels_of(tile);
@@ -362,13 +366,25 @@ impl Arrival {
     }
 
     /// Writes the ambient light of tiles where nothing can be darkened, and lists every other row and column of the
-    /// others.
-    fn find_ambient(&mut self, tiles: &[usize], bins: &mut Bins, parts: usize, dark: &mut Vec<usize>) {
+    /// others; the former are listed elsewhere if anything that is not in the picture may darken them.
+    fn find_ambient(
+        &mut self,
+        tiles: &[usize],
+        bins: &mut Bins,
+        parts: usize,
+        dark: &mut Vec<usize>,
+        mut open: Option<&mut Bins>,
+    ) {
         bins.clear(parts);
         dark.clear();
         for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
             let (surface, is_plain) = (self.tiles[tile].surface, self.is_plain[tile]);
+            if let (Some(open), true, true) = (open.as_deref_mut(), is_plain, surface > 0 && surface != SEVERAL) {
+                open.push_even(surface, &columns, &rows);
+                dark.push(tile);
+                continue;
+            }
             if surface != SEVERAL {
                 let is_lit = surface > 0 && is_plain;
                 let half = columns.start / 2..columns.end.div_ceil(2);
@@ -480,6 +496,14 @@ impl Bins {
                 call(part, pixels);
             }
         }
+    }
+}
+
+/// Writes values of points at even rows and columns.
+fn put_half(points: &Points, share: &Lane, half: &mut [f32], width: usize) {
+    for i in 0..points.count {
+        let (column, row) = (nearest_integer(points.column[i]), nearest_integer(points.row[i]));
+        half[row as usize / 2 * width + column as usize / 2] = share[i];
     }
 }
 

@@ -26,7 +26,7 @@ const LEFT_TO_DEPTH: f32 = 0.25;
 /// Thinnest half axis, metres. Chosen.
 const THINNEST_M: f32 = 0.005;
 /// Share of the sky above a point below which a body does not count. Chosen: a step that is not seen.
-const LEAST: f32 = 0.004;
+const LEAST: f32 = 0.01;
 
 /// All bodies of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -108,12 +108,18 @@ impl Occluders {
     }
 }
 
+/// So many points, rounded up to the widest registers.
+#[inline(always)]
+fn whole_registers(count: usize) -> usize {
+    count.next_multiple_of(16).min(CHUNK)
+}
+
 /// The share of the sky above points, weighted with the cosine to their normals, that an ellipsoid covers: exact for
 /// small and distant ones above the horizon, and all of it where one touches the point from above.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
     let (center, axes, volume) = (occluder.center, occluder.axes, occluder.volume);
-    for i in 0..CHUNK {
+    for i in 0..whole_registers(points.count) {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
         let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2] + 1e-12;
@@ -146,7 +152,16 @@ fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn enclose(own: &Occluder, points: &Points, share: &mut Lane) {
     let (center, axes, volume) = (own.center, own.axes, own.volume);
-    for i in 0..CHUNK {
+    let end = whole_registers(points.count);
+    let mut faces_middle = false;
+    for i in 0..end {
+        let along = |axis: usize| points.normal[axis][i] * (center[axis] - points.place[axis][i]);
+        faces_middle |= along(0) + along(1) + along(2) > 0.0;
+    }
+    if !faces_middle {
+        return;
+    }
+    for i in 0..end {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
         let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2] + 1e-12;
