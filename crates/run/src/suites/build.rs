@@ -131,7 +131,8 @@ fn design(options: &BuildOptions, progress: &dyn Progress) -> (Vec<Task>, Stage)
         let series = series(kind);
         for (number, settings) in series.iter().enumerate() {
             // The same share of what is left for each series.
-            let until = chosen.tasks.len() + (wanted.saturating_sub(chosen.tasks.len())) / (series.len() - number);
+            let left = wanted.saturating_sub(chosen.tasks.len());
+            let until = chosen.tasks.len() + left.div_ceil(series.len() - number);
             compose(kind, settings, until, &mut chosen, &mut stage, options, progress);
         }
         chosen.tasks.iter().for_each(|_| stage.pass(kind));
