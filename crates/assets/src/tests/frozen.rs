@@ -25,5 +25,6 @@ fn a_frozen_object_is_the_one_that_was_frozen() {
             assert_eq!((&made.pieces, &made.cavity, made.mass), (&kept.pieces, &kept.cavity, kept.mass));
         }
     }
-    println!("{} bytes each", bytes / some.len());
+    // 600 objects of a suite of 200 scenarios are to stay within a few megabytes.
+    assert!(bytes / some.len() < 16_000, "{} bytes each", bytes / some.len());
 }
