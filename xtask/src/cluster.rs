@@ -14,7 +14,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-const PROGRAMS: [&str; 6] = ["munged", "slurmctld", "slurmd", "sbatch", "squeue", "scontrol"];
+const PROGRAMS: [&str; 8] = ["munged", "slurmctld", "slurmd", "sbatch", "squeue", "sinfo", "scancel", "scontrol"];
 const PACKAGES: &str = "apt-get install --no-install-recommends slurmctld slurmd slurm-client munge";
 const TASKS: [&str; 2] = ["examples/tasks/021_spatial.json", "examples/tasks/024_appearance.json"];
 /// Attempts of each task; chosen: twelve shards of one attempt keep both nodes busy for minutes.
@@ -22,7 +22,9 @@ const EPISODES: &str = "6";
 const SHARDS: &str = "12";
 const SEED: &str = "781001";
 /// The node that is lost.
-const LOST: &str = "n1";
+const LOST: &str = "genmanip-n1";
+/// The other one; names that no other Slurm of this machine has.
+const KEPT: &str = "genmanip-n0";
 /// For each thing that is waited for.
 const PATIENCE: Duration = Duration::from_secs(900);
 
@@ -90,7 +92,7 @@ impl<'a> Cluster<'a> {
     fn begin(workspace: &'a Workspace, place: &Path) -> Result<Self> {
         let mut cluster = Self { workspace, place: place.into(), daemons: Vec::new() };
         let at = |name: &str| place.join(name).display().to_string();
-        for folder in ["state", "spool-n0", "spool-n1"] {
+        for folder in ["state".to_owned(), format!("spool-{KEPT}"), format!("spool-{LOST}")] {
             fs::create_dir_all(place.join(folder)).on("make the folder", place)?;
         }
         let mut key = [0; 128];
@@ -114,10 +116,10 @@ impl<'a> Cluster<'a> {
         cluster.wait("munge's socket", |_| Ok(socket.exists().then_some(())))?;
         let controller = cluster.command("slurmctld");
         cluster.start("slurmctld", controller)?;
-        for node in ["n0", LOST] {
+        for node in [KEPT, LOST] {
             let mut daemon = cluster.command("slurmd");
             daemon.args(["-N", node]);
-            cluster.start(if node == LOST { LOST } else { "n0" }, daemon)?;
+            cluster.start(if node == LOST { LOST } else { KEPT }, daemon)?;
         }
         cluster.wait("two idle nodes", |cluster| {
             let nodes = cluster.asked("sinfo", &["-h", "-N", "-o", "%T"])?;
@@ -250,9 +252,9 @@ fn configuration(workspace: &Workspace, place: &Path, socket: &Path) -> Result<S
          SchedulerType=sched/backfill\nSchedulerParameters=sched_interval=2,bf_interval=2\n\
          SelectType=select/cons_tres\nSelectTypeParameters=CR_Core\nSlurmdParameters=config_overrides\n\
          JobRequeue=1\nReturnToService=2\nSlurmdTimeout=15\nMinJobAge=3600\n\
-         NodeName=n0 NodeHostname={host} NodeAddr=127.0.0.1 Port={first} CPUs=1 RealMemory=8000 State=UNKNOWN\n\
-         NodeName=n1 NodeHostname={host} NodeAddr=127.0.0.1 Port={second} CPUs=1 RealMemory=8000 State=UNKNOWN\n\
-         PartitionName=all Nodes=n0,n1 Default=YES MaxTime=INFINITE State=UP\n",
+         NodeName={KEPT} NodeHostname={host} NodeAddr=127.0.0.1 Port={first} CPUs=1 RealMemory=8000 State=UNKNOWN\n\
+         NodeName={LOST} NodeHostname={host} NodeAddr=127.0.0.1 Port={second} CPUs=1 RealMemory=8000 State=UNKNOWN\n\
+         PartitionName=all Nodes={KEPT},{LOST} Default=YES MaxTime=INFINITE State=UP\n",
         controller = ports[0],
         first = ports[1],
         second = ports[2],

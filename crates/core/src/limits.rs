@@ -91,7 +91,7 @@ pub const IMPORTED_PICTURE: Limit = Limit::mib("a picture to import", 32);
 pub const PACK: Limit = Limit::mib("the list of a pack", 64);
 /// An imported object of a pack: at most 16 textures of 512 x 512 and 24,000 corners.
 pub const PACK_OBJECT: Limit = Limit::mib("an object of a pack", 32);
-/// `NAME/assets/UID.json` of a frozen suite.
+/// `NAME/assets/UID.json.gz` of a frozen suite.
 pub const FROZEN_ASSET: Limit = Limit::mib("an object of a frozen suite", 8);
 /// `store.json`.
 pub const STORE_MARK: Limit = Limit::kib("the mark of an episode store", 64);

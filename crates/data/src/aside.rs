@@ -1,7 +1,7 @@
 //! Written aside, synced, renamed: a folder is there whole or not at all.
 
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
@@ -49,7 +49,14 @@ impl Aside {
     }
 
     /// Where a file of the folder lies until it is published; folders on the way are made.
+    ///
+    /// # Errors
+    /// When the name leads out of the folder, or the disk refuses.
     pub(crate) fn path(&self, name: &str) -> Result<PathBuf, DataError> {
+        // Names are made of what data sets call their columns.
+        if name.is_empty() || !Path::new(name).components().all(|part| matches!(part, Component::Normal(_))) {
+            return Err(DataError::mismatch("name of a file", "one within the data set", name));
+        }
         let path = self.folder.join(name);
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;

@@ -51,6 +51,7 @@ pub fn measure(
     let mut clock = cpu_clock();
     let started = clock();
     let checked = suites::check(folder, workers, progress, &AtomicBool::new(false))?;
+    let checked = checked.ok_or_else(|| LabError::input("the check was stopped"))?;
     let check_s = clock() - started;
     let shown = suites::show(folder)?;
     let suite = Suite::frozen(folder)?.with_episodes(episodes).with_seed(seed);

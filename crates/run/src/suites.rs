@@ -3,7 +3,7 @@
 //! ```text
 //! NAME/suite.json        what it is, how it was chosen, and per scenario its hash and certificate
 //! NAME/scenarios/*.json  the scenarios
-//! NAME/assets/*.json     their objects, once `freeze` has put them there
+//! NAME/assets/*.json.gz  their objects, once `freeze` has put them there
 //! NAME/review.json       what people said of its scenarios; not frozen
 //! NAME/work/             layouts and trials of all candidates, while it is built: an interrupted build continues there
 //! ```

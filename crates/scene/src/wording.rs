@@ -105,7 +105,8 @@ const SEEN: [(&str, &str); 8] = [
 pub fn from_the_camera(task: &Task) -> Option<String> {
     let instruction = task.instruction.clone();
     let said = SEEN.iter().fold(instruction, |said, (robot, camera)| said.replace(robot, camera));
-    (said != task.instruction && references::check_said(task, &said).is_ok()).then_some(said)
+    let is_mixed = said.contains("robot");
+    (said != task.instruction && !is_mixed && references::check_said(task, &said).is_ok()).then_some(said)
 }
 
 /// The instruction in the words of one draw; what commands nothing stays as it is.

@@ -25,6 +25,15 @@ fn a_frozen_object_is_the_one_that_was_frozen() {
             assert_eq!((&made.pieces, &made.cavity, made.mass), (&kept.pieces, &kept.cavity, kept.mass));
         }
     }
+    // What was changed does not pass: bodies do not fit the hashes, or the recipe does not fit the bodies.
+    let sound = FrozenAsset::of(&some[0].asset, catalogue).unwrap();
+    let mut heavier = sound.clone();
+    heavier.links[0].mass.mass_kg += 0.001;
+    assert!(heavier.model().unwrap_err().to_string().contains("its physics has hash"));
+    let mut other = sound.clone();
+    other.recipe["parts"] = serde_json::json!([]);
+    assert!(other.model().is_err());
+    assert_eq!(heavier.differences(&sound, 3), ["links[0].mass.mass_kg"]);
     // 600 objects of a suite of 200 scenarios are to stay within a few megabytes.
     assert!(bytes / some.len() < 16_000, "{} bytes each", bytes / some.len());
 }

@@ -20,7 +20,9 @@ pub fn run(command: &SuiteCommand, printer: &Printer) -> Result<ExitStatus, Fail
         SuiteCommand::Train(arguments) => return train(arguments, printer),
         SuiteCommand::Check(arguments) => {
             let (workers, stop) = (inputs::workers(arguments.workers), crate::stop::on_interrupt());
-            let checked = suites::check(&arguments.folder, workers, printer, &stop)?;
+            let Some(checked) = suites::check(&arguments.folder, workers, printer, &stop)? else {
+                return Ok(ExitStatus::NotMet);
+            };
             printer.data(&checked, &suites::check_in_words(&checked));
             if !checked.faults.is_empty() {
                 return Ok(ExitStatus::NotMet);

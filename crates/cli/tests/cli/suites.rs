@@ -118,13 +118,16 @@ fn frozen_objects_and_pictures(here: &Path, before: &Value) {
 
     let name = assets[0]["file"].as_str().unwrap();
     let path = here.join("mine/assets").join(name);
-    let text = with_another_digit(&path, "\"pieces\"");
+    let bytes = fs::read(&path).unwrap();
+    let mut changed = bytes.clone();
+    changed[bytes.len() / 2] ^= 1;
+    fs::write(&path, changed).unwrap();
     let spoilt = genmanip(here, &["suite", "check", "mine"]);
     assert_eq!(spoilt.code, Some(1), "{spoilt:?}");
     assert!(spoilt.stdout.contains(&format!("assets/{name} is not as it was frozen")), "{spoilt:?}");
     // Evaluations go by the frozen object, not by what the catalogue makes of its name.
     genmanip(here, &call).assert_refused(&[&format!("assets/{name} is not as it was frozen")]);
-    fs::write(&path, text).unwrap();
+    fs::write(&path, bytes).unwrap();
 
     let file = here.join("mine/suite.json");
     let text = fs::read_to_string(&file).unwrap();

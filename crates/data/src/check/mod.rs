@@ -89,7 +89,18 @@ pub fn check(dataset: &Path, robots: &[Arc<RobotModel>]) -> Result<Checked, Data
 /// When the folder cannot be listed, or is no LeRobot data set of a known version.
 pub(crate) fn book(dataset: &Path) -> Result<(Book, Vec<Finding>), DataError> {
     let mut findings = Findings::default();
-    let book = read(dataset, &paths::list(dataset)?, &mut findings)?;
+    let listed = paths::list(dataset)?;
+    let book = read(dataset, &listed, &mut findings)?;
+    // Names come from templates in `info.json`, which may lead anywhere.
+    let files = |episode: &Listed| {
+        [episode.data.clone()]
+            .into_iter()
+            .chain(episode.videos.iter().map(|video| video.file.clone()))
+            .collect::<Vec<_>>()
+    };
+    if let Some(file) = book.episodes.iter().flat_map(files).find(|file| !listed.contains(file)) {
+        return Err(DataError::mismatch(format!("{file} in {}", dataset.display()), "a file of the data set", "none"));
+    }
     Ok((book, findings.into_parts().0))
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::lerobot::Lerobot;
 use super::{ImportReport, ImportSettings, Imported, Incoming};
 use crate::DataError;
-use crate::export::ExportReport;
+use crate::export::{ExportReport, ExtraColumns};
 use crate::lerobot::LerobotSettings;
 use crate::lerobot::begin;
 use crate::lerobot::made::Made;
@@ -50,6 +50,8 @@ pub fn to_v21(
     let made = match Made::read(dataset) {
         Ok(Made::Exported(mut settings)) => {
             settings.export.depth = false;
+            // Ids of pixels lie beside the depth.
+            settings.export.columns.retain(|column| *column != ExtraColumns::Masks);
             Made::Exported(LerobotSettings { run: None, record: about.record.is_some(), ..settings })
         }
         _ => Made::Imported(imported.clone()),

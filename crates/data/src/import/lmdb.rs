@@ -22,6 +22,8 @@ const BIG: u16 = 1;
 const NOWHERE: u64 = u64::MAX;
 /// Most keys: an episode of an hour with ten cameras has a tenth.
 const MOST_KEYS: usize = 20_000_000;
+/// Longest key that LMDB itself writes, bytes.
+const LONGEST_KEY: usize = 511;
 /// Largest value, bytes.
 const LARGEST: u64 = 1 << 30;
 
@@ -92,7 +94,8 @@ impl Lmdb {
 
     /// Notes the keys below a page.
     fn walk(&mut self, root: u64) -> Result<(), DataError> {
-        let mut seen = BTreeSet::new();
+        let file_length = self.file.metadata().map_err(DataError::io("look at", &self.path))?.len();
+        let (mut seen, mut all) = (BTreeSet::new(), 0);
         let mut pages = vec![root];
         while let Some(number_of_page) = pages.pop() {
             if !seen.insert(number_of_page) {
@@ -104,7 +107,7 @@ impl Lmdb {
             let kind = number(&page, 10, 2).ok_or_else(broken)? as u16;
             let lower = number(&page, 12, 2).ok_or_else(broken)? as usize;
             let nodes = (lower.checked_sub(HEADER).ok_or_else(broken)?) / 2;
-            let mut found = Vec::new();
+            let (mut found, mut within) = (Vec::new(), 0);
             for node in 0..nodes {
                 let offset = number(&page, HEADER + 2 * node, 2).ok_or_else(broken)? as usize;
                 let field = |index: usize| number(&page, offset + 2 * index, 2).ok_or_else(broken);
@@ -116,10 +119,16 @@ impl Lmdb {
                 if kind & LEAF == 0 {
                     return Err(broken());
                 }
+                // Nodes that overlap would make much of little.
+                within += 8 + key;
+                if key > LONGEST_KEY || within > self.page_size {
+                    return Err(broken());
+                }
                 let name = page.get(offset + 8..offset + 8 + key).ok_or_else(broken)?.to_vec();
                 let length = low | high << 16;
-                if length > LARGEST {
-                    return Err(self.broken("a value that is larger than any of use"));
+                all += length;
+                if length > LARGEST || all > file_length {
+                    return Err(self.broken("values that are larger than the file"));
                 }
                 let data = offset + 8 + key;
                 let place = if flags as u16 & BIG == 0 {

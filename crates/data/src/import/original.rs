@@ -109,6 +109,9 @@ impl Original {
         if frames == 0 {
             return Ok(None);
         }
+        if frames > MOST_FRAMES {
+            return Err(damaged(&path, &format!("expected at most {MOST_FRAMES} under `num_steps`, got {frames}")));
+        }
         let record = Record { lmdb: Lmdb::open(&folder.join("lmdb/data.mdb"))?, folder, frames };
         let own = word("episode_name").or_else(|| folder.file_name().map(|name| name.to_string_lossy().into_owned()));
         let mut name = facts::name(own.as_deref(), index);
@@ -162,6 +165,9 @@ fn damaged(path: &Path, why: &str) -> DataError {
     DataError::mismatch(path.display().to_string(), expected.trim_start_matches("expected "), got)
 }
 
+/// Most frames of an episode: more than an hour at 30 Hz.
+const MOST_FRAMES: usize = 1 << 17;
+
 /// The numbers of each frame, and whether they are single precision.
 type Frames = Vec<(Vec<f64>, bool)>;
 
@@ -186,12 +192,11 @@ impl Record<'_> {
     fn numbers(&self, key: &str) -> Result<Option<Frames>, DataError> {
         let Some(pickle) = self.pickle(key)? else { return Ok(None) };
         let entries = pickle.root().entries().unwrap_or_default();
-        let rows: Option<Vec<_>> = entries.into_iter().map(Value::numbers).collect();
-        match rows {
-            Some(rows) if rows.len() == self.frames => Ok(Some(rows)),
-            Some(rows) => Err(self.damaged(key, &format!("expected {} entries, got {}", self.frames, rows.len()))),
-            None => Err(self.damaged(key, "expected numbers in every entry, got something else")),
+        if entries.len() != self.frames {
+            return Err(self.damaged(key, &format!("expected {} entries, got {}", self.frames, entries.len())));
         }
+        let rows: Option<Vec<_>> = entries.into_iter().map(Value::numbers).collect();
+        rows.map(Some).ok_or_else(|| self.damaged(key, "expected a few numbers in every entry, got something else"))
     }
 
     fn features(&self) -> Result<Vec<Feature>, DataError> {

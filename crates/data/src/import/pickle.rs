@@ -169,14 +169,19 @@ impl<'a> Value<'a> {
 
     /// All numbers of an array, a number, or lists of them, one after the other; whether all are single precision.
     pub(super) fn numbers(self) -> Option<(Vec<f64>, bool)> {
-        let (mut numbers, mut is_single) = (Vec::new(), true);
-        self.gather(0, &mut numbers, &mut is_single)?;
+        let (mut numbers, mut is_single, mut visited) = (Vec::new(), true, 0);
+        self.gather(&mut visited, 0, &mut numbers, &mut is_single)?;
         Some((numbers, is_single))
     }
 
-    fn gather(self, depth: usize, into: &mut Vec<f64>, is_single: &mut bool) -> Option<()> {
-        /// Entries of a frame's value: a pose has 16; lists that share parts must not grow beyond use.
-        const MOST: usize = 100_000;
+    fn gather(self, visited: &mut usize, depth: usize, into: &mut Vec<f64>, is_single: &mut bool) -> Option<()> {
+        /// Entries of a frame's value, and lists around them: a pose has 16; lists that share parts must not grow
+        /// beyond use.
+        const MOST: usize = 256;
+        *visited += 1;
+        if *visited > 2 * MOST {
+            return None;
+        }
         match self.node() {
             Node::Bool(value) => into.push(f64::from(u8::from(*value))),
             Node::Int(value) => into.push(*value as f64),
@@ -187,10 +192,10 @@ impl<'a> Value<'a> {
             Node::Array { kind, bytes, .. } => {
                 *is_single &= *kind == Kind::Float(4);
                 let bytes = self.at(*bytes).bytes()?;
-                into.extend(bytes.chunks_exact(kind.size()).take(MOST).map(|bytes| number(*kind, bytes)));
+                into.extend(bytes.chunks_exact(kind.size()).take(MOST + 1).map(|bytes| number(*kind, bytes)));
             }
             Node::List(places) | Node::Tuple(places) if depth < 4 => {
-                places.iter().try_for_each(|place| self.at(*place).gather(depth + 1, into, is_single))?;
+                places.iter().try_for_each(|place| self.at(*place).gather(visited, depth + 1, into, is_single))?;
             }
             _ => return None,
         }

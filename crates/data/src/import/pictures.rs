@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
+use std::thread::JoinHandle;
 
 use crate::export::features::VideoFeature;
 use crate::mp4;
@@ -43,7 +44,8 @@ impl Pictures {
     pub(super) fn take(&mut self, wanted: &Wanted) -> Result<VideoFeature, DataError> {
         let (video, colors) = match (self.copy(wanted), self.ffmpeg.clone()) {
             (Ok(copied), _) => copied,
-            (Err(error), _) if error.is_missing() => return Err(error),
+            // What is H.264 and lies about its size or rate would come out scrambled or shifted.
+            (Err(error), _) if error.is_missing() || self.lies(wanted) => return Err(error),
             (Err(_), Some(ffmpeg)) => {
                 self.are_encoded = true;
                 self.decode(&ffmpeg, wanted)?
@@ -51,6 +53,12 @@ impl Pictures {
             (Err(error), None) => return Err(error),
         };
         Ok(VideoFeature { key: wanted.key.into(), video, colors })
+    }
+
+    /// Whether a file that could be opened has another size or rate than the data set says.
+    fn lies(&self, wanted: &Wanted) -> bool {
+        let source = self.copied.get(wanted.key).filter(|(path, _)| *path == wanted.path).map(|(_, source)| source);
+        source.is_some_and(|source| !has_size(source, wanted.size) || !has_rate(source, wanted.fps))
     }
 
     /// The frames of H.264 as they are.
@@ -67,14 +75,13 @@ impl Pictures {
         if source.is_reordered {
             return unfit("pictures in the order they are shown in", "another order (B-frames)".into());
         }
-        if [source.height as usize, source.width as usize] != [*height, *width] {
+        if !has_size(source, [*height, *width]) {
             return unfit(
                 &format!("{width}×{height}, as info.json says"),
                 format!("{}×{}", source.width, source.height),
             );
         }
-        let ticks = f64::from(source.timescale) / f64::from(*fps);
-        if source.durations.iter().any(|duration| (f64::from(*duration) - ticks).abs() > 1.0) {
+        if !has_rate(source, *fps) {
             return unfit(&format!("a picture every 1/{fps} s"), "another rate".into());
         }
         let mut frames = Vec::with_capacity(*count);
@@ -131,11 +138,22 @@ impl Pictures {
     }
 }
 
+fn has_size(source: &mp4::Video, [height, width]: [usize; 2]) -> bool {
+    [source.height as usize, source.width as usize] == [height, width]
+}
+
+fn has_rate(source: &mp4::Video, fps: u32) -> bool {
+    let ticks = f64::from(source.timescale) / f64::from(fps);
+    source.durations.iter().all(|duration| (f64::from(*duration) - ticks).abs() <= 1.0)
+}
+
 /// A program that decodes a file, picture by picture.
 struct Decoding {
     path: PathBuf,
     child: Child,
     pictures: ChildStdout,
+    /// The beginning of what it says; all is read, or it would wait for ever.
+    complaint: Option<JoinHandle<Vec<u8>>>,
     /// Index of the picture that comes next.
     next: usize,
 }
@@ -154,7 +172,15 @@ impl Decoding {
         let Some(pictures) = child.stdout.take() else {
             return Err(DataError::Video(format!("no pictures from {}", program.display())));
         };
-        Ok(Self { path: path.into(), child, pictures, next: 0 })
+        let complaint = child.stderr.take().map(|mut talk| {
+            std::thread::spawn(move || {
+                let mut beginning = Vec::new();
+                let _ = talk.by_ref().take(COMPLAINT).read_to_end(&mut beginning);
+                let _ = std::io::copy(&mut talk, &mut std::io::sink());
+                beginning
+            })
+        });
+        Ok(Self { path: path.into(), child, pictures, complaint, next: 0 })
     }
 
     fn read(&mut self, picture: &mut [u8]) -> Result<(), DataError> {
@@ -163,10 +189,7 @@ impl Decoding {
             return Ok(());
         }
         // Its output is over, so it ends.
-        let mut complaint = Vec::new();
-        if let Some(talk) = self.child.stderr.take() {
-            let _ = talk.take(COMPLAINT).read_to_end(&mut complaint);
-        }
+        let complaint = self.complaint.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         let complaint = String::from_utf8_lossy(&complaint).trim().replace('\n', "; ");
         let complaint = if complaint.is_empty() { "the file has no more".to_owned() } else { complaint };
         Err(DataError::Video(format!("no picture {} in {}: {complaint}", self.next, self.path.display())))

@@ -194,7 +194,7 @@ fn unfit_data_sets_are_refused() {
     assert!(error.contains("or of episodes of GenManip"), "{error}");
 
     type Change = fn(&Path);
-    let cases: [(Change, &str); 6] = [
+    let cases: [(Change, &str); 7] = [
         (
             |dataset| fs::remove_file(dataset.join("videos/observation.images.wrist/chunk-000/file-001.mp4")).unwrap(),
             "file-001.mp4",
@@ -219,6 +219,15 @@ fn unfit_data_sets_are_refused() {
                 fs::write(path, text).unwrap();
             },
             "timestamp of row 1",
+        ),
+        (
+            |dataset| {
+                let path = dataset.join("meta/info.json");
+                let text =
+                    fs::read_to_string(&path).unwrap().replace("\"videos/{video_key}", "\"../videos/{video_key}");
+                fs::write(path, text).unwrap();
+            },
+            "a file of the data set",
         ),
         (
             |dataset| {
@@ -344,6 +353,21 @@ fn hostile_recordings_are_refused() {
     let cases: Vec<(Change, &str)> = vec![
         (Box::new(meta(system.into_bytes())), "got a call of os.system, which is not executed"),
         (Box::new(meta(b"}.".to_vec())), "a number under `num_steps`"),
+        (
+            Box::new(meta(b"(dVnum_steps\nI999999999999\nsVlanguage_instruction\nVgo\ns.".to_vec())),
+            "at most 131072 under `num_steps`",
+        ),
+        (
+            Box::new(data(|bytes| {
+                let (key, outside) = (b"observation/realsense/", b"observation/../../xxx/");
+                for at in 0..bytes.len() - key.len() {
+                    if bytes[at..].starts_with(key) {
+                        bytes[at..at + key.len()].copy_from_slice(outside);
+                    }
+                }
+            })),
+            "one within the data set",
+        ),
         (Box::new(meta(vec![0; 100])), "an instruction that builds plain values"),
         (Box::new(data(|bytes| bytes.truncate(20_000))), "a page beyond its end"),
         (Box::new(data(|bytes| bytes.truncate(10))), "another kind of file"),

@@ -117,6 +117,9 @@ fn design(options: &BuildOptions, progress: &dyn Progress) -> (Vec<Task>, Stage)
     let mut stage = Stage::new("say what their kind is about, and need it");
     let mut tasks = Vec::new();
     progress.begin("designing", wanted * KINDS.len());
+    for task in options.tasks.iter().filter(|task| !KINDS.contains(&task.kind)) {
+        stage.refuse(format!("{}, recorded: a suite has no such kind", task.kind.name()));
+    }
     for kind in KINDS {
         let mut chosen = Chosen { wanted, ..Chosen::default() };
         for task in options.tasks.iter().filter(|task| task.kind == kind) {

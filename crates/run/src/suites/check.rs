@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use genmanip_assets::{AssetSource, Catalogue, FrozenAsset};
 use genmanip_bench::suite::{Marginal, SuiteFile, marginals, sha256, template};
@@ -42,12 +42,17 @@ pub struct Checked {
     pub faults: Vec<String>,
 }
 
-/// Checks every scenario of a suite: its bytes, its objects, that its sentence means its goal, and that it needs what
+/// Checks every scenario of a suite; `None` when it was stopped: its bytes, its objects, that its sentence means its goal, and that it needs what
 /// its kind is about.
 ///
 /// # Errors
 /// When the suite's file cannot be read; a scenario that cannot be is a fault.
-pub fn check(folder: &Path, workers: usize, progress: &dyn Progress, stop: &AtomicBool) -> Result<Checked, RunError> {
+pub fn check(
+    folder: &Path,
+    workers: usize,
+    progress: &dyn Progress,
+    stop: &AtomicBool,
+) -> Result<Option<Checked>, RunError> {
     let suite = open(folder)?;
     let mut notes = Vec::new();
     let mut faults =
@@ -116,7 +121,9 @@ pub fn check(folder: &Path, workers: usize, progress: &dyn Progress, stop: &Atom
     let template_share = template_share(&scenarios);
     notes.extend(differences.notes);
     let name = suite.name;
-    Ok(Checked { name, scenarios: scenarios.len(), worst_marginal: worst, template_share, notes, faults })
+    // What was not looked at any more is not sound.
+    let checked = Checked { name, scenarios: scenarios.len(), worst_marginal: worst, template_share, notes, faults };
+    Ok((!stop.load(Ordering::Relaxed)).then_some(checked))
 }
 
 /// What is not as it was frozen, and what the catalogue makes otherwise by now, which is no fault.
@@ -163,8 +170,10 @@ fn differences(
     {
         for (scenario, pictures) in scenarios.iter().zip(pictures) {
             let Some(entry) = suite.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
-            let other = entry.pictures.iter().filter(|(camera, hash)| pictures.get(*camera) != Some(hash));
-            let cameras: Vec<&str> = other.map(|(camera, _)| camera.as_str()).collect();
+            // Also of cameras that only one of the two has.
+            let all = pictures.keys().chain(entry.pictures.keys()).collect::<BTreeSet<_>>();
+            let other = all.into_iter().filter(|camera| pictures.get(*camera) != entry.pictures.get(*camera));
+            let cameras: Vec<&str> = other.map(String::as_str).collect();
             if !cameras.is_empty() {
                 found.faults.push(format!("{}: looks otherwise through {}", scenario.id, cameras.join(", ")));
             }

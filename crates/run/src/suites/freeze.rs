@@ -7,7 +7,7 @@ use genmanip_assets::{AssetSource, Catalogue, FrozenAsset};
 use genmanip_bench::suite::{FrozenFile, SuiteEntry, SuiteFile, sha256};
 use genmanip_core::{Document, Scenario};
 
-use super::assets::{SuiteAssets, distinct, path};
+use super::assets::{SuiteAssets, distinct, path, to_bytes};
 use super::pictures::draw;
 use super::{open, scenario_file};
 use crate::error::RunError;
@@ -31,7 +31,7 @@ pub fn freeze(
         return Err(RunError::input(format!("{} holds its objects and pictures already", folder.display()))
             .with_hint("a suite is frozen once; `genmanip suite check` says whether it still is what it was"));
     }
-    let checked = super::check(folder, workers, progress, stop)?;
+    let Some(checked) = super::check(folder, workers, progress, stop)? else { return Ok(None) };
     if let Some(fault) = checked.faults.first() {
         return Err(RunError::input(format!("{} is not a sound suite", folder.display())).because(fault.clone()));
     }
@@ -42,9 +42,10 @@ pub fn freeze(
     let placed = scenarios.iter().flat_map(|scenario| &scenario.objects).map(|object| &object.asset);
     let uid = |asset: &_| catalogue.model(asset).map(|model| model.card.uid.clone());
     for (file, asset) in distinct(placed, uid).map_err(cannot)? {
-        let text = to_line(&FrozenAsset::of(&asset, catalogue).map_err(cannot)?);
-        let frozen = FrozenFile { asset, file, sha256: sha256(text.as_bytes()) };
-        inputs::write_file(&path(folder, &frozen), text.as_bytes())?;
+        let bytes = to_bytes(&FrozenAsset::of(&asset, catalogue).map_err(cannot)?)
+            .map_err(|error| RunError::broken("an object cannot be packed", error))?;
+        let frozen = FrozenFile { asset, file, sha256: sha256(&bytes) };
+        inputs::write_file(&path(folder, &frozen), &bytes)?;
         suite.assets.push(frozen);
     }
     let Some(source) = SuiteAssets::of(folder, &suite) else { return Ok(Some(suite)) };
@@ -54,9 +55,4 @@ pub fn freeze(
     }
     inputs::write_file(&folder.join("suite.json"), suite.to_json().as_bytes())?;
     Ok(Some(suite))
-}
-
-/// A frozen object as one line: its numbers would be a line each otherwise.
-fn to_line(frozen: &FrozenAsset) -> String {
-    format!("{}\n", frozen.to_value())
 }

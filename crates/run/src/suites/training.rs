@@ -62,15 +62,17 @@ impl Document for Training {
 /// When there is no suite, a kind has too few such tasks, the folder holds others, or a file cannot be written.
 pub fn training(options: &TrainingOptions, progress: &dyn Progress) -> Result<Training, RunError> {
     let file = options.out.join("training.json");
-    if file.exists() {
-        return Err(RunError::input(format!("{} exists", file.display())).with_hint("choose another --out folder"));
+    let tasks = options.out.join("tasks");
+    // Without the file tasks are what an interrupted call left, perhaps of another seed.
+    if let Some(there) = [&file, &tasks].into_iter().find(|path| path.exists()) {
+        return Err(RunError::input(format!("{} exists", there.display())).with_hint("choose another --out folder"));
     }
     let suite = open(&options.suite)?;
     let tested = Tested::of(&scenarios(&options.suite)?);
     let catalogue = Catalogue::full();
     let is_for_training = |card: &&ObjectCard| catalogue.split(&card.uid) == Split::Train;
     let cards: Vec<ObjectCard> = catalogue.cards().iter().filter(is_for_training).cloned().collect();
-    let (tasks, settings) = (options.out.join("tasks"), DesignSettings::default());
+    let settings = DesignSettings::default();
     let mut funnel = Stage::new("share no sentence, no scene graph and no unseen object with the suite");
     progress.begin("designing", options.per_kind * KINDS.len());
     for kind in KINDS {

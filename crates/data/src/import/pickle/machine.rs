@@ -6,6 +6,8 @@ use super::{Function, Kind, Node, Place};
 
 /// Most values of a pickle: an episode of an hour has less.
 const MOST_VALUES: usize = 20_000_000;
+/// Most bytes that calls copy; chosen, more than the largest picture that protocol 2 writes as text.
+const MOST_COPIED: usize = 256 << 20;
 /// Most marks that are open at once, which is how deep its literals are nested.
 const DEEPEST: usize = 1000;
 /// Most dimensions of an array, as numpy has it.
@@ -23,6 +25,8 @@ pub(super) struct Machine<'a> {
     /// How high the stack was at each open mark.
     marks: Vec<usize>,
     memo: BTreeMap<u64, Place>,
+    /// Bytes that calls have copied.
+    copied: usize,
 }
 
 impl<'a> Machine<'a> {
@@ -177,6 +181,7 @@ impl<'a> Machine<'a> {
                 b'R' => {
                     let (arguments, function) = (self.pop()?, self.pop()?);
                     let made = self.call(function, arguments)?;
+                    self.charge(&made)?;
                     self.push(made)?;
                 }
                 b'b' => {
@@ -315,6 +320,21 @@ impl<'a> Machine<'a> {
             Node::Tuple(entries) => Ok(entries),
             _ => Err("expected the arguments of a function, got another value".into()),
         }
+    }
+
+    /// Counts what a call has copied: a few bytes of program may copy much, again and again.
+    fn charge(&mut self, made: &Node) -> Result<(), String> {
+        self.copied += match made {
+            Node::Bytes(bytes) => bytes.len(),
+            Node::Text(text) => text.len(),
+            Node::List(places) => places.len() * size_of::<Place>(),
+            Node::Type { name, .. } => name.len(),
+            _ => 0,
+        };
+        if self.copied > MOST_COPIED {
+            return Err(format!("expected calls that copy at most {MOST_COPIED} bytes, got more"));
+        }
+        Ok(())
     }
 
     fn call(&self, function: Place, arguments: Place) -> Result<Node, String> {

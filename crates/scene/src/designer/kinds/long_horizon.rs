@@ -16,6 +16,11 @@ const SUPPORTS: [Relation; 3] = [Relation::Top, Relation::On, Relation::In];
 /// Share of sentences that begin with the first step.
 const PLAIN_OPENINGS: f64 = 0.6;
 
+/// Share of later steps that go where an earlier one went, and tries for each thing, where more than two steps are asked
+/// for.
+const SHARED: f64 = 0.5;
+const TRIES: usize = 4;
+
 /// One step: what goes where, or where else.
 struct Step {
     subject: usize,
@@ -43,8 +48,11 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     for _ in 0..count {
         let relation = wanted_relation(composer, any_relation())?;
         let item = mover_for(composer, relation, |card| items.iter().all(|(other, ..)| other.uid != card.uid))?;
-        let place = composer.destination(item, relation, Style::Plain)?;
-        composer.balance.add(relation);
+        let place = match shared_place(composer, &items, item) {
+            Some(place) => place,
+            None => tried(composer, |composer| composer.destination(item, relation, Style::Plain))?,
+        };
+        composer.balance.add(place.relation);
         let other = match may_choose && count < 4 {
             true => super::another_place(composer, item, place, Style::Plain),
             false => None,
@@ -54,14 +62,19 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     }
     let mut steps = Vec::new();
     for (item, place, other) in items {
-        steps.push(Step { subject: composer.add_to_move(item, place, Style::Plain)?, place, other });
+        let subject = tried(composer, |composer| composer.add_to_move(item, place, Style::Plain))?;
+        steps.push(Step { subject, place, other });
     }
     let objects = composer.object_count();
     composer.fill(objects);
 
     let mut said = Vec::new();
     for step in &steps {
-        let style = [Style::Plain, Style::Plain, Style::Looks][composer.rng.random_range(0..3)];
+        let style = match steps.len() {
+            // Four steps leave no words for looks.
+            4 if has_many(composer) => Style::Plain,
+            _ => [Style::Plain, Style::Plain, Style::Looks][composer.rng.random_range(0..3)],
+        };
         let namer = Namer::new(&composer.sketch);
         let named = namer.name(step.subject, style, &mut composer.rng)?;
         let (to, at) = say_place(composer, step.place, Style::Plain)?;
@@ -82,6 +95,35 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     let sentence = fill(choose(templates, &mut composer.rng), &values);
     let sentence = opened(composer, sentence);
     draft(composer, sentence, alternatives(&steps))
+}
+
+/// What is tried once for two steps, and a few times where many steps need room on one table.
+fn tried<'a, T>(composer: &mut Composer<'a>, mut attempt: impl FnMut(&mut Composer<'a>) -> Option<T>) -> Option<T> {
+    let times = if has_many(composer) { TRIES } else { 1 };
+    (0..times).find_map(|_| attempt(composer))
+}
+
+/// Where an earlier step goes, with room for one more thing: many steps would need as many places otherwise.
+fn shared_place(
+    composer: &mut Composer,
+    items: &[(&ObjectCard, Place, Option<Place>)],
+    item: &ObjectCard,
+) -> Option<Place> {
+    if !has_many(composer) || !toss(composer, SHARED) {
+        return None;
+    }
+    items.iter().map(|(_, place, _)| *place).find(|place| {
+        let host = composer.sketch.cards[place.reference];
+        let there: Vec<&ObjectCard> =
+            items.iter().filter(|(_, other, _)| other.reference == place.reference).map(|(card, ..)| *card).collect();
+        place.relation.is_support()
+            && things().may_carry(host, item, place.relation)
+            && things().has_space_for(host, &there, item)
+    })
+}
+
+fn has_many(composer: &Composer) -> bool {
+    composer.settings.steps[0] > 2
 }
 
 /// `Tidy up: put …`; what follows a colon begins small.
