@@ -42,8 +42,8 @@ pub struct Checked {
     pub faults: Vec<String>,
 }
 
-/// Checks every scenario of a suite; `None` when it was stopped: its bytes, its objects, that its sentence means its goal, and that it needs what
-/// its kind is about.
+/// Checks every scenario of a suite: its bytes, its objects, that its sentence means its goal, and that it needs what
+/// its kind is about; `None` when it was stopped.
 ///
 /// # Errors
 /// When the suite's file cannot be read; a scenario that cannot be is a fault.
@@ -114,7 +114,10 @@ pub fn check(
     for review in super::reviews(folder)?.stale(&suite) {
         faults.push(format!("{}: {} looked at another one of this name", review.scenario, review.reviewer));
     }
-    let differences = differences(folder, &suite, &scenarios, workers, progress, stop)?;
+    let differences = match &own {
+        Some(own) => differences(folder, &suite, own, &scenarios, workers, progress, stop)?,
+        None => Differences::default(),
+    };
     faults.extend(differences.faults);
     let spread = marginals(suite.scenarios.iter().map(|entry| &entry.traits));
     let worst = spread.iter().map(Marginal::deviation).fold(0.0, f64::max);
@@ -137,13 +140,13 @@ struct Differences {
 fn differences(
     folder: &Path,
     suite: &SuiteFile,
+    source: &SuiteAssets,
     scenarios: &[Scenario],
     workers: usize,
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Differences, RunError> {
     let mut found = Differences::default();
-    let Some(source) = SuiteAssets::of(folder, suite) else { return Ok(found) };
     for file in &suite.assets {
         let frozen = match SuiteAssets::read(folder, file) {
             Ok(frozen) => frozen,
@@ -166,7 +169,7 @@ fn differences(
         }
     }
     if found.faults.is_empty()
-        && let Some(pictures) = draw(scenarios, &source, workers, progress, stop)?
+        && let Some(pictures) = draw(scenarios, source, workers, progress, stop)?
     {
         for (scenario, pictures) in scenarios.iter().zip(pictures) {
             let Some(entry) = suite.scenarios.iter().find(|entry| entry.id == scenario.id) else { continue };
