@@ -161,15 +161,7 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
     let look = Look::new(seed, vary.clone());
     let mut painter = Painter::in_variation(stage, sampling::varied(&usual_variation(stage), &look))?;
     let views: Vec<_> = cameras.iter().map(|camera| (camera, ImageChannels::RGBD)).collect();
-    let stride = (episode.result.control_rate_hz / f64::from(settings.fps)).round().max(1.0) as usize;
-    for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {
-        let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let noise = sensor_seed(episode.result.seed, index);
-        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, noise)?;
-        for (track, image) in tracks.iter_mut().zip(&images) {
-            track.push(image)?;
-        }
-    }
+    paint_frames(&mut painter, episode, settings.fps, &views, &mut |view, image| Ok(tracks[view].push(image)?))?;
     Ok(tracks.into_iter().map(TrackRecorder::finish).collect::<Result<Vec<_>, _>>()?)
 }
 
@@ -190,17 +182,30 @@ pub fn draw_masks(stage: &Stage, episode: &Episode, settings: &ImageSettings) ->
     let track = |camera: &Camera| MaskTrack { camera: camera.name.clone(), fps: settings.fps, png: Vec::new() };
     let mut tracks: Vec<MaskTrack> = cameras.iter().map(track).collect();
     let mut painter = Painter::new(stage)?;
-    let stride = (episode.result.control_rate_hz / f64::from(settings.fps)).round().max(1.0) as usize;
+    paint_frames(&mut painter, episode, settings.fps, &views, &mut |view, image| {
+        let size = &image.intrinsics;
+        tracks[view].png.push(masks::encode(&image.ids, size.width, size.height)?);
+        Ok(())
+    })?;
+    Ok(tracks)
+}
+
+/// Paints the frames of an episode at a rate; each view's pictures come in order, with the place of the view.
+fn paint_frames(
+    painter: &mut Painter,
+    episode: &Episode,
+    fps: u32,
+    views: &[(&Camera, ImageChannels)],
+    take: &mut dyn FnMut(usize, &RgbdImage) -> Result<(), RolloutError>,
+) -> Result<(), RolloutError> {
+    let stride = (episode.result.control_rate_hz / f64::from(fps)).round().max(1.0) as usize;
     for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let noise = sensor_seed(episode.result.seed, index);
-        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, noise)?;
-        for (track, image) in tracks.iter_mut().zip(&images) {
-            let size = &image.intrinsics;
-            track.png.push(masks::encode(&image.ids, size.width, size.height)?);
-        }
+        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, views, noise)?;
+        images.iter().enumerate().try_for_each(|(view, image)| take(view, image))?;
     }
-    Ok(tracks)
+    Ok(())
 }
 
 fn failed(scenario: &str, error: &dyn std::error::Error) -> RolloutError {
