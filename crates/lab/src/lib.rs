@@ -21,6 +21,7 @@ pub mod grasp;
 pub mod hostile;
 pub mod layout;
 pub mod motion;
+pub mod readers;
 pub mod relations;
 pub mod render;
 pub mod rendered;

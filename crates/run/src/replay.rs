@@ -203,7 +203,11 @@ pub(crate) fn unreadable(id: &str, error: DataError) -> RunError {
     RunError::broken(format!("cannot replay {id}"), error).with_hint(hint)
 }
 
-pub(crate) fn stage(episode: &Episode) -> Result<Stage, RunError> {
+/// The stage of a recorded episode, from the catalogue.
+///
+/// # Errors
+/// When an object is not the one it was recorded with.
+pub fn stage(episode: &Episode) -> Result<Stage, RunError> {
     let failed = |error: Cause| RunError::broken(format!("cannot replay {}", episode.result.id), error);
     let scenario = Arc::new(episode.scenario.clone());
     let robot = inputs::robot(&scenario.world)?;

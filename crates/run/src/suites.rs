@@ -10,6 +10,7 @@
 
 mod assets;
 mod build;
+mod candidates;
 mod check;
 mod diff;
 mod freeze;

@@ -117,6 +117,38 @@ pub enum LabCommand {
     /// Check a frozen suite, and let the expert try its scenarios by streams that they were not chosen by
     #[command(after_help = "Example:\n  genmanip lab suite --suite suites/mine --json")]
     Suite(LabSuiteArguments),
+    /// Draw cards for readers who know nothing but picture and sentence, and compare their answers with what is meant
+    #[command(after_help = "Examples:\n  genmanip lab readers --suite suites/mine --out out/cards\n  \
+                      genmanip lab readers --suite suites/mine --answers one.json,two.json --json\n  \
+                      genmanip lab readers --ends out/evaluated --count 200 --out out/ends\n\n\
+                      out/cards/questions.json says what is asked and how it is answered. Episodes come from\n\
+                      `evaluate --keep-episodes --out`. Answers belong to the cards of the same seed.")]
+    Readers(LabReadersArguments),
+}
+
+/// Arguments of `lab readers`.
+#[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("about").required(true).args(["suite", "ends"])))]
+#[command(group(clap::ArgGroup::new("do").required(true).args(["out", "answers"])))]
+pub struct LabReadersArguments {
+    /// Folder of a suite: which things are meant at the start of its scenarios
+    #[arg(long, value_name = "DIR")]
+    pub suite: Option<PathBuf>,
+    /// Folder of evaluations with kept episodes: whether their ends are as the sentence asks
+    #[arg(long, value_name = "DIR")]
+    pub ends: Option<PathBuf>,
+    /// Episodes, half of them successes where there are enough
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Folder for the cards
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Answers of readers, one file each
+    #[arg(long, value_name = "FILE,…", value_delimiter = ',')]
+    pub answers: Vec<PathBuf>,
+    /// Seed of the order of the cards, and of the choice of episodes
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
 }
 
 /// Arguments of `lab statistics`.

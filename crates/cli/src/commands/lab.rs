@@ -15,7 +15,7 @@ use genmanip_lab::hostile::HostileArguments;
 use genmanip_lab::motion::{MotionArguments, Source};
 use genmanip_lab::{
     agent, answers, assets, batch, blame, data, design, environment, expert, fit, grasp, hostile, layout, motion,
-    relations, render, rendered, scale, segment, statistics, suite,
+    readers, relations, render, rendered, scale, segment, statistics, suite,
 };
 use genmanip_run::agents::{AgentChoice, FailureClass, ModelChoice};
 use genmanip_run::{OracleSegmenter, RunError, inputs, robots};
@@ -133,6 +133,7 @@ pub fn run(command: &LabCommand, printer: &Printer) -> Result<ExitStatus, Failed
             let measured = suite::measure(&arguments.suite, arguments.episodes, seed, workers, printer)?;
             printer.data(&measured, &suite::in_words(&measured));
         }
+        LabCommand::Readers(arguments) => read_cards(arguments, printer)?,
         LabCommand::Statistics(arguments) => {
             let measured = statistics::measure(arguments.repetitions, Seed::new(arguments.seed));
             printer.data(&measured, &statistics::in_words(&measured));
@@ -188,6 +189,28 @@ fn segment_of(arguments: &args::SegmentArguments, printer: &Printer) -> Result<(
 }
 
 /// The tasks that were named, as often as asked, or designed ones of all kinds.
+fn read_cards(arguments: &args::LabReadersArguments, printer: &Printer) -> Result<(), Failed> {
+    let about = match (&arguments.suite, &arguments.ends) {
+        (Some(suite), _) => readers::About::Starts(suite),
+        (None, Some(ends)) => readers::About::Ends(ends, arguments.count),
+        // clap asks for one of them.
+        (None, None) => return Err(RunError::input("neither --suite nor --ends").into()),
+    };
+    let seed = Seed::new(arguments.seed);
+    match &arguments.out {
+        Some(out) => {
+            let questions = readers::write(about, seed, out, printer)?;
+            let text = format!("{} cards in {}\n", questions.cards.len(), out.display());
+            printer.data(&questions, &text);
+        }
+        None => {
+            let compared = readers::compare(about, seed, &arguments.answers)?;
+            printer.data(&compared, &readers::in_words(&compared));
+        }
+    }
+    Ok(())
+}
+
 fn layout_tasks(paths: &[PathBuf], count: usize, seed: u64, from: &Catalogue) -> Result<Vec<Task>, Failed> {
     if paths.is_empty() {
         return Ok(inputs::designed_tasks(count, seed, from)?);

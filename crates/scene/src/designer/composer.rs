@@ -1,5 +1,9 @@
 //! The building blocks of scenes: destinations with room, things to move, look-alikes, and everything else on the table.
 
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
+
 use genmanip_core::{ObjectCard, Relation};
 use rand::RngExt;
 use rand::seq::IndexedRandom;
@@ -36,9 +40,28 @@ impl Place {
     }
 }
 
+/// What can be put in or on something among the cards, by relation; worked out when first asked for.
+#[derive(Default)]
+pub(super) struct Carried(RefCell<BTreeMap<Relation, Rc<BTreeSet<String>>>>);
+
+impl Carried {
+    /// Uids of the cards that some other card may carry in this relation.
+    pub fn in_relation(&self, relation: Relation, cards: &[ObjectCard]) -> Rc<BTreeSet<String>> {
+        let worked_out = || {
+            let may_host =
+                |host: &&ObjectCard| things().host(host).is_some_and(|manners| manners.relations.contains(&relation));
+            let hosts: Vec<&ObjectCard> = cards.iter().filter(may_host).collect();
+            let is_carried = |card: &&ObjectCard| hosts.iter().any(|host| things().may_carry(host, card, relation));
+            Rc::new(cards.iter().filter(is_carried).map(|card| card.uid.clone()).collect())
+        };
+        Rc::clone(self.0.borrow_mut().entry(relation).or_insert_with(worked_out))
+    }
+}
+
 /// A scene under construction, with everything that decides how it grows.
 pub(super) struct Composer<'a> {
     pub cards: &'a [ObjectCard],
+    pub carried: &'a Carried,
     pub settings: &'a DesignSettings,
     pub rng: ChaCha8Rng,
     /// What was counted in earlier tasks and in this one so far.
@@ -55,7 +78,7 @@ impl<'a> Composer<'a> {
     /// A random card that is not in the scene yet and that the designer has words for.
     pub fn pick(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
         let scene = &self.sketch;
-        let known = |card: &&ObjectCard| things().kind(card).is_some() && !scene.contains(card) && suits(card);
+        let known = |card: &&ObjectCard| suits(card) && !scene.contains(card) && things().kind(card).is_some();
         let options: Vec<&'a ObjectCard> = self.cards.iter().filter(known).collect();
         options.choose(&mut self.rng).copied()
     }

@@ -33,7 +33,7 @@ use std::collections::{BTreeMap, HashSet};
 use genmanip_core::{ObjectCard, Seed, Task, TaskKind};
 
 use balance::Balance;
-use composer::Composer;
+use composer::{Carried, Composer};
 use sketch::Sketch;
 
 pub use gate::as_answer;
@@ -117,12 +117,14 @@ fn draw(
 ) -> Result<Task, DesignError> {
     let mut here: BTreeMap<String, usize> = BTreeMap::new();
     let mut made = None;
+    let carried = Carried::default();
     for draw in 0..settings.max_draws {
         // The relation that lacks most may be the one that nothing can be composed with.
         let keeps_quotas = draw < settings.max_draws / 2;
         let balance = balance.clone();
         let mut composer = Composer {
             cards,
+            carried: &carried,
             settings,
             rng: seed.fork_index(draw as u64).rng(),
             balance: if keeps_quotas { balance } else { balance.ignored() },

@@ -55,6 +55,8 @@ pub(super) struct Steps {
     pub four: Vec<String>,
     pub opening: Vec<String>,
     pub step: Vec<String>,
+    /// Later steps of four: their verb is the first one's.
+    pub step_without_verb: Vec<String>,
     pub step_or: Vec<String>,
     pub pair: Vec<String>,
     pub pair_or: Vec<String>,

@@ -349,3 +349,12 @@ fn scenes_with_copies_are_designed() {
         assert!(task.scene_graph.nodes.iter().zip(&task.objects).all(|(node, card)| *node.asset == card.asset));
     }
 }
+
+/// Four steps fit into a sentence where later ones go without their verb.
+#[test]
+fn four_steps_are_composed_where_they_are_asked_for() {
+    let settings = DesignSettings { steps: [4; 2], max_draws: 40_000, ..DesignSettings::default() };
+    let task = design(TaskKind::LongHorizon, Catalogue::full().cards(), Seed::new(6), &settings).unwrap();
+    assert_eq!(task.goal.alternatives.iter().map(Vec::len).collect::<Vec<_>>(), [4], "{}", task.instruction);
+    assert!(task.instruction.split_whitespace().count() <= 30, "{}", task.instruction);
+}

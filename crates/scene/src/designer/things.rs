@@ -2,7 +2,7 @@
 //!
 //! All of it is data, `data/designer/things.json`; a kind that is missing there is never used.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::LazyLock;
 
 use genmanip_core::{ObjectCard, Relation};
@@ -34,9 +34,9 @@ static THINGS: LazyLock<Things> = LazyLock::new(|| super::data(include_str!("../
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Things {
-    kinds: BTreeMap<String, Kind>,
+    kinds: HashMap<String, Kind>,
     groups: BTreeMap<String, Group>,
-    hosts: BTreeMap<String, Host>,
+    hosts: HashMap<String, Host>,
 }
 
 /// A kind of thing, named after the category of its cards.
@@ -121,11 +121,13 @@ impl Things {
 
     /// Whether an object belongs in or on another and has room there.
     pub fn may_carry(&self, host: &ObjectCard, item: &ObjectCard, relation: Relation) -> bool {
-        let (Some(kind), Some(manners)) = (self.kind(item), self.host(host)) else { return false };
+        let Some(manners) = self.host(host).filter(|manners| manners.relations.contains(&relation)) else {
+            return false;
+        };
+        let Some(kind) = self.kind(item) else { return false };
         let welcome = manners.welcomes.contains(&kind.class) || manners.welcomes.contains(&item.category);
         host.uid != item.uid
             && is_movable(item)
-            && manners.relations.contains(&relation)
             && welcome
             && self.has_room(host, item)
             && (relation != Relation::In || self.lies_inside(host, item))

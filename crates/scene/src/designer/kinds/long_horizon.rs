@@ -72,7 +72,7 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
     for step in &steps {
         let style = match steps.len() {
             // Four steps leave no words for looks.
-            4 if has_many(composer) => Style::Plain,
+            4 => Style::Plain,
             _ => [Style::Plain, Style::Plain, Style::Looks][composer.rng.random_range(0..3)],
         };
         let namer = Namer::new(&composer.sketch);
@@ -80,6 +80,7 @@ fn compose_steps(composer: &mut Composer) -> Option<Draft> {
         let (to, at) = say_place(composer, step.place, Style::Plain)?;
         let (templates, or) = match step.other {
             Some(other) => (&phrases().steps.step_or, say_place(composer, other, Style::Plain)?.1),
+            None if steps.len() == 4 && !said.is_empty() => (&phrases().steps.step_without_verb, String::new()),
             None => (&phrases().steps.step, String::new()),
         };
         let template = choose(templates, &mut composer.rng);

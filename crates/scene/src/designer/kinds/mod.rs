@@ -11,7 +11,6 @@ use super::composer::{Composer, Place};
 use super::naming::{Namer, Style, chance};
 use super::phrasing::{capitalised, phrases};
 use super::sketch::{Condition, Sketch};
-use super::things::things;
 
 /// A finished design; its scene is the composer's.
 pub(super) struct Draft {
@@ -94,11 +93,8 @@ fn mover_for<'a>(
     relation: Relation,
     suits: impl Fn(&ObjectCard) -> bool,
 ) -> Option<&'a ObjectCard> {
-    let may_host =
-        |host: &&ObjectCard| things().host(host).is_some_and(|manners| manners.relations.contains(&relation));
-    let hosts: Vec<&ObjectCard> = composer.cards.iter().filter(may_host).collect();
-    let has_place =
-        |card: &ObjectCard| !relation.is_support() || hosts.iter().any(|host| things().may_carry(host, card, relation));
+    let carried = relation.is_support().then(|| composer.carried.in_relation(relation, composer.cards));
+    let has_place = |card: &ObjectCard| carried.as_ref().is_none_or(|carried| carried.contains(&card.uid));
     composer.pick_mover(|card| has_place(card) && suits(card))
 }
 
