@@ -1,15 +1,12 @@
 //! The building blocks of scenes: destinations with room, things to move, look-alikes, and everything else on the table.
 
-use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
-use std::rc::Rc;
-
 use genmanip_core::{ObjectCard, Relation};
 use rand::RngExt;
 use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::balance::Balance;
+use super::choices::Choices;
 use super::naming::{Style, chance, has_looks};
 use super::settings::DesignSettings;
 use super::sketch::{Condition, DIRECTIONS, Link, Sketch};
@@ -40,28 +37,9 @@ impl Place {
     }
 }
 
-/// What can be put in or on something among the cards, by relation; worked out when first asked for.
-#[derive(Default)]
-pub(super) struct Carried(RefCell<BTreeMap<Relation, Rc<BTreeSet<String>>>>);
-
-impl Carried {
-    /// Uids of the cards that some other card may carry in this relation.
-    pub fn in_relation(&self, relation: Relation, cards: &[ObjectCard]) -> Rc<BTreeSet<String>> {
-        let worked_out = || {
-            let may_host =
-                |host: &&ObjectCard| things().host(host).is_some_and(|manners| manners.relations.contains(&relation));
-            let hosts: Vec<&ObjectCard> = cards.iter().filter(may_host).collect();
-            let is_carried = |card: &&ObjectCard| hosts.iter().any(|host| things().may_carry(host, card, relation));
-            Rc::new(cards.iter().filter(is_carried).map(|card| card.uid.clone()).collect())
-        };
-        Rc::clone(self.0.borrow_mut().entry(relation).or_insert_with(worked_out))
-    }
-}
-
 /// A scene under construction, with everything that decides how it grows.
 pub(super) struct Composer<'a> {
-    pub cards: &'a [ObjectCard],
-    pub carried: &'a Carried,
+    pub choices: &'a Choices<'a>,
     pub settings: &'a DesignSettings,
     pub rng: ChaCha8Rng,
     /// What was counted in earlier tasks and in this one so far.
@@ -77,26 +55,50 @@ const DESK: &[&str] = &["office and toys", "office", "toys", "tools", "container
 impl<'a> Composer<'a> {
     /// A random card that is not in the scene yet and that the designer has words for.
     pub fn pick(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
+        self.pick_of(self.choices.any(), suits)
+    }
+
+    /// One of those that come into question and are not in the scene yet.
+    pub fn pick_of(
+        &mut self,
+        among: impl Iterator<Item = &'a ObjectCard>,
+        suits: impl Fn(&ObjectCard) -> bool,
+    ) -> Option<&'a ObjectCard> {
         let scene = &self.sketch;
-        let known = |card: &&ObjectCard| suits(card) && !scene.contains(card) && things().kind(card).is_some();
-        let options: Vec<&'a ObjectCard> = self.cards.iter().filter(known).collect();
+        let options: Vec<&'a ObjectCard> = among.filter(|card| suits(card) && !scene.contains(card)).collect();
         options.choose(&mut self.rng).copied()
     }
 
     /// A thing to carry; it decides what else is on the table.
     pub fn pick_mover(&mut self, suits: impl Fn(&ObjectCard) -> bool) -> Option<&'a ObjectCard> {
-        let card = self.pick(|card| is_movable(card) && suits(card))?;
+        self.pick_mover_for(None, suits)
+    }
+
+    /// The same, with a place for it in this relation of support.
+    pub fn pick_mover_for(
+        &mut self,
+        support: Option<Relation>,
+        suits: impl Fn(&ObjectCard) -> bool,
+    ) -> Option<&'a ObjectCard> {
+        let card = self.pick_of(self.choices.movers(support), suits)?;
         self.theme = if KITCHEN.contains(&card.general_category.as_str()) { KITCHEN } else { DESK };
         Some(card)
+    }
+
+    /// Something that may carry an item.
+    pub fn pick_host(
+        &mut self,
+        item: &ObjectCard,
+        relation: Relation,
+        suits: impl Fn(&ObjectCard) -> bool,
+    ) -> Option<&'a ObjectCard> {
+        self.pick_of(self.choices.hosts(item, relation), suits)
     }
 
     /// Something rigid to stand about, mostly from the same part of the house.
     pub fn pick_filler(&mut self) -> Option<&'a ObjectCard> {
         let theme = if chance(THEMED, &mut self.rng) { self.theme } else { &[] };
-        let suits = |card: &ObjectCard| {
-            !card.is_articulated && (theme.is_empty() || theme.contains(&card.general_category.as_str()))
-        };
-        self.pick(suits)
+        self.pick_of(self.choices.fillers(theme), |_| true)
     }
 
     /// Adds an object somewhere on the table, beside another one.
@@ -165,8 +167,7 @@ impl<'a> Composer<'a> {
     /// A place for an object, with room there; the relation is the one that is wanted.
     pub fn destination(&mut self, item: &ObjectCard, relation: Relation, style: Style) -> Option<Place> {
         if relation.is_support() {
-            let host = self
-                .pick(|card| things().may_carry(card, item, relation) && (style != Style::Looks || has_looks(card)))?;
+            let host = self.pick_host(item, relation, |card| style != Style::Looks || has_looks(card))?;
             let reference = self.add_styled(host, style)?;
             self.sketch.closed.push(reference);
             return Some(Place { relation, reference, second: None });
@@ -401,7 +402,7 @@ impl<'a> Composer<'a> {
         let hosts: Vec<usize> = (0..self.sketch.len()).filter(|&host| open(self, host)).collect();
         for &host in &hosts {
             let card = self.sketch.cards[host];
-            let item = self.pick(|item| things().may_carry(card, item, relation));
+            let item = self.pick_of(self.choices.items(card, relation), |_| true);
             if let Some(object) = item.and_then(|item| self.put(item, relation, host)) {
                 return Some(object);
             }
@@ -410,7 +411,7 @@ impl<'a> Composer<'a> {
             return None;
         }
         let host = self.pick(|card| things().host(card).is_some_and(|host| host.relations.contains(&relation)))?;
-        let item = self.pick(|item| things().may_carry(host, item, relation))?;
+        let item = self.pick_of(self.choices.items(host, relation), |_| true)?;
         let host = self.add(host)?;
         self.put(item, relation, host)
     }

@@ -13,6 +13,7 @@
 //! exactly the goal. What fails is counted and drawn again.
 
 mod balance;
+mod choices;
 mod composer;
 mod facts;
 mod gate;
@@ -33,7 +34,8 @@ use std::collections::{BTreeMap, HashSet};
 use genmanip_core::{ObjectCard, Seed, Task, TaskKind};
 
 use balance::Balance;
-use composer::{Carried, Composer};
+use choices::Choices;
+use composer::Composer;
 use sketch::Sketch;
 
 pub use gate::as_answer;
@@ -117,14 +119,13 @@ fn draw(
 ) -> Result<Task, DesignError> {
     let mut here: BTreeMap<String, usize> = BTreeMap::new();
     let mut made = None;
-    let carried = Carried::default();
+    let choices = Choices::of(cards);
     for draw in 0..settings.max_draws {
         // The relation that lacks most may be the one that nothing can be composed with.
         let keeps_quotas = draw < settings.max_draws / 2;
         let balance = balance.clone();
         let mut composer = Composer {
-            cards,
-            carried: &carried,
+            choices: &choices,
             settings,
             rng: seed.fork_index(draw as u64).rng(),
             balance: if keeps_quotas { balance } else { balance.ignored() },

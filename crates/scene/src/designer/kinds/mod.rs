@@ -93,9 +93,7 @@ fn mover_for<'a>(
     relation: Relation,
     suits: impl Fn(&ObjectCard) -> bool,
 ) -> Option<&'a ObjectCard> {
-    let carried = relation.is_support().then(|| composer.carried.in_relation(relation, composer.cards));
-    let has_place = |card: &ObjectCard| carried.as_ref().is_none_or(|carried| carried.contains(&card.uid));
-    composer.pick_mover(|card| has_place(card) && suits(card))
+    composer.pick_mover_for(relation.is_support().then_some(relation), suits)
 }
 
 /// Another place for the same object: the other side of the same reference, or another thing to put it in or on.
