@@ -69,6 +69,7 @@ fn a_suite_is_built_checked_and_evaluated_on() {
     assert_eq!(genmanip(here, &["suite", "check", "mine"]).code, Some(0));
 
     frozen_objects_and_pictures(here, &reports);
+    readers_point_at_what_is_meant(here);
 
     let train = ["suite", "train", "mine", "--per-kind", "2", "--seed", "4", "--out", "train"];
     let trained = genmanip(here, &[&train[..], &["--json"]].concat()).json(0);
@@ -101,6 +102,46 @@ fn a_suite_is_built_checked_and_evaluated_on() {
     }
     genmanip(here, &call).assert_refused(&["not those that were frozen", "genmanip suite check mine"]);
     genmanip(here, &["suite", "check", "nowhere"]).assert_refused(&["no suite at nowhere", "suite build"]);
+}
+
+/// Cards of the suite's scenarios, answered from the scenarios themselves: once rightly, once with one thing exchanged.
+fn readers_point_at_what_is_meant(here: &Path) {
+    let questions = genmanip(here, &["lab", "readers", "--suite", "mine", "--out", "cards", "--json"]).json(0);
+    let mut answers = Vec::new();
+    for card in questions["cards"].as_array().unwrap() {
+        assert!(here.join("cards").join(card["picture"].as_str().unwrap()).is_file());
+        let scenario = scenario_of(here, card["sentence"].as_str().unwrap());
+        let number = |id: &Value| {
+            let objects = scenario["objects"].as_array().unwrap();
+            1 + objects.iter().position(|object| object["id"] == *id).unwrap()
+        };
+        let goal = scenario["task"]["goal"]["alternatives"][0].as_array().unwrap();
+        let moves: Vec<Value> = goal
+            .iter()
+            .map(|atom| {
+                let second = atom.get("second_reference").filter(|id| id.is_string());
+                let place: Vec<usize> = std::iter::once(&atom["reference"]).chain(second).map(number).collect();
+                json!({"object": number(&atom["subject"]), "place": place})
+            })
+            .collect();
+        answers.push(json!({"id": card["id"], "moves": moves}));
+    }
+    fs::write(here.join("right.json"), json!({"answers": answers}).to_string()).unwrap();
+    answers[1]["moves"] = json!([{"object": 99, "place": [1]}]);
+    fs::write(here.join("wrong.json"), json!({"answers": answers}).to_string()).unwrap();
+    let call = ["lab", "readers", "--suite", "mine", "--answers", "right.json,wrong.json", "--json"];
+    let compared = genmanip(here, &call).json(0);
+    let agree = |reader: usize| compared["readers"][reader]["agree"]["successes"].as_u64();
+    assert_eq!((agree(0), agree(1), &compared["agree"]["trials"]), (Some(4), Some(3), &8.into()));
+    assert_eq!(compared["readers"][1]["differ"][0]["card"], "001");
+    genmanip(here, &["lab", "readers", "--ends", "nowhere", "--out", "ends"]).assert_refused(&["nowhere/evaluation"]);
+}
+
+fn scenario_of(here: &Path, sentence: &str) -> Value {
+    let files = fs::read_dir(here.join("mine/scenarios")).unwrap();
+    let scenarios = files.map(|file| serde_json::from_slice(&fs::read(file.unwrap().path()).unwrap()).unwrap());
+    let mut said = scenarios.filter(|scenario: &Value| scenario["task"]["instruction"] == sentence);
+    said.next().unwrap()
 }
 
 /// Freezes the suite with its objects and pictures: results stay, and a changed byte of either is named.

@@ -1,9 +1,9 @@
 //! In what two suites differ.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use genmanip_bench::suite::SuiteEntry;
+use genmanip_bench::suite::{FrozenFile, SuiteEntry};
 use serde::Serialize;
 
 use super::open;
@@ -20,6 +20,8 @@ pub struct Difference {
     pub only_second: Vec<String>,
     /// Scenarios of both that differ, with what does.
     pub changed: BTreeMap<String, Vec<String>>,
+    /// Files of frozen objects that only one has, or that differ.
+    pub changed_assets: Vec<String>,
 }
 
 /// Compares the files of two suites.
@@ -35,12 +37,19 @@ pub fn diff(first: &Path, second: &Path) -> Result<Difference, RunError> {
     let missing = |from: &BTreeMap<String, SuiteEntry>, other: &BTreeMap<String, SuiteEntry>| {
         from.keys().filter(|id| !other.contains_key(*id)).cloned().collect()
     };
+    let frozen = |files: &[FrozenFile]| -> BTreeSet<(String, String)> {
+        files.iter().map(|frozen| (frozen.file.clone(), frozen.sha256.clone())).collect()
+    };
+    let (our_assets, their_assets) = (frozen(&first.assets), frozen(&second.assets));
+    let changed_assets: BTreeSet<String> =
+        our_assets.symmetric_difference(&their_assets).map(|(file, _)| file.clone()).collect();
     let both = ours.iter().filter_map(|(id, entry)| Some((id.clone(), changes(entry, theirs.get(id)?))));
     Ok(Difference {
         same_scenarios: first.suite_hash == second.suite_hash,
         only_first: missing(&ours, &theirs),
         only_second: missing(&theirs, &ours),
         changed: both.filter(|(_, changes)| !changes.is_empty()).collect(),
+        changed_assets: changed_assets.into_iter().collect(),
     })
 }
 
@@ -52,6 +61,7 @@ fn changes(ours: &SuiteEntry, theirs: &SuiteEntry) -> Vec<String> {
         ("traits", ours.traits != theirs.traits),
         ("horizon", ours.horizon_s != theirs.horizon_s),
         ("certificate", ours.certificate != theirs.certificate),
+        ("pictures", ours.pictures != theirs.pictures),
     ];
     fields.into_iter().filter(|(_, differs)| *differs).map(|(name, _)| name.to_owned()).collect()
 }
@@ -65,6 +75,7 @@ pub fn in_words(difference: &Difference) -> String {
     for (sign, ids) in [('-', &difference.only_first), ('+', &difference.only_second)] {
         text.extend(ids.iter().map(|id| format!("{sign} {id}\n")));
     }
+    text.extend(difference.changed_assets.iter().map(|file| format!("~ {file}\n")));
     text.extend(difference.changed.iter().map(|(id, what)| format!("~ {id}: {}\n", what.join(", "))));
     text
 }
