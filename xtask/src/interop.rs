@@ -10,7 +10,10 @@ use std::time::{Duration, Instant};
 
 const SERVER: &str = "crates/remote/testdata/openpi_server.py";
 /// What is installed into an environment of its own.
-const PACKAGES: [&str; 2] = ["openpi-client==0.1.2", "websockets==17.4"];
+const PACKAGES: [&str; 3] = ["openpi-client==0.1.2", "websockets==17.4", "typing-extensions==4.16.0"];
+/// Records what openpi's own client and packer say to each other, and what it recorded.
+const RECORDER: &str = "crates/remote/testdata/record_conversation.py";
+const CONVERSATION: &str = "crates/remote/testdata/openpi_conversation.zlib";
 const VLA_EVAL: &str = "python/tests/interop_vla_eval.py";
 /// The harness, and what our wheel depends on; apart from openpi's client, whose pins are others.
 const VLA_EVAL_PACKAGES: [&str; 3] = ["vla-eval==0.8.0", "mujoco==3.17.0", "numpy==2.3.5"];
@@ -57,6 +60,16 @@ fn environment(workspace: &Workspace, folder: &Path, packages: &[&str]) -> Resul
 /// Evaluates a policy that asks a server made of openpi's own client package.
 fn openpi(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
     let python = environment(workspace, &place.join("python"), &PACKAGES)?;
+    let again = place.join("conversation.zlib");
+    process::output(workspace.command(&python).arg(RECORDER).arg(&again))?;
+    let read = |path: &Path| fs::read(path).on("read", path);
+    if read(&again)? != read(&workspace.root.join(CONVERSATION))? {
+        return Err(Problem {
+            what: format!("{CONVERSATION} is not what openpi's client says"),
+            expected: "the same bytes".into(),
+            hint: format!("record it again: python {RECORDER} {CONVERSATION}"),
+        });
+    }
     let (port, run) = (place.join("port"), place.join("run"));
     let _ = fs::remove_file(&port);
     let _ = fs::remove_dir_all(&run);

@@ -106,6 +106,41 @@ fn a_droid_server_is_shown_what_it_expects_and_its_speeds_are_in_rad_per_s() {
     assert_eq!(chunk.actions[3], [1.5, -3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.9]);
 }
 
+/// Metadata, question and answer of openpi's own client and packer, as `testdata/record_conversation.py` recorded them.
+fn recorded() -> [Vec<u8>; 3] {
+    let packed = include_bytes!("../../testdata/openpi_conversation.zlib");
+    let bytes = miniz_oxide::inflate::decompress_to_vec_zlib(packed).unwrap();
+    let mut rest = &bytes[..];
+    std::array::from_fn(|_| {
+        let (length, behind) = rest.split_first_chunk::<4>().unwrap();
+        let (frame, behind) = behind.split_at(u32::from_le_bytes(*length) as usize);
+        rest = behind;
+        frame.to_vec()
+    })
+}
+
+#[test]
+fn a_recorded_conversation_of_the_real_client_is_repeated_to_the_byte() {
+    let [metadata, question, answer] = recorded();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let server = std::thread::spawn(move || {
+        let mut socket = tungstenite::accept(listener.accept().unwrap().0).unwrap();
+        socket.send(tungstenite::Message::binary(metadata)).unwrap();
+        let asked = socket.read().unwrap().into_data();
+        socket.send(tungstenite::Message::binary(answer)).unwrap();
+        asked
+    });
+    let mut policy = policy(address, Preset::Droid);
+    policy.reset(&start()).unwrap();
+    let chunk = policy.act(&observation()).unwrap();
+    assert!(server.join().unwrap() == question[..], "our question is not that of openpi's client");
+    // Row 2 of the recorded answer is -0.24 to -0.17; joint speeds of 1 are 3 rad/s.
+    let speed = (0.16 - 0.4) * 3.0;
+    assert_eq!((chunk.actions.len(), chunk.actions[2].len()), (10, 8));
+    assert!((f64::from(chunk.actions[2][0]) - speed).abs() < 1e-6, "{:?}", chunk.actions[2]);
+}
+
 #[test]
 fn a_libero_server_is_told_the_tool_and_its_changes_are_in_metres_and_rad() {
     let address = server(|question| {
