@@ -44,6 +44,12 @@ use crate::inputs;
 pub const KINDS: [TaskKind; 4] =
     [TaskKind::Spatial, TaskKind::Appearance, TaskKind::CommonSense, TaskKind::LongHorizon];
 
+/// Folder of a suite that is named by its folder, or by its name where `suites/NAME` lies in the current folder.
+pub fn folder_of(name: &Path) -> PathBuf {
+    let shipped = Path::new("suites").join(name);
+    if !name.exists() && shipped.join("suite.json").is_file() { shipped } else { name.to_owned() }
+}
+
 /// Reads the file of a suite's folder.
 ///
 /// # Errors

@@ -28,8 +28,8 @@ pub struct EvaluateArguments {
     /// Folder of a run made by `collect`, or scenario files and folders of them
     #[arg(required_unless_present = "suite", value_name = "RUN|SCENARIOS")]
     pub paths: Vec<PathBuf>,
-    /// Folder of a frozen suite, instead of a run or scenarios
-    #[arg(long, value_name = "DIR", conflicts_with = "paths")]
+    /// Folder of a frozen suite, or its name where `suites/NAME` is here, instead of a run or scenarios
+    #[arg(long, value_name = "NAME|DIR", conflicts_with = "paths", value_parser = super::suite::parse_suite)]
     pub suite: Option<PathBuf>,
     /// A policy, with arguments if it takes any; may be given several times [default: all of them]
     #[arg(long = "policy", value_name = "NAME[:KEY=VALUE,…]")]

@@ -131,8 +131,8 @@ pub enum LabCommand {
 #[command(group(clap::ArgGroup::new("about").required(true).args(["suite", "ends"])))]
 #[command(group(clap::ArgGroup::new("do").required(true).args(["out", "answers"])))]
 pub struct LabReadersArguments {
-    /// Folder of a suite: which things are meant at the start of its scenarios
-    #[arg(long, value_name = "DIR")]
+    /// Folder or name of a suite: which things are meant at the start of its scenarios
+    #[arg(long, value_name = "NAME|DIR", value_parser = super::suite::parse_suite)]
     pub suite: Option<PathBuf>,
     /// Folder of evaluations with kept episodes: whether their ends are as the sentence asks
     #[arg(long, value_name = "DIR")]

@@ -1,10 +1,10 @@
 //! Arguments of `suite` and `lab suite`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use genmanip_bench::suite::ReviewVerdict;
-use genmanip_run::suites::Axis;
+use genmanip_run::suites::{self, Axis};
 
 use super::parse_count;
 
@@ -63,7 +63,7 @@ pub enum SuiteCommand {
 #[derive(Debug, Args)]
 pub struct SuiteWorkArguments {
     /// Folder of the suite
-    #[arg(value_name = "SUITE")]
+    #[arg(value_name = "SUITE", value_parser = parse_suite)]
     pub folder: PathBuf,
     /// Worker threads [default: all cores]
     #[arg(long, value_parser = parse_count)]
@@ -101,7 +101,7 @@ pub struct SuiteBuildArguments {
 #[derive(Debug, Args)]
 pub struct SuiteTrainArguments {
     /// Folder of the suite that is tested on
-    #[arg(value_name = "SUITE")]
+    #[arg(value_name = "SUITE", value_parser = parse_suite)]
     pub folder: PathBuf,
     /// Folder of the tasks
     #[arg(long, value_name = "DIR", required_unless_present = "check")]
@@ -121,7 +121,7 @@ pub struct SuiteTrainArguments {
 #[derive(Debug, Args)]
 pub struct SuitePerturbArguments {
     /// Folder of the suite that is changed
-    #[arg(value_name = "SUITE")]
+    #[arg(value_name = "SUITE", value_parser = parse_suite)]
     pub folder: PathBuf,
     /// What is changed
     #[arg(long, value_name = "AXIS")]
@@ -147,7 +147,7 @@ pub struct SuitePerturbArguments {
 #[derive(Debug, Args)]
 pub struct SuiteReviewArguments {
     /// Folder of the suite
-    #[arg(value_name = "SUITE")]
+    #[arg(value_name = "SUITE", value_parser = parse_suite)]
     pub folder: PathBuf,
     /// Id of the scenario
     #[arg(value_name = "SCENARIO")]
@@ -163,6 +163,12 @@ pub struct SuiteReviewArguments {
     pub note: String,
 }
 
+/// A suite by its folder, or by its name where `suites/NAME` lies in the current folder.
+#[allow(clippy::unnecessary_wraps)] // as clap wants it
+pub(super) fn parse_suite(text: &str) -> Result<PathBuf, String> {
+    Ok(suites::folder_of(Path::new(text)))
+}
+
 fn parse_verdict(text: &str) -> Result<ReviewVerdict, String> {
     let names = ReviewVerdict::ALL.map(ReviewVerdict::name);
     let found = ReviewVerdict::ALL.into_iter().find(|verdict| verdict.name() == text);
@@ -173,7 +179,7 @@ fn parse_verdict(text: &str) -> Result<ReviewVerdict, String> {
 #[derive(Clone, Debug, Args)]
 pub struct SuiteArguments {
     /// Folder of the suite
-    #[arg(value_name = "SUITE")]
+    #[arg(value_name = "SUITE", value_parser = parse_suite)]
     pub folder: PathBuf,
 }
 
@@ -181,18 +187,18 @@ pub struct SuiteArguments {
 #[derive(Clone, Debug, Args)]
 pub struct SuiteDiffArguments {
     /// Folder of the first suite
-    #[arg(value_name = "SUITE")]
+    #[arg(value_name = "SUITE", value_parser = parse_suite)]
     pub first: PathBuf,
     /// Folder of the second
-    #[arg(value_name = "OTHER")]
+    #[arg(value_name = "OTHER", value_parser = parse_suite)]
     pub second: PathBuf,
 }
 
 /// Arguments of `lab suite`.
 #[derive(Debug, Args)]
 pub struct LabSuiteArguments {
-    /// Folder of the suite
-    #[arg(long, value_name = "DIR")]
+    /// Folder of the suite, or its name where `suites/NAME` is here
+    #[arg(long, value_name = "NAME|DIR", value_parser = parse_suite)]
     pub suite: PathBuf,
     /// Episodes per scenario
     #[arg(long, value_name = "K", default_value_t = 5, value_parser = parse_count)]

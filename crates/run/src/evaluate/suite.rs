@@ -56,7 +56,7 @@ impl Suite {
     /// # Errors
     /// As [`Suite::frozen`], [`Suite::of_run`] and [`Suite::of_scenarios`].
     pub fn at(path: &Path) -> Result<Self, RunError> {
-        match path {
+        match &*suites::folder_of(path) {
             path if path.join("suite.json").is_file() => Self::frozen(path),
             path if path.join("run.json").is_file() || !path.exists() => Self::of_run(path),
             path => Self::of_scenarios(&[path.to_owned()]),
