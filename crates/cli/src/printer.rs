@@ -2,20 +2,23 @@
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use genmanip_run::Progress;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use crate::error::Failed;
+
+/// How often a line tells of progress where stderr is no terminal, as in the log of a job.
+const LINE_EVERY: Duration = Duration::from_secs(60);
 
 /// Prints results, messages and progress as the user asked.
 pub struct Printer {
     json: bool,
     quiet: bool,
-    /// Of the work under way.
-    bar: Mutex<Option<ProgressBar>>,
+    /// The work under way.
+    work: Mutex<Option<Work>>,
     /// Why data did not arrive.
     lost: Mutex<Option<io::Error>>,
 }
@@ -23,7 +26,7 @@ pub struct Printer {
 impl Printer {
     /// `json` turns tables into JSON on stdout; `quiet` drops talk.
     pub fn new(json: bool, quiet: bool) -> Self {
-        Self { json, quiet, bar: Mutex::new(None), lost: Mutex::new(None) }
+        Self { json, quiet, work: Mutex::new(None), lost: Mutex::new(None) }
     }
 
     /// Data: the JSON value or the text, to stdout.
@@ -68,8 +71,8 @@ impl Printer {
                 let _ = writeln!(std::io::stderr().lock(), "{}", text.as_ref());
             }
         };
-        match &*self.bar() {
-            Some(bar) => bar.suspend(print),
+        match &*self.work() {
+            Some(work) => work.bar.suspend(print),
             None => print(),
         }
     }
@@ -80,8 +83,31 @@ impl Printer {
         let _ = writeln!(std::io::stderr().lock(), "{failed}");
     }
 
-    fn bar(&self) -> MutexGuard<'_, Option<ProgressBar>> {
-        self.bar.lock().unwrap_or_else(PoisonError::into_inner)
+    fn work(&self) -> MutexGuard<'_, Option<Work>> {
+        self.work.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Work under way: a bar on a terminal, and what lines in a log say.
+struct Work {
+    what: String,
+    bar: ProgressBar,
+    began: Instant,
+    /// When the last line was printed.
+    told: Instant,
+}
+
+impl Work {
+    /// A line for a log, when one is due: `expert: 210/2910, 2.8/s, 16 minutes left`.
+    fn line(&mut self) -> Option<String> {
+        if !self.bar.is_hidden() || self.told.elapsed() < LINE_EVERY {
+            return None;
+        }
+        self.told = Instant::now();
+        let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
+        let rate = done as f64 / self.began.elapsed().as_secs_f64();
+        let left = Duration::from_secs_f64(total.saturating_sub(done) as f64 / rate.max(1e-6));
+        Some(format!("{}: {done}/{total}, {rate:.2}/s, {} left", self.what, HumanDuration(left)))
     }
 }
 
@@ -111,7 +137,7 @@ impl List<'_> {
     }
 }
 
-/// A bar with rate and time left; silent when stderr is no terminal.
+/// A bar with rate and time left; a line each minute where stderr is no terminal.
 impl Progress for Printer {
     fn begin(&self, what: &str, total: usize) {
         let target = if self.quiet || !std::io::stderr().is_terminal() {
@@ -127,24 +153,28 @@ impl Progress for Printer {
         }
         bar.set_message(what.to_owned());
         keep_ticking(&bar);
-        *self.bar() = Some(bar);
+        let now = Instant::now();
+        *self.work() = Some(Work { what: what.to_owned(), bar, began: now, told: now });
     }
 
     fn advance(&self) {
-        if let Some(bar) = &*self.bar() {
-            bar.inc(1);
+        if let Some(work) = &mut *self.work() {
+            work.bar.inc(1);
+            if let Some(line) = work.line().filter(|_| !self.quiet) {
+                let _ = writeln!(std::io::stderr().lock(), "{line}");
+            }
         }
     }
 
     fn tell(&self, state: &str) {
-        if let Some(bar) = &*self.bar() {
-            bar.set_prefix(state.to_owned());
+        if let Some(work) = &*self.work() {
+            work.bar.set_prefix(state.to_owned());
         }
     }
 
     fn end(&self) {
-        if let Some(bar) = self.bar().take() {
-            bar.finish_and_clear();
+        if let Some(work) = self.work().take() {
+            work.bar.finish_and_clear();
         }
     }
 
