@@ -92,7 +92,7 @@ pub fn build(
         }
     };
     let candidates: Vec<Candidate> = entries.iter().map(candidate).collect();
-    let chosen: BTreeSet<usize> = select(&candidates, options.per_kind).into_iter().collect();
+    let chosen = choose(&candidates, options.per_kind);
     for kind in KINDS {
         let count = chosen.iter().filter(|&&index| entries[index].1.kind == kind).count();
         if count < options.per_kind {
@@ -106,6 +106,24 @@ pub fn build(
     let head =
         Head { name: options.name.clone(), seed: options.seed, per_kind: options.per_kind, perturbation: None, funnel };
     frozen::write(&options.out, head, kept).map(Some)
+}
+
+/// Indices of the chosen candidates: balanced, and at least half of the spatial ones tell two things by their place.
+fn choose(candidates: &[Candidate], per_kind: usize) -> BTreeSet<usize> {
+    let has_one_clue = |index: &usize| {
+        candidates[*index].traits.get("clues").is_some_and(|clues| clues.iter().any(|clue| clue == "one"))
+    };
+    let mut left: Vec<usize> = (0..candidates.len()).collect();
+    loop {
+        let offered: Vec<Candidate> = left.iter().map(|&index| candidates[index].clone()).collect();
+        let chosen: BTreeSet<usize> = select(&offered, per_kind).into_iter().map(|place| left[place]).collect();
+        let with_one: Vec<usize> = chosen.iter().copied().filter(has_one_clue).collect();
+        let superfluous = with_one.iter().rev().find(|&&index| !candidates[index].is_preferred);
+        match superfluous {
+            Some(superfluous) if 2 * with_one.len() > per_kind => left.retain(|index| index != superfluous),
+            _ => return chosen,
+        }
+    }
 }
 
 fn lay_out_all(

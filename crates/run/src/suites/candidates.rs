@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use genmanip_assets::Catalogue;
 use genmanip_assets::notes::Split;
 use genmanip_bench::suite::{Stage, balanced_traits};
-use genmanip_core::{Seed, Task, TaskKind};
+use genmanip_core::{Atom, Relation, Seed, Task, TaskKind};
 use genmanip_rollout::collect::in_parallel;
 use genmanip_scene::designer::{DesignSettings, Series};
 use genmanip_scene::references::{self, Clue, Mismatch, clues_at_places, is_needless};
@@ -17,7 +17,7 @@ use super::KINDS;
 use crate::progress::Progress;
 
 /// Designs of a kind for each candidate that is wanted, before the kind is given up.
-const DESIGNS_PER_CANDIDATE: usize = 60;
+const DESIGNS_PER_CANDIDATE: usize = 200;
 /// Steps of long-horizon tasks, each the same share of them, and the lots that their designs are composed in at the same
 /// time: of three steps about one design in 1,000 works out, of four one in 7,000.
 const LOTS_OF_STEPS: [(usize, usize); 3] = [(2, 1), (3, 2), (4, 6)];
@@ -25,6 +25,8 @@ const LOTS_OF_STEPS: [(usize, usize); 3] = [(2, 1), (3, 2), (4, 6)];
 const DRAWS_OF_STEPS: usize = 40_000;
 /// A value of a trait is frequent above so many times the mean of its values.
 const FREQUENT: f64 = 1.1;
+/// Share of the mean of all relations that spatial and appearance tasks have at least of each.
+const OF_EACH_RELATION: f64 = 0.1;
 /// Designs with a frequent value that are passed over for each candidate that is chosen; fewer where a design takes
 /// seconds.
 const PASSED_OVER: usize = 10;
@@ -49,8 +51,8 @@ struct Lot {
     /// Tasks that it is to give.
     share: usize,
     passed_over: usize,
-    /// What was chosen before it.
-    recorded: Chosen,
+    /// What it is to be balanced with.
+    chosen: Chosen,
 }
 
 /// Tasks of each kind that need what their kind is about; `None` when it was stopped.
@@ -60,8 +62,7 @@ pub(super) fn design(wanted: &Wanted, progress: &dyn Progress, stop: &AtomicBool
     for task in wanted.recorded.iter().filter(|task| !KINDS.contains(&task.kind)) {
         stage.refuse(format!("{}, recorded: a suite has no such kind", task.kind.name()));
     }
-    let mut tasks: BTreeMap<TaskKind, Vec<Task>> = BTreeMap::new();
-    let mut lots = Vec::new();
+    let mut chosen = Vec::new();
     for kind in KINDS {
         let mut recorded = Chosen { wanted: wanted.of_each_kind, ..Chosen::default() };
         for task in wanted.recorded.iter().filter(|task| task.kind == kind) {
@@ -73,53 +74,112 @@ pub(super) fn design(wanted: &Wanted, progress: &dyn Progress, stop: &AtomicBool
                 }
             }
         }
-        lots.extend(lots_of(kind, &recorded, wanted.seed));
-        tasks.insert(kind, recorded.tasks);
+        chosen.push((kind, recorded));
     }
-    // What takes longest begins first.
-    lots.sort_by_key(|lot| Reverse(lot.settings.steps[0]));
-    let compose = |lot: &Lot| Ok::<_, Infallible>((lot.kind, compose(lot, wanted.catalogue, progress, stop)));
-    let Ok(composed) = in_parallel(&lots, wanted.workers, stop, &compose);
+    let mut said: BTreeSet<String> =
+        chosen.iter().flat_map(|(_, own)| &own.tasks).map(|task| task.instruction.clone()).collect();
+    for lots_of in [lots_of_steps, lots_of_relations, lots_of_the_rest] {
+        let mut lots = lots_of(&chosen, wanted.seed);
+        // What takes longest begins first.
+        lots.sort_by_key(|lot| Reverse(lot.settings.steps[0]));
+        let compose = |lot: &Lot| Ok::<_, Infallible>((lot.kind, compose(lot, wanted.catalogue, progress, stop)));
+        let Ok(composed) = in_parallel(&lots, wanted.workers, stop, &compose);
+        for (kind, (designed, refusals)) in composed {
+            refusals.into_iter().for_each(|reason| stage.refuse(format!("{}: {reason}", kind.name())));
+            let Some((_, own)) = chosen.iter_mut().find(|(other, _)| *other == kind) else { continue };
+            for mut task in designed {
+                let reason = own.refusal(&task).or_else(|| {
+                    (!said.insert(task.instruction.clone())).then(|| "another one says the same".to_owned())
+                });
+                match reason {
+                    Some(reason) => stage.refuse(format!("{}: {reason}", kind.name())),
+                    None => {
+                        task.id = format!("{}-{}-{:05}", kind.name(), wanted.seed, own.tasks.len());
+                        own.take(task, wanted.catalogue);
+                    }
+                }
+            }
+        }
+    }
     progress.end();
     if stop.load(Ordering::Relaxed) {
         return None;
     }
-    let mut said: BTreeSet<String> = tasks.values().flatten().map(|task| task.instruction.clone()).collect();
-    for (kind, (designed, refusals)) in composed {
-        refusals.into_iter().for_each(|reason| stage.refuse(format!("{}: {reason}", kind.name())));
-        let of_kind = tasks.entry(kind).or_default();
-        for mut task in designed {
-            if !said.insert(task.instruction.clone()) {
-                stage.refuse(format!("{}: another lot says the same", kind.name()));
-                continue;
-            }
-            task.id = format!("{}-{}-{:05}", kind.name(), wanted.seed, of_kind.len());
-            of_kind.push(task);
-        }
-    }
-    let tasks: Vec<Task> = KINDS.iter().flat_map(|kind| tasks.remove(kind).unwrap_or_default()).collect();
+    let tasks: Vec<Task> = chosen.into_iter().flat_map(|(_, own)| own.tasks).collect();
     tasks.iter().for_each(|task| stage.pass(task.kind));
     Some((tasks, stage))
 }
 
-/// What is still to be composed of a kind.
-fn lots_of(kind: TaskKind, recorded: &Chosen, seed: Seed) -> Vec<Lot> {
-    let left = recorded.wanted.saturating_sub(recorded.tasks.len());
-    let lot = |settings, name: &str, share, passed_over| {
-        let seed = seed.fork(&format!("{} {name}", kind.name()));
-        Lot { kind, settings, seed, share, passed_over, recorded: recorded.clone() }
-    };
-    if kind != TaskKind::LongHorizon {
-        return vec![lot(DesignSettings::default(), "tasks", left, PASSED_OVER)];
-    }
-    let with = |steps| DesignSettings { steps: [steps; 2], max_draws: DRAWS_OF_STEPS, ..DesignSettings::default() };
+/// Lots of the kinds that choose their relations by what else they are about; of long-horizon tasks they give the same
+/// share of each number of steps.
+fn lots_of_steps(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
     let mut lots = Vec::new();
-    for ((steps, count), share) in LOTS_OF_STEPS.into_iter().zip(shares(left, LOTS_OF_STEPS.len())) {
-        for (number, share) in shares(share, count).enumerate().filter(|&(_, share)| share > 0) {
-            lots.push(lot(with(steps), &format!("{steps} steps, lot {number}"), share, PASSED_OVER_OF_STEPS));
+    for (kind, own) in chosen {
+        let left = own.left();
+        match kind {
+            TaskKind::LongHorizon => {
+                for ((steps, count), share) in LOTS_OF_STEPS.into_iter().zip(shares(left, LOTS_OF_STEPS.len())) {
+                    let settings =
+                        DesignSettings { steps: [steps; 2], max_draws: DRAWS_OF_STEPS, ..DesignSettings::default() };
+                    for (number, share) in shares(share, count).enumerate() {
+                        let name = format!("{steps} steps, lot {number}");
+                        lots.push(Lot::new(*kind, &name, settings.clone(), share, seed).passing(PASSED_OVER_OF_STEPS));
+                    }
+                }
+            }
+            TaskKind::CommonSense => lots.push(Lot::new(*kind, "needs", DesignSettings::default(), left, seed)),
+            _ => {}
         }
     }
     lots
+}
+
+/// Lots of the other kinds, most of the relations that are rare so far.
+fn lots_of_relations(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
+    let count = |relation| {
+        let tasks = chosen.iter().flat_map(|(_, own)| &own.tasks);
+        tasks.filter(|task| asks_for(task, relation)).count() as f64
+    };
+    let counts = Relation::ALL.map(count);
+    let chosen: Vec<_> =
+        chosen.iter().filter(|(kind, _)| [TaskKind::Spatial, TaskKind::Appearance].contains(kind)).collect();
+    let left: usize = chosen.iter().map(|(_, own)| own.left()).sum();
+    let mean = (counts.iter().sum::<f64>() + left as f64) / counts.len() as f64;
+    // Some of each in any case, so that no kind is without a relation.
+    let wanted = counts.map(|count| (mean - count).max(0.0) + OF_EACH_RELATION * mean);
+    let mut lots = Vec::new();
+    for (kind, own) in chosen {
+        let mut sum = 0.0;
+        let until = |sum: f64| (own.left() as f64 * sum / wanted.iter().sum::<f64>() + 0.5) as usize;
+        for (relation, wanted) in Relation::ALL.into_iter().zip(wanted) {
+            let share = until(sum + wanted) - until(sum);
+            sum += wanted;
+            let settings = DesignSettings { goal_relation: Some(relation), ..DesignSettings::default() };
+            lots.push(Lot::new(*kind, relation.name(), settings, share, seed));
+        }
+    }
+    lots
+}
+
+/// What these lots did not give.
+fn lots_of_the_rest(chosen: &[(TaskKind, Chosen)], seed: Seed) -> Vec<Lot> {
+    let rest = |(kind, own): &(TaskKind, Chosen)| {
+        let lot = Lot::new(*kind, "rest", DesignSettings::default(), own.left(), seed);
+        Lot { chosen: own.clone(), ..lot }
+    };
+    chosen.iter().map(rest).collect()
+}
+
+impl Lot {
+    fn new(kind: TaskKind, name: &str, settings: DesignSettings, share: usize, seed: Seed) -> Self {
+        let seed = seed.fork(&format!("{}, {name}", kind.name()));
+        let chosen = Chosen { wanted: share, ..Chosen::default() };
+        Self { kind, settings, seed, share, passed_over: PASSED_OVER, chosen }
+    }
+
+    fn passing(self, passed_over: usize) -> Self {
+        Self { passed_over, ..self }
+    }
 }
 
 /// A number in parts that differ by one at most, the larger first.
@@ -131,7 +191,7 @@ fn shares(number: usize, parts: usize) -> impl Iterator<Item = usize> {
 fn compose(lot: &Lot, catalogue: &Catalogue, progress: &dyn Progress, stop: &AtomicBool) -> (Vec<Task>, Vec<String>) {
     let kinds = [lot.kind];
     let (mut tasks, mut refusals, mut passed_over) = (Vec::new(), Vec::new(), 0);
-    let mut chosen = lot.recorded.clone();
+    let mut chosen = lot.chosen.clone();
     let Ok(mut series) = Series::new(&kinds, catalogue.cards(), lot.seed, &lot.settings, false) else {
         return (tasks, refusals);
     };
@@ -143,7 +203,9 @@ fn compose(lot: &Lot, catalogue: &Catalogue, progress: &dyn Progress, stop: &Ato
             refusals.push("no such task could be composed".to_owned());
             continue;
         };
-        if let Some(reason) = chosen.refusal(&task) {
+        if lot.settings.goal_relation.is_some_and(|relation| !asks_for(&task, relation)) {
+            refusals.push("its kind has no goals of that relation".into());
+        } else if let Some(reason) = chosen.refusal(&task) {
             refusals.push(reason);
         } else if chosen.is_frequent(&task, catalogue) && passed_over < lot.passed_over * (tasks.len() + 1) {
             passed_over += 1;
@@ -172,6 +234,11 @@ struct Chosen {
 }
 
 impl Chosen {
+    /// How many are missing.
+    fn left(&self) -> usize {
+        self.wanted.saturating_sub(self.tasks.len())
+    }
+
     fn take(&mut self, task: Task, catalogue: &Catalogue) {
         if let Some(need) = need(&task) {
             *self.needs.entry(need).or_default() += 1;
@@ -219,6 +286,12 @@ impl Chosen {
         let is_half = 2 * self.with_one_clue >= self.wanted.max(self.tasks.len());
         (has_one_clue(task) && is_half).then(|| "enough tasks with one clue".into())
     }
+}
+
+/// Whether some alternative of a goal asks for a relation.
+fn asks_for(task: &Task, relation: Relation) -> bool {
+    let is_asked = |atom: &Atom| matches!(atom, Atom::Relation { relation: asked, .. } if *asked == relation);
+    task.goal.alternatives.iter().flatten().any(is_asked)
 }
 
 /// What a common-sense task says before its request.

@@ -24,6 +24,9 @@ pub struct DesignSettings {
     /// Fewest and most steps of a long-horizon task, 2 to 4.
     #[serde(default = "two_to_four")]
     pub steps: [usize; 2],
+    /// Relation of the goal, where it is to be this one and the kind allows it; otherwise the quotas decide.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goal_relation: Option<Relation>,
     /// Size along x and y of the area that a scene is sketched in, metres.
     pub area_m: [f64; 2],
     /// Smallest gap between the outlines of neighbours in the sketch, metres.
@@ -44,6 +47,7 @@ impl Default for DesignSettings {
             disjunctions: 0.2,
             copies: 0.0,
             steps: two_to_four(),
+            goal_relation: None,
             area_m: [0.47, 0.78],
             gap_m: 0.035,
         }

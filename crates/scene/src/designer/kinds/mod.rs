@@ -82,8 +82,11 @@ fn describe(scene: &Sketch) -> String {
     sentences.join(" ")
 }
 
-/// A relation for a goal: the rarest so far among those that something exists for.
+/// A relation for a goal: the one that is asked for, or the rarest so far among those that something exists for.
 fn wanted_relation(composer: &mut Composer, among: &[Relation]) -> Option<Relation> {
+    if let Some(asked) = composer.settings.goal_relation.filter(|asked| among.contains(asked)) {
+        return Some(asked);
+    }
     composer.balance.choose(among, composer.settings, &mut composer.rng)
 }
 
