@@ -210,3 +210,28 @@ pub struct LabSuiteArguments {
     #[arg(long, value_parser = parse_count)]
     pub workers: Option<usize>,
 }
+
+/// Arguments of `lab readers`.
+#[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("about").required(true).args(["suite", "ends"])))]
+#[command(group(clap::ArgGroup::new("do").required(true).args(["out", "answers"])))]
+pub struct LabReadersArguments {
+    /// Folder or name of a suite: which things are meant at the start of its scenarios
+    #[arg(long, value_name = "NAME|DIR", value_parser = parse_suite)]
+    pub suite: Option<PathBuf>,
+    /// Folder of evaluations with kept episodes: whether their ends are as the sentence asks
+    #[arg(long, value_name = "DIR")]
+    pub ends: Option<PathBuf>,
+    /// Episodes, half of them successes where there are enough
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = super::parse_count)]
+    pub count: usize,
+    /// Folder for the cards
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Answers of readers, one file each
+    #[arg(long, value_name = "FILE,…", value_delimiter = ',')]
+    pub answers: Vec<PathBuf>,
+    /// Seed of the order of the cards, and of the choice of episodes
+    #[arg(long, default_value_t = 0, value_parser = super::parse_seed)]
+    pub seed: u64,
+}
