@@ -169,9 +169,9 @@ pub fn balanced_traits(
     relations.dedup();
     let count = task.scene_graph.nodes.len();
     let range = match count {
-        0..=4 => "3-4",
-        5..=6 => "5-6",
-        _ => "7 or more",
+        0..=5 => "up to 5",
+        6..=7 => "6-7",
+        _ => "8 or more",
     };
     let named = |atom: &Atom| atom.ids().any(|id| is_unseen(id.split('#').next().unwrap_or(id)));
     let axis = if atoms().any(named) { "unseen" } else { "train" };
