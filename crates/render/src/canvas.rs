@@ -132,6 +132,7 @@ impl Canvas {
             strip.map_or(0..0, |strip| strip * tiles_in_strip..((strip + 1) * tiles_in_strip).min(count))
         };
         self.shaded_pixels = 0;
+        self.edges.begin(scene.assets, &self.view);
         let mut tiles = Vec::with_capacity(tiles_in_strip);
         for step in 0..strips + 3 {
             let select = |range: Range<usize>, is_wanted: &dyn Fn(usize) -> bool, tiles: &mut Vec<usize>| {
