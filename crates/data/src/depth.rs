@@ -11,8 +11,9 @@ const MAX_SIDE_PX: u32 = 8192;
 
 /// Metres to millimetres, rounded; 0 for what is not a positive number.
 pub fn depth_to_mm(depth_m: f32) -> u16 {
-    // Not finite and negative values become 0, large ones 65535: that is what `as` does here.
-    if depth_m.is_finite() { (f64::from(depth_m) * 1000.0).round() as u16 } else { 0 }
+    // Not finite and negative values become 0, large ones 65535: that is what `as` does here. The product is exact, and
+    // so is the sum where it could reach the next millimetre: it rounds as `f64::round` does, without a call.
+    if depth_m.is_finite() { (f64::from(depth_m) * 1000.0 + 0.5) as u16 } else { 0 }
 }
 
 /// A PNG file of a depth image in metres, row by row.
@@ -65,4 +66,23 @@ pub fn decode_depth_png(file: &[u8]) -> Result<(u32, u32, Vec<u16>), DataError> 
 
 fn png_error(error: impl ToString) -> DataError {
     DataError::Png(error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Around every half millimetre, and at all scales, millimetres are those of `f64::round`.
+    #[test]
+    fn millimetres_are_rounded() {
+        let halves = (0..=140_000).flat_map(|half| {
+            let bits = (half as f32 / 2000.0).to_bits();
+            (bits.saturating_sub(2)..=bits + 2).map(f32::from_bits)
+        });
+        let scales = (0..=u32::MAX >> 12).map(|bits| f32::from_bits(bits << 12));
+        for depth_m in halves.chain(scales) {
+            let expected = if depth_m.is_finite() { (f64::from(depth_m) * 1000.0).round() as u16 } else { 0 };
+            assert_eq!(depth_to_mm(depth_m), expected, "{depth_m} m");
+        }
+    }
 }

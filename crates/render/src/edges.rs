@@ -13,14 +13,14 @@ use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
 use crate::arrival::Arrival;
-use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
+use crate::assets::{RenderAssets, TRIANGLE_BITS};
 use crate::layers::TILE;
 use crate::panes::{Pane, bent, refracted, seen_through};
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::{Shading, Spot};
 use crate::texture::srgb8_from_linear;
-use crate::view::{PartView, View, far_nearness, surface_of};
+use crate::view::{View, far_nearness, surface_of};
 
 /// The samples around a pixel's centre with two per pixel along each axis, and their share of the pixel.
 const BESIDE: [([isize; 2], f32); 8] = [
@@ -45,11 +45,34 @@ pub(crate) struct Edges {
     panes: Vec<Pane>,
     order: Vec<u32>,
     keys: TileKeys,
+    directions: Directions,
+}
+
+/// Directions of all triangles, part by part.
+#[derive(Debug, Default)]
+struct Directions {
+    /// By part plus one: where its triangles begin; those of nothing come first.
+    first: Vec<u32>,
+    codes: Vec<u8>,
 }
 
 /// By how much a transparent side must be nearer than what is opaque, as a share: glass stands on the table.
 const APART: f32 = 1e-4;
+
 impl Edges {
+    /// Looks at all parts as they are seen; to be called before the tiles of a picture are finished.
+    pub fn begin(&mut self, assets: &RenderAssets, view: &View) {
+        let Directions { first, codes } = &mut self.directions;
+        first.clear();
+        codes.clear();
+        first.push(0);
+        codes.push(0);
+        for (part, placed) in assets.parts.iter().zip(&view.parts) {
+            first.push(codes.len() as u32);
+            codes.extend_from_slice(&placed.mesh(part).directions);
+        }
+    }
+
     /// Rewrites the bytes of the pixels of tiles that show several surfaces or something transparent.
     #[expect(clippy::too_many_arguments, reason = "one stage of a pipeline: what it reads, and what it writes")]
     pub fn finish(
@@ -67,8 +90,8 @@ impl Edges {
         self.extras.clear();
         self.panes.clear();
         let n = opaque.scale as isize;
-        let around = Around { view, opaque, directions: directions(scene.assets, view), n };
-        let mut keys = std::mem::take(&mut self.keys);
+        let (mut keys, directions) = (std::mem::take(&mut self.keys), std::mem::take(&mut self.directions));
+        let around = Around { view, opaque, directions: &directions, n };
         for &tile in tiles {
             let [columns, rows] = arrival.pixels_of(tile);
             let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, columns.start, rows.start);
@@ -93,7 +116,7 @@ impl Edges {
                 }
             }
         }
-        self.keys = keys;
+        (self.keys, self.directions) = (keys, directions);
         self.shade_extras(scene, view);
         self.shade_panes(scene, view);
         for &(pixel, color) in &self.mixed {
@@ -134,12 +157,14 @@ impl Edges {
         let mut left = 0_u32;
         if n == 2 && is_inside {
             // Nearly all samples show what the pixel shows, or what the one shows that they lean to.
+            let window = keys.window(center);
+            let rows = [-1, 0, 1].map(|dy| &colors[((place[1] + dy) * size[0] + place[0] - 1) as usize..][..3]);
             for (index, &([dx, dy], weight)) in BESIDE.iter().enumerate() {
-                let key = keys.keys[keys.beside(center, dx, dy)];
-                let (is_own, leans) = (key == own, key == keys.keys[keys.beside(center, 2 * dx, 2 * dy)]);
+                let key = |reach: isize| window[((2 + reach * dy) * SIDE as isize + 2 + reach * dx) as usize];
+                let (is_own, leans) = (key(1) == own, key(1) == key(2));
                 own_weight += if is_own { weight } else { 0.0 };
                 let weight = if leans & !is_own { weight } else { 0.0 };
-                sum += colors[((place[1] + dy) * size[0] + place[0] + dx) as usize] * weight;
+                sum += rows[(dy + 1) as usize][(dx + 1) as usize] * weight;
                 left |= u32::from(!is_own & !leans) << index;
             }
             own_weight += 0.25;
@@ -352,8 +377,7 @@ impl Edges {
 struct Around<'a> {
     view: &'a View,
     opaque: &'a Target,
-    /// By part plus one: directions of its triangles.
-    directions: Vec<&'a [u8]>,
+    directions: &'a Directions,
     /// Samples per pixel along an axis.
     n: isize,
 }
@@ -370,19 +394,18 @@ impl Around<'_> {
         self.opaque.ids[row as usize * self.opaque.width + column as usize]
     }
 
-    /// Equal for samples of one smooth piece of surface.
-    #[inline(always)]
     fn key(&self, id: u32) -> u32 {
-        let triangle = (id & ((1 << TRIANGLE_BITS) - 1)) as usize;
-        let direction = self.directions[surface_of(id) as usize].get(triangle);
-        (id >> TRIANGLE_BITS) << 8 | u32::from(direction.copied().unwrap_or(0))
+        self.directions.key(id)
     }
 }
 
-/// Directions of the triangles of each part, after those of nothing.
-fn directions<'a>(assets: &'a RenderAssets, view: &'a View) -> Vec<&'a [u8]> {
-    let of_part = |(part, placed): (&'a Part, &PartView)| placed.mesh(part).directions.as_slice();
-    std::iter::once([].as_slice()).chain(assets.parts.iter().zip(&view.parts).map(of_part)).collect()
+impl Directions {
+    /// Equal for samples of one smooth piece of surface.
+    #[inline(always)]
+    fn key(&self, id: u32) -> u32 {
+        let (surface, triangle) = (surface_of(id), id & ((1 << TRIANGLE_BITS) - 1));
+        surface << 8 | u32::from(self.codes[(self.first[surface as usize] + triangle) as usize])
+    }
 }
 
 /// Keys of the samples of a tile, and of those around it up to the centres of the pixels next to it.
@@ -408,26 +431,23 @@ impl TileKeys {
             return false;
         }
         self.keys.resize(self.side * self.side, 0);
-        let (mut id, mut key) = (first, around.key(first));
-        let first_key = key;
-        let mut differ = false;
+        let first_key = around.key(first);
+        let mut differ = 0;
         // Samples beyond the image's border are those next to it.
         let before = (from - first_column) as usize;
         for (step, out) in self.keys.chunks_exact_mut(self.side).enumerate() {
             let (_, row) = around.cut(0, first_row + step as isize);
             let line = line(row);
-            for (out, &here) in out[before..].iter_mut().zip(line) {
-                if here != id {
-                    (id, key) = (here, around.key(here));
-                    differ |= key != first_key;
-                }
-                *out = key;
+            // Triangles are so small on the image that guessing when the next one comes does not pay.
+            for (out, &id) in out[before..].iter_mut().zip(line) {
+                *out = around.key(id);
             }
             let (left, right) = (out[before], out[before + line.len() - 1]);
             out[..before].fill(left);
             out[before + line.len()..].fill(right);
+            differ |= out.iter().fold(0, |differ, key| differ | (key ^ first_key));
         }
-        differ
+        differ != 0
     }
 
     /// Index of the key at the centre of a pixel of the tile.
@@ -440,6 +460,13 @@ impl TileKeys {
     #[inline(always)]
     fn beside(&self, index: usize, dx: isize, dy: isize) -> usize {
         (index as isize + dy * self.side as isize + dx) as usize
+    }
+
+    /// Keys from two rows above and two columns to the left of one on, with two samples per pixel along each axis.
+    #[inline(always)]
+    fn window(&self, center: usize) -> &[u32; 4 * SIDE + 5] {
+        const WINDOW: usize = 4 * SIDE + 5;
+        self.keys[center - 2 * SIDE - 2..].first_chunk::<WINDOW>().expect("a tile's keys reach two samples beyond it")
     }
 
     /// The pixels of the tile around whose centres the samples show several surfaces, in bits, row by row.
