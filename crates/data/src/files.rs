@@ -5,13 +5,13 @@
 
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{ErrorKind, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use genmanip_core::limits::Limit;
 
 use crate::DataError;
-use crate::partial::{beside, is_abandoned};
+use crate::partial::{self, beside, is_abandoned};
 
 /// A file that a person named; it may be reached through links.
 ///
@@ -160,7 +160,7 @@ pub fn create(path: &Path, bytes: &[u8]) -> Result<bool, DataError> {
     created.map_err(DataError::io("write", path))
 }
 
-fn written_aside(path: &Path, bytes: &[u8]) -> Result<std::path::PathBuf, DataError> {
+fn written_aside(path: &Path, bytes: &[u8]) -> Result<PathBuf, DataError> {
     if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
     }
@@ -170,6 +170,64 @@ fn written_aside(path: &Path, bytes: &[u8]) -> Result<std::path::PathBuf, DataEr
         let _ = fs::remove_file(&aside);
         DataError::io("write", path)(error)
     })
+}
+
+/// Whether a name marks a file or folder that is still being written, or that a program left so.
+pub fn is_unfinished(name: &str) -> bool {
+    partial::is_unfinished(name)
+}
+
+/// A file that is written piece by piece and replaces what is there when it is whole; dropped before, nothing is left.
+#[derive(Debug)]
+pub struct Writing {
+    target: PathBuf,
+    aside: PathBuf,
+    file: File,
+    is_finished: bool,
+}
+
+impl Writing {
+    /// Begins a file that shall appear at `target`; missing folders on the way are made.
+    ///
+    /// # Errors
+    /// [`DataError::Io`].
+    pub fn begin(target: &Path) -> Result<Self, DataError> {
+        if let Some(parent) = target.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+            fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
+        }
+        let aside = beside(target);
+        let file = OpenOptions::new().write(true).create_new(true).open(&aside);
+        let file = file.map_err(DataError::io("write", &aside))?;
+        Ok(Self { target: target.to_owned(), aside, file, is_finished: false })
+    }
+
+    /// Flushes it to the disk and puts it into its place.
+    ///
+    /// # Errors
+    /// [`DataError::Io`].
+    pub fn finish(mut self) -> Result<(), DataError> {
+        let finished = self.file.sync_all().and_then(|()| fs::rename(&self.aside, &self.target));
+        self.is_finished = finished.is_ok();
+        finished.map_err(DataError::io("write", &self.target))
+    }
+}
+
+impl Write for Writing {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for Writing {
+    fn drop(&mut self) {
+        if !self.is_finished {
+            let _ = fs::remove_file(&self.aside);
+        }
+    }
 }
 
 /// Writes a file that must not be there yet, so that it is on the disk when this returns; a link is never followed.

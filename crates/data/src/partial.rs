@@ -23,6 +23,11 @@ pub(crate) fn beside(target: &Path) -> PathBuf {
     target.with_file_name(format!(".{name}{MARK}{}-{number}", Writer::of_this_program().in_words()))
 }
 
+/// Whether a name marks unfinished work, whoever's.
+pub(crate) fn is_unfinished(name: &str) -> bool {
+    name.starts_with('.') && name.rsplit_once(MARK).is_some_and(|(_, writer)| Writer::parse(writer).is_some())
+}
+
 /// Whether a name marks unfinished work of a program that certainly died.
 pub(crate) fn is_abandoned(name: &str) -> bool {
     let Some((_, writer)) = name.rsplit_once(MARK).filter(|_| name.starts_with('.')) else { return false };
@@ -126,7 +131,7 @@ mod tests {
         for path in [a, b] {
             let name = path.file_name().unwrap().to_str().unwrap();
             assert!(name.starts_with('.') && name.len() <= 255 + 80, "{name}");
-            assert!(!is_abandoned(name), "this program runs");
+            assert!(is_unfinished(name) && !is_abandoned(name), "this program runs");
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Actions of a contract drive the environment: what the episode loop and programs that step by themselves share.
 
-use genmanip_core::{GoalVerdict, Observation, PolicySpec, Pose};
+use genmanip_core::{GoalVerdict, Observation, PolicySpec};
 
-use crate::adapter::{Adapter, ArmReference, NativeAction};
+use crate::adapter::{Adapter, ArmReference, NativeAction, Pending};
 use crate::environment::{Environment, Event};
 use crate::{RolloutError, RolloutSettings, Stage};
 
@@ -12,8 +12,8 @@ pub struct Driver {
     adapter: Adapter,
     /// Arm joint positions when the chunk was asked for, rad.
     chunk_start: Vec<f64>,
-    /// The tool pose that the action before asked for.
-    asked: Option<Pose>,
+    /// What the actions before asked for and was not done yet.
+    pending: Pending,
 }
 
 /// What one action led to.
@@ -42,7 +42,7 @@ impl Driver {
         let repeat = check_spec(spec, stage)?;
         let adapter = Adapter::new(spec.action, &stage.robot, &settings.ik, 1.0 / stage.control_rate_hz(), repeat)
             .map_err(|error| RolloutError::Spec { policy: spec.name.clone(), reason: error.to_string() })?;
-        Ok(Self { adapter, chunk_start: stage.scenario.world.robot.home.clone(), asked: None })
+        Ok(Self { adapter, chunk_start: stage.scenario.world.robot.home.clone(), pending: Pending::default() })
     }
 
     /// Says that a chunk of actions was asked for now.
@@ -66,10 +66,10 @@ impl Driver {
         let (command, measured) = (environment.command()?, environment.joint_positions()?);
         let width_m = command.last().copied().unwrap_or_default();
         let command: Vec<f64> = command[..measured.len()].iter().copied().map(f64::from).collect();
-        let (chunk_start, asked) = (&self.chunk_start, self.asked);
-        let from = ArmReference { command: &command, width_m, measured: &measured, chunk_start, asked };
-        let NativeAction { commands, world_from_tcp } = self.adapter.to_native(action, from)?;
-        self.asked = world_from_tcp;
+        let (chunk_start, pending) = (&self.chunk_start, &self.pending);
+        let from = ArmReference { command: &command, width_m, measured: &measured, chunk_start, pending };
+        let NativeAction { commands, pending } = self.adapter.to_native(action, from)?;
+        self.pending = pending;
         carry_out(environment, &commands)
     }
 

@@ -1,7 +1,7 @@
 //! LeRobot data sets, v3.0 and v2.1, of any program.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use arrow_array::cast::AsArray;
 use arrow_array::{Array, RecordBatch};
@@ -33,6 +33,8 @@ pub(super) struct Lerobot {
     fps: u32,
     pictures: Pictures,
     notes: BTreeSet<String>,
+    /// The native record of its episodes, if it carries one.
+    record: Option<EpisodeStore>,
 }
 
 impl Lerobot {
@@ -49,7 +51,18 @@ impl Lerobot {
             return Err(DataError::mismatch(what, "a whole number from 1 to 240", fps));
         }
         let pictures = Pictures::new(settings.ffmpeg.clone());
-        Ok(Self { book, fps: fps as u32, pictures, notes: BTreeSet::new() })
+        let mut notes = BTreeSet::new();
+        let record = root.join("extras/record");
+        let record = match std::fs::symlink_metadata(&record) {
+            Err(_) => None,
+            Ok(_) if book.contract.is_none() => {
+                notes.insert("extras/record is left out, since there is no meta/action_contract.json".into());
+                None
+            }
+            // Damaged, it is no record that may go missing.
+            Ok(_) => Some(EpisodeStore::open(record)?),
+        };
+        Ok(Self { book, fps: fps as u32, pictures, notes, record })
     }
 
     /// Refuses what needs no import.
@@ -63,10 +76,21 @@ impl Lerobot {
     }
 
     /// The columns of a table that are kept: numbers, and depth pictures.
-    fn wanted(&mut self, known: &[String]) -> (Vec<String>, Vec<String>) {
+    fn wanted(&mut self, path: &Path, known: &[String]) -> Result<(Vec<String>, Vec<String>), DataError> {
         let has_steps = !self.book.subtasks.is_empty();
         let (mut numbers, mut depths) = (Vec::new(), Vec::new());
-        for feature in self.book.info.features.iter().filter(|feature| known.contains(&feature.key)) {
+        for feature in &self.book.info.features {
+            if !known.contains(&feature.key) {
+                if feature.is_video() {
+                    continue;
+                }
+                let what = format!("columns of {}", path.display());
+                return Err(DataError::mismatch(
+                    what,
+                    format!("`{}`, as info.json says", feature.key),
+                    "none of that name",
+                ));
+            }
             let key = &feature.key;
             let about = &self.book.info.json["features"][key]["info"];
             let is_depth = about["is_depth_map"] == true || about["video.is_depth_map"] == true;
@@ -78,7 +102,7 @@ impl Lerobot {
                 self.notes.insert(format!("column {key} of {} is left out", feature.dtype));
             }
         }
-        (numbers, depths)
+        Ok((numbers, depths))
     }
 
     fn episode(
@@ -196,7 +220,7 @@ impl Lerobot {
     fn file(&mut self, file: &str, episodes: &[Listed], take: Take) -> Result<(), DataError> {
         let path = self.book.root.join(file);
         let table = Table::open(&path)?;
-        let (numbers, depths) = self.wanted(&table.names());
+        let (numbers, depths) = self.wanted(&path, &table.names())?;
         let wanted: Vec<&str> = numbers.iter().chain(&depths).map(String::as_str).collect();
         let mut left = episodes.iter().peekable();
         let (mut rows, mut pictures, mut held) = (Rows::new(), BTreeMap::<String, Vec<Vec<u8>>>::new(), 0);
@@ -236,14 +260,12 @@ impl Lerobot {
 
 impl Incoming for Lerobot {
     fn about(&self) -> About {
-        let record: PathBuf = self.book.root.join("extras/record");
-        let record = EpisodeStore::open(record).ok();
         About {
             format: self.book.info.version.name(),
             robot: self.book.info.robot.clone(),
             fps: self.fps,
             episodes: self.book.episodes.len(),
-            record: record.filter(|_| self.book.contract.is_some()),
+            record: self.record.clone(),
             contract: self.book.contract.clone(),
         }
     }

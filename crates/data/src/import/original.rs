@@ -304,18 +304,19 @@ impl Record<'_> {
         self.lmdb.keys().filter_map(of).collect()
     }
 
-    /// The files of a camera's pictures; none where it has none.
-    fn pictures(&self, camera: &str, kind: &str) -> Result<Vec<Vec<u8>>, DataError> {
-        let key = |frame: usize| format!("observation/{camera}/{kind}/{frame:04}");
-        if self.lmdb.get(&key(0))?.is_none() {
-            return Ok(Vec::new());
-        }
-        let picture = |frame: usize| {
+    /// The files of a camera's pictures, one after the other; none where it has none.
+    fn pictures(
+        &self,
+        camera: &str,
+        kind: &str,
+    ) -> Result<impl Iterator<Item = Result<Vec<u8>, DataError>>, DataError> {
+        let key = move |frame: usize| format!("observation/{camera}/{kind}/{frame:04}");
+        let frames = if self.lmdb.get(&key(0))?.is_some() { self.frames } else { 0 };
+        Ok((0..frames).map(move |frame| {
             let missing = || self.damaged(&key(frame), "expected the bytes of a picture, got none");
             let pickle = self.pickle(&key(frame))?.ok_or_else(missing)?;
             pickle.root().bytes().map(<[u8]>::to_vec).ok_or_else(missing)
-        };
-        (0..self.frames).map(picture).collect()
+        }))
     }
 
     fn videos(&self) -> Result<Vec<VideoFeature>, DataError> {
@@ -323,7 +324,7 @@ impl Record<'_> {
             let mut encoder: Option<VideoEncoder> = None;
             let mut colors = ColorHistogram::default();
             for file in self.pictures(&camera, "color_image")? {
-                let (width, height, rgb) = jpeg::decode(&file)?;
+                let (width, height, rgb) = jpeg::decode(&file?)?;
                 let encoder = match &mut encoder {
                     Some(encoder) => encoder,
                     none => none.insert(VideoEncoder::new(width, height, FPS, &VideoSettings::default())?),
@@ -347,7 +348,7 @@ impl Record<'_> {
                 png: Vec::new(),
             };
             for file in self.pictures(&camera, "depth_image")? {
-                let (width, height, tenths) = decode_depth_png(&file)?;
+                let (width, height, tenths) = decode_depth_png(&file?)?;
                 if !image.png.is_empty() && (width, height) != (image.width, image.height) {
                     return Err(self.damaged(&camera, "expected depth pictures of one size, got several"));
                 }

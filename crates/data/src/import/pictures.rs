@@ -128,7 +128,7 @@ impl Pictures {
         let mut colors = ColorHistogram::default();
         let mut picture = vec![0; width * height * 3];
         while decoding.next < from + count {
-            decoding.read(&mut picture)?;
+            decoding.read(&mut picture, [*height, *width])?;
             if decoding.next > *from {
                 colors.add_image(&picture, *width);
                 encoder.push(&picture)?;
@@ -163,7 +163,19 @@ impl Decoding {
         let mut child = Command::new(program)
             .args(["-nostdin", "-v", "error", "-protocol_whitelist", "file,pipe", "-i"])
             .arg(path)
-            .args(["-map", "0:v:0", "-fps_mode", "passthrough", "-f", "rawvideo", "-pix_fmt", "rgb24", "pipe:1"])
+            .args([
+                "-map",
+                "0:v:0",
+                "-fps_mode",
+                "passthrough",
+                "-f",
+                "image2pipe",
+                "-c:v",
+                "ppm",
+                "-pix_fmt",
+                "rgb24",
+                "pipe:1",
+            ])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -183,16 +195,41 @@ impl Decoding {
         Ok(Self { path: path.into(), child, pictures, complaint, next: 0 })
     }
 
-    fn read(&mut self, picture: &mut [u8]) -> Result<(), DataError> {
-        if self.pictures.read_exact(picture).is_ok() {
-            self.next += 1;
-            return Ok(());
+    /// The next picture, 8-bit RGB, row by row, which must be of this size.
+    fn read(&mut self, picture: &mut [u8], [height, width]: [usize; 2]) -> Result<(), DataError> {
+        if let Some(got) = ppm_size(&mut self.pictures) {
+            if got != [width, height] {
+                let what = format!("picture {} of {}", self.next, self.path.display());
+                let [other_width, other_height] = got;
+                let expected = format!("{width}×{height}, as info.json says");
+                return Err(DataError::mismatch(what, expected, format!("{other_width}×{other_height}")));
+            }
+            if self.pictures.read_exact(picture).is_ok() {
+                self.next += 1;
+                return Ok(());
+            }
         }
         // Its output is over, so it ends.
         let complaint = self.complaint.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         let complaint = String::from_utf8_lossy(&complaint).trim().replace('\n', "; ");
         let complaint = if complaint.is_empty() { "the file has no more".to_owned() } else { complaint };
         Err(DataError::Video(format!("no picture {} in {}: {complaint}", self.next, self.path.display())))
+    }
+}
+
+/// Width and height in the head of a PPM picture, `P6 WIDTH HEIGHT 255`; `None` where none comes.
+fn ppm_size(pictures: &mut impl Read) -> Option<[usize; 2]> {
+    /// Longest head: two numbers of five digits, and room for odd spaces.
+    const LONGEST: usize = 40;
+    let (mut head, mut byte) = (Vec::new(), [0]);
+    while head.iter().filter(|byte: &&u8| byte.is_ascii_whitespace()).count() < 4 && head.len() < LONGEST {
+        pictures.read_exact(&mut byte).ok()?;
+        head.extend(byte);
+    }
+    let head = String::from_utf8(head).ok()?;
+    match head.split_ascii_whitespace().collect::<Vec<_>>()[..] {
+        ["P6", width, height, "255"] => Some([width.parse().ok()?, height.parse().ok()?]),
+        _ => None,
     }
 }
 

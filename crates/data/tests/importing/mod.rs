@@ -194,7 +194,7 @@ fn unfit_data_sets_are_refused() {
     assert!(error.contains("or of episodes of GenManip"), "{error}");
 
     type Change = fn(&Path);
-    let cases: [(Change, &str); 7] = [
+    let cases: [(Change, &str); 8] = [
         (
             |dataset| fs::remove_file(dataset.join("videos/observation.images.wrist/chunk-000/file-001.mp4")).unwrap(),
             "file-001.mp4",
@@ -251,6 +251,17 @@ fn unfit_data_sets_are_refused() {
             },
             "`is_idle` does not hold numbers in every row",
         ),
+        (
+            |dataset| {
+                rewrite(&dataset.join("data/chunk-000/file-001.parquet"), |batch| {
+                    let kept = |name: &String| name != "sim.grasped";
+                    let names: Vec<String> = batch.schema().fields().iter().map(|field| field.name().clone()).collect();
+                    let kept: Vec<usize> = (0..names.len()).filter(|place| kept(&names[*place])).collect();
+                    batch.project(&kept).unwrap()
+                });
+            },
+            "file-001.parquet: expected `sim.grasped`, as info.json says, got none of that name",
+        ),
     ];
     for (number, (change, expected)) in cases.into_iter().enumerate() {
         let source = foreign(&bench, &format!("foreign-{number}"));
@@ -258,6 +269,26 @@ fn unfit_data_sets_are_refused() {
         let error = bench.import(&source, "out").unwrap_err();
         assert!(error.contains(expected), "{expected} in {error}");
     }
+}
+
+/// A record that is damaged is refused and does not go missing; one that nothing tells the actions of is left out, and
+/// that is said.
+#[test]
+fn records_do_not_go_missing() {
+    let bench = Bench::new();
+    let damaged = bench.export("damaged", lerobot::export_v21);
+    fs::write(damaged.join("extras/record/store.json"), b"{").unwrap();
+    let error = bench.import(&damaged, "out").unwrap_err();
+    assert!(error.contains("store.json"), "{error}");
+    fs::remove_file(damaged.join("extras/record/store.json")).unwrap();
+    let error = bench.import(&damaged, "out").unwrap_err();
+    assert!(error.contains("extras/record"), "{error}");
+
+    let silent = bench.export("silent", lerobot::export_v21);
+    fs::remove_file(silent.join("meta/action_contract.json")).unwrap();
+    let report = import::import(&silent, &ImportSettings::default(), &bench.at("out"), &mut |_| {}).unwrap();
+    assert!(!report.imported.record && !bench.at("out/extras").exists());
+    assert!(report.imported.notes.iter().any(|note| note.contains("extras/record is left out")), "{report:?}");
 }
 
 /// Where an episode of the original lies, written by its own libraries (`testdata/make_original_episode.py`).
@@ -422,7 +453,12 @@ fn other_codecs_are_decoded_by_a_program() {
     assert!(error.contains("no index in it"), "{error}");
 
     let frame = 96 * 64 * 3;
-    let colors: Vec<u8> = (0..60_u8).flat_map(|picture| vec![4 * picture; frame]).collect();
+    let ppm = |width: usize, value: u8| {
+        let mut picture = format!("P6\n{width} 64\n255\n").into_bytes();
+        picture.resize(picture.len() + frame, value);
+        picture
+    };
+    let colors: Vec<u8> = (0..60_u8).flat_map(|picture| ppm(96, 4 * picture)).collect();
     fs::write(bench.at("colors"), colors).unwrap();
     let program = bench.at("decoder");
     fs::write(&program, format!("#!/bin/sh\nexec cat '{}'\n", bench.at("colors").display())).unwrap();
@@ -436,7 +472,14 @@ fn other_codecs_are_decoded_by_a_program() {
     let means = numbers(&listed.column_by_name("stats/observation.images.wrist/mean").unwrap().slice(1, 1));
     assert!((means[0] - 4.0 * 19.0 / 255.0).abs() < 0.01, "{means:?}");
 
-    fs::write(bench.at("colors"), vec![0; 5 * frame]).unwrap();
+    // What has as many bytes in another shape would come out scrambled.
+    fs::write(bench.at("colors"), [ppm(96, 0), ppm(48, 0)].concat()).unwrap();
+    let error = import::import(&source, &settings, &bench.at("other"), &mut |_| {}).unwrap_err().to_string();
+    assert!(
+        error.contains("picture 1 of") && error.contains("expected 96×64, as info.json says, got 48×64"),
+        "{error}"
+    );
+    fs::write(bench.at("colors"), ppm(96, 0).repeat(5)).unwrap();
     let error = import::import(&source, &settings, &bench.at("short"), &mut |_| {}).unwrap_err().to_string();
     assert!(error.contains("no picture 5 in") && error.contains("has no more"), "{error}");
     let settings = ImportSettings { ffmpeg: Some(bench.at("nowhere")), ..settings };

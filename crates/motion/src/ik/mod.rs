@@ -45,6 +45,9 @@ pub struct IkSettings {
 /// Distance from the limits that a motion which continues keeps at most, rad: it may come nearer than one that begins.
 const CONTINUED_MARGIN: f64 = 0.005;
 
+/// Steps of a motion that drifts; without the drift there is time for all.
+const DRIFTING_ITERATIONS: usize = 30;
+
 impl Default for IkSettings {
     fn default() -> Self {
         Self {
@@ -154,16 +157,33 @@ impl InverseKinematics {
     ///
     /// `None` when the pose is not to be had so; with an infinite reach the arm may go however far.
     pub fn follow(&self, world_from_tcp: &Pose, previous: &[f64], reach: &[f64]) -> Option<Vec<f64>> {
+        let how = self.following(previous, reach);
+        descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)
+    }
+
+    /// As [`InverseKinematics::follow`], and each joint moves by `drift` (rad or m, base to hand) as far as that leaves
+    /// the tool alone. `None` where that leads nowhere, which a motion without drift need not.
+    pub fn follow_drifting(
+        &self,
+        world_from_tcp: &Pose,
+        previous: &[f64],
+        reach: &[f64],
+        drift: Vec<f64>,
+    ) -> Option<Vec<f64>> {
+        let how = Descent { drift: Some(drift), iterations: DRIFTING_ITERATIONS, ..self.following(previous, reach) };
+        descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)
+    }
+
+    fn following(&self, previous: &[f64], reach: &[f64]) -> Descent {
         let near = previous.iter().zip(reach);
         let ranges = self.ranges(self.continued_margin()).zip(near).map(|(range, (&q, &reach))| range.around(q, reach));
-        let how = Descent { ranges: ranges.collect(), holds_at_limits: true, ..self.descent() };
-        descend(&self.chain, &Rigid::from(world_from_tcp), previous, &how)
+        Descent { ranges: ranges.collect(), holds_at_limits: true, ..self.descent() }
     }
 
     fn descent(&self) -> Descent {
         let IkSettings { limit_margin, tolerance, numeric_iterations, .. } = self.settings;
         let ranges = self.ranges(limit_margin).collect();
-        Descent { ranges, tolerance, iterations: numeric_iterations, holds_at_limits: false }
+        Descent { ranges, tolerance, iterations: numeric_iterations, holds_at_limits: false, drift: None }
     }
 
     fn continued_margin(&self) -> f64 {

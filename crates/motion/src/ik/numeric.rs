@@ -24,6 +24,8 @@ pub(crate) struct Descent {
     /// Whether a joint at an end of its range stays there while the others do its part; merely clamped, a walk along a
     /// limit ends short of the pose.
     pub holds_at_limits: bool,
+    /// How far the first step would like to move each joint, rad or m, as far as that leaves the tool alone.
+    pub drift: Option<Vec<f64>>,
 }
 
 /// What a joint may take on, rad or m.
@@ -53,6 +55,7 @@ impl Range {
 pub(crate) fn descend(chain: &Chain, wanted: &Rigid, config: &[f64], how: &Descent) -> Option<Vec<f64>> {
     let mut config = config.to_vec();
     let mut frames = Vec::new();
+    let mut drift = how.drift.clone().filter(|drift| drift.len() == config.len());
     for _ in 0..=how.iterations {
         chain.frames_into(&config, &mut frames);
         let error = tcp_error(&chain.tcp(&frames), wanted);
@@ -62,11 +65,12 @@ pub(crate) fn descend(chain: &Chain, wanted: &Rigid, config: &[f64], how: &Desce
         }
         let mut jacobian = chain.jacobian_at(&frames);
         let damping = (0.1 * size).min(0.05).powi(2);
-        let mut step = damped_step(&jacobian, &error, damping)?;
+        let mut drift = drift.take().unwrap_or_else(|| vec![0.0; config.len()]);
+        let mut step = drifting_step(&jacobian, &error, damping, &drift)?;
         if how.holds_at_limits {
             while let Some(joint) = pushed_beyond(&config, &step, &how.ranges) {
-                jacobian[joint] = [0.0; 6];
-                step = damped_step(&jacobian, &error, damping)?;
+                (jacobian[joint], drift[joint]) = ([0.0; 6], 0.0);
+                step = drifting_step(&jacobian, &error, damping, &drift)?;
             }
         }
         let largest = step.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
@@ -85,6 +89,18 @@ fn pushed_beyond(config: &[f64], step: &[f64], ranges: &[Range]) -> Option<usize
         .zip(step)
         .zip(ranges)
         .position(|((&q, &step), range)| (step > 0.0 && q >= range.upper) || (step < 0.0 && q <= range.lower))
+}
+
+/// What the tool leaves of `drift`, and the step towards the pose: drift + Jᵀ(J·Jᵀ + damping·1)⁻¹ · (error − J·drift).
+fn drifting_step(jacobian: &[[f64; 6]], error: &[f64; 6], damping: f64, drift: &[f64]) -> Option<Vec<f64>> {
+    let mut left = *error;
+    for (column, drift) in jacobian.iter().zip(drift) {
+        for (left, column) in left.iter_mut().zip(column) {
+            *left -= column * drift;
+        }
+    }
+    let step = damped_step(jacobian, &left, damping)?;
+    Some(step.iter().zip(drift).map(|(step, drift)| step + drift).collect())
 }
 
 /// Jᵀ(J·Jᵀ + damping·1)⁻¹ · error.

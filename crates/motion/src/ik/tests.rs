@@ -182,3 +182,28 @@ fn a_broken_robot_is_refused() {
     robot.links[3].parent = Some(7);
     assert!(matches!(Chain::new(&robot), Err(crate::ModelError::ParentOrder { index: 3, got: 7, .. })));
 }
+
+/// A motion that drifts has its tool where it was asked to be, within reach, and its joints nearer to where they drift
+/// than without.
+#[test]
+fn a_motion_drifts_where_the_tool_leaves_it_free() {
+    let (chain, ik) = solver();
+    let home = &test_panda().home;
+    let mut rng = Seed::new(9).rng();
+    let (mut asked, mut drifted) = (0, 0);
+    let far = |q: &[f64]| q.iter().zip(home).map(|(q, home)| (q - home).powi(2)).sum::<f64>();
+    for _ in 0..200 {
+        let start = random_config(&chain, 0.3, &mut rng);
+        let mut wanted = chain.tcp_pose(&start);
+        wanted.position.z += 0.01;
+        let drift = start.iter().zip(home).map(|(q, home)| 0.1 * (home - q)).collect();
+        let reach = [0.3; 7];
+        let Some(free) = ik.follow(&wanted, &start, &reach) else { continue };
+        asked += 1;
+        let Some(solution) = ik.follow_drifting(&wanted, &start, &reach, drift) else { continue };
+        assert!(error(&chain, &solution, &wanted).0 < 1e-9);
+        assert!(largest_difference(&solution, &start) <= 0.3 + 1e-12);
+        drifted += usize::from(far(&solution) < far(&free));
+    }
+    assert!(asked > 100 && drifted * 100 >= asked * 95, "{drifted} of {asked} drifted");
+}

@@ -5,19 +5,21 @@
 //! End-effector motions become joint targets by inverse kinematics that continues from where the motion is counted
 //! from; a pose that no configuration reaches is refused, never replaced by another.
 //!
-//! An arm of seven joints follows a tool in more than one posture, and where its own is near a singularity it may be too
-//! slow for a while.
-//! Changes of the tool are therefore counted from the pose that was asked for, not from where the arm's speeds let the
-//! command get: what it missed it makes up for, and is not lost to all actions after.
+//! Changes of the tool are counted from the pose that was asked for, not from where the arm's speeds let the command get:
+//! what it missed it makes up for, and is not lost to all actions after.
 
 #[cfg(test)]
 mod tests;
+mod way;
+
+pub use way::Pending;
 
 use std::sync::Arc;
 
 use genmanip_core::glam::DVec3;
 use genmanip_core::{ActionMismatch, ActionSpace, ActionSpec, Between, DeltaFrom, Pose, RobotModel};
 use genmanip_motion::{Chain, IkSettings, InverseKinematics, ModelError};
+use way::Follower;
 
 /// Reads and writes actions of one contract for one robot.
 #[derive(Clone, Debug)]
@@ -38,8 +40,8 @@ pub struct Adapter {
 pub struct NativeAction {
     /// One per control step that the action lasts.
     pub commands: Vec<Vec<f32>>,
-    /// The tool pose that it asks for, in end-effector spaces.
-    pub world_from_tcp: Option<Pose>,
+    /// What is still to be done, for the action after; only in end-effector spaces.
+    pub pending: Pending,
 }
 
 /// Where changes are counted from; all in radians, base to hand.
@@ -53,8 +55,8 @@ pub struct ArmReference<'a> {
     pub measured: &'a [f64],
     /// Arm joint positions when the chunk was asked for.
     pub chunk_start: &'a [f64],
-    /// The tool pose that the action before asked for; none where the command comes from elsewhere.
-    pub asked: Option<Pose>,
+    /// What the actions before asked for and was not done yet.
+    pub pending: &'a Pending,
 }
 
 /// Why an action is none.
@@ -158,14 +160,19 @@ impl Adapter {
             }
             _ => None,
         };
+        let mut pending = Pending::default();
         let arm = match (self.spec.space, &world_from_tcp) {
             (ActionSpace::JointVelocity, _) => {
                 let steps = 1..=self.repeat;
                 let commands = steps.map(|step| command(&moved(step as f64 * self.control_period_s))).collect();
-                return Ok(NativeAction { commands, world_from_tcp: None });
+                return Ok(NativeAction { commands, pending: Pending::default() });
             }
             (ActionSpace::JointDelta, _) => moved(1.0),
-            (_, Some(world_from_tcp)) => self.configuration(world_from_tcp, reference)?,
+            (_, Some(world_from_tcp)) => {
+                let followed;
+                (followed, pending) = self.followed(*world_from_tcp, from)?;
+                followed
+            }
             (_, None) => motion,
         };
         let target = command(&arm);
@@ -178,7 +185,7 @@ impl Adapter {
             // To the last bit.
             Between::Linear | Between::Hold => target.clone(),
         };
-        Ok(NativeAction { commands: (1..=self.repeat).map(step).collect(), world_from_tcp })
+        Ok(NativeAction { commands: (1..=self.repeat).map(step).collect(), pending })
     }
 
     fn reference<'a>(&self, from: ArmReference<'a>) -> &'a [f64] {
@@ -192,22 +199,24 @@ impl Adapter {
 
     /// Where a change of the tool is counted from.
     fn reference_pose(&self, from: ArmReference) -> Pose {
-        match (self.spec.delta_from, from.asked) {
+        match (self.spec.delta_from, from.pending.asked) {
             (DeltaFrom::Command, Some(asked)) => asked,
             _ => self.robot.tcp_pose(self.reference(from)),
         }
     }
 
-    fn configuration(&self, world_from_tcp: &Pose, reference: &[f64]) -> Result<Vec<f64>, AdapterError> {
+    fn followed(&self, world_from_tcp: Pose, from: ArmReference) -> Result<(Vec<f64>, Pending), AdapterError> {
         let DVec3 { x: x_m, y: y_m, z: z_m } = world_from_tcp.position;
-        let kinematics = self.kinematics.as_ref().ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })?;
-        // What the drives can do in time, else what they can do later.
-        let however_far = vec![f64::INFINITY; self.reach.len()];
-        kinematics
-            .follow(world_from_tcp, reference, &self.reach)
-            .or_else(|| kinematics.follow(world_from_tcp, reference, &however_far))
-            .or_else(|| kinematics.solutions(world_from_tcp, reference).next())
-            .ok_or(AdapterError::OutOfReach { x_m, y_m, z_m })
+        let out_of_reach = || AdapterError::OutOfReach { x_m, y_m, z_m };
+        let kinematics = self.kinematics.as_ref().ok_or_else(out_of_reach)?;
+        let duration_s = self.control_period_s * self.repeat as f64;
+        let follower = Follower { robot: &self.robot, kinematics, reach: &self.reach, duration_s };
+        // A change from what is measured begins anew each time.
+        let late = match (self.spec.space, self.spec.delta_from) {
+            (ActionSpace::EePose, _) | (_, DeltaFrom::Command) => from.pending.clone(),
+            _ => Pending::default(),
+        };
+        follower.follow(world_from_tcp, self.reference(from), late).ok_or_else(out_of_reach)
     }
 
     fn decode_pose(&self, motion: &[f64]) -> Result<Pose, AdapterError> {

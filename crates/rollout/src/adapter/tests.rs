@@ -1,3 +1,4 @@
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use genmanip_assets::panda;
@@ -6,10 +7,10 @@ use genmanip_core::{
     ActionFrame, ActionSpace, ActionSpec, Between, DeltaFrom, GripperEncoding, GripperSpec, Pose, RobotModel,
     RotationEncoding,
 };
-use genmanip_motion::IkSettings;
+use genmanip_motion::{Chain, IkSettings, InverseKinematics};
 use proptest::prelude::*;
 
-use super::{Adapter, AdapterError, ArmReference};
+use super::{Adapter, AdapterError, ArmReference, Pending};
 
 const SPACES: [ActionSpace; 5] = [
     ActionSpace::JointPosition,
@@ -44,9 +45,11 @@ fn adapter(spec: ActionSpec) -> Adapter {
     Adapter::new(spec, &robot(), &IkSettings::default(), 1.0 / 60.0, 4).unwrap()
 }
 
+static NOTHING: Pending = Pending { asked: None, behind: Vec::new(), posture: None };
+
 /// A hand that is open, and an arm that stands where it was sent.
 fn at(arm: &[f64]) -> ArmReference<'_> {
-    ArmReference { command: arm, width_m: 0.08, measured: arm, chunk_start: arm, asked: None }
+    ArmReference { command: arm, width_m: 0.08, measured: arm, chunk_start: arm, pending: &NOTHING }
 }
 
 /// Every contract there is, but for thresholds.
@@ -84,7 +87,7 @@ proptest! {
         spec in any_spec(), [command, measured, chunk_start, target] in any_motion(), width in 0.0..0.08_f32,
     ) {
         let (adapter, robot) = (adapter(spec), robot());
-        let from = ArmReference { command: &command, width_m: 0.03, measured: &measured, chunk_start: &chunk_start, asked: None };
+        let from = ArmReference { command: &command, width_m: 0.03, measured: &measured, chunk_start: &chunk_start, pending: &NOTHING };
         let wanted: Vec<f32> = target.iter().map(|&q| q as f32).chain([width]).collect();
         let action = spec.encode(&robot, &wanted, adapter.reference(from), 4.0 / 60.0);
         prop_assert_eq!(action.len(), spec.length(7));
@@ -188,12 +191,12 @@ fn what_the_drives_could_not_do_in_time_is_made_up_for() {
         ..ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::WidthM)
     };
     let adapter = adapter(spec);
-    let (mut command, mut asked) = (robot.home.clone(), None);
+    let (mut command, mut pending) = (robot.home.clone(), Pending::default());
     let steps = [[0.0, 0.25, 0.0, 0.0, 0.0, 1.0, 0.08], [0.0, 0.05, 0.02, 0.0, 0.0, 0.2, 0.08]];
     let mut expected = robot.tcp_pose(&command);
     let mut lost = 0.0_f64;
     for row in steps.iter().chain(&[[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08]; 14]) {
-        let native = adapter.to_native(row, ArmReference { asked, ..at(&command) }).unwrap();
+        let native = adapter.to_native(row, ArmReference { pending: &pending, ..at(&command) }).unwrap();
         let change = Pose::new(DVec3::new(0.0, row[1].into(), row[2].into()), DQuat::from_rotation_z(row[5].into()));
         expected = ActionFrame::World.apply(&change, &expected);
         for target in &native.commands {
@@ -202,13 +205,83 @@ fn what_the_drives_could_not_do_in_time_is_made_up_for() {
                 *q = f64::from(*target).clamp(*q - far, *q + far);
             }
         }
-        asked = native.world_from_tcp;
+        pending = native.pending;
         lost = lost.max(robot.tcp_pose(&command).position.distance(expected.position));
     }
     assert!(lost > 0.05, "the arm was never late: {lost} m");
     let reached = robot.tcp_pose(&command);
     assert!(reached.position.distance(expected.position) < 1e-5, "{reached:?} for {expected:?}");
     assert!(reached.angle_to(&expected) < 1e-3, "{reached:?} for {expected:?}");
+}
+
+/// A tool that is late stays on its way: it comes by the poses that were asked for, and none of its joints goes faster
+/// than it may. Without the bound on speed it would have been on time.
+#[test]
+fn a_late_tool_stays_on_its_way() {
+    let robot = robot();
+    let spec = ActionSpec {
+        rotation: RotationEncoding::AxisAngle,
+        ..ActionSpec::new(ActionSpace::EePose, GripperEncoding::WidthM)
+    };
+    let adapter = adapter(spec);
+    // A quarter of a circle about the base in half a second, and a rest in which to catch up.
+    let start = robot.tcp_pose(&robot.home);
+    let asked: Vec<Pose> = (1..=30)
+        .map(|row: i32| {
+            let turn = DQuat::from_rotation_z(f64::from(row.min(8)) / 8.0 * FRAC_PI_2);
+            Pose::new(turn * start.position, turn * start.rotation)
+        })
+        .collect();
+    let (mut command, mut pending) = (robot.home.clone(), Pending::default());
+    let (mut latest, mut off) = (0.0_f64, 0.0_f64);
+    for wanted in &asked {
+        let rotation = spec.rotation.encode(wanted.rotation);
+        let row: Vec<f32> =
+            wanted.position.to_array().iter().chain(&rotation).map(|&x| x as f32).chain([0.08]).collect();
+        let native = adapter.to_native(&row, ArmReference { pending: &pending, ..at(&command) }).unwrap();
+        for target in &native.commands {
+            for ((q, target), joint) in command.iter_mut().zip(target).zip(robot.arm_joints()) {
+                assert!((f64::from(*target) - *q).abs() <= joint.max_velocity / 60.0 + 1e-6, "{} too fast", joint.name);
+                *q = f64::from(*target);
+            }
+            let tool = robot.tcp_pose(&command).position;
+            latest = latest.max(tool.distance(wanted.position));
+            // On the circle at the height of the start, but for the chords between rows.
+            off = off.max((tool.truncate().length() - start.position.truncate().length()).abs());
+            off = off.max((tool.z - start.position.z).abs());
+        }
+        pending = native.pending;
+    }
+    assert!(latest > 0.1, "the tool was never late: {latest} m");
+    assert!(off < 0.004, "{off} m beside its way");
+    assert!(robot.tcp_pose(&command).position.distance(asked[29].position) < 1e-4 && pending.behind.is_empty());
+}
+
+/// What the tool leaves free goes back towards the home posture, here of an arm with its elbow aside.
+#[test]
+fn the_posture_goes_back_towards_home() {
+    let robot = robot();
+    let spec = ActionSpec {
+        rotation: RotationEncoding::AxisAngle,
+        ..ActionSpec::new(ActionSpace::EeDelta, GripperEncoding::WidthM)
+    };
+    let adapter = adapter(spec);
+    let ik = InverseKinematics::new(Chain::new(&robot).unwrap(), IkSettings::default());
+    let aside = |q: &[f64]| q.iter().zip(&robot.home).map(|(q, home)| (q - home).powi(2)).sum::<f64>().sqrt();
+    let solutions = ik.solve(&robot.tcp_pose(&robot.home), &robot.home);
+    let start = solutions.into_iter().find(|q| (0.4..1.2).contains(&aside(q))).unwrap();
+    let (mut command, mut pending) = (start.clone(), Pending::default());
+    for row in 0..60 {
+        let step = if row % 2 == 0 { 0.002 } else { -0.002 };
+        let native = adapter
+            .to_native(&[step, 0.0, 0.0, 0.0, 0.0, 0.0, 0.08], ArmReference { pending: &pending, ..at(&command) })
+            .unwrap();
+        command = native.commands[3][..7].iter().map(|&q| f64::from(q)).collect();
+        pending = native.pending;
+    }
+    let (there, here) = (robot.tcp_pose(&start), robot.tcp_pose(&command));
+    assert!(here.position.distance(there.position) < 1e-4 && here.angle_to(&there) < 2e-3, "the tool is elsewhere");
+    assert!(aside(&command) < 0.2 * aside(&start), "{} of {} rad", aside(&command), aside(&start));
 }
 
 /// A joint that turns at 0.6 rad/s has gone 0.01 rad further after each control step.

@@ -7,6 +7,7 @@ mod copies;
 mod evidence;
 mod expert;
 mod grasping;
+mod masking;
 mod physics;
 mod playing_back;
 mod policies;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{Function, Kind, Node, Place};
 
 /// Most values of a pickle: an episode of an hour has less.
-const MOST_VALUES: usize = 20_000_000;
+const MOST_VALUES: usize = 4_000_000;
 /// Most bytes that calls copy; chosen, more than the largest picture that protocol 2 writes as text.
 const MOST_COPIED: usize = 256 << 20;
 /// Most marks that are open at once, which is how deep its literals are nested.
@@ -52,7 +52,7 @@ impl<'a> Machine<'a> {
                 b'1' => drop(self.marked()?),
                 b'2' => {
                     let top = self.top()?;
-                    self.stack.push(top);
+                    self.pile(top)?;
                 }
                 b'N' => self.push(Node::None)?,
                 0x88 => self.push(Node::Bool(true))?,
@@ -220,8 +220,17 @@ impl<'a> Machine<'a> {
         if self.values.len() >= MOST_VALUES {
             return Err(format!("expected at most {MOST_VALUES} values, got more"));
         }
-        self.stack.push(self.values.len());
+        self.pile(self.values.len())?;
         self.values.push(node);
+        Ok(())
+    }
+
+    /// Puts a value on the stack, where it may lie several times.
+    fn pile(&mut self, place: Place) -> Result<(), String> {
+        if self.stack.len() >= MOST_VALUES {
+            return Err(format!("expected at most {MOST_VALUES} values at once, got more"));
+        }
+        self.stack.push(place);
         Ok(())
     }
 
@@ -297,14 +306,16 @@ impl<'a> Machine<'a> {
 
     fn remember(&mut self, index: u64) -> Result<(), String> {
         let top = self.top()?;
+        if self.memo.len() >= MOST_VALUES && !self.memo.contains_key(&index) {
+            return Err(format!("expected at most {MOST_VALUES} values to remember, got more"));
+        }
         self.memo.insert(index, top);
         Ok(())
     }
 
     fn recall(&mut self, index: u64) -> Result<(), String> {
         let place = *self.memo.get(&index).ok_or_else(|| format!("expected a value under {index}, got none"))?;
-        self.stack.push(place);
-        Ok(())
+        self.pile(place)
     }
 
     fn function(&mut self, module: &str, name: &str) -> Result<(), String> {

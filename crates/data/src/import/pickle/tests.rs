@@ -47,7 +47,9 @@ fn every_protocol_is_read() {
 #[test]
 fn hostile_pickles_are_refused() {
     let deep = [vec![b'('; 100_000], b".".to_vec()].concat();
-    let cases: [(&[u8], &str); 16] = [
+    let wide = [b"N".to_vec(), vec![b'2'; 4_000_001], b".".to_vec()].concat();
+    let cases: [(&[u8], &str); 17] = [
+        (&wide, "at most 4000000 values at once"),
         (b"cos\nsystem\n(S'id'\ntR.", "got a call of os.system, which is not executed"),
         (b"\x80\x04\x8c\x05posix\x8c\x06system\x93\x8c\x02id\x85R.", "got a call of posix.system, which is not executed"),
         (b"\x80\x04\x8c\x08builtins\x8c\x04eval\x93\x8c\x011\x85R.", "got a call of builtins.eval"),

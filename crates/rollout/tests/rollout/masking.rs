@@ -1,0 +1,82 @@
+//! Masks show what the pictures of the same row show: by the picture's own ids and depth, and by the recorded poses.
+
+use genmanip_core::glam::DVec3;
+use genmanip_core::{CameraRequest, ImageChannels, Vary};
+use genmanip_data::depth::decode_depth_png;
+use genmanip_data::masks::{FIRST_OBJECT, seen};
+use genmanip_rollout::images::{ImageSettings, Painter, draw, draw_masks, sensor_seed};
+
+use crate::episodes;
+
+/// One picture a second.
+fn settings(vary: &[Vary]) -> ImageSettings {
+    ImageSettings { fps: 1, vary: vary.into(), ..ImageSettings::default() }
+}
+
+/// Pixel by pixel the ids of a picture that is drawn by itself, with colour and depth; and where a mask shows an object,
+/// the depth beside it leads into the object's recorded bounds.
+#[test]
+fn masks_are_the_ids_of_the_pictures() {
+    let (stage, episode) = &episodes()[1];
+    let settings = settings(&[]);
+    let masks = draw_masks(stage, episode, &settings).unwrap();
+    assert_eq!(masks.len(), 2);
+    let everything = ImageChannels { ids: true, ..ImageChannels::RGBD };
+    let mut shown = 0;
+    for track in &masks {
+        let camera = stage.camera(&CameraRequest::new(&track.camera, everything)).unwrap();
+        let frames = episode.frames.iter().enumerate().step_by(60);
+        assert_eq!(track.png.len(), frames.len());
+        for ((index, frame), png) in frames.zip(&track.png) {
+            let (width, height, ids) = decode_depth_png(png).unwrap();
+            let noise = sensor_seed(episode.result.seed, index);
+            let image = Painter::new(stage).unwrap().paint(frame, &camera, everything, noise).unwrap();
+            assert_eq!((image.width(), image.height()), (width, height));
+            assert!(image.ids == ids, "{} at frame {index}", track.camera);
+            let scene = stage.posed(&frame.objects);
+            let boxes = seen(png, frame.objects.len()).unwrap();
+            for (object, seen) in boxes.iter().enumerate() {
+                let id = FIRST_OBJECT + object as u16;
+                let own = |pixel: &usize| ids[*pixel] == id;
+                let pixels: Vec<usize> = (0..ids.len()).filter(own).collect();
+                assert_eq!(seen.pixels as usize, pixels.len());
+                let bounds = scene.bounds(object).unwrap();
+                let (low, high) = (bounds.min, bounds.max);
+                for &pixel in &pixels {
+                    let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+                    let [left, top, right, bottom] = seen.bounds_px;
+                    assert!((left..right).contains(&x) && (top..bottom).contains(&y));
+                    let point = image.point(pixel).unwrap();
+                    // Bounds are those of what collides; what is seen may stand out a little.
+                    let margin = DVec3::splat(0.01);
+                    let is_inside = point.cmpge(low - margin).all() && point.cmple(high + margin).all();
+                    assert!(
+                        is_inside,
+                        "{} at frame {index}: object {object} at {point}, not in {low} to {high}",
+                        track.camera
+                    );
+                }
+                shown += usize::from(!pixels.is_empty());
+            }
+        }
+    }
+    assert!(shown > 20, "objects were seen only {shown} times");
+}
+
+/// Where the camera was moved for an episode, masks are those of the moved one: nothing is seen where its depth has nothing.
+#[test]
+fn masks_are_drawn_where_the_camera_was() {
+    let (stage, episode) = &episodes()[1];
+    let usual = draw_masks(stage, episode, &settings(&[])).unwrap();
+    let settings = settings(&[Vary::Camera]);
+    let (masks, tracks) = (draw_masks(stage, episode, &settings).unwrap(), draw(stage, episode, &settings).unwrap());
+    assert!(masks.iter().zip(&usual).any(|(moved, usual)| moved.png != usual.png), "no camera was moved");
+    for (mask, track) in masks.iter().zip(&tracks) {
+        assert_eq!((mask.camera.as_str(), mask.png.len()), (track.camera.name.as_str(), track.depth_png.len()));
+        for (row, (mask, depth)) in mask.png.iter().zip(&track.depth_png).enumerate() {
+            let ((_, _, ids), (_, _, depth_mm)) = (decode_depth_png(mask).unwrap(), decode_depth_png(depth).unwrap());
+            let differ = ids.iter().zip(&depth_mm).filter(|(id, mm)| (**id == 0) != (**mm == 0)).count();
+            assert_eq!(differ, 0, "{}, row {row}", track.camera.name);
+        }
+    }
+}
