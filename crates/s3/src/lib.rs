@@ -1,0 +1,27 @@
+//! Folders of data sets and runs in S3 storage: pushed, pulled, and continued after whatever stopped them.
+//!
+//! ```no_run
+//! use genmanip_s3::{Access, Address, Bucket, Patience, push};
+//! # fn main() -> Result<(), genmanip_s3::S3Error> {
+//! let address = Address::parse("s3://my-bucket/runs/monday")?;
+//! let bucket = Bucket::new(&address.bucket, Access::from_environment()?, Patience::default());
+//! let moved = push(&bucket, "out/run".as_ref(), &address.prefix, 4, &|_| ())?;
+//! println!("{} of {} files sent", moved.moved, moved.files);
+//! # Ok(())
+//! # }
+//! ```
+
+mod access;
+mod address;
+mod bucket;
+mod error;
+mod folder;
+mod parallel;
+mod request;
+mod sign;
+
+pub use access::Access;
+pub use address::Address;
+pub use bucket::{Bucket, Patience};
+pub use error::S3Error;
+pub use folder::{LIST, Listed, Moved, Objects, pull, push};

@@ -1,0 +1,156 @@
+//! Folders pushed to a server that refuses calls, and pulled from it again.
+
+#![allow(clippy::unwrap_used)] // clippy's exemption covers test functions, not what they call
+
+mod server;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use genmanip_s3::{Access, Bucket, LIST, Moved, Patience, S3Error, pull, push};
+use server::Server;
+
+/// So that a test waits milliseconds.
+const QUICK: Patience =
+    Patience { tries: 9, first_wait: Duration::from_millis(1), longest_wait: Duration::from_millis(4) };
+
+fn bucket(server: &Server, patience: Patience) -> Bucket {
+    let access = Access::from_variables(|name| match name {
+        "AWS_ACCESS_KEY_ID" => Some("tester".into()),
+        "AWS_SECRET_ACCESS_KEY" => Some("hush".into()),
+        "AWS_ENDPOINT_URL" => Some(server.url()),
+        _ => None,
+    });
+    Bucket::new("my-bucket", access.unwrap(), patience)
+}
+
+/// Files of all kinds of names and sizes; one is larger than a part.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    };
+    write("meta/info.json", b"{}");
+    write("empty", b"");
+    write("names/with blanks + signs=ü.txt", b"name");
+    for number in 0..30_u8 {
+        write(&format!("episodes/{number:03}/frames.parquet"), &vec![number; 1000 * usize::from(number)]);
+    }
+    let large: Vec<u8> = (0..17_000_000_u32).map(|index| (index / 7) as u8).collect();
+    write("videos/large.mp4", &large);
+    // What somebody is still writing.
+    write(".frames.parquet.partial-aa-bb-7-70-0", b"half");
+    folder
+}
+
+fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let (mut found, mut folders) = (BTreeMap::new(), vec![folder.to_owned()]);
+    while let Some(here) = folders.pop() {
+        for entry in fs::read_dir(here).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_str().unwrap().to_owned();
+                found.insert(name, fs::read(&path).unwrap());
+            }
+        }
+    }
+    found.retain(|name, _| !name.contains(".partial-"));
+    found
+}
+
+/// Every seventh call fails, by turns before the server has done anything and after: every object arrives all the same.
+#[test]
+fn a_folder_survives_a_server_that_refuses_calls() {
+    let (server, from) = (Server::start(), folder());
+    server.fail_every(7);
+    let bucket = bucket(&server, QUICK);
+    let sent = push(&bucket, from.path(), "runs/monday", 4, &|_| ()).unwrap();
+    let expected = contents(from.path());
+    assert_eq!((sent.files, sent.moved), (expected.len(), expected.len()));
+    let to = tempfile::tempdir().unwrap();
+    let fetched = pull(&bucket, "runs/monday", to.path(), 4, &|_| ()).unwrap();
+    assert_eq!((fetched.files, fetched.moved, fetched.bytes), (sent.files, sent.files, sent.bytes));
+    assert!(contents(to.path()) == expected, "what came back is another folder");
+    assert!(server.failed() > 10, "only {} calls failed", server.failed());
+    assert_eq!(server.unsigned(), 0, "calls whose payload was not as signed");
+
+    // Nothing is moved twice, and only what was changed is.
+    fs::write(from.path().join("empty"), b"not any more").unwrap();
+    fs::write(to.path().join("meta/info.json"), b"[]").unwrap();
+    let moved = |moved: Moved| moved.moved;
+    assert_eq!(moved(push(&bucket, from.path(), "runs/monday", 4, &|_| ()).unwrap()), 1);
+    assert_eq!(moved(pull(&bucket, "runs/monday", to.path(), 4, &|_| ()).unwrap()), 2);
+    assert!(contents(to.path()) == contents(from.path()));
+    assert_eq!(moved(pull(&bucket, "runs/monday", to.path(), 4, &|_| ()).unwrap()), 0);
+}
+
+/// A server that is gone in the middle: a message that says how far it came, no list, and the next call sends the rest.
+#[test]
+fn what_was_stopped_goes_on() {
+    let (server, from) = (Server::start(), folder());
+    let bucket = bucket(&server, Patience { tries: 3, ..QUICK });
+    server.fail_from(40);
+    let error = push(&bucket, from.path(), "a", 1, &|_| ()).unwrap_err();
+    let S3Error::Stopped { done, all, .. } = &error else { panic!("{error}") };
+    let (done, all) = (*done, *all);
+    assert!(0 < done && done < all, "{done} of {all}");
+    assert!(error.hint().contains("the same call goes on"), "{}", error.hint());
+    let source = std::error::Error::source(&error).unwrap().to_string();
+    assert!(source.contains("given up after 3 tries; the last: 503 SlowDown: please"), "{source}");
+    server.fail_from(usize::MAX);
+    let to = tempfile::tempdir().unwrap();
+    let error = pull(&bucket, "a", to.path(), 1, &|_| ()).unwrap_err();
+    assert!(matches!(&error, S3Error::NotComplete { object } if object.ends_with(LIST)), "{error}");
+    let sent = push(&bucket, from.path(), "a", 1, &|_| ()).unwrap();
+    assert_eq!((sent.files, sent.moved), (all, all - done));
+    pull(&bucket, "a", to.path(), 2, &|_| ()).unwrap();
+    assert!(contents(to.path()) == contents(from.path()));
+}
+
+/// Lists that lead out of the folder, objects with other bytes than listed, and what is refused for good.
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let server = Server::start();
+    let bucket = bucket(&server, Patience { tries: 2, ..QUICK });
+    let to = tempfile::tempdir().unwrap();
+    let hash = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
+    let list = |path: &str, bytes: u64, hash: &str| {
+        format!(r#"{{"schema":"genmanip.objects/1","files":[{{"path":"{path}","bytes":{bytes},"sha256":"{hash}"}}]}}"#)
+    };
+    for (list, expected) in [
+        (list("../evil", 0, hash), "files[0].path: expected a path within the folder, got \"../evil\""),
+        (list("/etc/evil", 0, hash), "expected a path within the folder"),
+        (list("a//b", 0, hash), "expected a path within the folder"),
+        (list("a", 0, "abc"), "files[0].sha256: expected 64 digits"),
+        (list("here", 3, hash), "another hash came"),
+        (list("gone", 0, hash), "there is no"),
+        ("[]".into(), "cannot read the list of files"),
+        ("{".into(), "cannot read the list of files"),
+    ] {
+        server.put(&format!("p/{LIST}"), list.as_bytes());
+        server.put("p/here", b"abc");
+        let mut error: &dyn std::error::Error = &pull(&bucket, "p", to.path(), 2, &|_| ()).unwrap_err();
+        let mut said = error.to_string();
+        while let Some(source) = error.source() {
+            error = source;
+            said += &format!(": {error}");
+        }
+        assert!(said.contains(expected), "{list}: {said}");
+        assert!(contents(to.path()).is_empty(), "{list}: something was written");
+    }
+    server.refuse_all();
+    let error = push(&bucket, folder().path(), "p", 2, &|_| ()).unwrap_err();
+    let source = std::error::Error::source(&error).unwrap().to_string();
+    assert!(source.contains("answered 403") && error.hint().contains("keys"), "{source}: {}", error.hint());
+
+    let links = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink("/etc/passwd", links.path().join("link")).unwrap();
+    let error = push(&bucket, links.path(), "p", 2, &|_| ()).unwrap_err().to_string();
+    assert!(error.starts_with("expected files and folders, found a link"), "{error}");
+}
