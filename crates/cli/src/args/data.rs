@@ -55,6 +55,40 @@ pub enum DataCommand {
     /// Write the card of a dataset anew: what is in it, seeds, licences; and croissant.json for catalogues
     #[command(after_help = "Example:\n  genmanip data card out/run/dataset")]
     Card(DataCardArguments),
+    /// Send a folder, such as a run or a dataset, to S3 storage; only what is missing or different there
+    #[command(after_help = "Example:\n  genmanip data push out/run s3://my-bucket/runs/monday\n\n\
+                      Keys, region and server: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, AWS_REGION,\n\
+                      AWS_ENDPOINT_URL. What fails is tried again for about a minute; the same call goes on where it\n\
+                      stopped, also while the run still grows. A list of all files is written last.")]
+    Push(DataPushArguments),
+    /// Fetch a folder that was pushed to S3 storage; only what is missing or different here
+    #[command(after_help = "Example:\n  genmanip data pull s3://my-bucket/runs/monday out/run\n\n\
+                      Every file is compared with the hash it had when it was pushed.")]
+    Pull(DataPullArguments),
+}
+
+/// Arguments of `data push`.
+#[derive(Debug, Args)]
+pub struct DataPushArguments {
+    /// Folder to send
+    pub folder: PathBuf,
+    /// Where to: s3://BUCKET/PREFIX
+    pub address: String,
+    /// Files sent at once
+    #[arg(long, default_value_t = 4, value_name = "N")]
+    pub at_once: usize,
+}
+
+/// Arguments of `data pull`.
+#[derive(Debug, Args)]
+pub struct DataPullArguments {
+    /// Where from: s3://BUCKET/PREFIX
+    pub address: String,
+    /// Folder to fetch into
+    pub folder: PathBuf,
+    /// Files fetched at once
+    #[arg(long, default_value_t = 4, value_name = "N")]
+    pub at_once: usize,
 }
 
 /// Arguments of `data check`.

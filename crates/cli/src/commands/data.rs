@@ -14,11 +14,12 @@ use genmanip_data::lerobot::{
 };
 use genmanip_data::{DataError, ExportReport};
 use genmanip_run::{Progress, inputs};
+use genmanip_s3::{Access, Address, Bucket, Moved, Patience, S3Error};
 use serde_json::json;
 
 use crate::args::{
     DataCardArguments, DataCheckArguments, DataCommand, DataConvertArguments, DataDeleteArguments, DataFilterArguments,
-    DataImportArguments, DataShowArguments, DataSplitArguments,
+    DataImportArguments, DataPullArguments, DataPushArguments, DataShowArguments, DataSplitArguments,
 };
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
@@ -59,11 +60,48 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
             printer.data(&card, &text);
             Ok(ExitStatus::Done)
         }
+        DataCommand::Push(DataPushArguments { folder, address, at_once }) => {
+            moved(("send", "sent", address), printer, |bucket, prefix, heard| {
+                genmanip_s3::push(bucket, folder, prefix, *at_once, heard)
+            })
+        }
+        DataCommand::Pull(DataPullArguments { address, folder, at_once }) => {
+            moved(("fetch", "fetched", address), printer, |bucket, prefix, heard| {
+                genmanip_s3::pull(bucket, prefix, folder, *at_once, heard)
+            })
+        }
         DataCommand::Delete(DataDeleteArguments { dataset, episodes, out }) => {
             let episodes = edit::numbers(episodes).map_err(|why| Failed::misused(format!("--episodes: {why}")))?;
             edited(printer, |heard| Ok(vec![edit::delete(dataset, &episodes, out, heard)?]))
         }
     }
+}
+
+/// Moves a folder to or from S3 storage and says how much was moved.
+fn moved(
+    (what, done, address): (&str, &str, &str),
+    printer: &Printer,
+    work: impl FnOnce(&Bucket, &str, &(dyn Fn(usize) + Sync)) -> Result<Moved, S3Error>,
+) -> Result<ExitStatus, Failed> {
+    let failed = |error: S3Error| {
+        let hint = error.hint();
+        Failed::because(format!("cannot {what} the folder"), &error).hint(hint)
+    };
+    let place = Address::parse(address).map_err(|error| Failed::misused(error.to_string()).hint(error.hint()))?;
+    let bucket = Bucket::new(&place.bucket, Access::from_environment().map_err(failed)?, Patience::default());
+    let begun = std::sync::Once::new();
+    let heard = |all: usize| {
+        begun.call_once(|| printer.begin(&format!("{what}ing files"), all));
+        printer.advance();
+    };
+    let moved = work(&bucket, &place.prefix, &heard).map_err(failed)?;
+    printer.end();
+    let Moved { files, bytes, moved: count } = moved;
+    let there = files - count;
+    let megabytes = bytes as f64 / 1e6;
+    printer
+        .data(&moved, &format!("{address}: {count} files {done}, {there} there already; {megabytes:.1} MB in all\n"));
+    Ok(ExitStatus::Done)
 }
 
 /// Makes a data set of another one, with what decodes its video.
