@@ -288,10 +288,10 @@ fn name_of(id: u32) -> Option<String> {
 }
 
 /// How many files two runs have, all of them equal but for how long things took.
-pub fn same(left: &Path, right: &Path) -> Result<usize> {
+fn same(left: &Path, right: &Path) -> Result<usize> {
     let [ours, theirs] = [files(left)?, files(right)?];
     let differs = |what: &str| Problem {
-        what: format!("two folders that should hold the same do not: {what}"),
+        what: format!("the merged run is not that of one process: {what}"),
         expected: "the same files".into(),
         hint: format!("compare {} and {}", left.display(), right.display()),
     };

@@ -102,12 +102,8 @@ mod tests {
         let time = time(1_369_353_600);
         assert_eq!(time, "20130524T000000Z");
         let put = hex(&Sha256::digest(b"Welcome to Amazon S3."));
-<<<<<<< HEAD
-        let cases: [(&str, &str, &str, &str, &[(&'static str, &str)], &str); 4] = [
-=======
         type Headers = [(&'static str, &'static str)];
         let cases: [(&str, &str, &str, &str, &Headers, &str); 4] = [
->>>>>>> dbe1be2
             (
                 "GET",
                 "/test.txt",
