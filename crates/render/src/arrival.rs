@@ -27,16 +27,11 @@ use crate::view::View;
 const COARSE_TEXELS: f32 = 0.75;
 /// Pixels of one surface whose depths differ by less than this share lie on one piece of it.
 const LEVEL: f32 = 0.02;
+/// Tiles beyond the reach of the taps on which a blurred pixel depends.
+const BLUR_TILES: isize = 1;
 
-mod bins;
 mod blur;
-mod changes;
 mod seen;
-
-use changes::{Before, differ};
-
-pub(crate) use bins::Bins;
-pub(crate) use changes::Marks;
 
 /// Arriving light per pixel, kept from frame to frame.
 #[derive(Debug, Default)]
@@ -65,8 +60,6 @@ pub(crate) struct Arrival {
     seams: MarkCount,
     changes: MarkCount,
     shadow_changes: MarkCount,
-    /// Estimates before they are made anew.
-    before: Before,
     work: Box<Work>,
 }
 
@@ -84,6 +77,21 @@ struct Work {
     dark: Vec<usize>,
     /// Pixels of tiles that only what is not in the picture may darken.
     open: Bins,
+}
+
+/// Pixels by the part they show, [`packed`].
+#[derive(Debug, Default)]
+pub(crate) struct Bins {
+    parts: Vec<Bin>,
+}
+
+/// Pixels of a part.
+#[derive(Debug, Default)]
+struct Bin {
+    /// First pixels of tiles that show nothing else.
+    tiles: Vec<u32>,
+    /// The others.
+    pixels: Vec<u32>,
 }
 
 /// What a tile shows.
@@ -165,14 +173,10 @@ impl Arrival {
 
     /// A tile and those next to it.
     fn neighbours(&self, tile: usize) -> impl Iterator<Item = &TileSummary> {
-        let [columns, rows] = self.beside(tile);
-        rows.flat_map(move |row| &self.tiles[row * self.columns..][columns.clone()])
-    }
-
-    /// Columns and rows of tiles of a tile and those next to it, on which its blur depends.
-    fn beside(&self, tile: usize) -> [Range<usize>; 2] {
-        let around = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
-        [around(tile % self.columns, self.columns), around(tile / self.columns, self.rows)]
+        let (column, row) = (tile % self.columns, tile / self.columns);
+        let columns = column.saturating_sub(1)..(column + 2).min(self.columns);
+        (row.saturating_sub(1)..(row + 2).min(self.rows))
+            .flat_map(move |row| &self.tiles[row * self.columns..][columns.clone()])
     }
 
     /// Pixels of a tile: columns and rows.
@@ -181,15 +185,24 @@ impl Arrival {
         [column..(column + TILE).min(self.width), row..(row + TILE).min(self.height)]
     }
 
-    /// The same of the coarse grid of the ambient light.
-    fn half_pixels_of(&self, tile: usize) -> [Range<usize>; 2] {
-        self.pixels_of(tile).map(|range| range.start / 2..range.end.div_ceil(2))
-    }
-
     /// Where a pixel comes when tiles are gone through one after the other.
     pub fn order_of(&self, pixel: usize) -> usize {
         let (column, row) = (pixel % self.width, pixel / self.width);
         ((row / TILE * self.columns + column / TILE) * TILE + row % TILE) * TILE + column % TILE
+    }
+
+    /// The tiles whose estimates may have changed: those that show something else, those whose taps reach one, and
+    /// those on which the shadows may have changed since a version of the shadow map.
+    pub fn mark_stale(&mut self, changed: &[bool], shadow: &ShadowMap, version: u64, stale: &mut Vec<bool>) {
+        self.changes.count(changed.iter().copied(), self.columns, self.rows);
+        let (marks, columns) = shadow.changed_after(version);
+        self.shadow_changes.count(marks, columns, columns);
+        stale.clear();
+        stale.extend(self.tiles.iter().enumerate().map(|(tile, summary)| {
+            let [from, to] = self.around(tile, summary.reach);
+            let [shadow_from, shadow_to] = summary.span.reach();
+            self.changes.any(from, to) || self.shadow_changes.any(shadow_from, shadow_to)
+        }));
     }
 
     /// First and last column and row of the tiles within so many pixels of a tile.
@@ -197,6 +210,15 @@ impl Arrival {
         let (column, row) = ((tile % self.columns) as isize, (tile / self.columns) as isize);
         let tiles = (pixels + TILE as isize - 1) / TILE as isize;
         [[column - tiles, row - tiles], [column + tiles, row + tiles]]
+    }
+
+    /// Marks the tiles next to marked ones too.
+    pub fn widen(&mut self, marks: &mut [bool]) {
+        self.changes.count(marks.iter().copied(), self.columns, self.rows);
+        for (tile, mark) in marks.iter_mut().enumerate() {
+            let [from, to] = self.around(tile, BLUR_TILES);
+            *mark = self.changes.any(from, to);
+        }
     }
 
     /// Finds the tiles where nothing can be darkened.
@@ -220,20 +242,12 @@ impl Arrival {
         self.is_plain = is_plain;
     }
 
-    /// Estimates the share of the key light of the pixels of tiles; marks those where it is another than before.
-    pub fn estimate_key(
-        &mut self,
-        scene: &Scene<'_>,
-        view: &View,
-        tiles: &[usize],
-        bins: &mut Bins,
-        moved: &mut [bool],
-    ) {
-        let (assets, shadow) = (scene.assets, scene.shadow);
-        let (mut work, mut before) = (std::mem::take(&mut self.work), std::mem::take(&mut self.before));
-        before.keep((&self.raw_key, self.width), tiles, |tile| self.pixels_of(tile), moved);
+    /// Estimates both shares of the pixels of stale tiles among some.
+    pub fn estimate(&mut self, scene: &Scene<'_>, view: &View, tiles: &[usize], bins: &mut Bins) {
+        let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
+        let mut work = std::mem::take(&mut self.work);
         self.find_key(shadow, tiles, bins, assets.parts.len(), &mut work);
-        let Work { pixels, points, doubts, coarse, doubtful, .. } = &mut *work;
+        let Work { pixels, points, taps, doubts, coarse, dark, open, .. } = &mut *work;
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
@@ -243,28 +257,6 @@ impl Arrival {
             shadow.settle(doubts, &mut self.raw_key);
         }
         coarse.iter().for_each(|&tile| self.share_key(tile));
-        for &tile in &*doubtful {
-            let [columns, rows] = self.pixels_of(tile);
-            self.tiles[tile].key = range_of(&self.raw_key, self.width, columns, rows);
-        }
-        before.mark_moved((&self.raw_key, self.width), tiles, |tile| self.pixels_of(tile), moved);
-        (self.work, self.before) = (work, before);
-    }
-
-    /// Estimates the share of the ambient light of the pixels of tiles at even rows and columns; marks those where it is
-    /// another than before.
-    pub fn estimate_ambient(
-        &mut self,
-        scene: &Scene<'_>,
-        view: &View,
-        tiles: &[usize],
-        bins: &mut Bins,
-        moved: &mut [bool],
-    ) {
-        let (assets, variation) = (scene.assets, scene.variation);
-        let (mut work, mut before) = (std::mem::take(&mut self.work), std::mem::take(&mut self.before));
-        before.keep((&self.raw_half, self.half_width), tiles, |tile| self.half_pixels_of(tile), moved);
-        let Work { pixels, points, taps, dark, open, .. } = &mut *work;
         open.clear(assets.parts.len());
         self.find_ambient(tiles, bins, assets.parts.len(), dark, scene.occluders.count().then_some(&mut *open));
         let strength = variation.occlusion_strength * scene.occluders.left_to_depth();
@@ -281,12 +273,16 @@ impl Arrival {
             scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
             put_half(points, &taps.share, &mut self.raw_half, self.half_width);
         });
-        for &tile in &*dark {
-            let [columns, rows] = self.half_pixels_of(tile);
+        for &tile in &work.doubtful {
+            let [columns, rows] = self.pixels_of(tile);
+            self.tiles[tile].key = range_of(&self.raw_key, self.width, columns, rows);
+        }
+        for &tile in &work.dark {
+            let [columns, rows] = self.pixels_of(tile);
+            let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
             self.tiles[tile].ambient = range_of(&self.raw_half, self.half_width, columns, rows);
         }
-        before.mark_moved((&self.raw_half, self.half_width), tiles, |tile| self.half_pixels_of(tile), moved);
-        (self.work, self.before) = (work, before);
+        self.work = work;
     }
 
     /// Writes the share of the key light of tiles for which one is certain, and lists the pixels of the others; of
@@ -425,21 +421,81 @@ impl Arrival {
     }
 
     /// The ambient light at every pixel of a tile from the four coarse pixels around it that show the same surface.
-    /// Those next to it must be blurred. Says whether any is another than before.
-    pub fn refine(&mut self, tile: usize) -> bool {
+    /// Those next to it must be blurred.
+    pub fn refine(&mut self, tile: usize) {
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
         if low >= high {
             // One value all around; where nothing was estimated, nothing is darkened.
             let values = [if low == high { low } else { 1.0 }; TILE];
-            return rows.fold(false, |moved, row| {
-                moved | replace(&mut self.ambient[row * self.width..][columns.clone()], &values)
-            });
+            rows.for_each(|row| put(&mut self.ambient[row * self.width..][columns.clone()], &values));
+            return;
         }
         let refined = refine_tile(&self.refine_window(columns.start, rows.start));
-        rows.zip(&refined).fold(false, |moved, (row, line)| {
-            moved | replace(&mut self.ambient[row * self.width..][columns.clone()], line)
-        })
+        for (row, line) in rows.zip(&refined) {
+            put(&mut self.ambient[row * self.width..][columns.clone()], line);
+        }
+    }
+}
+
+impl Bins {
+    fn clear(&mut self, parts: usize) {
+        self.parts.resize_with(parts, Bin::default);
+        for bin in &mut self.parts {
+            bin.tiles.clear();
+            bin.pixels.clear();
+        }
+    }
+
+    /// Adds a pixel that shows a surface; 0 is none.
+    fn push(&mut self, surface: u16, place: u32) {
+        if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
+            bin.pixels.push(place);
+        }
+    }
+
+    /// Adds the pixels at even rows and columns of a tile that shows one surface.
+    fn push_even(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
+        let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
+        for row in rows.clone().step_by(2) {
+            bin.pixels.extend(columns.clone().step_by(2).map(|column| packed(column, row)));
+        }
+    }
+
+    /// Adds the pixels of a tile.
+    fn push_tile(&mut self, arrival: &Arrival, tile: usize) {
+        let [columns, rows] = arrival.pixels_of(tile);
+        let surface = arrival.tiles[tile].surface;
+        let is_whole = surface != SEVERAL && columns.len() * rows.len() == TILE * TILE;
+        if surface > 0 && is_whole {
+            self.parts[surface as usize - 1].tiles.push(packed(columns.start, rows.start));
+        } else if surface > 0 {
+            for row in rows {
+                for column in columns.clone() {
+                    self.push(arrival.surface[row * arrival.width + column], packed(column, row));
+                }
+            }
+        }
+    }
+
+    /// Lists the pixels of some tiles.
+    pub fn fill(&mut self, arrival: &Arrival, parts: usize, tiles: &[usize]) {
+        self.clear(parts);
+        tiles.iter().for_each(|&tile| self.push_tile(arrival, tile));
+    }
+
+    /// Calls with each part that is seen and some of its pixels, until all had their turn.
+    pub fn for_each(&self, pixels: &mut Pixels, centers: Centers<'_>, mut call: impl FnMut(usize, &Pixels)) {
+        for (part, bin) in self.parts.iter().enumerate() {
+            for &place in &bin.tiles {
+                pixels.tile(place, centers);
+                call(part, pixels);
+            }
+            for places in bin.pixels.chunks(CHUNK) {
+                pixels.list(places, centers);
+                call(part, pixels);
+            }
+        }
     }
 }
 
@@ -479,17 +535,6 @@ fn put<T: Copy>(out: &mut [T], values: &[T; TILE]) {
         Some(whole) => *whole = *values,
         None => out.copy_from_slice(&values[..out.len()]),
     }
-}
-
-/// Writes the first values of a tile's row; says whether any is another than before, to the bit.
-#[inline(always)]
-fn replace(out: &mut [f32], values: &[f32; TILE]) -> bool {
-    let moved = match out.first_chunk::<TILE>() {
-        Some(whole) => differ(whole, values),
-        None => differ(out, values),
-    };
-    put(out, values);
-    moved
 }
 
 impl Arrival {

@@ -1,10 +1,8 @@
 //! One camera's colour picture, kept from frame to frame: only what may have changed is drawn again.
 
-use std::ops::Range;
-
 use glam::{Vec2, Vec3A};
 
-use crate::arrival::{Arrival, Bins, Marks};
+use crate::arrival::{Arrival, Bins};
 use crate::assets::RenderAssets;
 use crate::edges::Edges;
 use crate::job::{Channels, FrameBuffers, FrameState};
@@ -35,16 +33,9 @@ pub(crate) struct Canvas {
     colors: Vec<Vec3A>,
     rgb: Vec<u8>,
     changed: Vec<bool>,
-    /// Tiles whose estimates of arriving light are made anew, and those where they are others than before; both with the
-    /// tiles that changed.
-    stale: Marks,
-    moved: Marks,
-    /// Tiles whose coarse ambient light is another than before.
-    blurred: Vec<bool>,
-    /// Tiles that get other colours.
+    stale: Vec<bool>,
     shaded: Vec<bool>,
-    /// Tiles in which something transparent moved.
-    cleared: Vec<bool>,
+    finished: Vec<bool>,
     bins: Bins,
     edges: Edges,
     work: Box<Work>,
@@ -98,21 +89,18 @@ impl Canvas {
         if follows {
             self.arrival.mark_stale(&self.changed, scene.shadow, self.shadow_version, &mut self.stale);
         } else {
-            self.stale.key.clone_from(&self.changed);
-            self.stale.ambient.clone_from(&self.changed);
+            self.stale.clone_from(&self.changed);
         }
-        // What bodies hold back depends on the points that are looked at together.
-        if scene.occluders.differ(&self.occluders) || scene.occluders.count() && self.stale.ambient.contains(&true) {
-            self.stale.ambient.fill(true);
+        if scene.occluders.differ(&self.occluders) {
+            self.stale.fill(true);
         }
         self.occluders.clone_from(scene.occluders);
         self.shadow_version = scene.shadow.version();
         self.arrival.find_plain(assets, scene.variation);
-        for marks in [&mut self.moved.key, &mut self.moved.ambient, &mut self.blurred, &mut self.shaded] {
-            marks.clone_from(&self.changed);
-        }
-        self.cleared.clear();
-        self.cleared.resize(self.changed.len(), false);
+        self.shaded.clone_from(&self.stale);
+        self.arrival.widen(&mut self.shaded);
+        self.finished.clone_from(&self.shaded);
+        self.arrival.widen(&mut self.finished);
         if glass_moved {
             self.mark_glass(assets);
         }
@@ -120,47 +108,30 @@ impl Canvas {
     }
 
     /// Goes through the image strip by strip, so that what one stage writes is near when the next one reads it; each
-    /// stage is so far behind the one before that the strips beside its own are ready. A stage takes up the tiles whose
-    /// surroundings are others than before after the stage before it.
+    /// stage is so far behind the one before that the strips beside its own are ready.
     fn draw_strips(&mut self, scene: &Scene<'_>) {
         let tiles_in_strip =
             self.opaque.tile_columns * (STRIP_PIXELS / (TILE * TILE) / self.opaque.tile_columns).max(1);
-        let count = self.changed.len();
-        let strips = count.div_ceil(tiles_in_strip);
-        let strip = |step: usize, behind: usize| {
-            let strip = step.checked_sub(behind).filter(|&strip| strip < strips);
-            strip.map_or(0..0, |strip| strip * tiles_in_strip..((strip + 1) * tiles_in_strip).min(count))
-        };
+        let strips = self.stale.len().div_ceil(tiles_in_strip);
         self.shaded_pixels = 0;
         self.edges.begin(scene.assets, &self.view);
         let mut tiles = Vec::with_capacity(tiles_in_strip);
         for step in 0..strips + 3 {
-            let select = |range: Range<usize>, is_wanted: &dyn Fn(usize) -> bool, tiles: &mut Vec<usize>| {
+            let select = |marks: &[bool], behind: usize, tiles: &mut Vec<usize>| {
                 tiles.clear();
-                tiles.extend(range.filter(|&tile| is_wanted(tile)));
+                if let Some(strip) = step.checked_sub(behind).filter(|&strip| strip < strips) {
+                    let first = strip * tiles_in_strip;
+                    tiles.extend((first..(first + tiles_in_strip).min(marks.len())).filter(|&tile| marks[tile]));
+                }
             };
-            let (view, moved) = (&self.view, &mut self.moved);
-            select(strip(step, 0), &|tile| self.stale.key[tile], &mut tiles);
-            self.arrival.estimate_key(scene, view, &tiles, &mut self.bins, &mut moved.key);
-            select(strip(step, 0), &|tile| self.stale.ambient[tile], &mut tiles);
-            self.arrival.estimate_ambient(scene, view, &tiles, &mut self.bins, &mut moved.ambient);
-            for tile in strip(step, 1) {
-                if self.arrival.any_around(&moved.key, tile) {
-                    self.shaded[tile] |= self.arrival.blur_key(tile);
-                }
-                if self.arrival.any_around(&moved.ambient, tile) {
-                    self.blurred[tile] |= self.arrival.blur_ambient(tile);
-                }
-            }
-            for tile in strip(step, 2) {
-                if self.arrival.any_around(&moved.ambient, tile) || self.arrival.any_around(&self.blurred, tile) {
-                    self.shaded[tile] |= self.arrival.refine(tile);
-                }
-            }
-            select(strip(step, 2), &|tile| self.shaded[tile], &mut tiles);
+            select(&self.stale, 0, &mut tiles);
+            self.arrival.estimate(scene, &self.view, &tiles, &mut self.bins);
+            select(&self.shaded, 1, &mut tiles);
+            self.arrival.blur(&tiles);
+            select(&self.shaded, 2, &mut tiles);
+            tiles.iter().for_each(|&tile| self.arrival.refine(tile));
             self.shade(scene, &tiles);
-            let is_finished = |tile| self.cleared[tile] || self.arrival.any_around(&self.shaded, tile);
-            select(strip(step, 3), &is_finished, &mut tiles);
+            select(&self.finished, 3, &mut tiles);
             self.encode(&tiles);
             let glass = self.view.has_transparent.then_some(&self.glass);
             let (colors, rgb) = (&self.colors, &mut self.rgb);
@@ -205,14 +176,14 @@ impl Canvas {
         });
     }
 
-    /// Marks the tiles where transparent things moved.
+    /// Marks the tiles where transparent things moved as unfinished.
     fn mark_glass(&mut self, assets: &RenderAssets) {
         for (part, motion) in assets.parts.iter().zip(&self.view.motions) {
             if part.is_transparent() && motion.moved {
                 for rectangle in [&motion.before, &motion.now].into_iter().filter(|rectangle| !rectangle.is_empty()) {
                     for row in rectangle.rows.start / TILE..rectangle.rows.end.div_ceil(TILE) {
                         let columns = rectangle.columns.start / TILE..rectangle.columns.end.div_ceil(TILE);
-                        self.cleared[row * self.opaque.tile_columns..][columns].fill(true);
+                        self.finished[row * self.opaque.tile_columns..][columns].fill(true);
                     }
                 }
             }

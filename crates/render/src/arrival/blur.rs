@@ -4,7 +4,7 @@
 
 use multiversion::multiversion;
 
-use super::{Arrival, LEVEL, replace};
+use super::{Arrival, LEVEL, put};
 use crate::layers::TILE;
 use crate::refine::{HALF, UNKNOWN};
 
@@ -18,17 +18,22 @@ const COARSE_WINDOW: usize = TILE + 4 * MARGIN;
 const HALF_WINDOW: usize = HALF + 2 * MARGIN;
 
 impl Arrival {
-    /// Blurs the key light of a tile; the estimates of those next to it must be up to date. Says whether any value is
-    /// another than before.
-    pub fn blur_key(&mut self, tile: usize) -> bool {
+    /// Blurs tiles; the estimates of those next to them must be up to date.
+    pub fn blur(&mut self, tiles: &[usize]) {
+        for &tile in tiles {
+            self.blur_key(tile);
+            self.blur_half(tile);
+        }
+    }
+
+    fn blur_key(&mut self, tile: usize) {
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, |tile| tile.key);
         if low >= high {
             // One value all around, which is also that of what faces away from the light.
             let values = [if low == high { low } else { UNKNOWN }; TILE];
-            return rows.fold(false, |moved, row| {
-                moved | replace(&mut self.key[row * self.width..][columns.clone()], &values)
-            });
+            rows.for_each(|row| put(&mut self.key[row * self.width..][columns.clone()], &values));
+            return;
         }
         let blurred = if self.tiles[tile].is_coarse {
             let mut window = Window::<COARSE_WINDOW, 2>::default();
@@ -39,29 +44,29 @@ impl Arrival {
             window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
             blur_tile(&window)
         };
-        rows.zip(&blurred)
-            .fold(false, |moved, (row, line)| moved | replace(&mut self.key[row * self.width..][columns.clone()], line))
+        for (row, line) in rows.zip(&blurred) {
+            put(&mut self.key[row * self.width..][columns.clone()], line);
+        }
     }
 
-    /// The same of the coarse ambient light.
-    pub fn blur_ambient(&mut self, tile: usize) -> bool {
-        let [columns, rows] = self.half_pixels_of(tile);
+    fn blur_half(&mut self, tile: usize) {
+        let [columns, rows] = self.pixels_of(tile);
+        let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
-        let mut lines = [[UNKNOWN; TILE]; HALF];
         if low >= high {
-            for (line, row) in lines.iter_mut().zip(rows.clone()) {
-                line[..columns.len()].copy_from_slice(&self.raw_half[row * self.half_width..][columns.clone()]);
+            for row in rows {
+                let range = row * self.half_width + columns.start..row * self.half_width + columns.end;
+                self.half[range.clone()].copy_from_slice(&self.raw_half[range]);
             }
-        } else {
-            let mut window = Window::<HALF_WINDOW, 1>::default();
-            window.load(self, &self.raw_half, self.half_width, [columns.start, rows.start], 2);
-            for (line, blurred) in lines.iter_mut().zip(&blur_half_tile(&window)) {
-                line[..HALF].copy_from_slice(blurred);
-            }
+            return;
         }
-        rows.zip(&lines).fold(false, |moved, (row, line)| {
-            moved | replace(&mut self.half[row * self.half_width..][columns.clone()], line)
-        })
+        let mut window = Window::<HALF_WINDOW, 1>::default();
+        window.load(self, &self.raw_half, self.half_width, [columns.start, rows.start], 2);
+        let blurred = blur_half_tile(&window);
+        for (row, line) in rows.zip(&blurred) {
+            let out = &mut self.half[row * self.half_width..][columns.clone()];
+            out.copy_from_slice(&line[..out.len()]);
+        }
     }
 }
 

@@ -120,7 +120,7 @@ fn choose(candidates: &[Candidate], per_kind: usize) -> BTreeSet<usize> {
         let with_one: Vec<usize> = chosen.iter().copied().filter(has_one_clue).collect();
         let superfluous = with_one.iter().rev().find(|&&index| !candidates[index].is_preferred);
         match superfluous {
-            Some(superfluous) if 2 * with_one.len() > per_kind => left.retain(|index| index != superfluous),
+            Some(superfluous) if with_one.len() > per_kind.div_ceil(2) => left.retain(|index| index != superfluous),
             _ => return chosen,
         }
     }
