@@ -115,7 +115,7 @@ fn readers_point_at_what_is_meant(here: &Path) {
             let objects = scenario["objects"].as_array().unwrap();
             1 + objects.iter().position(|object| object["id"] == *id).unwrap()
         };
-        let goal = scenario["task"]["goal"]["alternatives"][0].as_array().unwrap();
+        let goal = scenario["task"]["goal"][0].as_array().unwrap();
         let moves: Vec<Value> = goal
             .iter()
             .map(|atom| {

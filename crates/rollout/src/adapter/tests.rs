@@ -254,14 +254,15 @@ fn a_late_tool_stays_on_its_way() {
             }
             let tool = robot.tcp_pose(&command).position;
             latest = latest.max(tool.distance(wanted.position));
-            // On the circle at the height of the start, but for the chords between rows.
+            // On the circle at the height of the start, but for the chords between rows, 2 mm, and joints that arrive one
+            // before the other within a row.
             off = off.max((tool.truncate().length() - start.position.truncate().length()).abs());
             off = off.max((tool.z - start.position.z).abs());
         }
         pending = native.pending;
     }
-    assert!(latest > 0.1, "the tool was never late: {latest} m");
-    assert!(off < 0.004, "{off} m beside its way");
+    assert!(latest > 0.03, "the tool was never late: {latest} m");
+    assert!(off < 0.006, "{off} m beside its way");
     assert!(robot.tcp_pose(&command).position.distance(asked[29].position) < 1e-4 && pending.behind.is_empty());
 }
 
