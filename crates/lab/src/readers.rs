@@ -310,7 +310,7 @@ impl Key {
 
     fn meant(&self) -> String {
         match &self.right {
-            Right::Moves(ways) => ways.iter().map(|way| listed(way)).collect::<Vec<_>>().join(" or "),
+            Right::Moves(ways) => ways.iter().map(listed).collect::<Vec<_>>().join(" or "),
             Right::Done(is_done) => is_done.to_string(),
         }
     }
