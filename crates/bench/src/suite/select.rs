@@ -40,7 +40,7 @@ impl Marginal {
 
 /// Weight of what is taken again, against the squared relative deviations of the marginals: chosen so that it
 /// decides among candidates that balance alike.
-const AGAIN: f64 = 0.002;
+const AGAIN: f64 = 0.0005;
 /// Rounds of exchanges; each stops when nothing is gained.
 const ROUNDS: usize = 8;
 
