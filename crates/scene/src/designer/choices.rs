@@ -15,6 +15,8 @@ enum Purpose {
     Any,
     /// To be moved, where a place for it exists in this relation of support.
     Mover(Option<Relation>),
+    /// To carry anything in this relation of support.
+    Carrier(Relation),
     /// To carry a card, which is told by its address.
     Host(*const ObjectCard, Relation),
     /// To be carried by one.
@@ -41,17 +43,17 @@ impl<'a> Choices<'a> {
 
     /// Cards that can be moved, and in this relation of support be put in or on another.
     pub fn movers(&self, relation: Option<Relation>) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
-        let hosts: Vec<&ObjectCard> = match relation {
-            Some(relation) if !self.is_listed(Purpose::Mover(Some(relation))) => {
-                let may_host =
-                    |card: &&ObjectCard| things().host(card).is_some_and(|host| host.relations.contains(&relation));
-                self.cards.iter().filter(may_host).collect()
-            }
-            _ => Vec::new(),
-        };
+        let hosts: Vec<&ObjectCard> = relation.into_iter().flat_map(|relation| self.carriers(relation)).collect();
         self.list(Purpose::Mover(relation), &|card| {
             let has_place = |relation| hosts.iter().any(|host| things().may_carry(host, card, relation));
             is_movable(card) && relation.is_none_or(has_place)
+        })
+    }
+
+    /// Cards that carry things in a relation of support.
+    pub fn carriers(&self, relation: Relation) -> impl Iterator<Item = &'a ObjectCard> + use<'a> {
+        self.list(Purpose::Carrier(relation), &|card| {
+            things().host(card).is_some_and(|host| host.relations.contains(&relation))
         })
     }
 
@@ -70,10 +72,6 @@ impl<'a> Choices<'a> {
         self.list(Purpose::Filler(groups.as_ptr(), groups.len()), &|card| {
             !card.is_articulated && (groups.is_empty() || groups.contains(&card.general_category.as_str()))
         })
-    }
-
-    fn is_listed(&self, purpose: Purpose) -> bool {
-        self.lists.borrow().contains_key(&purpose)
     }
 
     /// In the order of the cards.

@@ -410,7 +410,7 @@ impl<'a> Composer<'a> {
         if missing < 2 {
             return None;
         }
-        let host = self.pick(|card| things().host(card).is_some_and(|host| host.relations.contains(&relation)))?;
+        let host = self.pick_of(self.choices.carriers(relation), |_| true)?;
         let item = self.pick_of(self.choices.items(host, relation), |_| true)?;
         let host = self.add(host)?;
         self.put(item, relation, host)
