@@ -1,6 +1,6 @@
 //! Many environments at once, stepped by threads without Python's lock.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use genmanip_core::{ObjectState, Observation};
@@ -81,19 +81,25 @@ impl Pool {
 impl Pool {
     /// In the order of the environments, whichever thread took which.
     fn carry_out(&self, orders: &[Order]) -> Vec<Done> {
-        let next = AtomicUsize::new(0);
+        let threads = self.threads.min(orders.len());
+        let taken: Vec<AtomicBool> = orders.iter().map(|_| AtomicBool::new(false)).collect();
         let done: Vec<Mutex<Option<Done>>> = orders.iter().map(|_| Mutex::new(None)).collect();
-        let work = || {
-            while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|index| *index < orders.len()) {
-                let result = self.one(index, &orders[index]);
-                *done[index].lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+        // Each thread begins with the environments that it stepped the last time, whose state is in its core's cache,
+        // and then helps the others.
+        let work = &|thread: usize| {
+            let first = thread * orders.len() / threads;
+            for index in (first..orders.len()).chain(0..first) {
+                if !taken[index].swap(true, Ordering::Relaxed) {
+                    let result = self.one(index, &orders[index]);
+                    *done[index].lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+                }
             }
         };
         std::thread::scope(|scope| {
-            for _ in 1..self.threads.min(orders.len()) {
-                scope.spawn(work);
+            for thread in 1..threads {
+                scope.spawn(move || work(thread));
             }
-            work();
+            work(0);
         });
         let done = done.into_iter().map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner));
         done.map(|slot| slot.unwrap_or_else(|| Err(RunError::input("an environment was not stepped")))).collect()
