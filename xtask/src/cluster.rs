@@ -288,10 +288,10 @@ fn name_of(id: u32) -> Option<String> {
 }
 
 /// How many files two runs have, all of them equal but for how long things took.
-fn same(left: &Path, right: &Path) -> Result<usize> {
+pub fn same(left: &Path, right: &Path) -> Result<usize> {
     let [ours, theirs] = [files(left)?, files(right)?];
     let differs = |what: &str| Problem {
-        what: format!("the merged run is not that of one process: {what}"),
+        what: format!("two folders that should hold the same do not: {what}"),
         expected: "the same files".into(),
         hint: format!("compare {} and {}", left.display(), right.display()),
     };
@@ -305,7 +305,8 @@ fn same(left: &Path, right: &Path) -> Result<usize> {
     }
 }
 
-fn files(root: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
+/// All files below a folder with what they hold, but for how long things took.
+pub fn files(root: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
     let (mut found, mut folders) = (BTreeMap::new(), vec![root.to_path_buf()]);
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).on("list", &folder)? {

@@ -17,6 +17,7 @@ mod packs;
 mod problem;
 mod process;
 mod python;
+mod s3;
 mod setup;
 mod sha256;
 mod test;
@@ -36,6 +37,7 @@ Usage: cargo xtask <verb>
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
   test --interop   let published packages of other projects ask and answer us (downloads 200 MB; not part of CI)
   test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)
+  test --s3        push and pull a folder through a real S3 server that fails (builds one; not part of CI)
   tidy             check the rules that the compiler does not know
 
 Example: cargo xtask test fmt clippy";
@@ -59,6 +61,7 @@ fn run(args: &[String]) -> Result {
         Some("demo") => demo::run(&workspace, rest),
         Some("test") if rest == ["--packs"] => packs::run(&workspace),
         Some("test") if rest == ["--cluster"] => cluster::run(&workspace),
+        Some("test") if rest == ["--s3"] => s3::run(&workspace),
         Some("test") if rest == ["--interop"] => interop::run(&workspace),
         Some("test") => test::run(&workspace, rest),
         Some("tidy") => tidy::run(&workspace.root),

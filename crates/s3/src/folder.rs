@@ -122,7 +122,8 @@ pub fn push(
 }
 
 /// Fetches a folder that was pushed; files that are there with the same size and hash are not fetched again, others are
-/// replaced, and what the list does not name stays.
+/// replaced, and what the list does not name stays, but for files that an earlier pull left half-written when it was
+/// killed on this machine.
 ///
 /// # Errors
 /// [`S3Error::NotComplete`] where no list is; [`S3Error::Stopped`] with how far it came.
@@ -139,6 +140,7 @@ pub fn pull(
     let list = list.ok_or_else(|| S3Error::NotComplete { object: object.clone() })?;
     let Objects { files } = Objects::from_bytes(&list).map_err(|source| S3Error::List { object, source })?;
     fs::create_dir_all(folder).map_err(io("create the folder", folder))?;
+    sweep(folder, &files)?;
     let fetched = std::sync::atomic::AtomicUsize::new(0);
     let (done, failed) = each(&files, at_once, &|file: &Listed| {
         let is_fetched = fetch(bucket, prefix, folder, file)?;
@@ -154,6 +156,16 @@ pub fn pull(
             moved: fetched.into_inner(),
         }),
     }
+}
+
+/// Removes what a pull that was killed left half-written, in all folders that a list names.
+fn sweep(folder: &Path, listed: &[Listed]) -> Result<(), S3Error> {
+    let parents: BTreeSet<&str> =
+        listed.iter().map(|file| file.path.rsplit_once('/').map_or("", |(parent, _)| parent)).collect();
+    for parent in parents.into_iter().map(|parent| folder.join(parent)).filter(|parent| parent.is_dir()) {
+        files::sweep(&parent)?;
+    }
+    Ok(())
 }
 
 /// Sends a file unless it is there; whether it was sent.

@@ -9,6 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use genmanip_data::files::Writing;
 use genmanip_s3::{Access, Bucket, LIST, Moved, Patience, S3Error, pull, push};
 use server::Server;
 
@@ -110,6 +111,31 @@ fn what_was_stopped_goes_on() {
     let sent = push(&bucket, from.path(), "a", 1, &|_| ()).unwrap();
     assert_eq!((sent.files, sent.moved), (all, all - done));
     pull(&bucket, "a", to.path(), 2, &|_| ()).unwrap();
+    assert!(contents(to.path()) == contents(from.path()));
+}
+
+/// What a killed pull left half-written goes when it is called again; what a program that runs is writing stays.
+#[test]
+fn what_a_killed_pull_left_is_removed() {
+    let (server, from, to) = (Server::start(), folder(), tempfile::tempdir().unwrap());
+    let bucket = bucket(&server, QUICK);
+    push(&bucket, from.path(), "a", 2, &|_| ()).unwrap();
+    let episode = to.path().join("episodes/007");
+    let being_written = Writing::begin(&episode.join("frames.parquet")).unwrap();
+    let name = fs::read_dir(&episode).unwrap().next().unwrap().unwrap().file_name().into_string().unwrap();
+    // The same of a program that has ended.
+    let mut ended = std::process::Command::new("true").spawn().unwrap();
+    ended.wait().unwrap();
+    let [this, other] = [std::process::id(), ended.id()].map(|id| format!("-{id}-"));
+    let left = name.replace(&this, &other);
+    assert_ne!(left, name);
+    for parent in [to.path(), &episode] {
+        fs::write(parent.join(&left), b"half").unwrap();
+    }
+    pull(&bucket, "a", to.path(), 2, &|_| ()).unwrap();
+    assert!(!to.path().join(&left).exists() && !episode.join(&left).exists(), "it is still there");
+    assert!(episode.join(&name).exists(), "somebody was writing that");
+    drop(being_written);
     assert!(contents(to.path()) == contents(from.path()));
 }
 
