@@ -1,11 +1,12 @@
 //! One place decides what is printed where: stdout is data, stderr is talk.
 
+use std::fmt;
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use genmanip_run::Progress;
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 use crate::error::Failed;
@@ -105,10 +106,34 @@ impl Work {
         }
         self.told = Instant::now();
         let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
-        let rate = done as f64 / self.began.elapsed().as_secs_f64();
-        let left = Duration::from_secs_f64(total.saturating_sub(done) as f64 / rate.max(1e-6));
-        Some(format!("{}: {done}/{total}, {rate:.2}/s, {} left", self.what, HumanDuration(left)))
+        let (rate, left) = speed(done, total, self.began.elapsed());
+        let left = HumanDuration(left.unwrap_or_default());
+        Some(format!("{}: {done}/{total}, {rate:.2}/s, {left} left", self.what))
     }
+}
+
+/// How much is done in a second since the beginning, and how long the rest takes at that rate: the mean, since episodes
+/// that wait for a model end in bursts, between which the latest rate says that they never will.
+fn speed(done: u64, total: u64, elapsed: Duration) -> (f64, Option<Duration>) {
+    let rate = done as f64 / elapsed.as_secs_f64().max(1e-9);
+    let left = (done > 0).then(|| Duration::try_from_secs_f64(total.saturating_sub(done) as f64 / rate).ok());
+    (rate, left.flatten())
+}
+
+/// The style of a bar.
+fn style() -> Option<ProgressStyle> {
+    let speed = |state: &ProgressState| speed(state.pos(), state.len().unwrap_or(0), state.elapsed());
+    let rate = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let _ = write!(out, "{:.2}/s", speed(state).0);
+    };
+    let left = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let _ = match speed(state).1 {
+            Some(left) => write!(out, "{:#}", HumanDuration(left)),
+            None => write!(out, "-"),
+        };
+    };
+    let style = ProgressStyle::with_template("{msg:18} {bar:30} {pos:>4}/{len}  {rate}  ETA {left}  {prefix}").ok()?;
+    Some(style.with_key("rate", rate).with_key("left", left))
 }
 
 /// A list that is being printed.
@@ -146,9 +171,7 @@ impl Progress for Printer {
             ProgressDrawTarget::stderr_with_hz(8)
         };
         let bar = ProgressBar::with_draw_target(Some(total as u64), target);
-        if let Ok(style) =
-            ProgressStyle::with_template("{msg:18} {bar:30} {pos:>4}/{len}  {per_sec}  ETA {eta}  {prefix}")
-        {
+        if let Some(style) = style() {
             bar.set_style(style);
         }
         bar.set_message(what.to_owned());

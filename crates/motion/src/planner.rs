@@ -89,6 +89,14 @@ impl Planner {
         other
     }
 
+    /// The same planner, whose searches give up after so many nodes; nothing is compiled again.
+    #[must_use]
+    pub fn with_search(&self, max_iterations: usize) -> Self {
+        let mut other = self.clone();
+        other.settings.plan.max_iterations = max_iterations;
+        other
+    }
+
     /// The robot.
     pub fn robot(&self) -> &Arc<RobotModel> {
         &self.robot

@@ -84,19 +84,17 @@ impl Agent {
         transcribed: Transcribed,
     ) -> Result<Self, GeometryError> {
         let silhouette = Arc::new(RobotSilhouette::new(planner.robot())?);
-        let planner = match settings.depth_error_m {
-            error_m if error_m > 0.0 => {
-                let depth = DepthSettings { error_m: LEFT_OVER * error_m, ..planner.settings().depth.clone() };
-                Arc::new(planner.with_depth(depth))
-            }
-            _ => Arc::clone(planner),
-        };
+        let mut planner = planner.with_search(settings.motion.search_nodes);
+        if settings.depth_error_m > 0.0 {
+            let error_m = LEFT_OVER * settings.depth_error_m;
+            planner = planner.with_depth(DepthSettings { error_m, ..planner.settings().depth.clone() });
+        }
         Ok(Self {
             name: "agent".into(),
             settings,
             services,
             silhouette,
-            planner,
+            planner: Arc::new(planner),
             transcribed,
             seed: Seed::new(0),
             instruction: String::new(),

@@ -2,7 +2,7 @@
 
 use genmanip_core::{Grasp, Pose, Seed};
 use genmanip_motion::{
-    Allowed, FeasibilitySettings, FeasibleGrasp, GraspRejections, Path, PickQuery, PickedObject, PlaceGoal,
+    Allowed, FeasibilitySettings, FeasibleGrasp, GraspRejections, Path, PickQuery, PickedObject, PlaceGoal, PlanError,
     PlanningScene, commands,
 };
 use glam::DVec3;
@@ -45,12 +45,14 @@ pub(super) fn plan(agent: &Agent, sight: &Sight, job: &Job, hand: &Hand, seed: S
     };
     let tight = FeasibilitySettings { clearance_m: motion.tight_clearance_m, ..motion.feasibility.clone() };
     let short = motion.short();
-    let mut problem = None;
+    let (mut problem, mut in_vain) = (None, 0);
     for settings in [&motion.feasibility, &tight, &short] {
         let query = PickQuery { settings, ..query };
         let mut search = query.grasps(candidates.iter().cloned());
         let mut tried = 0;
-        for grasp in search.by_ref() {
+        while in_vain < motion.searches
+            && let Some(grasp) = search.next()
+        {
             tried += 1;
             let planned = query
                 .approach(&grasp)
@@ -68,6 +70,7 @@ pub(super) fn plan(agent: &Agent, sight: &Sight, job: &Job, hand: &Hand, seed: S
                     return Ok(Pick { commands, grasp, points: job.around.clone(), words });
                 }
                 Err(error) => {
+                    in_vain += usize::from(matches!(error, PlanError::Exhausted { .. }));
                     let words = format!("grasps of {} in reach, none by a free motion: {error}", job.name);
                     problem = Some(FailedStage::new("motion", "blocked", words));
                 }
