@@ -141,7 +141,9 @@ impl DataError {
     pub fn hint(&self) -> Option<String> {
         Some(match self {
             Self::Io { source, .. } => match source.kind() {
-                std::io::ErrorKind::StorageFull => "free some space and start again; finished episodes are kept".into(),
+                std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+                    "free some space and start again; finished episodes are kept".into()
+                }
                 std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
                     "choose a folder you may write to".into()
                 }

@@ -1,5 +1,6 @@
 //! What could not be done, why, and what helps.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use genmanip_core::limits::Limit;
@@ -168,7 +169,10 @@ impl RunError {
     /// What was expected, or what helps.
     pub fn hint(&self) -> Option<String> {
         match self {
-            Self::File { hint, .. } | Self::Input { hint, .. } | Self::Broken { hint, .. } => hint.clone(),
+            Self::File { source, hint, .. } => of_full_disk(Some(source)).or_else(|| hint.clone()),
+            Self::Input { source, hint, .. } | Self::Broken { source, hint, .. } => {
+                of_full_disk(source.as_ref()).or_else(|| hint.clone())
+            }
             Self::TooLarge { limit, .. } => Some(format!("expected {}; is this the right file?", limit.what)),
             Self::Document { schema, source, .. } => Some(match source {
                 DocumentError::NotJson { hint, .. } => (*hint).into(),
@@ -194,6 +198,15 @@ impl RunError {
     }
 }
 
+/// What helps where a full disk is behind an error.
+fn of_full_disk(cause: Option<&Cause>) -> Option<String> {
+    let first = cause.map(|cause| &**cause as &(dyn std::error::Error + 'static));
+    let is_full = |error: &std::io::Error| matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
+    std::iter::successors(first, |error| error.source())
+        .any(|error| error.downcast_ref::<std::io::Error>().is_some_and(is_full))
+        .then(|| "free some space on that disk and start again; what is finished is kept".into())
+}
+
 /// Why work on many episodes stopped before its end.
 pub(crate) enum Stopped {
     Run(RunError),
@@ -215,6 +228,22 @@ impl From<RunError> for Stopped {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_however_deep_it_lies() {
+        let io = |kind: ErrorKind| std::io::Error::from(kind);
+        let deep = |kind| DataError::Io { action: "write", path: "rows.parquet".into(), source: io(kind) };
+        let given = "start again";
+        for (error, expected) in [
+            (RunError::broken("cannot draw", deep(ErrorKind::StorageFull)), "free some space"),
+            (RunError::broken("cannot draw", deep(ErrorKind::StorageFull)).with_hint(given), "free some space"),
+            (RunError::file("write", Path::new("run.json"), io(ErrorKind::QuotaExceeded)), "free some space"),
+            (RunError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).with_hint(given), given),
+        ] {
+            assert!(error.hint().unwrap().contains(expected), "{error}: {:?}", error.hint());
+        }
+        assert_eq!(RunError::broken("cannot draw", deep(ErrorKind::PermissionDenied)).hint(), None);
+    }
 
     #[test]
     fn names_that_look_alike_are_offered() {

@@ -8,8 +8,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use crate::{
-    assert_same_tree, collect_quick, example, finished_run, genmanip, program, quick_examples, times, tree,
-    without_timings,
+    assert_same_tree, collect_quick, copy_of_finished_run, example, finished_run, genmanip, program, quick_examples,
+    times, tree, without_timings,
 };
 
 /// Waits until something is there; the run must still be going on then.
@@ -162,6 +162,22 @@ fn killed_verbs_continue_to_the_same_bytes() {
         assert!(early > 0, "{}: every kill came too late", verb[0]);
         println!("{}: {kills} of {kills} the same bytes, {early} killed before the end", verb[0]);
     }
+}
+
+/// The report of an evaluation that cannot be written, as on a full disk: its results stay, and the next call takes them.
+#[test]
+fn results_are_kept_until_their_report_is_written() {
+    let folder = copy_of_finished_run();
+    let evaluation = folder.path().join("run/evaluation");
+    let verb = ["evaluate", "run", "--policy", "do_nothing:seconds=0.1"];
+    let [report, results] =
+        ["do_nothing_seconds=0.1.json", "do_nothing_seconds=0.1/results.jsonl"].map(|it| evaluation.join(it));
+    fs::create_dir_all(report.join("in the way")).unwrap();
+    genmanip(folder.path(), &verb).assert_refused(&["found a folder", "do_nothing_seconds=0.1.json"]);
+    assert_eq!(fs::read_to_string(&results).unwrap().lines().count(), 2, "both episodes");
+    fs::remove_dir_all(&report).unwrap();
+    assert_eq!(genmanip(folder.path(), &verb).code, Some(0));
+    assert!(report.is_file() && !results.exists());
 }
 
 fn copy(from: &Path, to: &Path) {

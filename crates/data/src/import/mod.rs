@@ -21,7 +21,7 @@ use serde::Serialize;
 use crate::export::{EpisodeRows, ExportReport};
 use crate::lerobot::made::Made;
 use crate::lerobot::writer::DatasetWriter;
-use crate::lerobot::{begin, card, depth_path};
+use crate::lerobot::{begin, begin_sibling, card, check_free, check_owner, depth_path};
 use crate::{DataError, EpisodeStore, files};
 use facts::ImportedFacts;
 
@@ -125,24 +125,23 @@ struct Writers {
     about: About,
     colors: DatasetWriter<ImportedFacts>,
     depths: Option<DatasetWriter<ImportedFacts>>,
-    depth_target: PathBuf,
+    target: PathBuf,
     episodes_per_depth_file: usize,
 }
 
 impl Writers {
     fn begin(about: About, settings: &ImportSettings, out: &Path) -> Result<Self, DataError> {
-        let depth_target = depth_path(out);
-        crate::lerobot::check_owner(&depth_target, None)?;
+        check_free(out)?;
         let colors = DatasetWriter::new(begin(out, None)?, settings.episodes_per_file.max(1), about.fps, &about.robot);
         let episodes_per_depth_file = settings.episodes_per_depth_file.max(1);
-        Ok(Self { about, colors, depths: None, depth_target, episodes_per_depth_file })
+        Ok(Self { about, colors, depths: None, target: out.into(), episodes_per_depth_file })
     }
 
     fn push(&mut self, mut episode: EpisodeRows<ImportedFacts>) -> Result<(), DataError> {
         let images = std::mem::take(&mut episode.images);
         let is_first = self.colors.episodes() == 0;
         if is_first && !images.is_empty() {
-            let aside = begin(&self.depth_target, None)?;
+            let aside = begin_sibling(&self.target)?;
             let per_file = self.episodes_per_depth_file;
             self.depths = Some(DatasetWriter::new(aside, per_file, self.about.fps, &self.about.robot));
         }
@@ -165,6 +164,9 @@ impl Writers {
         if episodes == 0 {
             return Err(DataError::mismatch("episodes to import", "at least one", 0));
         }
+        if self.depths.is_none() {
+            check_owner(&depth_path(out), None)?;
+        }
         let imported = Imported {
             format: self.about.format.into(),
             fps: self.about.fps,
@@ -178,7 +180,7 @@ impl Writers {
         let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &made, None)).transpose()?;
         let colors = self.colors.finish(&made.card(&name, "v3.0"), &made, self.about.contract.as_ref())?;
-        let depth_dataset = depths.is_some().then_some(self.depth_target);
+        let depth_dataset = depths.is_some().then(|| depth_path(out));
         if let Some(depths) = depths {
             depths.publish()?;
         }

@@ -189,12 +189,34 @@ impl Writers {
     }
 }
 
-/// A place aside for a data set that may lie at `target`; what a kill left unfinished there is removed.
+/// A place aside for a data set that may lie at `target` if it is the run's; what a kill left unfinished there is removed.
+/// Of two programs that write other data sets without a run to one place at the same time, the second is refused.
 pub(crate) fn begin(target: &Path, run: Option<&str>) -> Result<Aside, DataError> {
     check_owner(target, run)?;
+    place(target, run.is_some())
+}
+
+/// As [`begin`], for the depth sibling of a data set without a run. It becomes visible before the data set: where it is
+/// alone, a call was killed between the two, and the next one goes on if it makes the same.
+pub(crate) fn begin_sibling(dataset: &Path) -> Result<Aside, DataError> {
+    check_free(dataset)?;
+    place(&depth_path(dataset), false)
+}
+
+fn place(target: &Path, replaces: bool) -> Result<Aside, DataError> {
     aside::make_parent(target)?;
     files::sweep(aside::parent(target))?;
-    Aside::replacing(target)
+    if replaces { Aside::replacing(target) } else { Aside::repeating(target) }
+}
+
+/// Refuses to write a data set without a run where one is, or where its depth sibling would lie is something else.
+pub(crate) fn check_free(dataset: &Path) -> Result<(), DataError> {
+    check_owner(dataset, None)?;
+    let sibling = depth_path(dataset);
+    match files::is_own_file(&sibling.join("meta/info.json")) {
+        true => Ok(()),
+        false => check_owner(&sibling, None),
+    }
 }
 
 /// Where the depth data set of a data set lies.

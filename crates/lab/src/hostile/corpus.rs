@@ -15,7 +15,7 @@ use super::{HostileArguments, Room, imports, listing, mutate};
 use crate::LabError;
 
 /// What is changed, in the names of `by_kind`.
-pub const KINDS: [&str; 23] = [
+pub const KINDS: [&str; 24] = [
     "tasks",
     "answers",
     "scenarios",
@@ -38,6 +38,7 @@ pub const KINDS: [&str; 23] = [
     "dataset-lerobot",
     "dataset-v21",
     "dataset-zarr",
+    "dataset-original",
     FULL,
 ];
 /// Files as large as is read; each costs seconds, so they are rare.
@@ -137,6 +138,8 @@ impl Corpus {
             }
             let is_dataset = |name: &str| !name.starts_with("run/") && !name.ends_with('/') && !made.contains_key(name);
             datasets = listing(&room.work()).into_iter().filter(|(name, _)| is_dataset(name)).collect();
+            let original = read_all(&project.join("crates/data/testdata/original"))?;
+            datasets.extend(original.into_iter().map(|(name, bytes)| (format!("original/{name}"), bytes)));
         }
         let file = |name: &str| made.get(name).cloned().unwrap_or_default();
         let below = |folder: &str| -> Vec<(String, Vec<u8>)> {
@@ -183,9 +186,11 @@ impl Corpus {
                 "data filter lerobot --where success=true --out out",
                 "data merge lerobot --out out",
                 "data delete lerobot --episodes 0 --out out",
+                "data convert lerobot --to lerobot-v2.1 --out out",
                 "evaluate run --policy playback:dataset=lerobot",
             ],
-            "v21" => &["data check v21", "data show v21"],
+            "v21" => &["data check v21", "data show v21", "data import v21 --out out", "data import v21 --out out"],
+            "original" => &["data import original --out out"],
             _ => &["data check zarr", "data show zarr"],
         };
         (files, calls)

@@ -1,19 +1,19 @@
-//! Starts that race for one folder, and runs that are killed and continued.
+//! Starts that race for one folder, and calls that are killed and continued.
+
+mod kills;
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use genmanip_core::Seed;
 use genmanip_run::Progress;
-use rand::RngExt;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{HostileArguments, Room, listing};
+use super::{HostileArguments, Room};
 use crate::LabError;
 
 /// What came of starts and kills.
@@ -25,13 +25,14 @@ pub struct Starts {
     pub one_won: usize,
     /// Folders with the record of one run and episodes of the other.
     pub mixed: usize,
-    /// Runs that were killed at a random moment of one of their phases, in turn, and then continued.
+    /// Calls that were killed at a random moment and then made again: `collect` in one of its phases, and the other verbs
+    /// that write runs and data sets, in turn.
     pub kills: usize,
-    /// What the killed ones were doing.
+    /// What the killed ones were doing, as far as what lay there told.
     pub killed_while: BTreeMap<&'static str, usize>,
     /// Those of them that were killed before they had ended by themselves.
     pub killed_in_time: usize,
-    /// Those that ended with the same bytes as a run that was not killed.
+    /// Those that ended with the same bytes as a call that was not killed.
     pub identical: usize,
     /// What was found wrong.
     pub wrong: Vec<String>,
@@ -63,7 +64,7 @@ pub(super) fn measure(
     }
     progress.end();
     if arguments.kills > 0 {
-        kill(arguments, room, seed, &mut starts, (progress, stop))?;
+        kills::measure(arguments, room, seed, &mut starts, (progress, stop))?;
     }
     room.clear()?;
     Ok(starts)
@@ -111,126 +112,21 @@ fn race(arguments: &HostileArguments, room: &Room, pair: u64, starts: &mut Start
     Ok(())
 }
 
-/// What a run does, one after the other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Phase {
-    Recording,
-    Drawing,
-    Exporting,
-    Ended,
-}
-
-impl Phase {
-    const KILLED: [Self; 3] = [Self::Recording, Self::Drawing, Self::Exporting];
-
-    /// What a run is doing, by what lies in its folder.
-    fn of(run: &Path) -> Self {
-        let episode = run.join("episodes").join(format!("{TASK}-000"));
-        let is_exported = |name: &str| run.join(name).join("meta/info.json").exists();
-        if !episode.join("episode.json").exists() {
-            Self::Recording
-        } else if !episode.join("images_10hz/files.json").exists() {
-            Self::Drawing
-        } else if !(is_exported("dataset") && is_exported("dataset-depth")) {
-            Self::Exporting
-        } else {
-            Self::Ended
-        }
-    }
-
-    fn in_words(self) -> &'static str {
-        match self {
-            Self::Recording => "recording",
-            Self::Drawing => "drawing",
-            Self::Exporting => "exporting",
-            Self::Ended => "ending",
-        }
-    }
-}
-
-/// Waits until a run has come as far as a phase, or has ended.
-fn wait_for(phase: Phase, child: &mut Child, run: &Path) -> std::io::Result<()> {
-    while Phase::of(run) < phase && child.try_wait()?.is_none() {
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    Ok(())
-}
-
-fn kill(
-    arguments: &HostileArguments,
-    room: &Room,
-    seed: Seed,
-    starts: &mut Starts,
-    (progress, stop): (&dyn Progress, &AtomicBool),
-) -> Result<(), LabError> {
-    let call = ["--fps", "10", "--seed", "3", "--workers", "1", "--out", "run"].map(String::from);
-    let run = room.work().join("run");
-    let failed = |error| LabError::broken("cannot run the program", error);
-    // How long each phase took.
-    let whole = |said: &str| -> Result<[Duration; 3], LabError> {
-        let mut child = collect(arguments, room, &call, said)?;
-        let mut durations = [Duration::ZERO; 3];
-        for (duration, next) in durations.iter_mut().zip([Phase::Drawing, Phase::Exporting, Phase::Ended]) {
-            let started = Instant::now();
-            wait_for(next, &mut child, &run).map_err(failed)?;
-            *duration = started.elapsed();
-        }
-        let status = child.wait().map_err(failed)?;
-        if !status.success() {
-            let text = fs::read_to_string(room.work().join(said)).unwrap_or_default();
-            return Err(LabError::input(format!("a run does not end well: {}", text.trim())));
-        }
-        Ok(durations)
-    };
-    let bytes = || {
-        let mut files = listing(&run);
-        files.remove("timings.json");
-        files
-    };
-    room.clear()?;
-    let durations = whole("said")?;
-    let expected = bytes();
-    let mut rng = seed.fork("kills").rng();
-    progress.begin("killing", arguments.kills);
-    for number in 0..arguments.kills {
-        room.clear()?;
-        let before = starts.clone();
-        let mut child = collect(arguments, room, &call, "said")?;
-        let index = number % Phase::KILLED.len();
-        wait_for(Phase::KILLED[index], &mut child, &run).map_err(failed)?;
-        std::thread::sleep(durations[index].mul_f64(rng.random_range(0.0..1.0)));
-        starts.kills += 1;
-        starts.killed_in_time += usize::from(child.try_wait().map_err(failed)?.is_none());
-        let _ = child.kill();
-        child.wait().map_err(failed)?;
-        *starts.killed_while.entry(Phase::of(&run).in_words()).or_default() += 1;
-        match whole("again") {
-            Ok(_) if bytes() == expected => starts.identical += 1,
-            Ok(_) => {
-                let now = bytes();
-                let names = expected.keys().chain(now.keys()).filter(|name| expected.get(*name) != now.get(*name));
-                starts.wrong.push(format!("kill {number}: differs in {:?}", names.take(5).collect::<Vec<_>>()));
-            }
-            Err(error) => starts.wrong.push(format!("kill {number}: {error}")),
-        }
-        if stop.load(Ordering::Relaxed) {
-            *starts = before;
-            break;
-        }
-        progress.advance();
-    }
-    progress.end();
-    Ok(())
-}
-
 /// Starts `collect` of one attempt; what it says goes into a file.
-fn collect(arguments: &HostileArguments, room: &Room, call: &[String], said: &str) -> Result<Child, LabError> {
+fn collect(arguments: &HostileArguments, room: &Room, options: &[String], said: &str) -> Result<Child, LabError> {
+    start(arguments, room, &collect_call(arguments, options), said)
+}
+
+fn collect_call(arguments: &HostileArguments, options: &[String]) -> Vec<String> {
+    let task = arguments.project.join(format!("examples/tasks/{TASK}.json")).display().to_string();
+    [&["collect".to_owned(), task, "--episodes".into(), "1".into()], options].concat()
+}
+
+/// Starts the program; what it says goes into a file.
+fn start(arguments: &HostileArguments, room: &Room, call: &[String], said: &str) -> Result<Child, LabError> {
     let said = room.work().join(said);
     let file = File::create(&said).map_err(|error| LabError::file("write", &said, error))?;
     Command::new(&arguments.program)
-        .arg("collect")
-        .arg(arguments.project.join(format!("examples/tasks/{TASK}.json")))
-        .args(["--episodes", "1"])
         .args(call)
         .current_dir(room.work())
         .stdin(Stdio::null())

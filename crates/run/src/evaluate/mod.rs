@@ -84,10 +84,12 @@ pub fn evaluate(
             // There are fewer cases than shards.
             break;
         }
-        let Some(report) = one(suite, policy, folder.as_ref(), options, progress, stop)? else { break };
+        let Some((report, stream)) = one(suite, policy, folder.as_ref(), options, progress, stop)? else { break };
         if let (Some(folder), None) = (&folder, options.shard) {
             let file = folder.join("evaluation").join(format!("{}.json", report.label));
             inputs::write_file(&file, report.to_json().as_bytes())?;
+            // Not before the report is on the disk, which may be full.
+            stream.map_or(Ok(()), Stream::close)?;
             folder.time_phase(&format!("evaluate {}", report.label), started.elapsed().as_secs_f64());
         }
         reports.push(report);
@@ -98,7 +100,7 @@ pub fn evaluate(
     Ok(reports)
 }
 
-/// Evaluates one policy; `None` when it was stopped.
+/// Evaluates one policy, and gives the results that the report stands for when it is complete; `None` when it was stopped.
 fn one(
     suite: &Suite,
     policy: &PolicyFactory,
@@ -106,7 +108,7 @@ fn one(
     options: &EvaluateOptions,
     progress: &dyn Progress,
     stop: &AtomicBool,
-) -> Result<Option<EvaluationReport>, RunError> {
+) -> Result<Option<(EvaluationReport, Option<Stream>)>, RunError> {
     let label = suite.label(policy.label());
     let planner = inputs::planner(&suite.settings.world, &suite.settings.planner)?;
     let resources = Resources { catalogue: suite.source(), ..Resources::builtin(&planner) };
@@ -220,14 +222,11 @@ fn one(
         RunError::broken(format!("cannot summarise {label}{kept}"), error)
             .with_hint("move what was kept of this evaluation away; it then starts again")
     })?;
-    if let (Some(stream), true) = (stream, evaluated.not_run.is_empty() && options.shard.is_none()) {
-        stream.close()?;
-    }
+    let stream = stream.filter(|_| evaluated.not_run.is_empty() && options.shard.is_none());
     let label = options.shard.map_or_else(|| label.clone(), |shard| format!("{label}, {shard}"));
     let (cameras, perturbation) = (suite.cameras.clone(), suite.perturbation.clone());
-    Ok(Some(
-        EvaluationReport { label, cameras, perturbation, ..report.by_traits(&suite.traits) }.leaving(evaluated.not_run),
-    ))
+    let report = EvaluationReport { label, cameras, perturbation, ..report.by_traits(&suite.traits) };
+    Ok(Some((report.leaving(evaluated.not_run), stream)))
 }
 
 /// A table of success rates with their intervals.

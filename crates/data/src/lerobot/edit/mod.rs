@@ -14,8 +14,9 @@ use genmanip_core::Seed;
 use genmanip_core::names::is_file_name;
 
 use super::made::Made;
-use super::{begin, card, depth_path, writer::Finished};
+use super::{begin, begin_sibling, card, depth_path, writer::Finished};
 use crate::DataError;
+use crate::aside::Aside;
 use crate::export::ExportReport;
 use compose::Composer;
 use source::Source;
@@ -111,9 +112,7 @@ pub fn split(
     let divided = divide(groups, &shares, seed);
     // All targets are looked at before anything is written.
     for (name, _) in parts {
-        let target = out.join(name);
-        super::check_owner(&target, None)?;
-        super::check_owner(&depth_path(&target), None)?;
+        super::check_free(&out.join(name))?;
     }
     parts.iter().zip(divided).map(|((name, _), kept)| sources.write(&picks(kept), &out.join(name), heard)).collect()
 }
@@ -215,11 +214,13 @@ impl Sources {
             false => {
                 let per_file = self.made.episodes_per_depth_file();
                 let card = card::depth(&name);
-                Some(self.compose(&self.depths, (picks, &names), &depth_path(out), per_file, &card, heard)?.0)
+                let aside = begin_sibling(out)?;
+                Some(self.compose(&self.depths, (picks, &names), aside, per_file, &card, heard)?.0)
             }
         };
         let (per_file, card) = (self.made.episodes_per_file(), self.made.card(&name, "v3.0"));
-        let (colors, frames) = self.compose(&self.colors, (picks, &names), out, per_file, &card, heard)?;
+        let (colors, frames) =
+            self.compose(&self.colors, (picks, &names), begin(out, None)?, per_file, &card, heard)?;
         let depth_dataset = depths.is_some().then(|| depth_path(out));
         if let Some(depths) = depths {
             depths.publish()?;
@@ -232,12 +233,12 @@ impl Sources {
         &self,
         sources: &[Source],
         (picks, names): (&[Pick], &[Option<String>]),
-        target: &Path,
+        aside: Aside,
         per_file: usize,
         card: &str,
         heard: Heard,
     ) -> Result<(Finished, usize), DataError> {
-        let mut composer = Composer::new(begin(target, None)?, sources, per_file)?;
+        let mut composer = Composer::new(aside, sources, per_file)?;
         for (pick, name) in picks.iter().zip(names) {
             composer.push(*pick, name.as_deref())?;
             heard(picks.len() * (1 + usize::from(!self.depths.is_empty())));
