@@ -56,7 +56,7 @@ fn lost_output_is_an_error_and_a_closed_pipe_is_none() {
         (format!("$G export --mjcf {scenario} > /dev/full"), "is the disk full?"),
         ("$G camera list --json > /dev/full".into(), "is the disk full?"),
         ("$G doctor > /dev/full".into(), "is the disk full?"),
-        (format!("$G export --mjcf {scenario} --out /dev/full"), "the disk is not full"),
+        (format!("$G export --mjcf {scenario} --out /dev/full"), "free some space"),
     ] {
         let outcome = shell(folder.path(), &command);
         assert_eq!(outcome.code, Some(1), "{command}: {outcome:?}");

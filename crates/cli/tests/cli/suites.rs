@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::{genmanip, tree};
+use crate::{REPOSITORY, genmanip, tree};
 
 #[test]
 fn a_suite_is_built_checked_and_evaluated_on() {
@@ -188,4 +188,31 @@ fn with_another_digit(path: &Path, word: &str) -> String {
     let digit = if text.as_bytes()[at] == b'1' { "2" } else { "1" };
     fs::write(path, format!("{}{digit}{}", &text[..at], &text[at + 1..])).unwrap();
     text
+}
+
+/// Answers that vision-language models gave to pictures of the shipped suite, given again: the verdicts that came then.
+/// Where the looks have changed, the questions have, too: then the answers belong to the suite before.
+#[test]
+fn recorded_answers_of_models_give_the_recorded_verdicts() {
+    let folder = tempfile::tempdir().unwrap();
+    let answers = format!("{REPOSITORY}/examples/answers/genmanip-200-rc");
+    let text = fs::read_to_string(format!("{answers}-verdicts.json")).unwrap();
+    let recorded: Vec<Value> = serde_json::from_str(&text).unwrap();
+    let is_it = |row: &Value, name: &str| row["scenario"] == name;
+    // One that succeeded and one that did not.
+    let names = ["016_common_sense-000", "spatial-200-00097-000"];
+    let files = names.map(|name| format!("{REPOSITORY}/suites/genmanip-200-rc/scenarios/{name}.json"));
+    let policy = format!("agent:vlm=recorded,answers={answers}");
+    let made = genmanip(folder.path(), &["evaluate", &files[0], &files[1], "--policy", &policy, "--json"]).json(0);
+    let results = made[0]["results"].as_array().unwrap();
+    assert_eq!(made[0]["not_run"], Value::Array(Vec::new()));
+    for (name, success) in names.into_iter().zip([true, false]) {
+        let then = recorded.iter().find(|row| is_it(row, name)).unwrap();
+        let now = results.iter().find(|row| row["scenario_id"] == name).unwrap();
+        assert_eq!(then["success"], success, "{name}");
+        for key in ["success", "duration_s", "tcp_path_m"] {
+            assert_eq!(now[key], then[key], "{name}: {key}");
+        }
+        assert_eq!(now["verdict"]["score"], then["score"], "{name}");
+    }
 }
