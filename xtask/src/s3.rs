@@ -224,7 +224,7 @@ fn hand_on(mut client: TcpStream, server: u16, counts: &Counts) -> std::io::Resu
     let number = counts.calls.fetch_add(1, Ordering::Relaxed) + 1;
     // Knuth's multiplicative hash: each tenth of the calls, in no order.
     let drawn = (number as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
-    let fails = drawn % 10 == 0;
+    let fails = drawn.is_multiple_of(10);
     counts.failed.fetch_add(usize::from(fails), Ordering::Relaxed);
     let how = if fails { drawn / 10 % 3 } else { 3 };
     if how == 0 {
