@@ -188,6 +188,11 @@ impl Record<'_> {
         damaged(&self.folder.join("lmdb").join(key), why)
     }
 
+    /// What cannot be decoded, and where it lies.
+    fn no_picture(&self, key: &str, error: &DataError) -> DataError {
+        self.damaged(key, &format!("expected a picture like the others, got {error}"))
+    }
+
     /// The entries of a list with one per frame, each as numbers.
     fn numbers(&self, key: &str) -> Result<Option<Frames>, DataError> {
         let Some(pickle) = self.pickle(key)? else { return Ok(None) };
@@ -304,18 +309,19 @@ impl Record<'_> {
         self.lmdb.keys().filter_map(of).collect()
     }
 
-    /// The files of a camera's pictures, one after the other; none where it has none.
+    /// The files of a camera's pictures with their keys, one after the other; none where it has none.
     fn pictures(
         &self,
         camera: &str,
         kind: &str,
-    ) -> Result<impl Iterator<Item = Result<Vec<u8>, DataError>>, DataError> {
+    ) -> Result<impl Iterator<Item = Result<(String, Vec<u8>), DataError>>, DataError> {
         let key = move |frame: usize| format!("observation/{camera}/{kind}/{frame:04}");
         let frames = if self.lmdb.get(&key(0))?.is_some() { self.frames } else { 0 };
         Ok((0..frames).map(move |frame| {
             let missing = || self.damaged(&key(frame), "expected the bytes of a picture, got none");
             let pickle = self.pickle(&key(frame))?.ok_or_else(missing)?;
-            pickle.root().bytes().map(<[u8]>::to_vec).ok_or_else(missing)
+            let bytes = pickle.root().bytes().ok_or_else(missing)?;
+            Ok((key(frame), bytes.to_vec()))
         }))
     }
 
@@ -324,12 +330,13 @@ impl Record<'_> {
             let mut encoder: Option<VideoEncoder> = None;
             let mut colors = ColorHistogram::default();
             for file in self.pictures(&camera, "color_image")? {
-                let (width, height, rgb) = jpeg::decode(&file?)?;
+                let (key, file) = file?;
+                let (width, height, rgb) = jpeg::decode(&file).map_err(|error| self.no_picture(&key, &error))?;
                 let encoder = match &mut encoder {
                     Some(encoder) => encoder,
                     none => none.insert(VideoEncoder::new(width, height, FPS, &VideoSettings::default())?),
                 };
-                encoder.push(&rgb)?;
+                encoder.push(&rgb).map_err(|error| self.no_picture(&key, &error))?;
                 colors.add_image(&rgb, width as usize);
             }
             let encoder = encoder.ok_or_else(|| self.damaged(&camera, "expected pictures, got none"))?;
@@ -348,7 +355,9 @@ impl Record<'_> {
                 png: Vec::new(),
             };
             for file in self.pictures(&camera, "depth_image")? {
-                let (width, height, tenths) = decode_depth_png(&file?)?;
+                let (key, file) = file?;
+                let decoded = decode_depth_png(&file).map_err(|error| self.no_picture(&key, &error))?;
+                let (width, height, tenths) = decoded;
                 if !image.png.is_empty() && (width, height) != (image.width, image.height) {
                     return Err(self.damaged(&camera, "expected depth pictures of one size, got several"));
                 }

@@ -400,6 +400,13 @@ fn hostile_recordings_are_refused() {
             "one within the data set",
         ),
         (Box::new(meta(vec![0; 100])), "an instruction that builds plain values"),
+        (
+            Box::new(data(|bytes| {
+                let at = bytes.windows(4).position(|window| window == b"IHDR").unwrap();
+                bytes[at + 4] ^= 1;
+            })),
+            "depth_image/0000: expected a picture like the others, got png",
+        ),
         (Box::new(data(|bytes| bytes.truncate(20_000))), "a page beyond its end"),
         (Box::new(data(|bytes| bytes.truncate(10))), "another kind of file"),
         (Box::new(data(|bytes| bytes[8192..].fill(0xff))), "a damaged page"),

@@ -429,6 +429,8 @@ impl Case {
                 "six",
                 "cassettes",
                 "cases.npz",
+                // Records within a file.
+                "original/lmdb/",
                 "021_spatial",
                 "024_appearance",
                 "'--",
