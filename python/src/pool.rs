@@ -81,7 +81,7 @@ impl Pool {
 impl Pool {
     /// In the order of the environments, whichever thread took which.
     fn carry_out(&self, orders: &[Order]) -> Vec<Done> {
-        let threads = self.threads.min(orders.len());
+        let threads = self.threads.min(orders.len()).max(1);
         let taken: Vec<AtomicBool> = orders.iter().map(|_| AtomicBool::new(false)).collect();
         let done: Vec<Mutex<Option<Done>>> = orders.iter().map(|_| Mutex::new(None)).collect();
         // Each thread begins with the environments that it stepped the last time, whose state is in its core's cache,
