@@ -1,11 +1,12 @@
 """Measures what Python costs: step overhead, memory over many resets, and many environments at once.
 
-Usage: measure.py SCENARIOS [RESETS], in an environment with genmanip, gymnasium and numpy. Times are processor times:
-on a busy machine they mean more than the clock.
+Usage: measure.py SCENARIOS [RESETS], in an environment with genmanip, gymnasium and numpy. Times are processor times,
+which mean more than the clock on a busy machine; many environments at once want a machine at rest.
 """
 
 import pathlib
 import sys
+import threading
 import time
 import timeit
 
@@ -58,33 +59,36 @@ def resets(suite, count):
             print(f"after {turn} resets: {pages * 4096 / 1e6:.1f} MB")
 
 
-def many(suite, repeats=5):
-    """Time per step of one environment, and of eight on two threads, in turn: how much more eight do by the clock,
-    which needs two cores at rest, and by processor time, where the busier thread says what two free cores would do."""
+def seconds(call):
+    begun = time.perf_counter()
+    call()
+    return time.perf_counter() - begun
+
+
+def many(suite, repeats=20):
+    """Steps per second of eight environments on two threads and of two that know nothing of each other, over those of
+    one, in turn: what the pool makes of two cores, and what two cores at rest give at all. By the clock."""
     for observation in ("state", "rgb"):
         given = {"suite": suite, "index": 0, "observation": observation, "size": (64, 64), "normalized": False}
-        kinds = []
-        for count, steps in ((1, 160), (8, 40)):
+
+        def stepping(count, steps, seed=1):
             env = gymnasium.make_vec("GenManip-v0", num_envs=count, threads=min(count, 2), **given)
-            actions = env.reset(seed=1)[0]["agent_pos"]
+            actions = env.reset(seed=seed)[0]["agent_pos"]
             env.step(actions)
-            kinds.append((env, actions, count, steps))
+            return lambda: [env.step(actions) for _ in range(steps)]
+
+        one, eight, free = stepping(1, 120), stepping(8, 20), [stepping(1, 80, seed) for seed in (1, 2)]
         ratios = []
         for _ in range(repeats):
-            costs = []
-            for env, actions, count, steps in kinds:
-                clock, begun, own = time.perf_counter(), time.process_time(), time.thread_time()
-                for _ in range(steps):
-                    env.step(actions)
-                clock = time.perf_counter() - clock
-                whole, own = time.process_time() - begun, time.thread_time() - own
-                costs.append(np.array([clock, max(own, whole - own)]) / (count * steps) * 1e3)
-            ratios.append(costs[0] / costs[1])
-        clock, busier = np.median(ratios, axis=0)
-        print(
-            f"{observation}: one {costs[0][0]:.2f} ms, eight {costs[1][0]:.2f} ms per step; medians of {repeats}: "
-            f"x {clock:.2f} by the clock, x {busier:.2f} by processor time of the busier of two threads"
-        )
+            alone, pooled, rates = 120 / seconds(one), 160 / seconds(eight), []
+            threads = [threading.Thread(target=lambda call=call: rates.append(80 / seconds(call))) for call in free]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+            ratios.append((pooled / alone, sum(rates) / alone))
+        pooled, both = np.median(ratios, axis=0)
+        print(f"{observation}: {1e3 / alone:.2f} ms per step; eight x {pooled:.2f}, two without each other x {both:.2f}")
 
 
 scenarios, *rest = sys.argv[1:]
