@@ -1,6 +1,7 @@
 //! One pick and one placement from a single RGB-D image: for images of files, or a real camera and arm.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use genmanip_core::{EpisodeStart, Observation, Policy, PolicyError, Pose, RgbdImage, Seed};
 use genmanip_motion::Planner;
@@ -95,13 +96,14 @@ pub fn act_once(
     agent.reset(&EpisodeStart { instruction, seed, cameras: Vec::new(), scenario: None })?;
     let mut acted = Acted { rate_hz: RATE_HZ, ..Acted::default() };
     let (mut joints, mut width_m, mut start_s) = (question.joints.clone(), question.gripper_width_m, 0.0);
+    let image = Arc::new(question.image.clone());
     // The pick, then the placement.
     for _ in 0..2 {
         let state: Vec<f64> = joints.iter().copied().chain([width_m]).collect();
         let observation = Observation {
             time_s: start_s,
             state: BTreeMap::from([(Observation::STATE.to_owned(), state)]),
-            images: BTreeMap::from([(CAMERA.to_owned(), question.image.clone())]),
+            images: BTreeMap::from([(CAMERA.to_owned(), Arc::clone(&image))]),
             privileged: None,
         };
         let trajectory = match agent.act(&observation) {

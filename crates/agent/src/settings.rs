@@ -40,6 +40,12 @@ pub struct AgentSettings {
     pub look_again: bool,
     /// Whether the other cameras' images are shown where the thing is not found in the first one's.
     pub other_views: bool,
+    /// Whether the grab point and the placement are asked for at once. The question about the placement then shows the
+    /// middle of the thing as its start, not the grab point.
+    pub asks_at_once: bool,
+    /// Whether a new round begins with what the check says is still to be done; otherwise, and where it says nothing, the
+    /// task is split anew.
+    pub check_splits: bool,
     /// Grasps tried per pick, best first.
     pub grasps: usize,
     /// Distance from the grab point within which grasps count, m.
@@ -91,7 +97,7 @@ pub struct MotionSettings {
     pub short_m: f64,
     /// Nodes of a search for a free motion. One that finds nothing costs them all, and a pick may try many grasps.
     pub search_nodes: usize,
-    /// Searches that may find nothing before a pick is given up.
+    /// Searches that may find nothing before a pick is given up; of a placement, places to which one found nothing.
     pub searches: usize,
     /// How much narrower than the grasp the width is that is commanded while holding, m.
     pub squeeze_m: f64,
@@ -134,6 +140,8 @@ impl AgentSettings {
             reasks: 2,
             look_again: true,
             other_views: true,
+            asks_at_once: true,
+            check_splits: true,
             grasps: 48,
             // The specified default.
             grasp_radius_m: 0.08,
@@ -149,6 +157,8 @@ impl AgentSettings {
                 picks: 1,
                 look_again: false,
                 other_views: false,
+                asks_at_once: false,
+                check_splits: false,
                 grasps: 1,
                 cells: CellSettings { snap: false, ..CellSettings::default() },
                 turns_deg: vec![0.0],

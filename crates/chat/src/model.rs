@@ -13,6 +13,11 @@ pub trait ChatModel: Send + Sync {
     /// # Errors
     /// Says why there is no answer; retries are over by then.
     fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError>;
+
+    /// Asks several conversations that do not depend on each other; the replies are in the same order.
+    fn chat_each(&self, requests: &[ChatRequest]) -> Vec<Result<ChatReply, ChatError>> {
+        requests.iter().map(|request| self.chat(request)).collect()
+    }
 }
 
 impl<M: ChatModel + ?Sized> ChatModel for Box<M> {

@@ -138,6 +138,12 @@ impl RgbdImage {
         self.intrinsics.project(shown.extend(1.0))
     }
 
+    /// The same camera, without a channel.
+    #[must_use]
+    pub fn without_pixels(&self) -> Self {
+        Self { distortion: self.distortion, ..Self::of_depth(self.intrinsics, self.world_from_camera, Vec::new()) }
+    }
+
     /// Depth alone, as a pinhole with the same K would have it, for those who look for obstacles; 0 where the lens showed
     /// nothing of it.
     #[must_use]

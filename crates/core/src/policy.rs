@@ -81,7 +81,7 @@ pub struct Observation {
     /// Named state vectors; [`Observation::STATE`] = arm joint positions and gripper width.
     pub state: BTreeMap<String, Vec<f64>>,
     /// Images of the cameras asked for, by name.
-    pub images: BTreeMap<String, RgbdImage>,
+    pub images: BTreeMap<String, Arc<RgbdImage>>,
     /// Simulator truth, for privileged policies only.
     pub privileged: Option<PrivilegedState>,
 }

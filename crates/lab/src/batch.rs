@@ -79,17 +79,19 @@ thread_local! {
 }
 
 /// What one episode took.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Default)]
 struct Taken {
     cpu_s: f64,
     requests: usize,
+    /// Requests of each stage.
+    of_stages: HashMap<String, u64>,
 }
 
 /// What agents and server know of each other, by the id of the episode.
 #[derive(Default)]
 struct Table {
-    /// Who answers what is being asked.
-    asked: HashMap<String, (Question, Arc<Oracle>)>,
+    /// Who answers what is being asked, by the stage too: an episode may ask two stages at once.
+    asked: HashMap<(String, String), (Question, Arc<Oracle>)>,
     taken: HashMap<String, Taken>,
     faults: BTreeMap<&'static str, usize>,
 }
@@ -162,7 +164,7 @@ pub fn measure(
     let (wall_s, cpu_s) = (started.elapsed().as_secs_f64(), cpu());
     let table = lock(&table);
     let alone = |taken: &Taken| taken.cpu_s + taken.requests as f64 * arguments.latency_s;
-    let longest = table.taken.values().max_by(|a, b| alone(a).total_cmp(&alone(b))).copied().unwrap_or_default();
+    let longest = table.taken.values().max_by(|a, b| alone(a).total_cmp(&alone(b))).cloned().unwrap_or_default();
     let least_s = alone(&longest).max(cpu_s / arguments.workers as f64);
     let successes = evaluated.results.iter().filter(|result| result.success).count();
     Ok(Measured {
@@ -214,9 +216,18 @@ struct OverHttp {
 
 impl VisionModel for OverHttp {
     fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
-        lock(&self.table).asked.insert(self.id.clone(), (question.clone(), Arc::clone(&self.oracle)));
-        let answered = self.service.answer(question);
-        lock(&self.table).asked.remove(&self.id);
+        self.answer_each(&[question]).remove(0)
+    }
+
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+        let key = |question: &&Question| (self.id.clone(), question.stage.name().to_owned());
+        for question in questions {
+            lock(&self.table).asked.insert(key(question), ((*question).clone(), Arc::clone(&self.oracle)));
+        }
+        let answered = self.service.answer_each(questions);
+        for question in questions {
+            lock(&self.table).asked.remove(&key(question));
+        }
         answered
     }
 }
@@ -225,17 +236,21 @@ impl VisionModel for OverHttp {
 fn answer(request: &SeenRequest, table: &Mutex<Table>, arguments: &BatchArguments, seed: Seed) -> Behaviour {
     let started = Instant::now();
     let id = request.body.get("user").and_then(Value::as_str).unwrap_or_default().to_owned();
+    // The schema of the answer is named after the stage.
+    let stage = request.body.pointer("/response_format/json_schema/name").and_then(Value::as_str).unwrap_or_default();
     let (asked, nth) = {
         let mut table = lock(table);
         let taken = table.taken.entry(id.clone()).or_default();
         taken.requests += 1;
-        let nth = taken.requests;
-        (table.asked.get(&id).cloned(), nth)
+        let nth = taken.of_stages.entry(stage.to_owned()).or_default();
+        *nth += 1;
+        let nth = *nth;
+        (table.asked.get(&(id.clone(), stage.to_owned())).cloned(), nth)
     };
     let Some((question, oracle)) = asked else {
         return Behaviour::Status(400, Vec::new(), "nobody asks under this name".into());
     };
-    let mut rng = seed.fork(&id).fork_index(nth as u64).rng();
+    let mut rng = seed.fork(&id).fork(stage).fork_index(nth).rng();
     let fault = (rng.random::<f64>() < arguments.faults).then(|| rng.random_range(0..4));
     let fail = |name: &'static str, behaviour: Behaviour| {
         *lock(table).faults.entry(name).or_default() += 1;

@@ -161,7 +161,7 @@ impl OpenpiPolicy {
         let width_m: f64 = width_m.iter().sum();
         let picture = |camera: &str| {
             let image = observation.images.get(camera);
-            image.map(shown).ok_or_else(|| unsuited(format!("needs the camera `{camera}`")))
+            image.map(|image| shown(image)).ok_or_else(|| unsuited(format!("needs the camera `{camera}`")))
         };
         let (exterior, wrist) = (picture(&self.settings.exterior)?, picture(&self.settings.wrist)?);
         let entries: Vec<(&str, Value)> = match self.settings.preset {

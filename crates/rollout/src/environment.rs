@@ -232,7 +232,8 @@ impl Environment {
         let objects = objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let noise = sensor_seed(session.seed, session.record.frames.len());
         let images = painter.paint_state(&arm, session.sim.gripper_width(), objects, &views, noise)?;
-        observation.images = cameras.iter().map(|request| request.name.clone()).zip(images).collect();
+        observation.images =
+            cameras.iter().map(|request| request.name.clone()).zip(images.into_iter().map(Arc::new)).collect();
         Ok(observation)
     }
 

@@ -93,6 +93,9 @@ pub struct CheckAnswer {
     pub scene_description: String,
     /// The verdict of the model.
     pub finished: bool,
+    /// Sub-tasks that are still to be done, where it says which.
+    #[serde(default)]
+    pub remaining: Vec<String>,
 }
 
 /// Reads an answer to a question.
@@ -127,7 +130,7 @@ pub fn parse(question: &Question, text: &str) -> Result<Answer, Complaint> {
             let cell = placement(question, &label)?;
             Ok(Answer::Point(PointAnswer { cell }))
         }
-        Stage::Check => read(object).map(Answer::Check),
+        Stage::Check => check(object).map(Answer::Check),
     }
 }
 
@@ -213,11 +216,22 @@ fn read<T: DeserializeOwned>(text: &str) -> Result<T, Complaint> {
 
 fn decompose(text: &str) -> Result<DecomposeAnswer, Complaint> {
     let answer: DecomposeAnswer = read(text)?;
-    let count = answer.subtasks.len();
-    if !(1..=MOST_ITEMS).contains(&count) || answer.subtasks.iter().any(|subtask| subtask.trim().is_empty()) {
-        return Err(Complaint::Format(format!("expected 1 to {MOST_ITEMS} sub-tasks in words, got {count}")));
-    }
+    in_words(&answer.subtasks, 1)?;
     Ok(answer)
+}
+
+fn check(text: &str) -> Result<CheckAnswer, Complaint> {
+    let answer: CheckAnswer = read(text)?;
+    in_words(&answer.remaining, 0)?;
+    Ok(answer)
+}
+
+fn in_words(subtasks: &[String], fewest: usize) -> Result<(), Complaint> {
+    let count = subtasks.len();
+    if !(fewest..=MOST_ITEMS).contains(&count) || subtasks.iter().any(|subtask| subtask.trim().is_empty()) {
+        return Err(Complaint::Format(format!("expected {fewest} to {MOST_ITEMS} sub-tasks in words, got {count}")));
+    }
+    Ok(())
 }
 
 /// The index of a drawn number.

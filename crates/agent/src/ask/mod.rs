@@ -25,44 +25,90 @@ pub use recorded::{Mismatch, RecordedAnswer, RecordedAnswers, Thumbnail, Toleran
 pub use stage::{PromptStamp, Stage};
 pub use transcript::{Exchange, FailedStage, Moment, Transcribed, Transcript};
 
-/// An answer that fits the question, however often it takes to get one: `1 + reasks` times at most.
+/// How often a question is put again after an answer that does not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reasks {
+    /// Times at most.
+    pub most: usize,
+    /// Whether also after the answer that no mark fits. It is taken at once where another view can be shown instead.
+    pub not_found: bool,
+}
+
+/// An answer that fits the question, however often it takes to get one: `1 + reasks.most` times at most.
 ///
 /// # Errors
 /// What was wrong with the last answer; under the cause [`FailedStage::SERVICE`], why there was none.
 pub fn ask(
     model: &dyn VisionModel,
-    question: &mut Question,
-    reasks: usize,
+    question: Question,
+    reasks: Reasks,
     transcribed: &Transcribed,
 ) -> Result<Answer, FailedStage> {
-    let stage = question.stage.name();
-    let failed = |cause: &str, evidence: String| FailedStage::new(stage, cause, evidence);
-    let mut last = failed("format", String::new());
-    for asked in 1..=reasks + 1 {
-        question.ask = transcribed.next_ask();
-        let (text, usage, complaint) = match model.answer(question) {
-            Ok(Answered { text, usage }) => match parse(question, &text) {
-                Ok(answer) => {
-                    transcribed.exchange(question, &text, None, usage);
-                    return Ok(answer);
-                }
-                Err(complaint) => (text, usage, complaint),
-            },
-            Err(ServiceError::Unreadable(what)) => (String::new(), None, Complaint::Format(what)),
-            Err(error @ (ServiceError::Garbled(_) | ServiceError::Unreachable(_))) => {
-                transcribed.exchange(question, "", Some(&error.to_string()), None);
-                last = failed(FailedStage::SERVICE, error.to_string());
-                if matches!(error, ServiceError::Unreachable(_)) {
-                    return Err(last);
-                }
-                continue;
+    let [answer] = ask_each(model, [question], reasks, transcribed);
+    answer
+}
+
+/// The same for questions that do not depend on each other: all are asked at once, then those again of which the answer
+/// does not fit. Asks are numbered in the order of the questions.
+pub fn ask_each<const COUNT: usize>(
+    model: &dyn VisionModel,
+    mut questions: [Question; COUNT],
+    reasks: Reasks,
+    transcribed: &Transcribed,
+) -> [Result<Answer, FailedStage>; COUNT] {
+    let mut answers =
+        questions.each_ref().map(|question| Err(FailedStage::new(question.stage.name(), "format", String::new())));
+    let mut open: Vec<usize> = (0..COUNT).collect();
+    for asked in 1..=reasks.most + 1 {
+        for &index in &open {
+            questions[index].ask = transcribed.next_ask();
+        }
+        let asking: Vec<&Question> = open.iter().map(|&index| &questions[index]).collect();
+        let replies = model.answer_each(&asking);
+        let mut again = Vec::new();
+        for (index, reply) in std::mem::take(&mut open).into_iter().zip(replies) {
+            let (answer, is_final) = heard(&mut questions[index], reply, (asked, reasks), transcribed);
+            answers[index] = answer;
+            if !is_final {
+                again.push(index);
             }
-        };
-        transcribed.exchange(question, &text, Some(&complaint.to_string()), usage);
-        last = failed(complaint.cause(), format!("{complaint} (asked {asked} times)"));
-        question.refused.push(Refused { answer: shortened(&text), complaint });
+        }
+        open = again;
+        if open.is_empty() {
+            break;
+        }
     }
-    Err(last)
+    answers
+}
+
+/// What a reply comes to, and whether that is the end of it; what was wrong with it is added to the question.
+fn heard(
+    question: &mut Question,
+    reply: Result<Answered, ServiceError>,
+    (asked, reasks): (usize, Reasks),
+    transcribed: &Transcribed,
+) -> (Result<Answer, FailedStage>, bool) {
+    let failed = |cause: &str, evidence: String| Err(FailedStage::new(question.stage.name(), cause, evidence));
+    let (text, usage, complaint) = match reply {
+        Ok(Answered { text, usage }) => match parse(question, &text) {
+            Ok(answer) => {
+                transcribed.exchange(question, &text, None, usage);
+                return (Ok(answer), true);
+            }
+            Err(complaint) => (text, usage, complaint),
+        },
+        Err(ServiceError::Unreadable(what)) => (String::new(), None, Complaint::Format(what)),
+        Err(error @ (ServiceError::Garbled(_) | ServiceError::Unreachable(_))) => {
+            transcribed.exchange(question, "", Some(&error.to_string()), None);
+            let is_final = matches!(error, ServiceError::Unreachable(_));
+            return (failed(FailedStage::SERVICE, error.to_string()), is_final);
+        }
+    };
+    transcribed.exchange(question, &text, Some(&complaint.to_string()), usage);
+    let last = failed(complaint.cause(), format!("{complaint} (asked {asked} times)"));
+    let is_final = matches!(complaint, Complaint::NotFound(_)) && !reasks.not_found;
+    question.refused.push(Refused { answer: shortened(&text), complaint });
+    (last, is_final)
 }
 
 /// Longest part of an answer that is kept and sent back, bytes.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use genmanip_chat::{ChatError, ChatModel, Usage};
+use genmanip_chat::{ChatError, ChatModel, ChatReply, ChatRequest, ImageError, Usage};
 use serde_json::{Map, Value};
 
 use super::question::Question;
@@ -16,6 +16,12 @@ pub trait VisionModel: Send + Sync {
     /// # Errors
     /// Says why there is none; retries are over by then.
     fn answer(&self, question: &Question) -> Result<Answered, ServiceError>;
+
+    /// The answers to questions that do not depend on each other, in the same order; a service may be asked all of them
+    /// at once.
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+        questions.iter().map(|question| self.answer(question)).collect()
+    }
 }
 
 /// What a model said.
@@ -67,9 +73,18 @@ pub struct ChatService {
 
 impl VisionModel for ChatService {
     fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
-        let request = question.request(&self.model, &self.parameters);
-        let request = request.map_err(|error| ServiceError::Unreachable(error.to_string()))?;
-        let reply = self.chat.chat(&request)?;
-        Ok(Answered { text: reply.text, usage: reply.usage })
+        self.answer_each(&[question]).remove(0)
+    }
+
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+        let request = |question: &&Question| question.request(&self.model, &self.parameters);
+        let requests: Result<Vec<ChatRequest>, ImageError> = questions.iter().map(request).collect();
+        match requests {
+            Ok(requests) => {
+                let answered = |reply: ChatReply| Answered { text: reply.text, usage: reply.usage };
+                self.chat.chat_each(&requests).into_iter().map(|reply| Ok(answered(reply?))).collect()
+            }
+            Err(error) => vec![Err(ServiceError::Unreachable(error.to_string())); questions.len()],
+        }
     }
 }

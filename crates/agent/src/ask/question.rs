@@ -137,7 +137,11 @@ impl Question {
                 let kind = json!({"type": "string", "enum": ["grid"]});
                 object(json!({"selected_point": strict(json!({"type": kind, "label": text}))}))
             }
-            Stage::Check => object(json!({"scene_description": text, "finished": {"type": "boolean"}})),
+            Stage::Check => object(json!({
+                "scene_description": text,
+                "finished": {"type": "boolean"},
+                "remaining": {"type": "array", "items": text},
+            })),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Everything that a model says about one sub-task, with where it is.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use genmanip_core::Seed;
@@ -9,7 +10,7 @@ use rand::RngExt;
 use super::hand::{self, Hand};
 use super::{Agent, Asked};
 use crate::ask::{Answer, FailedStage, Marks, PathCell, Shown, Stage};
-use crate::grid::Grid;
+use crate::grid::{Cell, Grid};
 use crate::picture::{Picture, marks};
 use crate::segmentation::{Mask, SegmentQuestion};
 use crate::settings::PathKind;
@@ -29,6 +30,8 @@ pub(super) struct Job {
     pub thing: Thing,
     /// Points of everything else above the table.
     pub around: Vec<DVec3>,
+    /// What is to be held, all of it or a part, in the view that was shown.
+    pub held: Mask,
     /// Where it is to be held.
     pub grab: DVec3,
     /// Where it is to be put.
@@ -43,13 +46,14 @@ impl Job {
         agent: &Agent,
         sight: &Sight,
         view: &View,
+        is_last_view: bool,
         hand: &Hand,
         seed: Seed,
     ) -> Result<Self, FailedStage> {
         let settings = &agent.settings;
         let subtask = agent.subtasks.get(agent.current).map_or("", String::as_str);
         let plain = agent.plain(view);
-        let (mask, name) = object(agent, view, &plain, subtask)?;
+        let (mask, name) = object(agent, view, &plain, subtask, is_last_view)?;
         let world = hand::table(settings);
         let around = agent
             .planner
@@ -67,16 +71,39 @@ impl Job {
             .points_seen(&hand::empty(&known, hand.width_m), &hand.arm, &sight.without(mask))
             .map_err(|error| FailedStage::new("look", "unsuited", error.to_string()))?;
         let held = if settings.ctof { part(agent, view, mask, subtask)? } else { view.masks[mask].clone() };
-        let pixel = grab_point(agent, view, &plain, &held, &name, seed)?;
-        let grab = view.image.point(pixel).unwrap_or(thing.pose.position);
         let places = targets(sight, mask, &thing, &around, settings.table_m, &settings.cells);
-        let asked = Placement { view, plain: &plain, mask, name: &name, pixel, subtask };
-        let (placing, way) = asked.ask(agent, &places)?;
-        Ok(Self { name, thing, around, grab, placing, way })
+        let grabbing = Grabbing::new(view, &plain, &held, &name, seed)?;
+        let placement = Placement { agent, view, plain: &plain, mask, name: &name, subtask, places: &places };
+        let (pixel, placed) = if settings.asks_at_once {
+            // A model need not know the grab point to know the place.
+            let start = placement.start(view.masks[mask].middle().unwrap_or(grabbing.points[0]));
+            let [grab, place] = agent.ask_both(view, [grabbing.asked(), placement.asked(&start)]);
+            (grabbing.pixel(grab?)?, place?)
+        } else {
+            let pixel = grabbing.pixel(agent.ask(view, grabbing.asked())?)?;
+            (pixel, agent.ask(view, placement.asked(&placement.start(pixel)))?)
+        };
+        let (placing, way) = placement.place(placed)?;
+        let grab = view.image.point(pixel).unwrap_or(thing.pose.position);
+        Ok(Self { name, thing, around, held, grab, placing, way })
+    }
+
+    /// The same, to be held at another of the points of the same thing: it and its place stay as they were answered.
+    pub(super) fn held_elsewhere(self, agent: &Agent, view: &View, seed: Seed) -> Result<Self, FailedStage> {
+        let plain = agent.plain(view);
+        let grabbing = Grabbing::new(view, &plain, &self.held, &self.name, seed)?;
+        let pixel = grabbing.pixel(agent.ask(view, grabbing.asked())?)?;
+        Ok(Self { grab: view.image.point(pixel).unwrap_or(self.grab), ..self })
     }
 }
 
-fn object(agent: &Agent, view: &View, plain: &Shown, subtask: &str) -> Result<(usize, String), FailedStage> {
+fn object(
+    agent: &Agent,
+    view: &View,
+    plain: &Shown,
+    subtask: &str,
+    is_last_view: bool,
+) -> Result<(usize, String), FailedStage> {
     if view.masks.is_empty() {
         return Err(FailedStage::new("object", "no_masks", "segmentation found nothing in the picture".into()));
     }
@@ -84,6 +111,7 @@ fn object(agent: &Agent, view: &View, plain: &Shown, subtask: &str) -> Result<(u
     let asked = Asked {
         pictures: vec![plain.clone(), numbered],
         marks: Marks::Masks(Arc::clone(&view.masks)),
+        is_last_view,
         ..Asked::new(Stage::Object, subtask)
     };
     match agent.ask(view, asked)? {
@@ -114,29 +142,39 @@ fn part(agent: &Agent, view: &View, mask: usize, subtask: &str) -> Result<Mask, 
     }
 }
 
-/// The pixel to be held.
-fn grab_point(
-    agent: &Agent,
-    view: &View,
-    plain: &Shown,
-    mask: &Mask,
-    name: &str,
-    seed: Seed,
-) -> Result<usize, FailedStage> {
-    let points = spread_points(view, mask, seed);
-    if points.is_empty() {
-        return Err(FailedStage::new("grab_point", "no_depth", format!("no pixel of {name} has a depth")));
+/// What the question after the grab point needs.
+struct Grabbing<'a> {
+    view: &'a View,
+    plain: &'a Shown,
+    name: &'a str,
+    /// Pixels of the points that are drawn, at least one.
+    points: Vec<usize>,
+}
+
+impl<'a> Grabbing<'a> {
+    fn new(view: &'a View, plain: &'a Shown, mask: &Mask, name: &'a str, seed: Seed) -> Result<Self, FailedStage> {
+        let points = spread_points(view, mask, seed);
+        if points.is_empty() {
+            return Err(FailedStage::new("grab_point", "no_depth", format!("no pixel of {name} has a depth")));
+        }
+        Ok(Self { view, plain, name, points })
     }
-    let numbered = Shown { name: "points", picture: Arc::new(marks::points(&view.picture(), &points)) };
-    let asked = Asked {
-        object_name: name,
-        pictures: vec![plain.clone(), numbered],
-        marks: Marks::Points(points.clone()),
-        ..Asked::new(Stage::GrabPoint, name)
-    };
-    match agent.ask(view, asked)? {
-        Answer::GrabPoint(answer) => Ok(points[answer.point]),
-        other => Err(unexpected(Stage::GrabPoint, &other)),
+
+    fn asked(&self) -> Asked<'a> {
+        let numbered = Shown { name: "points", picture: Arc::new(marks::points(&self.view.picture(), &self.points)) };
+        Asked {
+            object_name: self.name,
+            pictures: vec![self.plain.clone(), numbered],
+            marks: Marks::Points(self.points.clone()),
+            ..Asked::new(Stage::GrabPoint, self.name)
+        }
+    }
+
+    fn pixel(&self, answer: Answer) -> Result<usize, FailedStage> {
+        match answer {
+            Answer::GrabPoint(answer) => Ok(self.points[answer.point]),
+            other => Err(unexpected(Stage::GrabPoint, &other)),
+        }
     }
 }
 
@@ -169,62 +207,74 @@ fn spread_points(view: &View, mask: &Mask, seed: Seed) -> Vec<usize> {
 
 /// What the question after the placement needs.
 struct Placement<'a> {
+    agent: &'a Agent,
     view: &'a View,
     plain: &'a Shown,
     mask: usize,
     name: &'a str,
-    pixel: usize,
     subtask: &'a str,
+    places: &'a BTreeMap<Cell, Placing>,
 }
 
-impl Placement<'_> {
-    fn ask(
-        &self,
-        agent: &Agent,
-        places: &std::collections::BTreeMap<crate::grid::Cell, Placing>,
-    ) -> Result<(Placing, Vec<(DVec3, PathCell)>), FailedStage> {
-        let Self { view, plain, mask, name, pixel, subtask } = *self;
-        let image = &view.image;
-        let grid = Grid::usual(image.width(), image.height());
-        let width = image.width() as usize;
-        let at = [(pixel % width) as f64, (pixel / width) as f64];
-        let start = grid.cell_at(at[0], at[1]).map_or_else(String::new, |cell| cell.to_string());
-        let lettered = Shown { name: "grid", picture: Arc::new(marks::grid(&view.picture(), &grid, at)) };
-        let stage = match agent.settings.path {
+/// Where a thing is taken, on the grid: the pixel, and the name of its cell.
+struct Start {
+    at: [f64; 2],
+    cell: String,
+}
+
+impl<'a> Placement<'a> {
+    fn grid(&self) -> Grid {
+        Grid::usual(self.view.image.width(), self.view.image.height())
+    }
+
+    fn stage(&self) -> Stage {
+        match self.agent.settings.path {
             PathKind::P2p => Stage::PointToPoint,
             PathKind::Grid => Stage::GridPath,
-        };
-        let asked = Asked {
-            object_name: name,
-            start_point: &start,
-            pictures: vec![plain.clone(), lettered],
+        }
+    }
+
+    fn start(&self, pixel: usize) -> Start {
+        let width = self.view.image.width() as usize;
+        let at = [(pixel % width) as f64, (pixel / width) as f64];
+        Start { at, cell: self.grid().cell_at(at[0], at[1]).map_or_else(String::new, |cell| cell.to_string()) }
+    }
+
+    fn asked<'b>(&'b self, start: &'b Start) -> Asked<'b> {
+        let grid = self.grid();
+        let lettered = Shown { name: "grid", picture: Arc::new(marks::grid(&self.view.picture(), &grid, start.at)) };
+        Asked {
+            object_name: self.name,
+            start_point: &start.cell,
+            pictures: vec![self.plain.clone(), lettered],
             marks: Marks::Grid {
                 grid,
-                targets: places.iter().map(|(cell, placing)| (*cell, placing.point)).collect(),
-                moved: view.masks[mask].clone(),
+                targets: self.places.iter().map(|(cell, placing)| (*cell, placing.point)).collect(),
+                moved: self.view.masks[self.mask].clone(),
             },
-            ..Asked::new(stage, subtask)
-        };
-        let place = |cell| places.get(&cell).cloned().ok_or_else(|| no_place(stage, name));
-        match agent.ask(view, asked)? {
+            ..Asked::new(self.stage(), self.subtask)
+        }
+    }
+
+    fn place(&self, answer: Answer) -> Result<(Placing, Vec<(DVec3, PathCell)>), FailedStage> {
+        let unusable =
+            || FailedStage::new(self.stage().name(), "unusable", format!("{} cannot be put there", self.name));
+        let place = |cell| self.places.get(&cell).cloned().ok_or_else(unusable);
+        match answer {
             Answer::Point(answer) => Ok((place(answer.cell)?, Vec::new())),
             Answer::Path(answer) => {
                 let cells = answer.cells;
-                let last = cells.last().map(|last| last.cell).ok_or_else(|| no_place(stage, name))?;
-                let table = agent.settings.table_m;
+                let last = cells.last().map(|last| last.cell).ok_or_else(unusable)?;
+                let (grid, table) = (self.grid(), self.agent.settings.table_m);
                 let way = cells.iter().skip(1).filter_map(|&step| {
                     let [x, y] = grid.center(step.cell);
-                    Some((crate::sight::on_plane(image, [x, y], table)?, step))
+                    Some((crate::sight::on_plane(&self.view.image, [x, y], table)?, step))
                 });
                 Ok((place(last)?, way.collect()))
             }
-            other => Err(unexpected(stage, &other)),
+            other => Err(unexpected(self.stage(), &other)),
         }
     }
-}
-
-fn no_place(stage: Stage, name: &str) -> FailedStage {
-    FailedStage::new(stage.name(), "unusable", format!("{name} cannot be put there"))
 }
 
 fn unexpected(stage: Stage, answer: &Answer) -> FailedStage {

@@ -16,7 +16,9 @@ use genmanip_motion::{DepthSettings, GeometryError, Planner};
 use self::hand::Hand;
 use self::job::Job;
 use self::put::Held;
-use crate::ask::{Answer, FailedStage, Marks, PromptSet, Question, Shown, Stage, Transcribed, VisionModel, ask};
+use crate::ask::{
+    Answer, FailedStage, Marks, PromptSet, Question, Reasks, Shown, Stage, Transcribed, VisionModel, ask, ask_each,
+};
 use crate::picture::marks;
 use crate::segmentation::{RobotSilhouette, Segmenter};
 use crate::services::GraspSource;
@@ -142,10 +144,10 @@ impl Agent {
             let image =
                 image.ok_or_else(|| PolicyError::Unsuited(format!("needs colour and depth of camera `{name}`")))?;
             let image = match self.settings.depth_error_m {
-                error_m if error_m > 0.0 => smoothed(image, error_m),
-                _ => image.clone(),
+                error_m if error_m > 0.0 => Arc::new(smoothed(image, error_m)),
+                _ => Arc::clone(image),
             };
-            Ok((name.clone(), Arc::new(image)))
+            Ok((name.clone(), image))
         };
         self.settings.cameras.iter().map(image).collect()
     }
@@ -161,11 +163,23 @@ impl Agent {
 
     /// Asks a question about a view.
     fn ask(&self, view: &View, asked: Asked) -> Result<Answer, FailedStage> {
-        let Asked { stage, instruction, object_name, start_point, pictures, marks } = asked;
+        let reasks = Reasks { most: self.settings.reasks, not_found: asked.is_last_view };
+        ask(self.services.model.as_ref(), self.question(view, asked), reasks, &self.transcribed)
+    }
+
+    /// Asks two questions about a view at once.
+    fn ask_both(&self, view: &View, asked: [Asked; 2]) -> [Result<Answer, FailedStage>; 2] {
+        let reasks = Reasks { most: self.settings.reasks, not_found: true };
+        let questions = asked.map(|asked| self.question(view, asked));
+        ask_each(self.services.model.as_ref(), questions, reasks, &self.transcribed)
+    }
+
+    fn question(&self, view: &View, asked: Asked) -> Question {
+        let Asked { stage, instruction, object_name, start_point, pictures, marks, .. } = asked;
         let arrows = if self.settings.arrows { marks::ARROWS } else { "" };
         let inputs = crate::ask::Inputs { instruction, object_name, start_point, arrows };
         let (prompt, text) = self.services.prompts.fill(stage, inputs);
-        let mut question = Question {
+        Question {
             stage,
             ask: 0,
             prompt,
@@ -176,8 +190,7 @@ impl Agent {
             view: Arc::clone(&view.image),
             reasoning: self.settings.reasoning,
             refused: Vec::new(),
-        };
-        ask(self.services.model.as_ref(), &mut question, self.settings.reasks, &self.transcribed)
+        }
     }
 
     /// The picture of a view, with the robot's directions where they are wanted.
@@ -207,14 +220,24 @@ impl Agent {
         if self.subtasks.is_empty() {
             self.decompose(&view)?;
         }
+        // What was asked for a pick that could not be planned.
+        let mut kept: Option<Job> = None;
         let mut camera = 0;
         loop {
             self.picks += 1;
             self.all_picks += 1;
             let seed = self.seed.fork("pick").fork_index(self.all_picks);
-            let planned = Job::asked(self, &sight, &view, hand, seed).and_then(|job| {
-                let pick = pick::plan(self, &sight, &job, hand, seed)?;
-                Ok((job, pick))
+            let is_last_view = !self.settings.other_views || camera + 1 >= sight.views.len();
+            let asked = match kept.take() {
+                Some(job) => job.held_elsewhere(self, &view, seed),
+                None => Job::asked(self, &sight, &view, is_last_view, hand, seed),
+            };
+            let planned = asked.and_then(|job| match pick::plan(self, &sight, &job, hand, seed) {
+                Ok(pick) => Ok((job, pick)),
+                Err(failure) => {
+                    kept = Some(job);
+                    Err(failure)
+                }
             });
             match planned {
                 Ok((job, pick)) => {
@@ -224,11 +247,11 @@ impl Agent {
                 }
                 Err(failure) => {
                     self.transcribed.acted(observation.time_s, failure.to_string());
-                    // What one camera does not show, another may.
-                    camera += 1;
-                    let is_hidden = failure.stage == Stage::Object.name() && failure.cause == "not_found";
-                    if is_hidden && self.settings.other_views && camera < sight.views.len() {
-                        // Each view moves to the front in its turn.
+                    let is_hidden = failure.stage == Stage::Object.name()
+                        && ["not_found", "no_masks"].contains(&failure.cause.as_str());
+                    if is_hidden && !is_last_view {
+                        // What one camera does not show, another may: each view moves to the front in its turn.
+                        camera += 1;
                         sight = sight.shown_by(camera);
                         view = sight.views[0].clone();
                         self.picks -= 1;
@@ -252,9 +275,13 @@ impl Agent {
         let pictures = vec![self.plain(&view)];
         let instruction = self.instruction.clone();
         let answer = self.ask(&view, Asked { pictures, ..Asked::new(Stage::Check, &instruction) })?;
-        if matches!(&answer, Answer::Check(answer) if answer.finished) {
-            return Ok(ActionChunk { actions: Vec::new(), finished: true });
-        }
+        let remaining = match answer {
+            Answer::Check(answer) if answer.finished => {
+                return Ok(ActionChunk { actions: Vec::new(), finished: true });
+            }
+            Answer::Check(answer) if self.settings.check_splits => answer.remaining,
+            _ => Vec::new(),
+        };
         self.current += 1;
         self.picks = 0;
         if self.current >= self.subtasks.len() {
@@ -262,7 +289,10 @@ impl Agent {
                 let evidence = format!("not finished after {} rounds", self.rounds);
                 return Err(FailedStage::new("check", "rounds", evidence).into());
             }
-            self.subtasks.clear();
+            if !remaining.is_empty() {
+                self.rounds += 1;
+            }
+            (self.subtasks, self.current) = (remaining, 0);
         }
         self.begin(observation, hand)
     }
@@ -381,10 +411,20 @@ struct Asked<'a> {
     start_point: &'a str,
     pictures: Vec<Shown>,
     marks: Marks,
+    /// Whether no other view can be shown where the answer is that nothing fits.
+    is_last_view: bool,
 }
 
 impl<'a> Asked<'a> {
     fn new(stage: Stage, instruction: &'a str) -> Self {
-        Self { stage, instruction, object_name: "", start_point: "", pictures: Vec::new(), marks: Marks::None }
+        Self {
+            stage,
+            instruction,
+            object_name: "",
+            start_point: "",
+            pictures: Vec::new(),
+            marks: Marks::None,
+            is_last_view: true,
+        }
     }
 }

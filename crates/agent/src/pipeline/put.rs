@@ -14,6 +14,10 @@ use crate::ask::FailedStage;
 use crate::settings::MotionSettings;
 use crate::sight::Placing;
 
+/// Searches for a free motion to one place that may find nothing: the arm's other configurations end near the first.
+/// Chosen.
+const SEARCHES_PER_PLACE: usize = 2;
+
 /// What was taken, and how.
 #[derive(Clone)]
 pub(super) struct Held {
@@ -148,16 +152,23 @@ fn planned(
         held_width_m: hand.width_m,
         open_width_m: held.grasp.opening_m,
         settings: &motion.feasibility,
+        searches: SEARCHES_PER_PLACE,
     };
-    let mut problem = None;
+    let (mut problem, mut in_vain) = (None, 0);
     let short = motion.short();
     for settings in [&motion.feasibility, &short] {
         let query = PlaceQuery { settings, ..query };
         for (index, goal) in goals.iter().enumerate() {
+            if in_vain >= motion.searches {
+                break;
+            }
             match query.first(std::slice::from_ref(goal), seed.fork("put").fork_index(index as u64)) {
                 Ok(release) => return Ok((carried, release, goal.world_from_object)),
-                // The place that is tried first is seldom the one that nearly works.
-                Err(error) => problem = error.or(problem),
+                Err(error) => {
+                    in_vain += usize::from(matches!(error, Some(PlanError::Exhausted { .. })));
+                    // The place that is tried first is seldom the one that nearly works.
+                    problem = error.or(problem);
+                }
             }
         }
     }

@@ -67,6 +67,17 @@ impl Mask {
         count(|one, other| one && other) as f64 / count(|one, other| one || other).max(1) as f64
     }
 
+    /// The pixel of the thing that is nearest to the mean of its pixels; `None` without a pixel.
+    pub fn middle(&self) -> Option<usize> {
+        let width = self.width.max(1) as usize;
+        let place = |index: usize| [(index % width) as f64, (index / width) as f64];
+        let area = self.area() as f64;
+        let mean = |axis: usize| self.indices().map(|index| place(index)[axis]).sum::<f64>() / area;
+        let [x, y] = [mean(0), mean(1)];
+        let distance = |index: &usize| (place(*index)[0] - x).hypot(place(*index)[1] - y);
+        self.indices().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    }
+
     /// Columns and rows that it covers, first and last, `[[x, x], [y, y]]`; `None` without a pixel.
     pub fn bounds(&self) -> Option<[[u32; 2]; 2]> {
         let width = self.width.max(1) as usize;

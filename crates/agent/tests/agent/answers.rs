@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use genmanip_agent::ask::{
-    Answer, ChatService, Marks, Moment, PromptStamp, Question, Stage, Transcribed, VisionModel, ask,
+    Answer, ChatService, Marks, Moment, PromptStamp, Question, Reasks, Stage, Transcribed, VisionModel, ask,
 };
 use genmanip_agent::grid::{Cell, Grid};
 use genmanip_agent::segmentation::Mask;
@@ -13,7 +13,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Intrinsics, Pose, RgbdImage};
 use proptest::prelude::*;
 
-const REASKS: usize = 2;
+const REASKS: Reasks = Reasks { most: 2, not_found: true };
 
 pub fn question(stage: Stage) -> Question {
     let mask = || Mask { width: 16, height: 9, pixels: vec![true; 144] };
@@ -113,20 +113,21 @@ fn hostile_answers_are_asked_again_and_then_fail_by_name() {
         (Stage::Decompose, r#"{"subtasks": []}"#, "format"),
         (Stage::Decompose, r#"{"subtasks": [" "]}"#, "format"),
         (Stage::Check, r#"{"scene_description": "done", "finished": "yes"}"#, "format"),
+        (Stage::Check, r#"{"scene_description": "not yet", "finished": false, "remaining": [" "]}"#, "format"),
     ];
     for (stage, answer, cause) in cases {
-        let (script, model) = service(&[answer; REASKS + 1]);
+        let (script, model) = service(&[answer; REASKS.most + 1]);
         let transcribed = Transcribed::new(false);
         let shown = &answer[..answer.len().min(120)];
-        let failure = ask(&model, &mut question(stage), REASKS, &transcribed).expect_err(shown);
+        let failure = ask(&model, question(stage), REASKS, &transcribed).expect_err(shown);
         assert_eq!((failure.stage.as_str(), failure.cause.as_str()), (stage.name(), cause), "{shown}");
         let seen = script.seen();
-        assert_eq!(seen.len(), REASKS + 1, "{shown}: asked within the bound");
-        let complaint = seen[REASKS].messages.last().unwrap().text();
+        assert_eq!(seen.len(), REASKS.most + 1, "{shown}: asked within the bound");
+        let complaint = seen[REASKS.most].messages.last().unwrap().text();
         assert!(complaint.starts_with("This answer cannot be used: "), "{complaint}");
-        assert!(seen[REASKS].messages.iter().all(|message| message.text().len() < 4000), "what was huge is cut");
+        assert!(seen[REASKS.most].messages.iter().all(|message| message.text().len() < 4000), "what was huge is cut");
         let moments = transcribed.transcript().moments;
-        assert_eq!(moments.len(), REASKS + 1);
+        assert_eq!(moments.len(), REASKS.most + 1);
         assert!(moments.iter().all(|moment| matches!(moment, Moment::Asked(asked) if asked.refused.is_some())));
     }
 }
@@ -136,16 +137,27 @@ fn a_good_answer_after_a_bad_one_is_taken() {
     let good = r#"{"number": 2, "object_name": "cup", "color": "red"}"#;
     for good in [good.to_owned(), format!("```json\n{good}\n```"), format!("  {good}\n")] {
         let (script, model) = service(&["no idea", &good]);
-        let answer = ask(&model, &mut question(Stage::Object), REASKS, &Transcribed::new(false)).unwrap();
+        let answer = ask(&model, question(Stage::Object), REASKS, &Transcribed::new(false)).unwrap();
         assert!(matches!(answer, Answer::Mark(answer) if answer.mask == 1 && answer.name == "cup"));
         assert_eq!(script.seen().len(), 2);
     }
     let path = r#"[{"grid_number": "A1", "height_m": 0.2, "claw_orientation": 0}, {"grid_number": "B2", "height_m": 0.1, "claw_orientation": -90}]"#;
     for path in [path.to_owned(), format!("{{\"path\": {path}}}")] {
         let (_, model) = service(&[&path]);
-        let answer = ask(&model, &mut question(Stage::GridPath), 0, &Transcribed::new(false)).unwrap();
+        let answer =
+            ask(&model, question(Stage::GridPath), Reasks { most: 0, ..REASKS }, &Transcribed::new(false)).unwrap();
         let Answer::Path(answer) = answer else { panic!("expected a path, got {answer:?}") };
         assert_eq!(answer.cells[1].cell, Cell { row: 1, column: 1 });
+    }
+}
+
+#[test]
+fn a_thing_that_another_view_may_show_is_not_asked_for_again() {
+    for (not_found, asked) in [(true, 3), (false, 1)] {
+        let (script, model) = service(&[r#"{"number": -1, "object_name": "cup", "color": "red"}"#; 3]);
+        let reasks = Reasks { not_found, ..REASKS };
+        let failure = ask(&model, question(Stage::Object), reasks, &Transcribed::new(false)).unwrap_err();
+        assert_eq!((failure.cause.as_str(), script.seen().len()), ("not_found", asked));
     }
 }
 
@@ -183,7 +195,7 @@ fn trouble_of_the_service_and_of_the_model_are_told_apart() {
         let chat = Arc::new(Troubled(Mutex::new(trouble)));
         let model = ChatService { chat, model: "script".into(), parameters: Default::default() };
         let transcribed = Transcribed::new(false);
-        let answer = ask(&model, &mut question(Stage::Check), REASKS, &transcribed);
+        let answer = ask(&model, question(Stage::Check), REASKS, &transcribed);
         assert_eq!(answer.err().map(|failure| failure.cause).as_deref(), cause, "{shown}");
         assert_eq!(transcribed.transcript().moments.len(), asked, "{shown}");
     }

@@ -30,6 +30,8 @@ pub struct PlaceQuery<'a> {
     pub open_width_m: f64,
     /// What counts as feasible.
     pub settings: &'a FeasibilitySettings,
+    /// Searches for a free motion that may find nothing before there is no release; `usize::MAX` for no bound.
+    pub searches: usize,
 }
 
 /// The motions of one place, in their order; the fingers open after the second.
@@ -57,12 +59,15 @@ impl PlaceQuery<'_> {
     /// # Errors
     /// Why the first try failed; `None` when no goal allows any height.
     pub fn first(&self, goals: &[PlaceGoal], seed: Seed) -> Result<Release, Option<PlanError>> {
-        let mut problem = None;
+        let (mut problem, mut searches) = (None, self.searches);
         for &height_m in &self.settings.release_heights_m {
             for (index, goal) in goals.iter().enumerate().filter(|(_, goal)| height_m <= goal.highest_release_m) {
-                match self.release(goal, height_m, seed.fork_index(index as u64)) {
+                match self.release_within(&mut searches, goal, height_m, seed.fork_index(index as u64)) {
                     Ok(release) => return Ok(release),
                     Err(error) => problem = problem.or(Some(error)),
+                }
+                if searches == 0 {
+                    return Err(problem);
                 }
             }
         }
@@ -74,6 +79,17 @@ impl PlaceQuery<'_> {
     /// # Errors
     /// Why the last arm configuration does not do; a piece of the object that is not finite or has no size.
     pub fn release(&self, goal: &PlaceGoal, height_m: f64, seed: Seed) -> Result<Release, PlanError> {
+        self.release_within(&mut self.searches.clone(), goal, height_m, seed)
+    }
+
+    /// The same; `searches` loses one for each search that finds nothing, and none is begun when none is left.
+    fn release_within(
+        &self,
+        searches: &mut usize,
+        goal: &PlaceGoal,
+        height_m: f64,
+        seed: Seed,
+    ) -> Result<Release, PlanError> {
         let (planner, settings) = (self.planner, self.settings);
         let unusable = |error: GeometryError| PlanError::Unreachable { what: error.to_string() };
         let attached = Attached::new(self.name, self.pieces, &self.tcp_from_object).map_err(unusable)?;
@@ -113,7 +129,13 @@ impl PlaceQuery<'_> {
             })();
             match planned {
                 Ok(release) => return Ok(release),
-                Err(error) => problem = error,
+                Err(error) => {
+                    *searches -= usize::from(matches!(error, PlanError::Exhausted { .. }));
+                    problem = error;
+                }
+            }
+            if *searches == 0 {
+                break;
             }
         }
         Err(problem)

@@ -235,6 +235,7 @@ fn motions_lead_from_the_arm_to_the_grasp_and_on_to_the_goal() {
         held_width_m: CUBE_M,
         open_width_m: grasp.opening_m,
         settings: &settings,
+        searches: usize::MAX,
     };
     assert!(place.reaches(&goals[0].world_from_object, 0.01));
     assert!(!place.reaches(&Pose::from_position(DVec3::X * 2.0), 0.01));

@@ -64,7 +64,7 @@ fn observation() -> Observation {
     let image = |level: u8| {
         let intrinsics = Intrinsics::from_vertical_fov(32, 18, 0.8);
         let empty = RgbdImage::of_depth(intrinsics, Pose::IDENTITY, vec![]);
-        RgbdImage { rgb: vec![level; 32 * 18 * 3], ..empty }
+        Arc::new(RgbdImage { rgb: vec![level; 32 * 18 * 3], ..empty })
     };
     let state = vec![0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.02];
     Observation {

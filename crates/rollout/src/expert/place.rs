@@ -112,6 +112,7 @@ impl<'a> Held<'a> {
             held_width_m: hand.width,
             open_width_m: hand.open_width,
             settings: &expert.settings.feasibility,
+            searches: usize::MAX,
         }
     }
 }

@@ -75,6 +75,7 @@ fn add(seen: &mut SeenObject, image: &RgbdImage, wanted: u16) {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::sync::Arc;
 
     use genmanip_core::Intrinsics;
 
@@ -90,11 +91,12 @@ mod tests {
         };
         let (target, other, table) = (FIRST_OBJECT + 1, FIRST_OBJECT, FIRST_OBJECT - 1);
         let nothing = [f32::NAN; 3];
-        let images = BTreeMap::from([
+        let images = [
             ("a".to_owned(), image(1.0, &[target, other, table], &[[0.1; 3], [0.2; 3], [0.3; 3]])),
             ("b".to_owned(), image(2.0, &[target, target, target], &[[0.4; 3], [0.5; 3], nothing])),
             ("c".to_owned(), image(3.0, &[table, 0], &[[0.6; 3], nothing])),
-        ]);
+        ];
+        let images = images.into_iter().map(|(name, image)| (name, Arc::new(image))).collect();
         let observation = Observation { time_s: 0.0, state: BTreeMap::new(), images, privileged: None };
         let seen = seen(&observation, 1, 0.02);
         let xs = |points: &[DVec3]| points.iter().map(|point| (point.x * 10.0).round()).collect::<Vec<_>>();

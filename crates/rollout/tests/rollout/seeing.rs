@@ -12,7 +12,7 @@ use genmanip_rollout::{Environment, RolloutSettings, run_episode};
 
 use crate::{any_stage, episodes};
 
-type Seen = Arc<Mutex<Vec<BTreeMap<String, RgbdImage>>>>;
+type Seen = Arc<Mutex<Vec<BTreeMap<String, Arc<RgbdImage>>>>>;
 
 /// Applies recorded commands, half a second at a time, and keeps what it is shown.
 struct Onlooker {

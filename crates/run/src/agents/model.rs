@@ -2,8 +2,10 @@
 //! nothing is asked once they have cost what they may.
 
 use std::collections::BTreeMap;
+use std::panic::resume_unwind;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::ScopedJoinHandle;
 
 use genmanip_agent::ask::ChatService;
 use genmanip_chat::{
@@ -95,6 +97,12 @@ impl SharedModel {
             parameters: self.server.parameters.clone(),
         }
     }
+
+    fn asked(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
+        let reply = self.chat.chat(request)?;
+        self.account.ledger().add(&request.model, &reply);
+        Ok(reply)
+    }
 }
 
 struct Lending {
@@ -104,13 +112,28 @@ struct Lending {
 
 impl ChatModel for Lending {
     fn chat(&self, request: &ChatRequest) -> Result<ChatReply, ChatError> {
-        let ask = || self.shared.chat.chat(request);
-        let reply = match &self.cores {
+        self.lent(|| self.shared.asked(request))
+    }
+
+    fn chat_each(&self, requests: &[ChatRequest]) -> Vec<Result<ChatReply, ChatError>> {
+        self.lent(|| {
+            std::thread::scope(|scope| {
+                let threads: Vec<_> =
+                    requests.iter().map(|request| scope.spawn(|| self.shared.asked(request))).collect();
+                let reply =
+                    |thread: ScopedJoinHandle<'_, _>| thread.join().unwrap_or_else(|panic| resume_unwind(panic));
+                threads.into_iter().map(reply).collect()
+            })
+        })
+    }
+}
+
+impl Lending {
+    fn lent<T>(&self, ask: impl FnOnce() -> T) -> T {
+        match &self.cores {
             Some(cores) => cores.lend(ask),
             None => ask(),
-        }?;
-        self.shared.account.ledger().add(&request.model, &reply);
-        Ok(reply)
+        }
     }
 }
 

@@ -41,7 +41,7 @@ impl VisionModel for RandomMarks {
                 json!({"path": [step(CARRY_M), step(END_M)]})
             }
             Stage::PointToPoint => json!({"selected_point": {"type": "grid", "label": cell}}),
-            Stage::Check => json!({"scene_description": "any", "finished": true}),
+            Stage::Check => json!({"scene_description": "any", "finished": true, "remaining": []}),
         };
         Ok(Answered { text: answer.to_string(), usage: None })
     }

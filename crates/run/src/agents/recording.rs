@@ -44,24 +44,48 @@ impl Recording {
     }
 }
 
+impl Recording {
+    /// What the file says to a question; `None` where it has to be asked of the model.
+    fn recorded(&self, question: &Question) -> Option<Result<Answered, ServiceError>> {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_known = kept.answers.iter().any(|answer| answer.ask == question.ask);
+        let recorded = (is_known || self.model.is_none()).then(|| kept.answer(question, &self.tolerance))?;
+        Some(recorded.map_err(|mismatch| self.unanswered(&mismatch)))
+    }
+
+    fn keep(&self, question: &Question, answered: &Answered) -> Result<(), ServiceError> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.answers.push(RecordedAnswer::new(question, answered));
+        inputs::write_file(&self.path, kept.to_json().as_bytes()).map_err(|error| self.unanswered(&error))
+    }
+
+    fn unanswered(&self, why: &dyn std::fmt::Display) -> ServiceError {
+        ServiceError::Unreachable(format!("{}: {why}", self.path.display()))
+    }
+}
+
 impl VisionModel for Recording {
     fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
-        let recorded = {
-            let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-            let is_known = kept.answers.iter().any(|answer| answer.ask == question.ask);
-            (is_known || self.model.is_none()).then(|| kept.answer(question, &self.tolerance))
+        self.answer_each(&[question]).remove(0)
+    }
+
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+        let recorded: Vec<_> = questions.iter().map(|question| self.recorded(question)).collect();
+        let open = questions.iter().zip(&recorded).filter(|(_, recorded)| recorded.is_none());
+        let open: Vec<&Question> = open.map(|(question, _)| *question).collect();
+        let mut asked = match &self.model {
+            Some(model) if !open.is_empty() => model.answer_each(&open),
+            _ => Vec::new(),
+        }
+        .into_iter();
+        let answer = |(question, recorded): (&&Question, Option<_>)| match recorded {
+            Some(recorded) => recorded,
+            None => {
+                let answered = asked.next().unwrap_or_else(|| Err(self.unanswered(&"nobody answers")))?;
+                self.keep(question, &answered)?;
+                Ok(answered)
+            }
         };
-        let unanswered = |message: String| ServiceError::Unreachable(format!("{}: {message}", self.path.display()));
-        let model = match (recorded, &self.model) {
-            (Some(Ok(answered)), _) => return Ok(answered),
-            (Some(Err(mismatch)), _) => return Err(unanswered(mismatch.to_string())),
-            (None, Some(model)) => model,
-            (None, None) => return Err(unanswered("nobody answers".into())),
-        };
-        let answered = model.answer(question)?;
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.answers.push(RecordedAnswer::new(question, &answered));
-        inputs::write_file(&self.path, kept.to_json().as_bytes()).map_err(|error| unanswered(error.to_string()))?;
-        Ok(answered)
+        questions.iter().zip(recorded).map(answer).collect()
     }
 }

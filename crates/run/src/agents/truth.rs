@@ -197,14 +197,15 @@ impl Policy for WithTruth {
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         let mut seen = Observation { privileged: None, ..observation.clone() };
-        let ids = |image: &RgbdImage| RgbdImage { rgb: Vec::new(), depth_m: Vec::new(), ..image.clone() };
+        let ids = |image: &Arc<RgbdImage>| RgbdImage { ids: image.ids.clone(), ..image.without_pixels() };
         {
             let mut now = self.truth.now();
             now.state.clone_from(&observation.privileged);
             now.images = observation.images.values().map(ids).collect();
         }
         for image in seen.images.values_mut() {
-            image.ids = Vec::new();
+            let (rgb, depth_m) = (image.rgb.clone(), image.depth_m.clone());
+            *image = Arc::new(RgbdImage { rgb, depth_m, ..image.without_pixels() });
         }
         if let Some(turns) = &self.turns {
             let (before, _) = self.agent.branch(self.agent.services().clone());

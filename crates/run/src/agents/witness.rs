@@ -34,6 +34,10 @@ struct Memory {
     /// Times that the task was split, and the ask that split it last.
     rounds: usize,
     split: Option<usize>,
+    /// Sub-tasks of the round that are not checked yet.
+    open: usize,
+    /// The check that ended a round, and the sub-tasks that it says remain.
+    remaining: Option<(usize, Vec<String>)>,
     /// The object that was chosen last, and the sub-task.
     taken: Option<usize>,
     subtask: String,
@@ -57,7 +61,7 @@ impl Witness {
         match answer {
             Answer::Decompose(answer) => {
                 let mut memory = lock(&self.memory);
-                memory.split = Some(question.ask);
+                (memory.split, memory.open) = (Some(question.ask), answer.subtasks.len());
                 self.split(&answer.subtasks, &scene)
             }
             Answer::Mark(answer) if question.stage == Stage::Object => self.object(question, answer.mask, &scene),
@@ -160,7 +164,9 @@ impl Witness {
     fn blame_split(&self, evidence: String) {
         let split = lock(&self.memory).split;
         let mut heard = lock(&self.heard);
-        let testimony = heard.testimonies.iter_mut().find(|testimony| Some(testimony.ask) == split);
+        let is_split =
+            |testimony: &&mut Testimony| Some(testimony.ask) == split && testimony.stage == Stage::Decompose.name();
+        let testimony = heard.testimonies.iter_mut().find(is_split);
         if let Some(testimony) = testimony.filter(|testimony| testimony.wrong.is_none()) {
             (testimony.wrong, testimony.evidence) = (Some(FailureClass::Decomposition), evidence);
         }
@@ -270,7 +276,23 @@ fn aimed_at(atom: &Atom, id: &str) -> Atom {
 
 impl VisionModel for Witness {
     fn answer(&self, question: &Question) -> Result<Answered, ServiceError> {
-        let answered = self.model.answer(question)?;
+        self.answer_each(&[question]).remove(0)
+    }
+
+    fn answer_each(&self, questions: &[&Question]) -> Vec<Result<Answered, ServiceError>> {
+        let answers = self.model.answer_each(questions);
+        for (question, answered) in questions.iter().zip(&answers) {
+            if let Ok(answered) = answered {
+                self.hear(question, answered);
+            }
+        }
+        answers
+    }
+}
+
+impl Witness {
+    fn hear(&self, question: &Question, answered: &Answered) {
+        self.hear_of_split(question);
         let round = {
             let mut memory = lock(&self.memory);
             if question.stage == Stage::Decompose && question.refused.is_empty() {
@@ -282,15 +304,39 @@ impl VisionModel for Witness {
             memory.ask = question.ask;
             memory.rounds
         };
-        let (wrong, evidence) = match parse(question, &answered.text) {
-            Ok(answer) => self.testify(question, &answer),
+        let answer = parse(question, &answered.text);
+        let (wrong, evidence) = match &answer {
+            Ok(answer) => self.testify(question, answer),
             Err(complaint) => (Some(FailureClass::Format), complaint.to_string()),
         };
         let (stage, subtask) = (question.stage.name(), question.instruction.clone());
         let mut heard = lock(&self.heard);
         heard.answers.insert(question.ask, answered.text.clone());
         heard.testimonies.push(Testimony { ask: question.ask, round, stage, subtask, wrong, evidence });
-        Ok(answered)
+        drop(heard);
+        if let Ok(Answer::Check(answer)) = answer {
+            let mut memory = lock(&self.memory);
+            memory.open = memory.open.saturating_sub(1);
+            let splits = memory.open == 0 && !answer.finished && !answer.remaining.is_empty();
+            memory.remaining = splits.then_some((question.ask, answer.remaining));
+        }
+    }
+
+    /// A check split the task anew when the next question is about one of the sub-tasks that it said remain.
+    fn hear_of_split(&self, question: &Question) {
+        let (round, ask, subtasks) = {
+            let mut memory = lock(&self.memory);
+            let Some((ask, subtasks)) = memory.remaining.take() else { return };
+            if question.stage != Stage::Object {
+                return;
+            }
+            memory.rounds += 1;
+            (memory.split, memory.open) = (Some(ask), subtasks.len());
+            (memory.rounds, ask, subtasks)
+        };
+        let (wrong, evidence) = self.split(&subtasks, &self.truth.scene());
+        let (stage, subtask) = (Stage::Decompose.name(), String::new());
+        lock(&self.heard).testimonies.push(Testimony { ask, round, stage, subtask, wrong, evidence });
     }
 }
 

@@ -213,7 +213,7 @@ impl Session {
     pub fn picture(&mut self, camera: &str, size: Option<[u32; 2]>) -> Result<RgbdImage, RunError> {
         let request = CameraRequest { size, ..CameraRequest::new(camera, ImageChannels::RGB) };
         let mut seen = self.environment.observe(&[request]).map_err(broken)?;
-        seen.images.remove(camera).ok_or_else(|| broken(RolloutError::NotReset))
+        seen.images.remove(camera).map(Arc::unwrap_or_clone).ok_or_else(|| broken(RolloutError::NotReset))
     }
 
     /// The goal as it is now, nothing held and nothing moving.

@@ -42,7 +42,7 @@ pub(super) fn answer(oracle: &Oracle, class: FailureClass, question: &Question) 
             let verdict = oracle.truth.verdict();
             // What is done stays done when the check overlooks it: only the other mistake makes an episode fail.
             let is_fatal = oracle.dials.once.is_none() || !verdict.success;
-            is_fatal.then(|| checked(!verdict.success, verdict.score))
+            is_fatal.then(|| checked(!verdict.success, verdict.score, serde_json::json!([])))
         }
         _ => None,
     };

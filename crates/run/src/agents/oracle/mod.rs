@@ -303,7 +303,11 @@ impl Oracle {
             },
             Stage::Check => {
                 let verdict = self.truth.verdict();
-                checked(verdict.success, verdict.score)
+                let remaining = match verdict.success {
+                    true => json!([]),
+                    false => self.worded(self.plan(&self.truth.scene()))["subtasks"].take(),
+                };
+                checked(verdict.success, verdict.score, remaining)
             }
         }
     }
@@ -313,8 +317,8 @@ fn part_named(part: usize) -> serde_json::Value {
     json!({"number": part + 1, "part_name": format!("part {}", part + 1), "color": "unknown"})
 }
 
-fn checked(finished: bool, score: f64) -> serde_json::Value {
-    json!({"scene_description": format!("score {score:.2}"), "finished": finished})
+fn checked(finished: bool, score: f64, remaining: serde_json::Value) -> serde_json::Value {
+    json!({"scene_description": format!("score {score:.2}"), "finished": finished, "remaining": remaining})
 }
 
 /// From where a thing is to a cell, over the cells between where these are many, and over a detour.
