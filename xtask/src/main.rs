@@ -8,6 +8,7 @@
 //! | `tidy` | the rules of ARCHITECTURE.md that a compiler does not check |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is a command-line program")]
 
+mod assembler;
 mod cluster;
 mod demo;
 mod interop;

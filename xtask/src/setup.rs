@@ -2,7 +2,7 @@
 
 use crate::problem::{OnPath, Result};
 use crate::process::Workspace;
-use crate::{mujoco, python};
+use crate::{assembler, mujoco, python};
 use std::fs::{self, File};
 use std::path::PathBuf;
 
@@ -10,6 +10,7 @@ use std::path::PathBuf;
 pub fn run(workspace: &Workspace) -> Result {
     let simulator = simulator(workspace);
     let python = python_environment(workspace);
+    assembler::report(workspace);
     match (simulator, python) {
         (Err(first), Err(second)) => {
             eprintln!("{first}");

@@ -2,12 +2,15 @@
 //!
 //! 0 means that nothing was hit; what lies beyond 65.535 m is stored as 65535.
 
-use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Filter};
+use png::{BitDepth, ColorType, Decoder, Encoder, chunk};
+use zlib_rs::{DeflateConfig, ReturnCode, compress_bound, compress_slice};
 
 use crate::DataError;
 
 /// Most pixels along a side of an image that is read; those that are drawn have as many at most.
 const MAX_SIDE_PX: u32 = 8192;
+/// How hard rows are compressed. Chosen: 4 makes files 7 % larger, 6 takes twice as long for 5 %.
+const LEVEL: i32 = 5;
 
 /// Metres to millimetres, rounded; 0 for what is not a positive number.
 pub fn depth_to_mm(depth_m: f32) -> u16 {
@@ -29,18 +32,44 @@ pub fn encode_depth_png(depth_m: &[f32], width: u32, height: u32) -> Result<Vec<
 
 /// A PNG file of a depth image in millimetres, row by row; there must be `width · height`.
 pub(crate) fn encode_mm_png(depth_mm: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError> {
-    let data: Vec<u8> = depth_mm.iter().flat_map(|depth| depth.to_be_bytes()).collect();
     let mut file = Vec::new();
     let mut encoder = Encoder::new(&mut file, width, height);
     encoder.set_color(ColorType::Grayscale);
     encoder.set_depth(BitDepth::Sixteen);
-    // Depth is piecewise planar, which this filter predicts: a third larger than with `Balanced`, and twenty times faster.
-    encoder.set_compression(Compression::Fast);
-    encoder.set_filter(Filter::Paeth);
     let mut writer = encoder.write_header().map_err(png_error)?;
-    writer.write_image_data(&data).map_err(png_error)?;
-    writer.finish().map_err(png_error)?;
+    writer.write_chunk(chunk::IDAT, &compressed(&upwards(depth_mm, width as usize))?).map_err(png_error)?;
+    // Not `finish`, which wants the picture from `write_image_data`: the end is written when the writer goes.
+    drop(writer);
     Ok(file)
+}
+
+/// The rows of a picture, each behind the number of its filter, as differences from the row above, byte by byte.
+///
+/// Of a table that a camera looks down on, much of a row has the same slope.
+fn upwards(depth_mm: &[u16], width: usize) -> Vec<u8> {
+    const UP: u8 = 2;
+    let mut bytes = Vec::with_capacity((2 * width + 1) * (depth_mm.len() / width.max(1)));
+    let (mut above, mut row) = (vec![0; 2 * width], vec![0; 2 * width]);
+    for values in depth_mm.chunks_exact(width.max(1)) {
+        for (bytes, value) in row.as_chunks_mut::<2>().0.iter_mut().zip(values) {
+            *bytes = value.to_be_bytes();
+        }
+        bytes.push(UP);
+        bytes.extend(row.iter().zip(&above).map(|(byte, above)| byte.wrapping_sub(*above)));
+        std::mem::swap(&mut above, &mut row);
+    }
+    bytes
+}
+
+fn compressed(bytes: &[u8]) -> Result<Vec<u8>, DataError> {
+    let mut zlib = vec![0; compress_bound(bytes.len())];
+    let (packed, outcome) = compress_slice(&mut zlib, bytes, DeflateConfig::new(LEVEL));
+    let size = packed.len();
+    if outcome != ReturnCode::Ok {
+        return Err(png_error(format!("compression failed: {outcome:?}")));
+    }
+    zlib.truncate(size);
+    Ok(zlib)
 }
 
 /// The millimetres in a PNG file, with width and height.
@@ -83,6 +112,22 @@ mod tests {
         for depth_m in halves.chain(scales) {
             let expected = if depth_m.is_finite() { (f64::from(depth_m) * 1000.0).round() as u16 } else { 0 };
             assert_eq!(depth_to_mm(depth_m), expected, "{depth_m} m");
+        }
+    }
+
+    /// What is written is read again, exactly, whatever the size and the values.
+    #[test]
+    fn pictures_come_back_exactly() {
+        let noise = |index: u32| (index.wrapping_mul(2_654_435_761) >> 16) as u16;
+        let slope = |index: u32| (400 + index % 96 / 3 + 2 * (index / 96)) as u16;
+        let ends = |index: u32| if index % 3 == 0 { u16::MAX } else { 0 };
+        for (width, height) in [(1, 1), (1, 9), (9, 1), (96, 54)] {
+            for value in [&noise as &dyn Fn(u32) -> u16, &slope, &ends] {
+                let depth_mm: Vec<u16> = (0..width * height).map(value).collect();
+                let file = encode_mm_png(&depth_mm, width, height).unwrap();
+                assert_eq!(decode_depth_png(&file).unwrap(), (width, height, depth_mm));
+                assert!(file.ends_with(b"IEND\xaeB`\x82"), "the file has its end");
+            }
         }
     }
 }

@@ -10,7 +10,8 @@ use genmanip_core::Document;
 use muxide::api::{MuxerBuilder, VideoCodec};
 use openh264::decoder::{Decoder, DecoderConfig, Flush};
 use openh264::encoder::{
-    BitRate, Encoder, EncoderConfig, FrameRate, IntraFramePeriod, QpRange, RateControlMode, UsageType, VuiConfig,
+    BitRate, Complexity, Encoder, EncoderConfig, FrameRate, IntraFramePeriod, QpRange, RateControlMode, UsageType,
+    VuiConfig,
 };
 use openh264::formats::YUVSource;
 use openh264::{OpenH264API, Timestamp};
@@ -22,7 +23,8 @@ use crate::{DataError, yuv};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VideoSettings {
-    /// Every how many frames one stands alone. Default 2: training reads single frames at random places.
+    /// Every how many frames one stands alone. Default 6 (chosen): training reads single frames at random places, and to
+    /// read one takes half a millisecond longer than with 2, as LeRobot encodes, for films of 60 % of the size.
     pub gop: u32,
     /// Quantiser of every frame, 0 (finest) to 51. Default 22: more than 40 dB on rendered scenes.
     /// Quality is constant and the size follows from the pictures, there is no rate control.
@@ -31,7 +33,7 @@ pub struct VideoSettings {
 
 impl Default for VideoSettings {
     fn default() -> Self {
-        Self { gop: 2, qp: 22 }
+        Self { gop: 6, qp: 22 }
     }
 }
 
@@ -83,6 +85,8 @@ impl VideoEncoder {
             // With equal limits this mode means a constant quantiser; `Off` would ignore the limits.
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(qp, qp))
+            // A 3 % larger film than with `Medium`, 0.15 dB coarser, in 60 % of the time.
+            .complexity(Complexity::Low)
             // Chooses the level in the parameter sets, nothing else.
             .bitrate(BitRate::from_bps(8_000_000))
             .max_frame_rate(FrameRate::from_hz(fps as f32))

@@ -4,6 +4,7 @@
 //! the tags in the stream assume it; those that read the tags find it there, so both show the same colours.
 //! Y = 16..235, Cb and Cr = 16..240; chroma is the mean of 2×2 pixels; integer arithmetic, so every machine agrees.
 
+use multiversion::multiversion;
 use openh264::formats::YUVSource;
 
 /// An image in three planes; width and height are even.
@@ -18,20 +19,47 @@ pub(crate) struct Yuv420 {
 
 /// Converts 8-bit RGB, row by row. `rgb` must hold `width · height · 3` bytes, both even; the caller checks.
 pub(crate) fn from_rgb(rgb: &[u8], width: usize, height: usize) -> Yuv420 {
-    let (pixels, _) = rgb.as_chunks::<3>();
-    let y = pixels.iter().map(|pixel| luma(*pixel)).collect();
-    let mut u = Vec::with_capacity(width * height / 4);
-    let mut v = Vec::with_capacity(width * height / 4);
-    for rows in pixels.chunks_exact(2 * width) {
-        let (upper, lower) = rows.split_at(width);
-        for (above, below) in upper.chunks_exact(2).zip(lower.chunks_exact(2)) {
-            let sum = |c: usize| [above[0][c], above[1][c], below[0][c], below[1][c]].map(i32::from).iter().sum();
-            let (r, g, b): (i32, i32, i32) = (sum(0), sum(1), sum(2));
-            u.push(chroma(-9_714 * r - 19_070 * g + 28_784 * b));
-            v.push(chroma(28_784 * r - 24_103 * g - 4_681 * b));
-        }
+    let plane = |size| vec![0; size];
+    let (mut y, mut u, mut v) = (plane(width * height), plane(width * height / 4), plane(width * height / 4));
+    // Two rows at a time, channel by channel: vector instructions cannot read pixels of three bytes.
+    let (mut upper, mut lower) = ([(); 3].map(|()| plane(width)), [(); 3].map(|()| plane(width)));
+    let chroma_rows = u.chunks_exact_mut(width / 2).zip(v.chunks_exact_mut(width / 2));
+    let rows = rgb.chunks_exact(6 * width).zip(y.chunks_exact_mut(2 * width)).zip(chroma_rows);
+    for ((pixels, y), (u, v)) in rows {
+        let ((pixels_above, pixels_below), (y_above, y_below)) = (pixels.split_at(3 * width), y.split_at_mut(width));
+        luma_row(pixels_above, &mut upper, y_above);
+        luma_row(pixels_below, &mut lower, y_below);
+        chroma_row(&upper, &lower, u, v);
     }
     Yuv420 { width, height, y, u, v }
+}
+
+/// Luma of a row of pixels, and the row channel by channel.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn luma_row(pixels: &[u8], [red, green, blue]: &mut [Vec<u8>; 3], y: &mut [u8]) {
+    let (pixels, _) = pixels.as_chunks::<3>();
+    for (((pixel, r), g), b) in pixels.iter().zip(red.iter_mut()).zip(green.iter_mut()).zip(blue.iter_mut()) {
+        [*r, *g, *b] = *pixel;
+    }
+    for (((y, r), g), b) in y.iter_mut().zip(red).zip(green).zip(blue) {
+        *y = luma([*r, *g, *b]);
+    }
+}
+
+/// Chroma of two rows.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn chroma_row(upper: &[Vec<u8>; 3], lower: &[Vec<u8>; 3], u: &mut [u8], v: &mut [u8]) {
+    let [(red, red_below), (green, green_below), (blue, blue_below)] =
+        [0, 1, 2].map(|c| (upper[c].as_chunks::<2>().0, lower[c].as_chunks::<2>().0));
+    let sum = |above: &[u8; 2], below: &[u8; 2]| -> i32 {
+        [above[0], above[1], below[0], below[1]].map(i32::from).iter().sum()
+    };
+    let colors = red.iter().zip(red_below).zip(green.iter().zip(green_below)).zip(blue.iter().zip(blue_below));
+    for ((((red, green), blue), u), v) in colors.zip(u).zip(v) {
+        let (r, g, b) = (sum(red.0, red.1), sum(green.0, green.1), sum(blue.0, blue.1));
+        *u = chroma(-9_714 * r - 19_070 * g + 28_784 * b);
+        *v = chroma(28_784 * r - 24_103 * g - 4_681 * b);
+    }
 }
 
 /// Converts back to 8-bit RGB, row by row; each chroma value holds for its 2×2 pixels.
@@ -54,18 +82,21 @@ pub(crate) fn to_rgb(image: &dyn YUVSource) -> Vec<u8> {
 }
 
 /// Coefficients times 2^16: 219/255 · (0.299, 0.587, 0.114).
+#[inline(always)]
 fn luma([r, g, b]: [u8; 3]) -> u8 {
     let sum = 16_829 * i32::from(r) + 33_039 * i32::from(g) + 6_416 * i32::from(b);
     to_byte(16 + ((sum + (1 << 15)) >> 16))
 }
 
 /// From a sum over four pixels with coefficients times 2^16: 224/255 · 0.5/(1 - k) of the differences.
+#[inline(always)]
 fn chroma(sum: i32) -> u8 {
     to_byte(128 + ((sum + (1 << 17)) >> 18))
 }
 
+#[inline(always)]
 fn to_byte(value: i32) -> u8 {
-    u8::try_from(value.clamp(0, 255)).unwrap_or(u8::MAX)
+    value.clamp(0, 255) as u8
 }
 
 impl YUVSource for Yuv420 {
