@@ -123,7 +123,7 @@ def train(command, root, out):
     command[0] = str(pathlib.Path(sys.executable).with_name("lerobot-train"))
     command = [re.sub(r"^--dataset\.root=.*", f"--dataset.root={root}", part) for part in command]
     command = [re.sub(r"^--output_dir=.*", f"--output_dir={out / policy}", part) for part in command]
-    done = subprocess.run([*command, "--log_freq=5"], capture_output=True, text=True)
+    done = subprocess.run([*command, "--log_freq=5", "--save_checkpoint=false"], capture_output=True, text=True)
     told = done.stdout + done.stderr
     losses = [float(loss) for loss in re.findall(r"\bloss:([0-9.]+)", told)]
     end = "\n".join(told.splitlines()[-12:])
