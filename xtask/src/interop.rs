@@ -1,5 +1,7 @@
 //! `cargo xtask test --interop`: published packages of other projects speak with our side of their protocol.
 
+mod lerobot;
+
 use crate::problem::{OnPath, Problem, Result};
 use crate::process::{self, Workspace};
 use crate::wheel;
@@ -20,7 +22,7 @@ const VLA_EVAL_PACKAGES: [&str; 3] = ["vla-eval==0.8.0", "mujoco==3.17.0", "nump
 /// Until the server listens.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Both protocols, one after the other, on one scenario.
+/// Both protocols, one after the other, on one scenario; then a dataset.
 pub fn run(workspace: &Workspace) -> Result {
     let place = workspace.target_dir()?.join("interop");
     let scenario = place.join("scenario");
@@ -30,12 +32,13 @@ pub fn run(workspace: &Workspace) -> Result {
     let layout = layout.args(["--quiet", "layout", "examples/tasks/021_spatial.json", "--seed", "1", "--out"]);
     process::output(layout.arg(&scenario))?;
     openpi(workspace, &place, &scenario)?;
-    vla_eval(workspace, &place, &scenario)
+    vla_eval(workspace, &place, &scenario)?;
+    lerobot::run(workspace, &place)
 }
 
 /// A model server of vla-eval leads our arm, and its orchestrator runs that server on our scenes.
 fn vla_eval(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
-    let python = environment(workspace, &place.join("vla-eval"), &VLA_EVAL_PACKAGES)?;
+    let python = environment(workspace, "python3", &place.join("vla-eval"), &VLA_EVAL_PACKAGES)?;
     wheel::environment(workspace)?;
     wheel::install(workspace, &python, &wheel::build(workspace)?)?;
     let run = place.join("vla-eval-run");
@@ -45,12 +48,12 @@ fn vla_eval(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
     process::visible(command.arg(VLA_EVAL).arg(workspace.genmanip()?).arg(scenario).arg(&run))
 }
 
-/// An environment with these packages, made once; gives its interpreter.
-fn environment(workspace: &Workspace, folder: &Path, packages: &[&str]) -> Result<PathBuf> {
+/// An environment of this Python with these packages, made once; gives its interpreter.
+fn environment(workspace: &Workspace, program: &str, folder: &Path, packages: &[&str]) -> Result<PathBuf> {
     let python = folder.join("bin/python");
     if !python.exists() {
         eprintln!("interop: installing {}", packages.join(", "));
-        process::output(workspace.command("python3").args(["-m", "venv"]).arg(folder))?;
+        process::output(workspace.command(program).args(["-m", "venv"]).arg(folder))?;
         let mut pip = workspace.command(&python);
         process::output(pip.args(["-m", "pip", "install", "--quiet", "--only-binary=:all:"]).args(packages))?;
     }
@@ -59,7 +62,7 @@ fn environment(workspace: &Workspace, folder: &Path, packages: &[&str]) -> Resul
 
 /// Evaluates a policy that asks a server made of openpi's own client package.
 fn openpi(workspace: &Workspace, place: &Path, scenario: &Path) -> Result {
-    let python = environment(workspace, &place.join("python"), &PACKAGES)?;
+    let python = environment(workspace, "python3", &place.join("python"), &PACKAGES)?;
     let again = place.join("conversation.zlib");
     process::output(workspace.command(&python).arg(RECORDER).arg(&again))?;
     let read = |path: &Path| fs::read(path).on("read", path);

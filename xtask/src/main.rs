@@ -36,7 +36,7 @@ Usage: cargo xtask <verb>
   demo [ARGS…]     set-up, build, and run `genmanip demo` (ARGS are passed on; default: --out out/demo)
   test [PHASE…]    everything CI runs, or only the named phases
   test --packs     import objects of published packages (downloads 320 MB, takes minutes; not part of CI)
-  test --interop   let published packages of other projects ask and answer us (downloads 200 MB; not part of CI)
+  test --interop   let published packages of other projects ask, answer and read us (downloads 3 GB; not part of CI)
   test --cluster   collect on a Slurm of two nodes on this machine and lose one (needs its packages; not part of CI)
   test --s3        push and pull a folder through a real S3 server that fails (builds one; not part of CI)
   tidy             check the rules that the compiler does not know

@@ -120,7 +120,7 @@ mod tests {
     fn pictures_come_back_exactly() {
         let noise = |index: u32| (index.wrapping_mul(2_654_435_761) >> 16) as u16;
         let slope = |index: u32| (400 + index % 96 / 3 + 2 * (index / 96)) as u16;
-        let ends = |index: u32| if index % 3 == 0 { u16::MAX } else { 0 };
+        let ends = |index: u32| if index.is_multiple_of(3) { u16::MAX } else { 0 };
         for (width, height) in [(1, 1), (1, 9), (9, 1), (96, 54)] {
             for value in [&noise as &dyn Fn(u32) -> u16, &slope, &ends] {
                 let depth_mm: Vec<u16> = (0..width * height).map(value).collect();
