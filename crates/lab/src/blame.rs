@@ -1,5 +1,7 @@
 //! Whether the failure analysis finds the cause: one mistake is made per episode, the analysis, which is not told, labels
 //! the episodes that fail, and each is taken up again with only the blamed answer replaced.
+//!
+//! Only episodes that succeed without the mistake tell: where one fails anyway, its cause is not known.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError};
@@ -49,7 +51,7 @@ pub struct Measured {
     pub rounds_and_picks: [usize; 2],
     /// By the class of the mistake that was made.
     pub injected: BTreeMap<&'static str, Injected>,
-    /// Labels that are right, of all failed episodes with a mistake.
+    /// Labels that are right, of all episodes that failed because of a mistake.
     pub labels_right: Share,
     /// Failed episodes without a mistake on purpose, by label.
     pub natural: BTreeMap<&'static str, Replaced>,
@@ -66,7 +68,9 @@ pub struct Injected {
     pub episodes: usize,
     /// Of these, how many succeeded all the same.
     pub recovered: usize,
-    /// Of those that failed, how many the analysis labels with the class of the mistake.
+    /// Those that fail without the mistake too, and how many of them are labelled with its class; counted nowhere else.
+    pub fail_anyway: Share,
+    /// Of the others that failed, how many the analysis labels with the class of the mistake.
     pub labelled: Share,
     /// All labels.
     pub labels: BTreeMap<&'static str, usize>,
@@ -120,6 +124,8 @@ struct Played {
     is_flawed: bool,
     /// Label, evidence, and the outcome of the replacement; `None` for a success.
     failure: Option<(FailureClass, String, Outcome)>,
+    /// Whether the episode fails without the mistake too.
+    fails_anyway: bool,
     /// Whether a failed episode succeeds when cells snap, where they do not.
     snapped: Option<bool>,
 }
@@ -177,6 +183,10 @@ pub fn measure(
                 injected.recovered += usize::from(played.failure.is_none());
                 let Some((label, evidence, outcome)) = played.failure else { continue };
                 let is_right = label == class;
+                if played.fails_anyway {
+                    injected.fail_anyway.add(is_right);
+                    continue;
+                }
                 injected.labelled.add(is_right);
                 measured.labels_right.add(is_right);
                 *injected.labels.entry(label.name()).or_default() += 1;
@@ -279,7 +289,7 @@ fn play(
     };
     let is_flawed = !truth.planted().is_empty();
     if episode.result.success {
-        return Ok(Some(Played { is_flawed, failure: None, snapped: None }));
+        return Ok(Some(Played { is_flawed, failure: None, fails_anyway: false, snapped: None }));
     }
     let heard = made.heard.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let blamed = classify(&heard, made.transcribed.transcript().failure.as_ref(), &episode.frames);
@@ -304,15 +314,20 @@ fn play(
             }
         }
     };
-    let mut snapped = None;
-    if !is_flawed && !choice.settings.cells.snap {
-        let mut other = AgentChoice { keeps_turns: false, ..choice.clone() };
-        other.settings.cells.snap = true;
+    let succeeds = |other: &AgentChoice| -> Result<bool, LabError> {
         let mut made = other.make(&stage, resources.planner, resources.grasps, None)?;
         let again = run_episode(&stage, made.policy.as_mut(), &id, attempt.seed, &settings.rollout).map_err(broke)?;
-        snapped = Some(again.result.success);
+        Ok(again.result.success)
+    };
+    let mut other = AgentChoice { dials: Dials::default(), keeps_turns: false, ..choice.clone() };
+    let fails_anyway = is_flawed && !succeeds(&other)?;
+    let mut snapped = None;
+    if !is_flawed && !choice.settings.cells.snap {
+        other.settings.cells.snap = true;
+        snapped = Some(succeeds(&other)?);
     }
-    Ok(Some(Played { is_flawed, failure: Some((blamed.class, blamed.evidence, outcome)), snapped }))
+    let failure = Some((blamed.class, blamed.evidence, outcome));
+    Ok(Some(Played { is_flawed, failure, fails_anyway, snapped }))
 }
 
 /// The same in words.
@@ -324,7 +339,15 @@ pub fn in_words(measured: &Measured) -> String {
             format!("{} of {of}, {:.0} % ({low:.0}–{high:.0})", share.count, 100.0 * share.share)
         }
     };
-    let head = ["mistake", "episodes", "recovered", "labelled so", "labelled otherwise", "succeed when replaced"];
+    let head = [
+        "mistake",
+        "episodes",
+        "recovered",
+        "fail anyway",
+        "labelled so",
+        "labelled otherwise",
+        "succeed when replaced",
+    ];
     let mut rows = vec![head.map(String::from).to_vec()];
     for (class, injected) in &measured.injected {
         let others = injected.labels.iter().filter(|(label, _)| *label != class);
@@ -333,6 +356,7 @@ pub fn in_words(measured: &Measured) -> String {
             (*class).to_owned(),
             injected.episodes.to_string(),
             injected.recovered.to_string(),
+            injected.fail_anyway.of.to_string(),
             share(&injected.labelled),
             others.join(", "),
             share(&injected.replaced.flips),

@@ -10,6 +10,7 @@ use std::sync::{Mutex, PoisonError};
 
 use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
 use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task, World};
+use genmanip_data::images::variation_seed;
 use genmanip_data::{DataError, EpisodeStore};
 use genmanip_layout::{LayoutSettings, lay_out};
 use genmanip_motion::{Planner, PlannerSettings};
@@ -17,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::expert::{Expert, ExpertSettings, SeenGrasps};
 use crate::images::{self, ImageSettings};
+use crate::physics_variation::vary_physics;
 use crate::{RolloutError, RolloutSettings, Stage, run_episode};
 
 /// What a run depends on besides its tasks.
@@ -46,6 +48,9 @@ pub struct CollectSettings {
     /// Where the expert's grasps come from: `mesh`, `rgbd`, or `http:URL`.
     #[serde(default = "mesh", skip_serializing_if = "is_mesh")]
     pub grasps: String,
+    /// Whether each attempt has [its own physics](crate::physics_variation), by the seed of its look.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub vary_physics: bool,
 }
 
 /// Grasps from the geometry of objects.
@@ -71,7 +76,13 @@ impl CollectSettings {
             images: None,
             keep_failed: false,
             grasps: mesh(),
+            vary_physics: false,
         }
+    }
+
+    /// Whether something is drawn anew for each attempt by [`variation_seed`].
+    pub fn is_varied(&self) -> bool {
+        self.vary_physics || self.images.as_ref().is_some_and(|images| !images.vary.is_empty())
     }
 }
 
@@ -225,11 +236,14 @@ fn play(
     resources: Resources,
     settings: &CollectSettings,
 ) -> Result<Result<Episode, Box<EpisodeResult>>, RolloutError> {
-    let scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
+    let mut scenario = match attempt.scenario(resources, &settings.world, &settings.layout) {
         Ok(scenario) => scenario,
         Err(error) if error.is_defect() => return Err(error.into()),
         Err(error) => return Ok(Err(Box::new(not_laid_out(attempt, &error, settings)))),
     };
+    if settings.vary_physics {
+        vary_physics(&mut scenario, variation_seed(attempt.seed).fork("physics"), 1.0);
+    }
     let stage = Stage::open(Arc::new(scenario), resources.catalogue, resources.planner.robot())?;
     let mut expert = Expert::new(&stage, resources.planner, resources.grasps, settings.expert.clone())?;
     if let Some(source) = resources.seeing {

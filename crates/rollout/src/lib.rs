@@ -16,6 +16,7 @@ pub mod evidence;
 pub mod expert;
 pub mod grasp_trial;
 pub mod images;
+pub mod physics_variation;
 pub mod policies;
 pub mod replay;
 mod settings;

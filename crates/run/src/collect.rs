@@ -376,7 +376,7 @@ fn export(
     progress: &dyn Progress,
 ) -> Result<Option<PathBuf>, RunError> {
     let Some(images) = &settings.images else { return Ok(None) };
-    let rows = ExportSettings { fps: images.fps, is_varied: !images.vary.is_empty(), ..ExportSettings::default() };
+    let rows = ExportSettings { fps: images.fps, is_varied: settings.is_varied(), ..ExportSettings::default() };
     let dataset = LerobotSettings { export: rows, run: Some(hash), ..LerobotSettings::default() };
     let selection = if settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");

@@ -72,10 +72,9 @@ pub fn export(
 ) -> Result<Option<ExportReport>, RunError> {
     let (folder, run) = RunFolder::open(path)?;
     let store = folder.store()?;
-    let looks = run.settings.images.clone().unwrap_or_default();
     let rows = ExportSettings {
         depth: options.rows.depth && !options.rows.cameras.is_empty(),
-        is_varied: !looks.vary.is_empty(),
+        is_varied: run.settings.is_varied(),
         ..options.rows.clone()
     };
     let settings = LerobotSettings { export: rows, run: Some(run.hash()), ..LerobotSettings::default() };
@@ -95,7 +94,11 @@ pub fn export(
         return Err(RunError::input(format!("{} has no episode to export", path.display()))
             .with_hint("collect some first; failed ones are exported with --keep-failed"));
     }
-    let pictures = ImageSettings { cameras: rows.cameras.clone(), fps: rows.fps, ..looks };
+    let pictures = ImageSettings {
+        cameras: rows.cameras.clone(),
+        fps: rows.fps,
+        ..run.settings.images.clone().unwrap_or_default()
+    };
     check_columns(options, rows, format)?;
     draw_missing(&store, &ids, (&pictures, rows.needs_masks()), options.workers, progress, stop)?;
     if stop.load(Ordering::Relaxed) {

@@ -6,7 +6,24 @@ use clap::Args;
 use genmanip_run::render::Vary;
 use genmanip_run::shard::Choice;
 
-use super::{parse_count, parse_fps, parse_seed, render};
+use super::{parse_count, parse_fps, parse_seed};
+
+/// What may differ from episode to episode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// A part of the look.
+    Look(Vary),
+    /// Friction, mass, bouncing.
+    Physics,
+}
+
+/// A part by its name.
+fn parse_part(text: &str) -> Result<Part, String> {
+    if text == "physics" {
+        return Ok(Part::Physics);
+    }
+    super::render::parse_vary(text).map(Part::Look).map_err(|expected| format!("{expected}, physics"))
+}
 
 /// Arguments of `collect`.
 #[derive(Clone, Debug, Args)]
@@ -38,12 +55,12 @@ pub struct CollectArguments {
     /// Record episodes only: no images, no dataset
     #[arg(long)]
     pub no_dataset: bool,
-    /// Draw each episode in a look of its own; its seed is a column of the dataset
-    #[arg(long, value_parser = ["per-episode"], conflicts_with = "no_dataset")]
+    /// Make each episode different; the seed of the difference is a column of the dataset
+    #[arg(long, value_parser = ["per-episode"])]
     pub variation: Option<String>,
-    /// What differs between the looks [default: all]
-    #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = render::parse_vary, requires = "variation")]
-    pub vary: Vec<Vary>,
+    /// What differs: light, background, material, objects, camera, physics [default: all but physics]
+    #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = parse_part, requires = "variation")]
+    pub vary: Vec<Part>,
     /// Where the expert's grasps come from: the geometry of objects, depth images of the fixed cameras, or a server that
     /// is shown these points
     #[arg(long, value_name = "mesh|rgbd|http:URL", default_value = "mesh")]

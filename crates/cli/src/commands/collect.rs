@@ -11,18 +11,18 @@ use genmanip_run::merge::merge;
 use genmanip_run::render::Vary;
 use genmanip_run::{Run, inputs};
 
-use crate::args::{CollectArguments, MergeArguments};
+use crate::args::{CollectArguments, MergeArguments, Part};
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let tasks = inputs::read_tasks(&arguments.tasks)?;
-    let vary = if arguments.variation.is_some() { vary(&arguments.vary) } else { Vec::new() };
+    let (vary, vary_physics) = varied(arguments)?;
     let images =
         (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, vary, ..ImageSettings::default() });
     let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let (keep_failed, grasps) = (arguments.keep_failed, arguments.grasps.clone());
-    let settings = CollectSettings { images, keep_failed, grasps, ..CollectSettings::in_world(world) };
+    let settings = CollectSettings { images, keep_failed, grasps, vary_physics, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();
     let shard = arguments.shard.map(|choice| choice.resolve(&crate::environment)).transpose()?;
@@ -43,6 +43,21 @@ pub fn merge_run(arguments: &MergeArguments, printer: &Printer) -> Result<ExitSt
     tell(&merged, printer);
     printer.data(&merged.rows, &merged.table(arguments.each));
     Ok(status(&merged))
+}
+
+/// The parts of the look that differ from episode to episode, and whether physics does.
+fn varied(arguments: &CollectArguments) -> Result<(Vec<Vary>, bool), Failed> {
+    if arguments.variation.is_none() {
+        return Ok((Vec::new(), false));
+    }
+    let named = |part: &Part| if let Part::Look(look) = part { Some(*look) } else { None };
+    let looks: Vec<Vary> = arguments.vary.iter().filter_map(named).collect();
+    let physics = arguments.vary.contains(&Part::Physics);
+    if arguments.no_dataset && (!looks.is_empty() || !physics) {
+        return Err(Failed::misused("--no-dataset draws no pictures, so their look cannot differ")
+            .hint("with it only `--vary physics` has an effect"));
+    }
+    Ok((if physics && looks.is_empty() { Vec::new() } else { vary(&looks) }, physics))
 }
 
 /// What is varied: the parts that are named, in the order of all, or all of them.

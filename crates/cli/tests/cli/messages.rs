@@ -11,7 +11,7 @@ use crate::{copy_of_finished_run, example, genmanip, quick_examples};
 /// A call, the exit code it ends with, and what its message must contain.
 type Case = (&'static str, i32, &'static [&'static str]);
 
-const CASES: [Case; 59] = [
+const CASES: [Case; 61] = [
     // Seeds are kept in JSON, exact to 53 bits.
     ("layout task.json --out out --seed 9007199254740992", 2, &["from 0 to 9007199254740991"]),
     ("lab design --seed 18446744073709551615", 2, &["from 0 to 9007199254740991"]),
@@ -87,6 +87,12 @@ const CASES: [Case; 59] = [
     ("collect --out run 021 024 --episodes 1 --fps 15", 1, &["holds another run (settings.images.fps is 10, not 15)"]),
     ("collect --out run 021 --episodes 1 --fps 10", 1, &["its tasks are 021_spatial, 024_appearance, not 021_spatial"]),
     ("collect --out run 021 024 --episodes 1 --fps 10 --no-dataset", 1, &["settings.images is set, not none"]),
+    (
+        "collect --out new 021 --no-dataset --variation per-episode --vary light,physics",
+        2,
+        &["--no-dataset draws no pictures", "only `--vary physics`"],
+    ),
+    ("collect --out new 021 --variation per-episode --vary lamp", 2, &["light, background", "physics"]),
     // Files that hold something else than they should name themselves.
     ("grasps show 001 --file stale.json", 1, &["stale.json: cannot be used", "expected physics hash v2:0", "bake"]),
     ("grasps show 001 --file other.json", 1, &["other.json: holds no tried grasps of object 001", "bake"]),

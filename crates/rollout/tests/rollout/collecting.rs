@@ -1,6 +1,6 @@
 //! Collecting: any number of workers, interruptions, layouts that cannot be made.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 
 use genmanip_assets::GraspLibrary;
 use genmanip_assets::worlds::default_world;
-use genmanip_core::{EpisodeResult, FailureCause, Policy, Seed, Task};
+use genmanip_core::{EpisodeResult, FailureCause, PlacedObject, Policy, Scenario, Seed, Task};
 use genmanip_data::EpisodeStore;
 use genmanip_layout::LayoutSettings;
 use genmanip_rollout::collect::{Attempt, CollectSettings, complete, in_parallel};
@@ -74,6 +74,34 @@ fn tree(root: &Path) -> BTreeMap<String, Vec<u8>> {
         }
     }
     files
+}
+
+/// Things of each attempt weigh and slide differently, as its seed says; they stand where they stand without.
+#[test]
+fn physics_differ_from_attempt_to_attempt() {
+    let folder = tempfile::tempdir().unwrap();
+    let usual = CollectSettings::in_world((*default_world()).clone());
+    let varied = CollectSettings { vary_physics: true, ..usual.clone() };
+    assert!(varied.is_varied() && !usual.is_varied());
+    let scenarios = |name: &str, settings: &CollectSettings| -> Vec<Scenario> {
+        let root = folder.path().join(name);
+        let made = collect_all(&root, settings, 2, &AtomicBool::new(false), &|_, _| {});
+        let store = EpisodeStore::open(&root).unwrap();
+        let ids: BTreeSet<String> = made.into_iter().map(|result| result.id).collect();
+        ids.iter().map(|id| store.read_scenario(id).unwrap().unwrap()).collect()
+    };
+    let (once, again, usual) = (scenarios("once", &varied), scenarios("again", &varied), scenarios("usual", &usual));
+    assert_eq!(once, again);
+    let mut pads = BTreeSet::new();
+    for (varied, usual) in once.iter().zip(&usual) {
+        pads.insert(varied.world.physics.pad_friction.to_bits());
+        for (varied, usual) in varied.objects.iter().zip(&usual.objects) {
+            assert!(usual.physics.is_usual() && !varied.physics.is_usual(), "{}", varied.id);
+            assert!((1.0 / 1.5..=1.5).contains(&varied.physics.mass) && varied.physics.contact_damping >= 0.5);
+            assert_eq!(PlacedObject { physics: usual.physics, ..varied.clone() }, *usual);
+        }
+    }
+    assert_eq!(pads.len(), once.len(), "each attempt has its own");
 }
 
 /// One worker, interrupted after the first attempt and continued, against two workers in one go: the same bytes,

@@ -8,12 +8,13 @@ use std::sync::Arc;
 use genmanip_assets::{Catalogue, GraspLibrary};
 use genmanip_core::sensor::SensorPreset;
 use genmanip_core::{
-    Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal, Look, ObjectCard, PhysicsFactors,
-    PlacedObject, Relation, Request, Scenario, Seed, TaskKind, Vary, World,
+    Atom, Camera, CameraMount, CameraSensor, ColorSensor, DepthSensor, Goal, Look, ObjectCard, PlacedObject, Relation,
+    Request, Scenario, Seed, TaskKind, Vary, World,
 };
 use genmanip_layout::{LayoutSettings, add_distractors, lay_out, obstacles, posed};
 use genmanip_motion::{Allowed, Planner, PlannerSettings, PlanningScene};
 use genmanip_render::sampling::jittered;
+use genmanip_rollout::physics_variation::vary_physics;
 use genmanip_scene::references;
 use genmanip_scene::relations::{Rest, ShapeCache, judge_goal};
 use genmanip_scene::wording::{from_the_camera, paraphrases};
@@ -36,10 +37,6 @@ const EXPOSURE_STOPS: f64 = 0.7;
 const WHITE_BALANCE: f64 = 0.12;
 /// Least quality of the JPEG.
 const JPEG_QUALITY: f64 = 40.0;
-/// Largest factors of friction and mass, and their inverses are the least; least factor of the damping of contacts.
-const FRICTION: f64 = 1.5;
-const MASS: f64 = 1.5;
-const CONTACT_DAMPING: f64 = 0.5;
 /// Things that are added.
 const DISTRACTORS: f64 = 5.0;
 /// Paraphrases to choose from.
@@ -77,10 +74,7 @@ impl Workshop {
                 let sensor = self.sensor(rng);
                 world.cameras.iter_mut().for_each(|camera| camera.sensor = Some(sensor));
             }
-            Axis::Physics => {
-                world.physics.pad_friction = self.factor(FRICTION, rng);
-                changed.objects.iter_mut().for_each(|object| object.physics = self.factors(rng));
-            }
+            Axis::Physics => vary_physics(&mut changed, seed, self.dial),
             Axis::Distractors => {
                 let count = (self.dial * DISTRACTORS).ceil() as usize;
                 let more = add_distractors(scenario, Catalogue::builtin(), count, seed, &self.layout);
@@ -154,20 +148,6 @@ impl Workshop {
         let depth =
             usual.depth.map(|depth| DepthSensor { disparity_error_px: depth.disparity_error_px * self.dial, ..depth });
         CameraSensor { depth, color }
-    }
-
-    fn factors(&self, rng: &mut impl Rng) -> PhysicsFactors {
-        PhysicsFactors {
-            friction: self.factor(FRICTION, rng),
-            mass: self.factor(MASS, rng),
-            contact_damping: 1.0 - self.dial * (1.0 - CONTACT_DAMPING) * rng.random::<f64>(),
-            joint_friction: self.factor(FRICTION, rng),
-        }
-    }
-
-    /// Between a factor and its inverse, on a scale of ratios.
-    fn factor(&self, most: f64, rng: &mut impl Rng) -> f64 {
-        (self.dial * most.ln() * (2.0 * rng.random::<f64>() - 1.0)).exp()
     }
 }
 
