@@ -9,8 +9,9 @@ use crate::DataError;
 
 /// Most pixels along a side of an image that is read; those that are drawn have as many at most.
 const MAX_SIDE_PX: u32 = 8192;
-/// How hard rows are compressed. Chosen: 4 makes files 7 % larger, 6 takes twice as long for 5 %.
-const LEVEL: i32 = 5;
+/// How hard rows are compressed. Chosen on 192 pictures of 16 episodes: 11.7 kB in 0.59 ms; 3 gives 12.5 kB in 0.44 ms,
+/// 5 gives 11.0 kB in 0.79 ms.
+const LEVEL: i32 = 4;
 
 /// Metres to millimetres, rounded; 0 for what is not a positive number.
 pub fn depth_to_mm(depth_m: f32) -> u16 {
@@ -37,28 +38,42 @@ pub(crate) fn encode_mm_png(depth_mm: &[u16], width: u32, height: u32) -> Result
     encoder.set_color(ColorType::Grayscale);
     encoder.set_depth(BitDepth::Sixteen);
     let mut writer = encoder.write_header().map_err(png_error)?;
-    writer.write_chunk(chunk::IDAT, &compressed(&upwards(depth_mm, width as usize))?).map_err(png_error)?;
+    writer.write_chunk(chunk::IDAT, &compressed(&filtered(depth_mm, width as usize))?).map_err(png_error)?;
     // Not `finish`, which wants the picture from `write_image_data`: the end is written when the writer goes.
     drop(writer);
     Ok(file)
 }
 
-/// The rows of a picture, each behind the number of its filter, as differences from the row above, byte by byte.
-///
-/// Of a table that a camera looks down on, much of a row has the same slope.
-fn upwards(depth_mm: &[u16], width: usize) -> Vec<u8> {
-    const UP: u8 = 2;
-    let mut bytes = Vec::with_capacity((2 * width + 1) * (depth_mm.len() / width.max(1)));
-    let (mut above, mut row) = (vec![0; 2 * width], vec![0; 2 * width]);
+/// The rows of a picture, each behind the number of its filter, as differences from Paeth's prediction, byte by byte
+/// (PNG specification, third edition, 9.4): much of a table that a camera looks down on has the same slope.
+fn filtered(depth_mm: &[u16], width: usize) -> Vec<u8> {
+    const PAETH: u8 = 4;
+    /// Bytes of a pixel: left of the first there are zeros.
+    const PIXEL: usize = 2;
+    let mut bytes = Vec::with_capacity((PIXEL * width + 1) * (depth_mm.len() / width.max(1)));
+    let mut above = vec![0; PIXEL * (width + 1)];
+    let mut row = above.clone();
     for values in depth_mm.chunks_exact(width.max(1)) {
-        for (bytes, value) in row.as_chunks_mut::<2>().0.iter_mut().zip(values) {
+        for (bytes, value) in row.as_chunks_mut::<PIXEL>().0[1..].iter_mut().zip(values) {
             *bytes = value.to_be_bytes();
         }
-        bytes.push(UP);
-        bytes.extend(row.iter().zip(&above).map(|(byte, above)| byte.wrapping_sub(*above)));
+        bytes.push(PAETH);
+        let around = row.iter().zip(&above[PIXEL..]).zip(&above);
+        bytes.extend(row[PIXEL..].iter().zip(around).map(|(byte, ((left, up), corner))| {
+            byte.wrapping_sub(predicted(i16::from(*left), i16::from(*up), i16::from(*corner)))
+        }));
         std::mem::swap(&mut above, &mut row);
     }
     bytes
+}
+
+/// Of the bytes to the left, above and in the corner the one that is nearest to left + above - corner; without branches,
+/// so that it is compiled for wide registers.
+fn predicted(left: i16, up: i16, corner: i16) -> u8 {
+    let (to_left, to_up) = ((up - corner).abs(), (left - corner).abs());
+    let to_corner = (left + up - 2 * corner).abs();
+    let beside = if to_up <= to_corner { up } else { corner };
+    (if (to_left <= to_up) & (to_left <= to_corner) { left } else { beside }) as u8
 }
 
 fn compressed(bytes: &[u8]) -> Result<Vec<u8>, DataError> {
