@@ -231,7 +231,7 @@ fn came_to(steps: &[Move], is_right: bool, holds: &dyn Fn(&[Atom]) -> bool) -> O
 }
 
 /// Distance in the plane between a point and a box, m.
-fn distance(bounds: &Aabb, point: DVec3) -> f64 {
+pub(super) fn distance(bounds: &Aabb, point: DVec3) -> f64 {
     (point.clamp(bounds.min, bounds.max) - point).truncate().length()
 }
 

@@ -12,6 +12,7 @@ use genmanip_scene::relations::{PosedScene, judge_atom};
 
 use super::{HIGHEST_M, Oracle, Room, best_mask, checked, part_named};
 use crate::agents::failure::FailureClass;
+use crate::agents::witness::distance;
 
 /// A model that does not keep to the form.
 const PROSE: &str = "I would say it is the one in the middle, but please look for yourself.";
@@ -132,11 +133,22 @@ fn would_do(oracle: &Oracle, step: &Move, point: DVec3, scene: &PosedScene) -> b
     step.atoms.iter().all(holds)
 }
 
-/// A cell that does the move, but for another reference.
+/// A cell that does the move, but for another reference that is nearer to it than the right one: nearer to the right one
+/// it would as well be a wrong place there.
 fn other_reference(oracle: &Oracle, question: &Question) -> Option<serde_json::Value> {
     let step = taken_step(oracle, question)?;
     let scene = oracle.truth.scene();
-    let cells = cells_of(oracle, question, &step, &to_others(oracle, &step, &scene), &scene);
+    let Marks::Grid { targets, .. } = &question.marks else { return None };
+    let apart = |to: &Move, cell: &Cell| {
+        let reference = to.atoms.iter().flat_map(genmanip_layout::references).next();
+        let bounds = reference.and_then(|id| scene.index_of(id)).and_then(|object| scene.bounds(object));
+        bounds.zip(targets.get(cell)).map(|(bounds, point)| distance(&bounds, *point))
+    };
+    let nearer = |other: &Move| {
+        let cells = cells_of(oracle, question, &step, std::slice::from_ref(other), &scene);
+        cells.into_iter().find(|cell| apart(other, cell).zip(apart(&step, cell)).is_some_and(|(it, right)| it < right))
+    };
+    let cells: Vec<Cell> = to_others(oracle, &step, &scene).iter().filter_map(nearer).collect();
     let chosen = cells.get(oracle.draw(question, cells.len()))?;
     Some(oracle.sent_to(question, *chosen, None))
 }
