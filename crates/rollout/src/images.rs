@@ -172,7 +172,6 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
 /// As [`draw`].
 pub fn draw_masks(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<MaskTrack>, RolloutError> {
     const IDS: ImageChannels = ImageChannels { rgb: false, depth: false, ids: true, normals: false, points: false };
-    const _: () = assert!(genmanip_render::FIRST_OBJECT == masks::FIRST_OBJECT);
     let seed = variation_seed(episode.result.seed);
     let camera = |name: &String| {
         stage.camera(&CameraRequest::new(name, IDS)).map(|camera| sampling::moved(&camera, seed, &settings.vary))
