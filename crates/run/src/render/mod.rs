@@ -185,10 +185,7 @@ fn draw(
         |(seed, vary)| sampling::varied(&usual, &genmanip_core::Look::new(seed, vary.to_vec())),
     );
     let (count, cameras) = match options.turntable {
-        Some(count) => (
-            count as usize,
-            turntable::draw(stage, count, &folder, variation.clone(), options, threads)?,
-        ),
+        Some(count) => (count as usize, turntable::draw(stage, count, &folder, variation.clone(), options, threads)?),
         None => {
             let cameras = cameras(stage, options)?.into_iter().map(|camera| match look {
                 Some((seed, vary)) => sampling::moved(&camera, seed, vary),

@@ -22,13 +22,13 @@ pub(super) const NAME: &str = "turntable";
 const SIZE_PX: [u32; 2] = [1280, 720];
 /// How far the camera is from the middle of the workspace, m; with the angle of view, objects and arm are seen from all
 /// sides and nothing is cut off.
-const DISTANCE_M: f64 = 1.75;
-/// How high it stands above the horizon, rad; chosen: 32 degrees, over the far edge of a box and under the hand.
-const ELEVATION: f64 = 0.56;
+const DISTANCE_M: f64 = 2.0;
+/// How high it stands above the horizon, rad; chosen: 30 degrees, over the far edge of a box and under the hand.
+const ELEVATION: f64 = 0.52;
 /// Vertical angle of view, rad: that of a lens of 35 mm on full frame, about 38 degrees.
 const VERTICAL_FOV: f64 = 0.66;
 /// How far above the table it looks, m: between the objects and the hand at home.
-const MIDDLE_M: f64 = 0.16;
+const MIDDLE_M: f64 = 0.22;
 
 /// The cameras of a turn, the first one facing the robot, counter-clockwise as seen from above.
 pub(super) fn cameras(stage: &Stage, count: u32, options: &RenderOptions) -> Vec<Camera> {

@@ -6,8 +6,8 @@ use genmanip_core::glam::DVec2;
 use genmanip_data::export::steps::Steps;
 use genmanip_rollout::Stage;
 
-use super::pen::{width, write};
 use super::super::moment::Moment;
+use super::pen::{width, write};
 use super::{PALETTE, VERMILION};
 
 /// Largest share of the picture's height that captions cover.

@@ -24,9 +24,9 @@ const STEP_M: f64 = 0.004;
 const LEAST_N: f64 = 0.05;
 /// Length of the arrow of 1 N, m; arrows are as long as the square root of the force, so that 0.1 N and 60 N are both
 /// seen.
-const NEWTON_M: f64 = 0.025;
+const NEWTON_M: f64 = 0.015;
 /// Length of drawn axes, m.
-const AXIS_M: f64 = 0.14;
+const AXIS_M: f64 = 0.17;
 /// Height of letters, pixels of a 512x288 picture.
 const LETTER_PX: f64 = 8.0;
 /// Axes x, y, z.
@@ -67,7 +67,7 @@ pub(super) fn path(pen: &mut Pen, tools: &[DVec3], now: usize) {
     let ahead = thinned(&tools[now..]);
     let behind = thinned(&tools[..=now]);
     for (points, width, color) in [(ahead, 0.6 * WAY_PX, SKY), (behind, WAY_PX, VERMILION)] {
-        points.windows(2).for_each(|pair| pen.line(pair[0], pair[1], width, color, Hidden::Shown));
+        pen.polyline(&points, width, color, Hidden::Shown);
     }
     pen.dot(*tool, 2.0 * WAY_PX, VERMILION);
 }
@@ -122,10 +122,14 @@ fn axes(pen: &mut Pen, world_from_frame: &Pose, name: &str) {
             pen.label(letter, pixel, LETTER_PX, color);
         }
     }
-    if let Some((pixel, _)) = pen.projection.pixel(world_from_frame.position) {
-        let below = DVec2::new(0.0, 1.4 * LETTER_PX * pen.picture.unit());
-        pen.label(name, pixel + below, 0.8 * LETTER_PX, [255; 3]);
-    }
+    let Some((origin, _)) = pen.projection.pixel(world_from_frame.position) else { return };
+    // The name stands where the axes do not lead to.
+    let tips = [DVec3::X, DVec3::Y, DVec3::Z].iter().filter_map(|way| pen.projection.pixel(at(*way, AXIS_M)));
+    let lead: DVec2 = tips.map(|(tip, _)| tip - origin).sum();
+    let away = -lead.try_normalize().unwrap_or(DVec2::NEG_Y);
+    let half = 0.5 * super::pen::width(name, 0.8 * LETTER_PX);
+    let reach = DVec2::new(half + 0.7 * LETTER_PX, 1.1 * LETTER_PX) * pen.picture.unit();
+    pen.label(name, origin + away * reach, 0.8 * LETTER_PX, [255; 3]);
 }
 
 /// The edges of what a camera sees, up to the tips of its axes.
@@ -152,5 +156,5 @@ fn pixel_axes(pen: &mut Pen) {
         pen.head(from, tip, 1.6, color);
         pen.label(name, tip + way * (9.0 * unit), LETTER_PX, color);
     }
-    pen.label("0,0", from + DVec2::new(12.0, 12.0) * unit, 0.7 * LETTER_PX, [255; 3]);
+    pen.label("(0, 0)", from + DVec2::new(20.0, 13.0) * unit, 0.7 * LETTER_PX, [255; 3]);
 }

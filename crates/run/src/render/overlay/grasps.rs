@@ -59,8 +59,7 @@ pub(super) fn made(episode: &Episode) -> Vec<DrawnGrasp> {
     let mut drawn: Vec<DrawnGrasp> = begins.filter_map(made).collect();
     // Fingers that lose touch for a step take hold again at the same place.
     drawn.dedup_by(|later, first| {
-        later.object == first.object
-            && later.grasp.pose.position.distance(first.grasp.pose.position) < APART_M
+        later.object == first.object && later.grasp.pose.position.distance(first.grasp.pose.position) < APART_M
     });
     drawn
 }

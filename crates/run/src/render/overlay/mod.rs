@@ -56,16 +56,8 @@ pub enum Overlay {
 
 impl Overlay {
     /// All of them, in the order in which they are drawn.
-    pub const ALL: [Self; 8] = [
-        Self::Masks,
-        Self::Grid,
-        Self::Boxes,
-        Self::Path,
-        Self::Grasps,
-        Self::Contacts,
-        Self::Frames,
-        Self::Numbers,
-    ];
+    pub const ALL: [Self; 8] =
+        [Self::Masks, Self::Grid, Self::Boxes, Self::Path, Self::Grasps, Self::Contacts, Self::Frames, Self::Numbers];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -157,7 +149,8 @@ impl<'a> Overlays<'a> {
             self.contacts = contacts.map_err(|error| not_drawn(&self.stage.scenario.id, error))?;
         }
         for index in 0..images.len() {
-            let others: Vec<_> = cameras.iter().zip(&*images).enumerate().filter(|(other, _)| *other != index).collect();
+            let others: Vec<_> =
+                cameras.iter().zip(&*images).enumerate().filter(|(other, _)| *other != index).collect();
             let others: Vec<_> =
                 others.into_iter().map(|(_, (camera, image))| (camera.name.clone(), image.projection())).collect();
             self.draw_over(moment, &mut images[index], &others);

@@ -25,6 +25,9 @@ pub(super) struct Pen<'a> {
     pub(super) depth_m: &'a [f32],
 }
 
+/// First and last pixel of a piece of a line, and whether something is before it.
+type Piece = (DVec2, DVec2, bool);
+
 /// Whether what lies behind things is drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Hidden {
@@ -37,8 +40,28 @@ pub(super) enum Hidden {
 impl Pen<'_> {
     /// A straight line of the world with a dark edge, `width` pixels wide on a 512x288 picture.
     pub(super) fn line(&mut self, from: DVec3, to: DVec3, width: f64, color: Color, hidden: Hidden) {
+        self.polyline(&[from, to], width, color, hidden);
+    }
+
+    /// Straight lines from each point to the next, as [`Pen::line`], with one edge around all of them.
+    pub(super) fn polyline(&mut self, points: &[DVec3], width: f64, color: Color, hidden: Hidden) {
         let unit = self.picture.unit();
-        let Some((from, to)) = self.ahead(from, to) else { return };
+        let pieces: Vec<Piece> = points.windows(2).flat_map(|pair| self.pieces(pair[0], pair[1], hidden)).collect();
+        for (extra, color) in [(2.0 * EDGE_PX, BLACK), (0.0, color)] {
+            for (start, end, is_hidden) in &pieces {
+                // What is hidden is thinner and has no edge.
+                let width = if *is_hidden { 0.6 * width } else { width + extra };
+                if extra == 0.0 || !is_hidden {
+                    self.picture.line(start.to_array(), end.to_array(), width * unit, color);
+                }
+            }
+        }
+    }
+
+    /// The pieces of a line that are drawn.
+    fn pieces(&self, from: DVec3, to: DVec3, hidden: Hidden) -> Vec<Piece> {
+        let unit = self.picture.unit();
+        let Some((from, to)) = self.ahead(from, to) else { return Vec::new() };
         let ends = self.projection.pixel(from).zip(self.projection.pixel(to));
         // Where a lens shows no place for an end, the line is still tried piece by piece.
         let length = ends.map_or(f64::from(self.picture.width), |(from, to)| from.0.distance(to.0));
@@ -47,19 +70,9 @@ impl Pen<'_> {
         let piece = |index: usize| {
             let (start, end) = (self.projection.pixel(at(index))?.0, self.projection.pixel(at(index + 1))?.0);
             let is_hidden = hidden == Hidden::Dashed && self.is_behind(at(index).lerp(at(index + 1), 0.5));
-            Some((start, end, is_hidden, index))
+            (!is_hidden || index.is_multiple_of(2)).then_some((start, end, is_hidden))
         };
-        let is_drawn = |&(_, _, is_hidden, index): &(DVec2, DVec2, bool, usize)| !is_hidden || index % 2 == 0;
-        let pieces: Vec<_> = (0..count).filter_map(piece).filter(is_drawn).collect();
-        for (extra, color) in [(2.0 * EDGE_PX, BLACK), (0.0, color)] {
-            for (start, end, is_hidden, _) in &pieces {
-                // What is hidden is thinner and has no edge.
-                let width = if *is_hidden { 0.6 * width } else { width + extra };
-                if extra == 0.0 || !is_hidden {
-                    self.picture.line(start.to_array(), end.to_array(), width * unit, color);
-                }
-            }
-        }
+        (0..count).filter_map(piece).collect()
     }
 
     /// An arrow of the world, in full.
