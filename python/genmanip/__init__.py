@@ -17,6 +17,7 @@ from ._genmanip import Error, Saved, Scenes, __version__, engine, policies  # no
 from ._registration import register as _register  # noqa: E402
 from .environment import ACTIONS, Env, Step  # noqa: E402
 from .functions import Dataset, Policy, collect, design, evaluate, layout, tasks  # noqa: E402
+from .projection import Projection  # noqa: E402
 
 _register()
 
@@ -26,6 +27,7 @@ __all__ = [
     "Env",
     "Error",
     "Policy",
+    "Projection",
     "Saved",
     "Scenes",
     "Step",

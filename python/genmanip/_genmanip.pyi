@@ -56,6 +56,25 @@ class Pool:
     ) -> tuple[list[_Told | None], list[dict[str, Any]]]: ...
     def about(self) -> list[_About | None]: ...
 
+class Projection:
+    """A camera at its place in the world; rows in, rows out."""
+
+    def __new__(
+        cls,
+        k: Sequence[Sequence[float]],
+        size: Sequence[int],
+        world_from_camera: Sequence[Sequence[float]],
+        distortion: Sequence[float] | None,
+    ) -> Projection: ...
+    def pixels(self, points: Sequence[Sequence[float]]) -> Any:
+        """Rows u, v, depth of points of the world."""
+    def points(self, pixels: Sequence[Sequence[float]]) -> Any:
+        """Points of the world of rows u, v, depth."""
+    def rays(self, pixels: Sequence[Sequence[float]]) -> Any: ...
+    def to_camera(self, points: Sequence[Sequence[float]]) -> Any: ...
+    def to_world(self, points: Sequence[Sequence[float]]) -> Any: ...
+    def world_from_camera(self) -> Any: ...
+
 def engine() -> str:
     """Version of the simulator that was loaded, as it says itself."""
 

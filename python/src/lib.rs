@@ -10,6 +10,7 @@ mod errors;
 mod evaluation;
 mod observation;
 mod pool;
+mod projection;
 mod stages;
 
 use pyo3::prelude::*;
@@ -23,6 +24,7 @@ fn _genmanip(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<environment::Env>()?;
     module.add_class::<environment::Saved>()?;
     module.add_class::<pool::Pool>()?;
+    module.add_class::<projection::Projection>()?;
     module.add_function(wrap_pyfunction!(engine, module)?)?;
     module.add_function(wrap_pyfunction!(evaluation::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(evaluation::policies, module)?)?;

@@ -42,14 +42,18 @@ pub fn glance<'py>(py: Python<'py>, (seen, objects): &(Observation, Vec<ObjectSt
     Ok(dictionary)
 }
 
-/// The channels that were asked for, `"K"` and `"world_from_camera"`.
+/// The channels that were asked for, `"K"`, `"size"` (width, height), `"world_from_camera"`, and `"distortion"` of a lens.
 pub fn picture<'py>(py: Python<'py>, image: &RgbdImage) -> PyResult<Bound<'py, PyDict>> {
     let (rows, columns) = (image.height() as usize, image.width() as usize);
     let dictionary = PyDict::new(py);
     let k = &image.intrinsics;
     let k = [k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0];
     dictionary.set_item("K", array(py, &k, &[3, 3])?)?;
+    dictionary.set_item("size", (image.width(), image.height()))?;
     dictionary.set_item("world_from_camera", array(py, &matrix(&image.world_from_camera), &[4, 4])?)?;
+    if let Some(lens) = &image.distortion {
+        dictionary.set_item("distortion", array(py, &[lens.k1, lens.k2, lens.p1, lens.p2, lens.k3], &[5])?)?;
+    }
     if !image.rgb.is_empty() {
         dictionary.set_item("rgb", array(py, &image.rgb, &[rows, columns, 3])?)?;
     }
@@ -74,7 +78,7 @@ fn pose(pose: &Pose) -> [f64; 7] {
 }
 
 /// Row by row.
-fn matrix(pose: &Pose) -> [f64; 16] {
+pub fn matrix(pose: &Pose) -> [f64; 16] {
     let (p, [x, y, z]) = (pose.position, [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis));
     [x.x, y.x, z.x, p.x, x.y, y.y, z.y, p.y, x.z, y.z, z.z, p.z, 0.0, 0.0, 0.0, 1.0]
 }

@@ -34,6 +34,28 @@ def tearDownModule():
     FOLDER.cleanup()
 
 
+class Projections(unittest.TestCase):
+    def test_pixels_lead_to_the_points_that_the_picture_shows_and_back(self):
+        channels = {"depth": True, "points": True}
+        env = genmanip.Env(SCENARIOS, cameras=[{"name": "static", "size": [64, 48], "channels": channels}])
+        picture = env.reset()["images"]["static"]
+        camera = genmanip.Projection.of(picture)
+        rows, columns = np.nonzero(picture["depth_m"] > 0)
+        pixels, depth = np.column_stack([columns, rows]), picture["depth_m"][rows, columns]
+        points = camera.points(pixels, depth)
+        np.testing.assert_allclose(points, picture["points_m"][rows, columns], atol=1e-5)
+        lens = genmanip.Projection(picture["K"], (64, 48), picture["world_from_camera"], [-0.1, 0.01, 0.001, 0.0])
+        for one in (camera, lens):
+            back, depth_back = one.pixels(one.points(pixels, depth))
+            np.testing.assert_allclose(back, pixels, atol=1e-7)
+            np.testing.assert_allclose(depth_back, depth, atol=1e-12)
+            np.testing.assert_allclose(one.to_world(one.to_camera(points)), points, atol=1e-12)
+        self.assertGreater(np.abs(lens.rays(pixels) - camera.rays(pixels)).max(), 1e-3)
+        self.assertTrue(np.isnan(camera.pixels(camera.to_world([[0, 0, -1]]))[0]).all())
+        with self.assertRaisesRegex(genmanip.Error, "pinhole"):
+            genmanip.Projection(np.ones((3, 3)), (64, 48), np.eye(4))
+
+
 class Environments(unittest.TestCase):
     def test_same_actions_lead_to_same_bytes_also_from_a_saved_moment(self):
         env = genmanip.Env(SCENARIOS, cameras=[{"name": "static", "size": [64, 48]}], privileged=True)

@@ -169,3 +169,31 @@ impl Aabb {
         (self.max + self.min) * 0.5
     }
 }
+
+/// A box with axes of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OrientedBox {
+    /// Centre and axes of the box, in the frame that is spoken of, e.g. the world.
+    pub outer_from_box: Pose,
+    /// Lengths along its axes, metres.
+    pub size: DVec3,
+}
+
+impl OrientedBox {
+    /// The corners that each edge joins.
+    pub const EDGES: [[usize; 2]; 12] =
+        [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
+
+    /// Bounds in a frame that is itself placed in the outer one.
+    pub fn of_bounds(outer_from_inner: &Pose, bounds: &Aabb) -> Self {
+        Self { outer_from_box: *outer_from_inner * Pose::from_position(bounds.center()), size: bounds.size() }
+    }
+
+    /// Its corners in the outer frame; bits 0, 1 and 2 of a corner's number say whether x, y and z are high.
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|corner| {
+            let side = |axis: usize| if corner >> axis & 1 == 1 { 0.5 } else { -0.5 };
+            self.outer_from_box.transform_point(self.size * DVec3::new(side(0), side(1), side(2)))
+        })
+    }
+}

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Distortion, Intrinsics, Pose};
+use crate::{Distortion, Intrinsics, Pose, Projection};
 
 /// One camera's image: what policies, depth perception and recorders speak.
 ///
@@ -112,30 +112,23 @@ impl RgbdImage {
         self.intrinsics.height
     }
 
+    /// The camera that took the image.
+    pub fn projection(&self) -> Projection {
+        let Self { intrinsics, distortion, world_from_camera, .. } = *self;
+        Projection { intrinsics, distortion, world_from_camera }
+    }
+
     /// The point in the world that a pixel sees, by its index; `None` where nothing was seen or there is no depth.
     pub fn point(&self, index: usize) -> Option<DVec3> {
         let depth_m = *self.depth_m.get(index).filter(|depth_m| **depth_m > 0.0 && depth_m.is_finite())?;
         let width = (self.intrinsics.width as usize).max(1);
         let pixel = DVec2::new((index % width) as f64, (index / width) as f64);
-        let ray = self.intrinsics.unproject(pixel, 1.0);
-        let ray = match self.distortion {
-            None => ray,
-            Some(lens) => lens.undistort(ray.truncate())?.extend(1.0),
-        };
-        Some(self.world_from_camera.transform_point(ray * f64::from(depth_m)))
+        self.projection().point(pixel, f64::from(depth_m))
     }
 
     /// Where the image shows a point of the world, in pixels, which may lie outside of it; `None` behind the camera.
     pub fn pixel_of(&self, point: DVec3) -> Option<DVec2> {
-        let seen = self.world_from_camera.inverse().transform_point(point);
-        let on_plane = (seen.z > 1e-9).then(|| seen.truncate() / seen.z)?;
-        let shown = match self.distortion {
-            None => on_plane,
-            // A point far outside may be folded into the image by the formula, and never by the lens.
-            Some(lens) => Some(lens.distort(on_plane))
-                .filter(|&shown| lens.undistort(shown).is_some_and(|back| back.distance(on_plane) < 1e-6))?,
-        };
-        self.intrinsics.project(shown.extend(1.0))
+        self.projection().pixel(point).map(|(pixel, _)| pixel)
     }
 
     /// The same camera, without a channel.

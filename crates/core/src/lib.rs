@@ -36,8 +36,10 @@ mod look;
 pub mod mesh;
 pub mod names;
 pub mod object;
+pub mod perception;
 pub mod policy;
 pub mod pose;
+mod projection;
 pub mod robot;
 pub mod scenario;
 pub mod seed;
@@ -63,7 +65,7 @@ pub use episode::{
     AttemptOutcome, CloudVerdict, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun,
     ObjectState, StrayContact,
 };
-pub use geometry::{Aabb, Piece, Shape};
+pub use geometry::{Aabb, OrientedBox, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};
 pub use hash::AssetHashes;
 pub use image::{CameraRequest, ImageChannels, RgbdImage};
@@ -76,6 +78,7 @@ pub use object::{
 };
 pub use policy::{ActionChunk, EpisodeStart, Observation, Policy, PolicyError, PolicySpec, PrivilegedState};
 pub use pose::Pose;
+pub use projection::Projection;
 pub use robot::{Drives, Gripper, Reach, RobotJoint, RobotLink, RobotModel};
 pub use scenario::{PhysicsFactors, PlacedObject, Request, Scenario};
 pub use seed::Seed;

@@ -253,6 +253,18 @@ impl ObjectModel {
         placed
     }
 
+    /// Bounds in the object's frame of what is drawn of it, given a position for each joint in the order of the links.
+    pub fn visual_bounds(&self, joint_positions: &[f64]) -> Aabb {
+        let links = self.links.iter().zip(self.link_poses(joint_positions));
+        let corners = links.flat_map(|(link, object_from_link)| {
+            link.visual.iter().flat_map(move |part| {
+                let object_from_part = object_from_link * part.link_from_part;
+                part.mesh.positions.iter().map(move |corner| object_from_part.transform_point(corner.as_dvec3()))
+            })
+        });
+        Aabb::from_points(corners)
+    }
+
     /// Exact bounds in the world.
     pub fn world_bounds(&self, world_from_object: &Pose, joint_positions: &[f64]) -> Aabb {
         self.links.iter().zip(self.link_poses(joint_positions)).fold(Aabb::EMPTY, |bounds, (link, object_from_link)| {

@@ -3,7 +3,7 @@
 use genmanip_core::glam::{DQuat, DVec2, DVec3};
 use genmanip_core::{
     Aabb, AssetRef, Atom, AtomVerdict, Distortion, Document, Ending, EpisodeResult, Intrinsics, Measurement, Piece,
-    Pose, RgbdImage, Scenario, Seed, Shape, Task, Unit, World,
+    Pose, Projection, RgbdImage, Scenario, Seed, Shape, Task, Unit, World,
 };
 use proptest::prelude::*;
 
@@ -166,6 +166,7 @@ fn schemas_on_disk_are_those_of_the_types() {
         ("scenario", schemars::schema_for!(Scenario)),
         ("world", schemars::schema_for!(World)),
         ("result", schemars::schema_for!(genmanip_core::EpisodeResult)),
+        ("labels", schemars::schema_for!(genmanip_core::perception::PictureLabels)),
     ] {
         let path = folder.join(format!("{name}.schema.json"));
         let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
@@ -185,6 +186,36 @@ fn any_pose() -> impl Strategy<Value = Pose> {
 }
 
 proptest! {
+    /// Whatever the camera and the lens: pixel and depth lead to a point that is shown at that pixel at that depth.
+    #[test]
+    fn pixels_and_points_lead_to_each_other(
+        world_from_camera in any_pose(),
+        fov in 0.3..1.6_f64,
+        shift in prop::array::uniform2(-40.0..40.0_f64),
+        stretch in 0.8..1.25_f64,
+        lens in prop::option::of((-0.1..0.1_f64, -0.01..0.01_f64, -2e-3..2e-3_f64, -2e-3..2e-3_f64)),
+        pixel in (0.0..511.0_f64, 0.0..287.0_f64),
+        depth_m in 0.05..5.0_f64,
+    ) {
+        let pinhole = Intrinsics::from_vertical_fov(512, 288, fov.min(1.0));
+        let intrinsics =
+            Intrinsics { fx: pinhole.fx * stretch, cx: pinhole.cx + shift[0], cy: pinhole.cy + shift[1], ..pinhole };
+        let distortion = lens.map(|(k1, k2, p1, p2)| Distortion { k1, k2, p1, p2, k3: 0.0 });
+        let projection = Projection { intrinsics, distortion, world_from_camera };
+        let pixel = DVec2::new(pixel.0, pixel.1);
+        let point = projection.point(pixel, depth_m).unwrap();
+        let (back, depth_back_m) = projection.pixel(point).unwrap();
+        prop_assert!(back.distance(pixel) < 1e-7, "{} -> {}", pixel, back);
+        prop_assert!((depth_back_m - depth_m).abs() < 1e-12 * (1.0 + point.length()));
+        prop_assert!(projection.to_world(projection.to_camera(point)).distance(point) < 1e-12);
+        let ray = projection.ray(pixel).unwrap();
+        prop_assert!(projection.pixel_of_ray(ray * 3.0).unwrap().distance(pixel) < 1e-7);
+        prop_assert_eq!(projection.pixel_of_ray(-ray), None);
+        let (eye, direction) = projection.sight(pixel).unwrap();
+        prop_assert!((point - eye).normalize().distance(direction) < 1e-9);
+        prop_assert!(projection.is_in_picture(pixel) && !projection.is_in_picture(pixel + DVec2::splat(512.0)));
+    }
+
     #[test]
     fn inverse_undoes(pose in any_pose(), point in prop::array::uniform3(-3.0..3.0)) {
         let point = DVec3::from_array(point);

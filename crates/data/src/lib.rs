@@ -35,6 +35,7 @@ mod mp4;
 pub mod paper;
 mod partial;
 mod parts;
+pub mod ply;
 pub mod store;
 mod table;
 pub mod video;

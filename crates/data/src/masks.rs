@@ -4,14 +4,13 @@
 //! `<camera>.masks`, 16-bit grey PNG files one after the other. 0 is nothing, 1 the table, 2 the robot,
 //! [`FIRST_OBJECT`]` + i` object `i` of the scenario.
 
-use genmanip_core::{Document, DocumentError};
+use genmanip_core::{Document, DocumentError, perception};
 use serde::{Deserialize, Serialize};
 
 use crate::depth::{decode_depth_png, encode_mm_png};
 use crate::{Attachment, DataError, EpisodeStore, video};
 
-/// Id of the first object.
-pub const FIRST_OBJECT: u16 = 3;
+pub use genmanip_core::perception::{FIRST_OBJECT, Seen};
 
 /// One camera's masks of one episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,15 +21,6 @@ pub struct MaskTrack {
     pub fps: u32,
     /// 16-bit PNG files, one per picture.
     pub png: Vec<Vec<u8>>,
-}
-
-/// What a picture shows of a thing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Seen {
-    /// Left, top, right, bottom in pixels; right and bottom are the first behind it. Zeros where nothing is seen.
-    pub bounds_px: [u32; 4],
-    /// Pixels that show it.
-    pub pixels: u32,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,21 +51,7 @@ pub fn encode(ids: &[u16], width: u32, height: u32) -> Result<Vec<u8>, DataError
 /// When the file is not a 16-bit grey PNG.
 pub fn seen(png: &[u8], objects: usize) -> Result<Vec<Seen>, DataError> {
     let (width, _, ids) = decode_depth_png(png)?;
-    let mut all = vec![Seen::default(); objects];
-    for (y, row) in (0_u32..).zip(ids.chunks(width.max(1) as usize)) {
-        for (x, id) in (0_u32..).zip(row) {
-            let Some(seen) = id.checked_sub(FIRST_OBJECT).and_then(|object| all.get_mut(usize::from(object))) else {
-                continue;
-            };
-            let [left, top, right, bottom] = seen.bounds_px;
-            seen.bounds_px = match seen.pixels {
-                0 => [x, y, x + 1, y + 1],
-                _ => [left.min(x), top.min(y), right.max(x + 1), bottom.max(y + 1)],
-            };
-            seen.pixels += 1;
-        }
-    }
-    Ok(all)
+    Ok(perception::seen(&ids, width, objects))
 }
 
 impl EpisodeStore {

@@ -9,7 +9,7 @@ pub const TABLE: u16 = 1;
 /// Instance id of the robot.
 pub const ROBOT: u16 = 2;
 /// Instance id of object 0; object `i` is `FIRST_OBJECT + i`, in the order given to [`crate::RenderAssets::new`].
-pub const FIRST_OBJECT: u16 = 3;
+pub const FIRST_OBJECT: u16 = genmanip_core::perception::FIRST_OBJECT;
 
 /// Index of the object with an instance id; `None` for background, table and robot.
 pub fn object_of_instance(instance: u16) -> Option<usize> {

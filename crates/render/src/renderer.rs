@@ -9,7 +9,7 @@ use crate::assets::{RenderAssets, Surface};
 use crate::backdrop::Backdrop;
 use crate::canvas::{Canvas, write_geometry};
 use crate::error::RenderError;
-use crate::job::{FrameBuffers, FrameState, ViewJob};
+use crate::job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, ViewJob};
 use crate::occluders::Occluders;
 use crate::raster::Target;
 use crate::scene::Scene;
@@ -134,6 +134,40 @@ impl Renderer {
                 self.view.draw_transparent(&self.assets, [true, true], &mut self.solid);
                 write_geometry(&self.assets, &self.view, &self.solid, job.channels, buffers);
             }
+        }
+        Ok(())
+    }
+
+    /// What a view would show of each object with nothing before it: `take` gets the instance id of an object, and the
+    /// channel `instance`, which holds that id where the object would be seen; for the objects in their order.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`], and what `take` says.
+    pub fn alone(
+        &mut self,
+        job: &ViewJob<'_>,
+        take: &mut dyn FnMut(u16, FrameBuffers) -> Result<(), RenderError>,
+    ) -> Result<(), RenderError> {
+        let lens = Lens::of(&self.assets, job)?;
+        let (width, height) = (lens.width, lens.height);
+        self.view.place(&self.assets, &snapped(job.frame), lens);
+        let mut parts = self.assets.parts.iter().map(|part| part.instance).enumerate().peekable();
+        while let Some((first, instance)) = parts.next() {
+            let mut end = first + 1;
+            while parts.next_if(|(_, next)| *next == instance).is_some() {
+                end += 1;
+            }
+            if instance < FIRST_OBJECT {
+                continue;
+            }
+            self.solid.reset::<true>(width, height, 1);
+            for part in first..end {
+                self.view.draw_whole(&self.assets, part, &mut self.solid);
+            }
+            let mut out = FrameBuffers { width: width as u32, height: height as u32, ..FrameBuffers::default() };
+            let ids = Channels { instance: true, ..Channels::default() };
+            write_geometry(&self.assets, &self.view, &self.solid, ids, &mut out);
+            take(instance, out)?;
         }
         Ok(())
     }

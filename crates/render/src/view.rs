@@ -177,6 +177,14 @@ impl View {
         }
     }
 
+    /// Draws a part, opaque or transparent, with all sides that can be seen.
+    pub fn draw_whole(&self, assets: &RenderAssets, index: usize, target: &mut Target) {
+        match assets.parts[index].is_transparent() {
+            true => self.draw(assets, index, [true, true], target),
+            false => self.draw_opaque(assets, index, target),
+        }
+    }
+
     /// Draws all transparent parts.
     pub fn draw_transparent(&self, assets: &RenderAssets, sides: Sides, target: &mut Target) {
         for index in (0..assets.parts.len()).filter(|&index| assets.parts[index].is_transparent()) {

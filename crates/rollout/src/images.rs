@@ -1,11 +1,14 @@
 //! Images of a stage: of recorded frames after the physics, and of the state in the loop for policies that ask for them.
 
+use genmanip_core::perception::{FIRST_OBJECT, Seen, seen};
 use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, RgbdImage, Seed};
 use genmanip_data::images::variation_seed;
 use genmanip_data::masks::{self, MaskTrack};
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
 use genmanip_render::reference::{ReferenceSettings, trace};
-use genmanip_render::{FrameBuffers, Look, RenderError, RenderVariation, Renderer, Vary, ViewJob, sampling, sensor};
+use genmanip_render::{
+    Channels, FrameBuffers, FrameState, Look, RenderError, RenderVariation, Renderer, Vary, ViewJob, sampling, sensor,
+};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -133,6 +136,41 @@ impl Painter {
     }
 }
 
+impl Painter {
+    /// What each camera would see of each object with nothing before it, in the pictures of [`Painter::paint_state`] of
+    /// the same moment: a list per camera, with the objects in their order.
+    ///
+    /// # Errors
+    /// As [`Painter::paint_state`].
+    pub fn whole<'a>(
+        &mut self,
+        arm: &[f64],
+        gripper_width: f64,
+        objects: impl IntoIterator<Item = (Pose, &'a [f64])>,
+        cameras: &[Camera],
+    ) -> Result<Vec<Vec<Seen>>, RolloutError> {
+        let assets = Arc::clone(self.renderer.assets());
+        let state = assets.frame_state(arm, gripper_width, objects).map_err(|error| failed(&self.scenario, &error))?;
+        let whole = cameras.iter().map(|camera| self.whole_in(&state, camera)).collect::<Result<_, _>>();
+        whole.map_err(|error: RenderError| failed(&self.scenario, &error))
+    }
+
+    fn whole_in(&mut self, state: &FrameState, camera: &Camera) -> Result<Vec<Seen>, RenderError> {
+        const IDS: Channels = Channels { rgb: false, depth: false, instance: true, normal: false, parts: false };
+        let pinhole = sensor::pinhole(camera)?;
+        let mut whole = Vec::new();
+        self.renderer.alone(&ViewJob::new(state, &pinhole, IDS), &mut |instance, drawn| {
+            let object = usize::from(instance - FIRST_OBJECT);
+            let drawn = sensor::through_lens(camera, drawn)?;
+            // Objects that nothing is drawn of are left out by the renderer.
+            whole.resize(object, Seen::default());
+            whole.extend(seen(&drawn.instance, drawn.width, object + 1).pop());
+            Ok(())
+        })?;
+        Ok(whole)
+    }
+}
+
 /// How a stage is drawn when nothing else is said: as its world says.
 pub fn usual_variation(stage: &Stage) -> RenderVariation {
     let usual = RenderVariation::default();
@@ -172,7 +210,6 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
 /// As [`draw`].
 pub fn draw_masks(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<MaskTrack>, RolloutError> {
     const IDS: ImageChannels = ImageChannels { rgb: false, depth: false, ids: true, normals: false, points: false };
-    const _: () = assert!(genmanip_render::FIRST_OBJECT == masks::FIRST_OBJECT);
     let seed = variation_seed(episode.result.seed);
     let camera = |name: &String| {
         stage.camera(&CameraRequest::new(name, IDS)).map(|camera| sampling::moved(&camera, seed, &settings.vary))

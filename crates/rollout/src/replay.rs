@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use genmanip_core::{Episode, World, WorldPart};
-use genmanip_sim::Sim;
+use genmanip_sim::{ContactReport, Sim};
 
 use crate::{RolloutError, Stage};
 
@@ -40,6 +40,39 @@ pub fn check(stage: &Stage, episode: &Episode) -> Result<ReplayCheck, RolloutErr
         largest_difference: state.iter().zip(&episode.final_state).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max),
         frames: episode.frames.len(),
     })
+}
+
+/// Who touches whom during an episode, which it does not record: found by replaying it.
+pub struct ContactReplay<'a> {
+    episode: &'a Episode,
+    sim: Sim,
+    /// Control steps that were replayed.
+    done: usize,
+}
+
+impl<'a> ContactReplay<'a> {
+    /// Before the first command of an episode.
+    ///
+    /// # Errors
+    /// As [`check`].
+    pub fn new(stage: &Stage, episode: &'a Episode) -> Result<Self, RolloutError> {
+        check_world(&stage.scenario.world, episode)?;
+        let mut sim = Sim::new(Arc::clone(&stage.scene));
+        sim.set_state(&episode.initial_state)?;
+        Ok(Self { episode, sim, done: 0 })
+    }
+
+    /// Contacts at the start of a control step, in the world; steps are asked for in their order.
+    ///
+    /// # Errors
+    /// When the simulation becomes unstable.
+    pub fn at(&mut self, control_step: usize) -> Result<Vec<ContactReport>, RolloutError> {
+        for frame in self.episode.frames.get(self.done..control_step).unwrap_or_default() {
+            self.sim.control_step(&frame.command)?;
+            self.done += 1;
+        }
+        Ok(self.sim.contacts())
+    }
 }
 
 /// Refuses a world that differs in more than looks from the one the episode was recorded in.

@@ -28,6 +28,9 @@ const COLORS: [Color; 8] = [
     [220, 60, 150],
 ];
 
+/// How much of a mask's colour lies over it in pictures for models, who shall see what is below.
+const FILL: f64 = 0.05;
+
 /// Dots of a label per pixel of a 512x288 picture.
 const DOT: f64 = 1.0;
 
@@ -43,20 +46,30 @@ fn dot(picture: &Picture) -> f64 {
 /// The picture with masks outlined, tinted and numbered from 1.
 pub fn masks(picture: &Picture, masks: &[Mask]) -> Picture {
     let mut marked = picture.clone();
-    for (index, mask) in masks.iter().enumerate() {
-        tint(&mut marked, mask, color(index));
+    tints(&mut marked, masks, &COLORS, FILL);
+    numbers(&mut marked, masks, &COLORS);
+    marked
+}
+
+/// Outlines masks in colours, which repeat, and fills them with a share of it, 0-1.
+pub fn tints(picture: &mut Picture, masks: &[Mask], colors: &[Color], fill: f64) {
+    for (mask, color) in masks.iter().zip(colors.iter().cycle()) {
+        tint(picture, mask, *color, fill);
     }
-    let taken = labels(&marked, masks);
-    let size = dot(&marked);
-    for (index, middle) in taken.into_iter().enumerate() {
+}
+
+/// Numbers masks from 1, each label framed in its mask's colour; colours repeat.
+pub fn numbers(picture: &mut Picture, masks: &[Mask], colors: &[Color]) {
+    let taken = labels(picture, masks);
+    let size = dot(picture);
+    for ((index, middle), color) in taken.into_iter().enumerate().zip(colors.iter().cycle()) {
         let Some(middle) = middle else { continue };
         if let Some(anchor) = anchor(&masks[index]).filter(|anchor| !is_on(&masks[index], middle, *anchor)) {
-            marked.line(middle, anchor, size.max(1.0), color(index));
+            picture.line(middle, anchor, size.max(1.0), *color);
         }
-        marked.label(&(index + 1).to_string(), middle, size);
-        frame(&mut marked, &(index + 1).to_string(), middle, size, color(index));
+        picture.label(&(index + 1).to_string(), middle, size);
+        frame(picture, &(index + 1).to_string(), middle, size, *color);
     }
-    marked
 }
 
 /// A thin coloured frame around a label, so that it can be told which outline it belongs to.
@@ -74,7 +87,7 @@ fn frame(picture: &mut Picture, text: &str, middle: [f64; 2], dot: f64, color: C
     }
 }
 
-fn tint(picture: &mut Picture, mask: &Mask, color: Color) {
+fn tint(picture: &mut Picture, mask: &Mask, color: Color, fill: f64) {
     let width = mask.width as usize;
     let has = |x: i64, y: i64| {
         x >= 0
@@ -87,7 +100,7 @@ fn tint(picture: &mut Picture, mask: &Mask, color: Color) {
     for index in mask.indices() {
         let (x, y) = ((index % width) as i64, (index / width) as i64);
         let edge = [(-reach, 0), (reach, 0), (0, -reach), (0, reach)].iter().any(|(dx, dy)| !has(x + dx, y + dy));
-        picture.blend(x, y, color, if edge { 0.9 } else { 0.05 });
+        picture.blend(x, y, color, if edge { 0.9 } else { fill });
     }
 }
 
@@ -240,16 +253,21 @@ pub fn points(picture: &Picture, pixels: &[usize]) -> Picture {
 /// The picture under a lettered grid, with a cross where the thing is held.
 pub fn grid(picture: &Picture, grid: &Grid, grab: [f64; 2]) -> Picture {
     let mut marked = picture.clone();
+    lettered(&mut marked, grid);
+    cross(&mut marked, grab);
+    marked
+}
+
+/// Draws the lines and labels of a lettered grid.
+pub fn lettered(picture: &mut Picture, grid: &Grid) {
     let size = dot(picture);
     for cell in grid.cells() {
         let [left, top, right, bottom] = grid.edges(cell);
         for [from, to] in [[[left, top], [right, top + size]], [[left, top], [left + size, bottom]]] {
-            marked.rectangle(from, to, BLACK, 0.45);
+            picture.rectangle(from, to, BLACK, 0.45);
         }
-        marked.small_label(&cell.to_string(), [left + 2.0 * size, top + 2.0 * size], size);
+        picture.small_label(&cell.to_string(), [left + 2.0 * size, top + 2.0 * size], size);
     }
-    cross(&mut marked, grab);
-    marked
 }
 
 /// A cross with a light edge.

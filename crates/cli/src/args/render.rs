@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use genmanip_run::render::{LookSeed, Vary};
+use genmanip_run::render::{LookSeed, Overlay, Vary};
 
 /// Arguments of `render`.
 #[derive(Debug, Args)]
@@ -31,9 +31,18 @@ pub struct RenderArguments {
         value_name = "CHANNEL,…",
         value_delimiter = ',',
         default_value = "rgb",
-        value_parser = ["rgb", "depth", "ids", "normals"]
+        value_parser = ["rgb", "depth", "ids", "normals", "boxes", "clouds"]
     )]
     pub channels: Vec<String>,
+    /// What is drawn over the colours
+    #[arg(long, value_name = "WHAT,…", value_delimiter = ',', value_parser = parse_overlay)]
+    pub overlay: Vec<Overlay>,
+    /// Write the instruction, the step, the time and the end below the colours
+    #[arg(long)]
+    pub captions: bool,
+    /// Pictures of a film once around a scenario, in place of those of its cameras
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=3600))]
+    pub turntable: Option<u32>,
     /// Noise, holes and steps of a device's sensors, in place of the cameras' own
     #[arg(long, value_name = "DEVICE", value_parser = genmanip_core::sensor::SensorPreset::names())]
     pub sensor: Option<String>,
@@ -45,7 +54,7 @@ pub struct RenderArguments {
         value_parser = super::world::parse_distortion
     )]
     pub distortion: Option<genmanip_core::Distortion>,
-    /// Pictures per second of an episode
+    /// Pictures per second of an episode or a turn
     #[arg(long, default_value_t = 15, value_parser = super::parse_fps)]
     pub fps: u32,
     /// `reference` traces light paths: thousands of times slower, and what the usual pictures are judged by
@@ -64,6 +73,12 @@ pub(super) fn parse_vary(text: &str) -> Result<Vary, String> {
     let names = Vary::ALL.map(Vary::name);
     let found = Vary::ALL.into_iter().find(|part| part.name() == text);
     found.ok_or_else(|| format!("expected one of {}", names.join(", ")))
+}
+
+/// Something that is drawn over pictures, by its name.
+fn parse_overlay(text: &str) -> Result<Overlay, String> {
+    let found = Overlay::ALL.into_iter().find(|overlay| overlay.name() == text);
+    found.ok_or_else(|| format!("expected one of {}", Overlay::ALL.map(Overlay::name).join(", ")))
 }
 
 fn parse_look_seed(text: &str) -> Result<LookSeed, String> {

@@ -10,6 +10,7 @@ mod help;
 mod hostile;
 mod importing;
 mod interrupted;
+mod labels;
 mod messages;
 mod motion;
 mod planning;

@@ -8,7 +8,7 @@ pub(crate) mod facts;
 pub(crate) mod features;
 pub(crate) mod privileged;
 pub(crate) mod rows;
-pub(crate) mod steps;
+pub mod steps;
 
 use std::path::PathBuf;
 

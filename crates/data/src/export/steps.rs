@@ -10,9 +10,9 @@ const MOVING_PER_S: f64 = 0.05;
 
 /// The steps of an episode.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Steps {
+pub struct Steps {
     /// A request for each, in their order; at least one.
-    pub(crate) texts: Vec<String>,
+    pub texts: Vec<String>,
     /// Control step behind the last of each; the last one goes on to the end.
     ends: Vec<usize>,
 }
@@ -21,7 +21,7 @@ impl Steps {
     /// A step ends when the thing is let go of for another one; before its grasp, the arm is on its way to it.
     ///
     /// An episode that touches nothing has one step, which is called as the instruction.
-    pub(crate) fn of(episode: &Episode) -> Self {
+    pub fn of(episode: &Episode) -> Self {
         let task = &episode.scenario.task;
         let worked_on = in_turn(&episode.frames, episode.result.control_rate_hz);
         if worked_on.is_empty() {
@@ -43,12 +43,12 @@ impl Steps {
     }
 
     /// The control step that each begins with, and what it is called.
-    pub(crate) fn begins(&self) -> impl Iterator<Item = (usize, &str)> {
+    pub fn begins(&self) -> impl Iterator<Item = (usize, &str)> {
         std::iter::once(0).chain(self.ends.iter().copied()).zip(self.texts.iter().map(String::as_str))
     }
 
     /// The step that a control step belongs to.
-    pub(crate) fn at(&self, control_step: usize) -> usize {
+    pub fn at(&self, control_step: usize) -> usize {
         let before = self.ends.iter().take_while(|end| **end <= control_step).count();
         before.min(self.texts.len().saturating_sub(1))
     }

@@ -13,7 +13,7 @@ mod lens;
 #[cfg(test)]
 mod tests;
 
-use genmanip_core::{Camera, CameraSensor, Seed};
+use genmanip_core::{Camera, CameraSensor, Intrinsics, Seed};
 use rand::Rng;
 
 use crate::assets::Surface;
@@ -72,15 +72,28 @@ pub fn developed(
     if !wanted.normal {
         picture.normal.clear();
     }
-    if let Some(lens) = camera.distortion {
-        picture = lens::bent(&lens, &camera.intrinsics, &pinhole, &picture);
-    }
+    picture = bent(camera, &pinhole, picture);
     if let Some(settings) = sensor.color.filter(|_| wanted.rgb) {
         let size = [picture.width, picture.height];
         picture.rgb = color::exposed(&settings, size, &picture.rgb, seed.fork("color"))
             .map_err(|problem| RenderError::BadCamera { camera: camera.name.clone(), problem })?;
     }
     Ok(picture)
+}
+
+/// The perfect picture of a camera's [`pinhole`] as its lens bends it; the picture itself without a lens.
+///
+/// # Errors
+/// As [`pinhole`].
+pub fn through_lens(camera: &Camera, picture: FrameBuffers) -> Result<FrameBuffers, RenderError> {
+    Ok(bent(camera, &pinhole(camera)?.intrinsics, picture))
+}
+
+fn bent(camera: &Camera, pinhole: &Intrinsics, picture: FrameBuffers) -> FrameBuffers {
+    match camera.distortion {
+        Some(lens) => lens::bent(&lens, &camera.intrinsics, pinhole, &picture),
+        None => picture,
+    }
 }
 
 /// Share of the light that a surface throws back to where it came from when it faces it, taken for all colours alike:

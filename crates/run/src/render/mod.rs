@@ -5,26 +5,38 @@
 //! OUT/ID/CAMERA_depth/000000.png 16-bit millimetres, 0 where nothing is seen; CAMERA_depth.png of a scenario
 //! OUT/ID/CAMERA_ids/…            16-bit ids, named in render.json
 //! OUT/ID/CAMERA_normals/…        camera frame, 127.5 · (n + 1) in red, green, blue; black where nothing is seen
+//! OUT/ID/labels.jsonl            boxes: a line per picture and camera, see docs/formats/labels.md
+//! OUT/ID/CAMERA_clouds/000000/OBJECT.ply   points of each object; CAMERA_clouds/OBJECT.ply of a scenario
+//! OUT/ID/turntable.mp4           once around a scenario; turntable.png its first picture
 //! OUT/ID/render.json             cameras with their poses, the look and its seed, what the ids mean
 //! ```
+
+mod files;
+mod labels;
+mod moment;
+mod overlay;
+mod turntable;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use genmanip_core::world::camera_faults;
-use genmanip_core::{Camera, CameraSensor, Distortion, Episode, Frame, ImageChannels, Pose, RgbdImage, Seed};
+use genmanip_core::{Camera, CameraSensor, Distortion, Episode, Frame, ImageChannels, Seed};
 use genmanip_data::images::variation_seed;
-use genmanip_data::video::mux_mp4;
-use genmanip_data::{VideoEncoder, VideoSettings};
 pub use genmanip_render::Vary;
 use genmanip_render::reference::ReferenceSettings;
-use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, encode, sampling};
+use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, sampling};
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::in_parallel;
 use genmanip_rollout::images::{Painter, sensor_seed, usual_variation};
 use serde::Serialize;
 
+use self::files::Writer;
+use self::labels::Labels;
+use self::moment::Moment;
+pub use self::overlay::Overlay;
+use self::overlay::Overlays;
 use crate::error::RunError;
 use crate::pictures::not_drawn;
 use crate::progress::Progress;
@@ -39,7 +51,17 @@ pub struct RenderOptions {
     pub size_px: Option<[u32; 2]>,
     /// What the pictures hold; points are not written.
     pub channels: ImageChannels,
-    /// Pictures per second of an episode; divides its rate.
+    /// Whether boxes around the objects are written, a line per picture.
+    pub boxes: bool,
+    /// Whether the points of each object are written.
+    pub clouds: bool,
+    /// What is drawn over the colours.
+    pub overlays: Vec<Overlay>,
+    /// Whether the colours are captioned.
+    pub captions: bool,
+    /// Pictures of a turn around a scenario, in place of those of its cameras.
+    pub turntable: Option<u32>,
+    /// Pictures per second of an episode, whose rate it divides, and of a turn.
     pub fps: u32,
     /// The look; the usual one without.
     pub look: Option<Look>,
@@ -104,7 +126,10 @@ struct Card {
     variation: RenderVariation,
     /// Light paths per pixel; null for the rasteriser.
     paths: Option<u32>,
-    /// As they stood; one on the hand in the hand's frame.
+    /// What is drawn over the colours.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    overlays: Vec<&'static str>,
+    /// As they stood; one on the hand in the hand's frame. Those of a turn one after the other.
     cameras: Vec<Camera>,
     /// What the ids of the pictures mean.
     ids: BTreeMap<u16, String>,
@@ -121,9 +146,14 @@ pub fn render(
     progress: &dyn Progress,
     stop: &AtomicBool,
 ) -> Result<Vec<Rendered>, RunError> {
+    check_combination(options)?;
     if path.is_file() {
         let stage = inputs::read_stage(path)?;
         return Ok(vec![draw(&stage, None, out, options, options.workers)?]);
+    }
+    if options.turntable.is_some() {
+        return Err(RunError::input(format!("--turntable of {}: expected the file of a scenario", path.display()))
+            .with_hint("a turn shows things at rest; the scenario of an episode is in the `scenarios` of its run"));
     }
     let located = replay::locate(path)?;
     progress.begin("drawing", located.ids.len());
@@ -154,51 +184,120 @@ fn draw(
         || usual.clone(),
         |(seed, vary)| sampling::varied(&usual, &genmanip_core::Look::new(seed, vary.to_vec())),
     );
-    let cameras = cameras(stage, options)?.into_iter().map(|camera| match look {
-        Some((seed, vary)) => sampling::moved(&camera, seed, vary),
-        None => camera,
-    });
-    let cameras: Vec<Camera> = cameras.collect();
-    let broken = |error| not_drawn(id, error);
-    let reference = options.paths.map(|paths| ReferenceSettings { paths, seed: seed.fork("light paths"), threads });
-    let mut painter = Painter::in_variation(stage, variation.clone()).map_err(broken)?.tracing(reference);
-    let frames = episode.map(|episode| chosen(episode, options.fps)).transpose()?;
-    let count = frames.as_ref().map_or(1, Vec::len);
-    let mut writers = cameras
-        .iter()
-        .map(|camera| Writer::new(&folder, camera, options, frames.is_some()))
-        .collect::<Result<Vec<_>, _>>()?;
-    let views: Vec<_> = cameras.iter().map(|camera| (camera, options.channels)).collect();
-    for index in 0..count {
-        let frame = frames.as_ref().map(|frames| frames[index]);
-        let (arm, width, objects) = moment(stage, frame.map(|(_, frame)| frame));
-        let noise = sensor_seed(seed, frame.map_or(0, |(number, _)| number));
-        let placed = objects.iter().map(|(pose, joints)| (*pose, joints.as_slice()));
-        let images = painter.paint_state(&arm, width, placed, &views, noise).map_err(broken)?;
-        for (writer, image) in writers.iter_mut().zip(&images) {
-            writer.push(index, image)?;
+    let (count, cameras) = match options.turntable {
+        Some(count) => (count as usize, turntable::draw(stage, count, &folder, variation.clone(), options, threads)?),
+        None => {
+            let cameras = cameras(stage, options)?.into_iter().map(|camera| match look {
+                Some((seed, vary)) => sampling::moved(&camera, seed, vary),
+                None => camera,
+            });
+            let cameras: Vec<Camera> = cameras.collect();
+            let of = Source { stage, episode, id, seed };
+            (of.draw(&folder, &cameras, variation.clone(), options, threads)?, cameras)
         }
-    }
-    writers.into_iter().try_for_each(Writer::finish)?;
+    };
     let mut ids = BTreeMap::from([(TABLE, "table".to_owned()), (ROBOT, "robot".to_owned())]);
     ids.extend(scenario.objects.iter().zip(FIRST_OBJECT..).map(|(placed, number)| (number, placed.id.clone())));
     let variation_seed = look.map(|(seed, _)| seed);
     let vary = look.map_or_else(Vec::new, |(_, vary)| vary.to_vec());
-    let fps = episode.map(|_| options.fps);
+    let has_rate = episode.is_some() || options.turntable.is_some();
     let card = Card {
         id: id.clone(),
-        fps,
+        fps: has_rate.then_some(options.fps),
         frames: count,
         variation_seed,
         vary,
         variation,
         paths: options.paths,
+        overlays: options.overlays.iter().map(|overlay| overlay.name()).collect(),
         cameras,
         ids,
     };
     let text = serde_json::to_string_pretty(&card).map_err(|error| RunError::broken("cannot write render.json", error));
     inputs::write_file(&folder.join("render.json"), text?.as_bytes())?;
     Ok(Rendered { id: id.clone(), folder, frames: count, variation_seed })
+}
+
+/// What is drawn by the cameras of its scenario.
+struct Source<'a> {
+    stage: &'a Stage,
+    episode: Option<&'a Episode>,
+    id: &'a str,
+    seed: Seed,
+}
+
+impl Source<'_> {
+    /// Draws all moments into a folder; how many there are.
+    fn draw(
+        &self,
+        folder: &Path,
+        cameras: &[Camera],
+        variation: RenderVariation,
+        options: &RenderOptions,
+        threads: usize,
+    ) -> Result<usize, RunError> {
+        let Self { stage, episode, id, seed } = *self;
+        let broken = |error| not_drawn(id, error);
+        let painter = Painter::in_variation(stage, variation).map_err(broken)?;
+        let mut painter = painter.tracing(reference(seed, options, threads));
+        let frames = episode.map(|episode| chosen(episode, options.fps)).transpose()?;
+        let mut overlays = Overlays::new(stage, episode, &options.overlays, options.captions)?;
+        let fps = episode.map(|_| options.fps);
+        let mut writers = cameras
+            .iter()
+            .map(|camera| Writer::new(folder, camera, options.channels, fps))
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut labels = Labels::new(stage, folder, options.boxes, options.clouds, episode.is_some())?;
+        let channels = overlays.channels(needed(options));
+        let views: Vec<_> = cameras.iter().map(|camera| (camera, channels)).collect();
+        let count = frames.as_ref().map_or(1, Vec::len);
+        for index in 0..count {
+            let moment = frames.as_ref().map_or_else(
+                || Moment::start(stage, index),
+                |frames| Moment::recorded(frames[index].1, index, frames[index].0),
+            );
+            let noise = sensor_seed(seed, moment.control_step);
+            let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &views, noise);
+            let mut images = drawn.map_err(broken)?;
+            labels.push(&mut painter, &moment, cameras, &images)?;
+            overlays.draw(&moment, cameras, &mut images)?;
+            for (writer, image) in writers.iter_mut().zip(&images) {
+                writer.push(index, image)?;
+            }
+        }
+        writers.into_iter().try_for_each(Writer::finish)?;
+        labels.finish()?;
+        Ok(count)
+    }
+}
+
+/// Refuses what makes no sense for any source.
+fn check_combination(options: &RenderOptions) -> Result<(), RunError> {
+    let RenderOptions { channels, overlays, captions, turntable, .. } = options;
+    let other = channels.depth || channels.ids || channels.normals || options.boxes || options.clouds;
+    let refuse = |what: &str, hint: &str| Err(RunError::input(what).with_hint(hint));
+    if !channels.rgb && (!overlays.is_empty() || *captions) {
+        return refuse("--overlay and --captions draw over colours, which are not asked for", "add rgb to --channels");
+    }
+    if turntable.is_some() && other {
+        return refuse("--turntable makes a film of colours alone", "leave --channels out; cameras have the others");
+    }
+    if turntable.is_some() && !options.cameras.is_empty() {
+        return refuse("--turntable has a camera of its own", "leave --cameras out");
+    }
+    Ok(())
+}
+
+/// What must be drawn for what is written.
+fn needed(options: &RenderOptions) -> ImageChannels {
+    let asked = options.channels;
+    let (boxes, clouds) = (options.boxes, options.clouds);
+    ImageChannels { depth: asked.depth || clouds, ids: asked.ids || boxes || clouds, ..asked }
+}
+
+/// How colours are traced, if they are.
+fn reference(seed: Seed, options: &RenderOptions, threads: usize) -> Option<ReferenceSettings> {
+    options.paths.map(|paths| ReferenceSettings { paths, seed: seed.fork("light paths"), threads })
 }
 
 /// The cameras that are asked for, at the size that is asked for.
@@ -234,85 +333,6 @@ fn chosen(episode: &Episode, fps: u32) -> Result<Vec<(usize, &Frame)>, RunError>
             .with_hint(format!("expected a divisor of {rate} Hz, e.g. 15 or 30")));
     }
     Ok(episode.frames.iter().enumerate().step_by(stride.round() as usize).collect())
-}
-
-/// Pose and joint positions of an object.
-type Posed = (Pose, Vec<f64>);
-
-/// Joint positions of the arm, opening, and the objects: at a frame, or before anything moves.
-fn moment(stage: &Stage, frame: Option<&Frame>) -> (Vec<f64>, f64, Vec<Posed>) {
-    match frame {
-        Some(frame) => {
-            let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.clone()));
-            (frame.joint_position.clone(), frame.gripper_width, objects.collect())
-        }
-        None => {
-            let objects = stage.scenario.objects.iter().map(|placed| (placed.pose, placed.joint_positions.clone()));
-            (stage.robot.home.clone(), stage.robot.gripper.max_width, objects.collect())
-        }
-    }
-}
-
-/// The files of one camera.
-struct Writer {
-    /// Without an ending.
-    stem: PathBuf,
-    film: Option<VideoEncoder>,
-    is_film: bool,
-}
-
-impl Writer {
-    fn new(folder: &Path, camera: &Camera, options: &RenderOptions, is_film: bool) -> Result<Self, RunError> {
-        let [width, height] = [camera.intrinsics.width, camera.intrinsics.height];
-        if is_film && options.channels.rgb && (width % 2 != 0 || height % 2 != 0) {
-            return Err(RunError::input(format!("camera {} has {width}x{height} pixels", camera.name))
-                .with_hint("films need even sides; choose another --size"));
-        }
-        let film = (is_film && options.channels.rgb)
-            .then(|| VideoEncoder::new(width, height, options.fps, &VideoSettings::default()))
-            .transpose();
-        let film = film.map_err(|error| RunError::broken("cannot encode the film", error))?;
-        Ok(Self { stem: folder.join(&camera.name), film, is_film })
-    }
-
-    fn push(&mut self, index: usize, image: &RgbdImage) -> Result<(), RunError> {
-        let unencoded = |error: encode::EncodeError| RunError::broken("cannot encode a picture", error);
-        let (width, height) = (image.width(), image.height());
-        if let Some(film) = &mut self.film {
-            film.push(&image.rgb).map_err(|error| RunError::broken("cannot encode the film", error))?;
-        } else if !image.rgb.is_empty() {
-            let png = encode::png_rgb(width, height, &image.rgb).map_err(unencoded)?;
-            inputs::write_file(&self.stem.with_extension("png"), &png)?;
-        }
-        if !image.depth_m.is_empty() {
-            self.write("depth", index, &encode::png_depth_mm(width, height, &image.depth_m).map_err(unencoded)?)?;
-        }
-        if !image.ids.is_empty() {
-            self.write("ids", index, &encode::png_u16(width, height, &image.ids).map_err(unencoded)?)?;
-        }
-        if !image.normals.is_empty() {
-            let color = |normal: &[i8; 3]| match normal {
-                [0, 0, 0] => [0; 3],
-                normal => normal.map(|axis| (f32::from(axis) / 127.0 * 127.5 + 127.5).round() as u8),
-            };
-            let rgb: Vec<u8> = image.normals.iter().flat_map(color).collect();
-            self.write("normals", index, &encode::png_rgb(width, height, &rgb).map_err(unencoded)?)?;
-        }
-        Ok(())
-    }
-
-    fn write(&self, channel: &str, index: usize, png: &[u8]) -> Result<(), RunError> {
-        let name = format!("{}_{channel}", self.stem.file_name().unwrap_or_default().to_string_lossy());
-        let place = self.stem.with_file_name(name);
-        let file = if self.is_film { place.join(format!("{index:06}.png")) } else { place.with_extension("png") };
-        inputs::write_file(&file, png)
-    }
-
-    fn finish(self) -> Result<(), RunError> {
-        let Some(film) = self.film else { return Ok(()) };
-        let mp4 = mux_mp4([&film.finish()]).map_err(|error| RunError::broken("cannot encode the film", error))?;
-        inputs::write_file(&self.stem.with_extension("mp4"), &mp4)
-    }
 }
 
 /// What was drawn, as a table.

@@ -1,0 +1,92 @@
+//! Where everything is in a picture.
+
+use genmanip_core::geometry::OrientedBox;
+use genmanip_core::{Aabb, Frame, Pose};
+use genmanip_rollout::Stage;
+
+/// Pose and joint positions of an object.
+pub(super) type Posed = (Pose, Vec<f64>);
+
+/// A moment of an episode, or a scenario before anything moves.
+pub(super) struct Moment<'a> {
+    /// Number of the picture.
+    pub(super) picture: usize,
+    /// Control step of the episode.
+    pub(super) control_step: usize,
+    /// What was recorded then.
+    pub(super) frame: Option<&'a Frame>,
+    /// Joint positions of the arm, rad.
+    pub(super) arm: Vec<f64>,
+    /// Opening of the gripper, m.
+    pub(super) width: f64,
+    /// Objects of the scenario.
+    pub(super) objects: Vec<Posed>,
+}
+
+impl<'a> Moment<'a> {
+    /// The start of a scenario.
+    pub(super) fn start(stage: &Stage, picture: usize) -> Self {
+        let objects = stage.scenario.objects.iter().map(|placed| (placed.pose, placed.joint_positions.clone()));
+        Self {
+            picture,
+            control_step: 0,
+            frame: None,
+            arm: stage.robot.home.clone(),
+            width: stage.robot.gripper.max_width,
+            objects: objects.collect(),
+        }
+    }
+
+    /// A control step of an episode.
+    pub(super) fn recorded(frame: &'a Frame, picture: usize, control_step: usize) -> Self {
+        let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.clone()));
+        Self {
+            picture,
+            control_step,
+            frame: Some(frame),
+            arm: frame.joint_position.clone(),
+            width: frame.gripper_width,
+            objects: objects.collect(),
+        }
+    }
+
+    /// The objects as painters take them.
+    pub(super) fn placed(&self) -> impl Iterator<Item = (Pose, &[f64])> {
+        self.objects.iter().map(|(pose, joints)| (*pose, joints.as_slice()))
+    }
+}
+
+/// Boxes around the objects of a stage, in their own axes.
+pub(super) struct Boxes<'a> {
+    stage: &'a Stage,
+    /// Bounds in the object's frame; those of objects with joints depend on the moment.
+    rigid: Vec<Option<Aabb>>,
+}
+
+impl<'a> Boxes<'a> {
+    pub(super) fn new(stage: &'a Stage) -> Self {
+        let rigid = (0..stage.models.len()).map(|object| {
+            let is_rigid = stage.models[object].joint_count() == 0;
+            is_rigid.then(|| bounds(stage, object, &[]))
+        });
+        Self { stage, rigid: rigid.collect() }
+    }
+
+    /// The box of each object at a moment, in the world.
+    pub(super) fn at(&self, moment: &Moment) -> Vec<OrientedBox> {
+        let placed = moment.objects.iter().zip(&self.rigid).enumerate();
+        let of = |(object, ((pose, joints), rigid)): (usize, (&Posed, &Option<Aabb>))| {
+            let bounds = rigid.unwrap_or_else(|| bounds(self.stage, object, joints));
+            OrientedBox::of_bounds(pose, &bounds)
+        };
+        placed.map(of).collect()
+    }
+}
+
+/// Bounds of what is drawn of an object, in its frame; of what it touches with where nothing is drawn.
+fn bounds(stage: &Stage, object: usize, joints: &[f64]) -> Aabb {
+    let model = &stage.models[object];
+    let drawn = model.visual_bounds(joints);
+    let is_empty = drawn.min.cmpgt(drawn.max).any();
+    if is_empty { model.world_bounds(&Pose::IDENTITY, joints) } else { drawn }
+}
