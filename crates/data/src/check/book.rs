@@ -153,7 +153,7 @@ pub(crate) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, Da
         other => {
             let got = other.unwrap_or("none");
             return Err(DataError::mismatch(
-                format!("format of {}", root.display()),
+                format!("codebase_version in {}", path.display()),
                 "LeRobot v3.0 or v2.1, or zarr",
                 got,
             ));

@@ -155,7 +155,7 @@ impl Lerobot {
             let shape = feature.map(|feature| feature.shape.as_slice()).unwrap_or_default();
             let [height, width, 3] = *shape else {
                 return Err(DataError::mismatch(
-                    format!("shape of {}", span.key),
+                    format!("shape of {} in meta/info.json", span.key),
                     "[height, width, 3]",
                     format!("{shape:?}"),
                 ));

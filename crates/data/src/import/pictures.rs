@@ -109,6 +109,10 @@ impl Pictures {
         video::decode(&video, &mut |rgb| {
             colors.add_image(rgb, *width);
             Ok(())
+        })
+        .map_err(|error| match error {
+            DataError::Video(why) => DataError::Video(format!("pictures from {from} on in {}: {why}", path.display())),
+            other => other,
         })?;
         Ok((video, colors))
     }

@@ -173,7 +173,8 @@ impl<'a> Composer<'a> {
         for key in source.features(false) {
             let column = rows.column_by_name(key).and_then(|column| Column::of(column));
             let column = column.ok_or_else(|| {
-                DataError::mismatch(format!("column {key} of {}", source.root.display()), "numbers", "something else")
+                let tables = source.root.join("data");
+                DataError::mismatch(format!("column {key} of {}", tables.display()), "numbers", "something else")
             })?;
             self.collected.add(key, column.width, &column.values)?;
         }

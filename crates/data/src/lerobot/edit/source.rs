@@ -146,7 +146,11 @@ impl Source {
             }
         }
         if self.episodes.is_empty() {
-            return Err(DataError::mismatch(format!("episodes of {}", self.root.display()), "at least one", 0));
+            return Err(DataError::mismatch(
+                format!("episodes in {}", self.root.join("meta/episodes").display()),
+                "at least one",
+                0,
+            ));
         }
         Ok(())
     }
