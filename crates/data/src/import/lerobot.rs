@@ -202,7 +202,8 @@ impl Lerobot {
         let place = |index: &f64| {
             let text = self.book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
             text.and_then(|text| texts.iter().position(|known| known == text)).ok_or_else(|| {
-                DataError::mismatch(format!("subtask_index of {}", listed.place()), "a step of the episode", index)
+                let what = format!("subtask_index of {} in data/", listed.place());
+                DataError::mismatch(what, "a step that meta/ lists for the episode", index)
             })
         };
         column.values.iter().map(place).collect()
