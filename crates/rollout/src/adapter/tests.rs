@@ -81,7 +81,8 @@ fn any_motion() -> impl Strategy<Value = [Vec<f64>; 4]> {
 }
 
 proptest! {
-    /// To a space and back: the same joint targets, or at least the same tcp pose, and the same opening.
+    /// To a space and back: the same joint targets, or at least the same tcp pose unless the arm is late, and the same
+    /// opening.
     #[test]
     fn every_contract_gives_back_what_it_was_given(
         spec in any_spec(), [command, measured, chunk_start, target] in any_motion(), width in 0.0..0.08_f32,
@@ -91,7 +92,8 @@ proptest! {
         let wanted: Vec<f32> = target.iter().map(|&q| q as f32).chain([width]).collect();
         let action = spec.encode(&robot, &wanted, adapter.reference(from), 4.0 / 60.0);
         prop_assert_eq!(action.len(), spec.length(7));
-        let commands = adapter.to_native(&action, from).unwrap().commands;
+        let native = adapter.to_native(&action, from).unwrap();
+        let commands = &native.commands;
         prop_assert_eq!(commands.len(), 4);
         let last = commands.last().unwrap();
         prop_assert!((last[7] - width).abs() < 1e-6, "{} for {}", last[7], width);
@@ -101,8 +103,9 @@ proptest! {
             prop_assert!(largest < 1e-6, "{largest} rad");
         } else {
             let (reached, goal) = (robot.tcp_pose(&arm), robot.tcp_pose(&target));
-            prop_assert!((reached.position - goal.position).length() < 1e-5);
-            prop_assert!(reached.angle_to(&goal) < 2e-3, "{} rad", reached.angle_to(&goal));
+            let is_there = reached.position.distance(goal.position) < 1e-5 && reached.angle_to(&goal) < 2e-3;
+            // Close to a singularity the joints may be too slow; then the adapter says that the pose is still to be done.
+            prop_assert!(is_there || !native.pending.behind.is_empty(), "{reached:?} for {goal:?}");
         }
         prop_assert!(last.iter().all(|value| value.is_finite()));
     }
