@@ -3,7 +3,6 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Stdio};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use genmanip_agent::segmentation::SegmentQuestion;
 use genmanip_agent::services::masks::SegmentRequest;
@@ -81,15 +80,17 @@ impl Drop for Serving {
 #[test]
 fn an_agent_over_http_plans_from_an_image() {
     let folder = tempfile::tempdir().unwrap();
-    let asked = AtomicUsize::new(0);
-    let model = FakeServer::start(move |_| {
+    let model = FakeServer::start(|request| {
+        // Some questions are asked at the same time, so what is answered follows from what is asked.
         let answers = [
-            json!({"subtasks": ["Move the red cube to the left."]}),
-            json!({"number": 1, "object_name": "cube", "color": "red"}),
-            json!({"selected_point": 1, "reason": "it is there"}),
-            json!({"selected_point": {"type": "grid", "label": "E9"}}),
+            ("Split what is still to be done", json!({"subtasks": ["Move the red cube to the left."]})),
+            ("Which numbered thing", json!({"number": 1, "object_name": "cube", "color": "red"})),
+            ("five numbered points", json!({"selected_point": 1, "reason": "it is there"})),
+            ("In which cell", json!({"selected_point": {"type": "grid", "label": "E9"}})),
         ];
-        Behaviour::Answer(answers[asked.fetch_add(1, Ordering::SeqCst) % answers.len()].to_string())
+        let question = request.body.to_string();
+        let answer = answers.into_iter().find(|(words, _)| question.contains(words));
+        answer.map_or(Behaviour::Answer(String::new()), |(_, answer)| Behaviour::Answer(answer.to_string()))
     })
     .unwrap();
     std::fs::write(folder.path().join("model.toml"), format!("[server]\nbase_url = \"{}\"\n", model.base_url()))

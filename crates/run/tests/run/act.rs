@@ -1,7 +1,6 @@
 //! The agent on images of files, with a model behind HTTP.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use genmanip_agent::picture::Picture;
 use genmanip_assets::Catalogue;
@@ -43,16 +42,17 @@ pub fn files_of(scenario: &Arc<Scenario>, folder: &std::path::Path) -> ActFiles 
 /// A folder with a scenario goes in; what comes out are motions that begin where the arm is, and a picture of each stage.
 pub fn an_image_becomes_motions(scenario: &Arc<Scenario>, folder: &std::path::Path) {
     let files = files_of(scenario, folder);
-    let asked = AtomicUsize::new(0);
-    let server = FakeServer::start(move |_| {
+    let server = FakeServer::start(|request| {
+        // Some questions are asked at the same time, so what is answered follows from what is asked.
         let answers = [
-            json!({"subtasks": ["Pick up the first thing and place it in the middle."]}),
-            json!({"number": 1, "object_name": "thing", "color": "any"}),
-            json!({"selected_point": 1, "reason": "it is there"}),
-            json!({"selected_point": {"type": "grid", "label": "E9"}}),
+            ("Split what is still to be done", json!({"subtasks": ["Pick up the thing and place it in the middle."]})),
+            ("Which numbered thing", json!({"number": 1, "object_name": "thing", "color": "any"})),
+            ("five numbered points", json!({"selected_point": 1, "reason": "it is there"})),
+            ("In which cell", json!({"selected_point": {"type": "grid", "label": "E9"}})),
         ];
-        let number = asked.fetch_add(1, Ordering::SeqCst);
-        Behaviour::Answer(answers[number.min(answers.len() - 1)].to_string())
+        let question = request.body.to_string();
+        let answer = answers.into_iter().find(|(words, _)| question.contains(words));
+        answer.map_or(Behaviour::Answer(String::new()), |(_, answer)| Behaviour::Answer(answer.to_string()))
     })
     .unwrap();
     let model = folder.join("act.toml");
