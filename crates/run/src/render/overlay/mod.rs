@@ -149,10 +149,8 @@ impl<'a> Overlays<'a> {
             self.contacts = contacts.map_err(|error| not_drawn(&self.stage.scenario.id, error))?;
         }
         for index in 0..images.len() {
-            let others: Vec<_> =
-                cameras.iter().zip(&*images).enumerate().filter(|(other, _)| *other != index).collect();
-            let others: Vec<_> =
-                others.into_iter().map(|(_, (camera, image))| (camera.name.clone(), image.projection())).collect();
+            let others = cameras.iter().zip(&*images).enumerate().filter(|(other, _)| *other != index);
+            let others: Vec<_> = others.map(|(_, (camera, image))| (camera.name.clone(), image.projection())).collect();
             self.draw_over(moment, &mut images[index], &others);
         }
         Ok(())
