@@ -30,6 +30,16 @@ impl Rectangle {
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty() || self.rows.is_empty()
     }
+
+    /// Columns of the tiles that it touches.
+    pub fn tile_columns(&self) -> Range<usize> {
+        if self.is_empty() { 0..0 } else { self.columns.start / TILE..self.columns.end.div_ceil(TILE) }
+    }
+
+    /// Rows of these tiles.
+    pub fn tile_rows(&self) -> Range<usize> {
+        if self.is_empty() { 0..0 } else { self.rows.start / TILE..self.rows.end.div_ceil(TILE) }
+    }
 }
 
 /// What becomes of a part between two frames.
@@ -60,19 +70,25 @@ impl Layers {
     /// Draws everything anew, `width` × `height` pixels with `scale`² samples each.
     pub fn redraw<const IDS: bool>(
         &mut self,
-        [width, height]: [usize; 2],
+        size: [usize; 2],
         scale: usize,
         parts: usize,
         mut draw: impl FnMut(usize, &mut Target),
     ) {
-        self.target.reset::<IDS>(width, height, scale);
+        self.begin::<IDS>(size, scale);
+        self.target.clear_rows(0..self.target.height);
+        for part in 0..parts {
+            draw(part, &mut self.target);
+        }
+    }
+
+    /// Starts over at a size: everything is to be drawn into the target, whose rows must be cleared before.
+    pub fn begin<const IDS: bool>(&mut self, [width, height]: [usize; 2], scale: usize) {
+        self.target.resize::<IDS>(width, height, scale);
         (self.tile_columns, self.tile_rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
         self.changed.clear();
         self.changed.resize(self.tile_columns * self.tile_rows, true);
         self.is_layered = false;
-        for part in 0..parts {
-            draw(part, &mut self.target);
-        }
     }
 
     /// Draws what moved since the last drawing.
@@ -132,12 +148,8 @@ impl Layers {
 
     /// Marks the tiles of a rectangle as changed.
     pub fn mark(&mut self, rectangle: &Rectangle) {
-        if rectangle.is_empty() {
-            return;
-        }
-        for row in rectangle.rows.start / TILE..rectangle.rows.end.div_ceil(TILE) {
-            let columns = rectangle.columns.start / TILE..rectangle.columns.end.div_ceil(TILE);
-            self.changed[row * self.tile_columns..][columns].fill(true);
+        for row in rectangle.tile_rows() {
+            self.changed[row * self.tile_columns..][rectangle.tile_columns()].fill(true);
         }
     }
 }
