@@ -69,6 +69,20 @@ fn a_traced_picture_differs_in_colour_alone() {
     assert_eq!(card["paths"], 2);
 }
 
+/// The composed scenarios of the guide still open: objects that have changed since would be refused.
+#[test]
+fn the_stills_can_be_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let stills = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/stills");
+    let mut drawn = 0;
+    for still in fs::read_dir(stills).unwrap() {
+        let rows = draw(folder.path(), still.unwrap().path().to_str().unwrap(), "stills", &[]);
+        assert_eq!(rows[0]["frames"], 1);
+        drawn += 1;
+    }
+    assert_eq!(drawn, 5);
+}
+
 /// The films of the run itself, drawn again: the same, for any number of workers.
 #[test]
 fn episodes_are_drawn_again() {
