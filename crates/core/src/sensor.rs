@@ -46,7 +46,11 @@ pub struct DepthSensor {
     pub least_return: f64,
 }
 
-/// A colour imager behind a lens: exposure, white balance, vignetting, shot and read noise, compression.
+/// Longest time that a shutter may be open, s.
+pub const LONGEST_SHUTTER_S: f64 = 0.1;
+
+/// A colour imager behind a lens: exposure, white balance, blur of what moves, vignetting, shot and read noise,
+/// compression.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ColorSensor {
@@ -54,6 +58,10 @@ pub struct ColorSensor {
     pub exposure_stops: f64,
     /// White balance against the perfect picture: factors of linear red, green and blue.
     pub white_balance: [f64; 3],
+    /// How long the shutter is open, up to the moment of the picture, seconds: what moves meanwhile is blurred. The
+    /// brightness of the picture does not depend on it; 0 for pictures without blur.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub shutter_s: f64,
     /// Share of the light that is lost in the corners, against the middle.
     pub vignetting: f64,
     /// Electrons in a pixel that is just white: fewer are noisier, and noise grows with the root of the light.
@@ -63,6 +71,25 @@ pub struct ColorSensor {
     /// Quality of the JPEG that the camera sends, 1-100; `None` for raw pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jpeg_quality: Option<u8>,
+}
+
+impl ColorSensor {
+    /// An imager that adds nothing to a perfect picture but the blur of its shutter.
+    pub fn perfect(shutter_s: f64) -> Self {
+        Self {
+            exposure_stops: 0.0,
+            white_balance: [1.0; 3],
+            shutter_s,
+            vignetting: 0.0,
+            full_well_e: 1e12,
+            read_noise_e: 0.0,
+            jpeg_quality: None,
+        }
+    }
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// A device by name.
@@ -82,6 +109,7 @@ pub struct SensorPreset {
 const ROOM_COLOR: ColorSensor = ColorSensor {
     exposure_stops: 0.0,
     white_balance: [1.0, 1.0, 1.0],
+    shutter_s: 0.0,
     vignetting: 0.12,
     full_well_e: 5_000.0,
     read_noise_e: 4.0,
@@ -175,6 +203,15 @@ impl DepthSensor {
 }
 
 impl CameraSensor {
+    /// A camera's sensors with another time that the shutter is open; without blur and anything else, none.
+    #[must_use]
+    pub fn with_shutter(sensor: Option<Self>, shutter_s: f64) -> Option<Self> {
+        let sensor = sensor.unwrap_or_default();
+        let color = ColorSensor { shutter_s, ..sensor.color.unwrap_or(ColorSensor::perfect(0.0)) };
+        let color = Some(color).filter(|color| *color != ColorSensor::perfect(0.0));
+        Some(Self { color, ..sensor }).filter(|sensor| *sensor != Self::default())
+    }
+
     /// What cannot be, as place within the sensor, what was expected there, and what is there.
     pub(crate) fn faults(&self) -> Vec<(&'static str, &'static str, String)> {
         let mut faults = Vec::new();
@@ -207,6 +244,8 @@ impl CameraSensor {
             check((-8.0..=8.0).contains(&stops), "color.exposure_stops", "-8 to 8", &stops);
             let is_balance = it.white_balance.iter().all(|factor| (0.1..=10.0).contains(factor));
             check(is_balance, "color.white_balance", "three factors from 0.1 to 10", &it.white_balance);
+            let shutter = it.shutter_s;
+            check((0.0..=LONGEST_SHUTTER_S).contains(&shutter), "color.shutter_s", "0 to 0.1 s", &shutter);
             check(is_share(it.vignetting), "color.vignetting", "a share from 0 to 1", &it.vignetting);
             check(
                 it.full_well_e >= 1.0 && it.full_well_e.is_finite(),

@@ -290,3 +290,21 @@ fn images_of_lenses_see_the_points_that_they_show() {
     image.distortion = Some(Distortion { k1: -0.2, ..Distortion::default() });
     assert!(image.pixel_of(world_from_camera.transform_point(DVec3::new(2.0, 0.0, 1.0))).is_none(), "folded over");
 }
+
+/// Files that were written before shutters were known read and write the same bytes.
+#[test]
+fn a_shutter_that_does_not_blur_is_not_written() {
+    use genmanip_core::{CameraSensor, ColorSensor, sensor::SensorPreset};
+    let sharp = SensorPreset::named("d435").unwrap().sensor;
+    let open = CameraSensor::with_shutter(Some(sharp), 0.02).unwrap();
+    for (sensor, is_told) in [(sharp, false), (open, true)] {
+        let text = serde_json::to_string(&sensor).unwrap();
+        assert_eq!(text.contains("shutter_s"), is_told, "{text}");
+        assert_eq!(serde_json::from_str::<CameraSensor>(&text).unwrap(), sensor);
+    }
+    assert_eq!(CameraSensor::with_shutter(Some(open), 0.0), Some(sharp));
+    assert_eq!(CameraSensor::with_shutter(None, 0.0), None);
+    let alone = CameraSensor::with_shutter(None, 0.01);
+    assert_eq!(alone.unwrap().color, Some(ColorSensor::perfect(0.01)));
+    assert_eq!(CameraSensor::with_shutter(alone, 0.0), None);
+}

@@ -5,7 +5,7 @@ use genmanip_render::FIRST_OBJECT;
 use genmanip_scene::observed::clouds_of_views;
 use genmanip_scene::relations::{CloudScene, Rest};
 
-use crate::images::Painter;
+use crate::images::{Exposure, Painter};
 use crate::{RolloutError, Stage};
 
 /// What the clouds say at the end of an episode; `None` for goals about states of joints, which clouds do not show, for
@@ -24,7 +24,8 @@ pub fn cloud_verdict(stage: &Stage, episode: &Episode) -> Result<Option<CloudVer
     };
     let channels = ImageChannels { rgb: false, depth: true, ids: true, ..ImageChannels::RGB };
     let mut painter = Painter::new(stage)?;
-    let views = cameras.iter().map(|camera| painter.paint(frame, camera, channels, episode.result.seed));
+    let exposure = Exposure::still(episode.result.seed);
+    let views = cameras.iter().map(|camera| painter.paint(frame, camera, channels, exposure));
     let views = views.collect::<Result<Vec<_>, _>>()?;
     let ids: Vec<&str> = stage.scenario.objects.iter().map(|object| object.id.as_str()).collect();
     let instances: Vec<u16> = (0..ids.len()).map(|index| FIRST_OBJECT + index as u16).collect();

@@ -17,7 +17,7 @@ use genmanip_core::{
 use genmanip_scene::relations::{PosedScene, RelationSettings, joint_state, judge_goal};
 use genmanip_sim::{BodyId, Sim};
 
-use crate::images::{Painter, sensor_seed};
+use crate::images::{Exposure, Painter, sensor_seed};
 use crate::{RolloutError, RolloutSettings, Stage, evidence};
 
 /// So long after the hand last held something it is still letting go of it, s.
@@ -230,8 +230,10 @@ impl Environment {
         let views: Vec<_> = seen.iter().zip(cameras).map(|(camera, request)| (camera, request.channels)).collect();
         let (objects, arm) = (session.sim.object_states(), session.sim.joint_positions());
         let objects = objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let noise = sensor_seed(session.seed, session.record.frames.len());
-        let images = painter.paint_state(&arm, session.sim.gripper_width(), objects, &views, noise)?;
+        let before = &session.record.frames[..];
+        let noise = sensor_seed(session.seed, before.len());
+        let exposure = Exposure { noise, before, step_s: 1.0 / session.stage.control_rate_hz() };
+        let images = painter.paint_state(&arm, session.sim.gripper_width(), objects, &views, exposure)?;
         observation.images =
             cameras.iter().map(|request| request.name.clone()).zip(images.into_iter().map(Arc::new)).collect();
         Ok(observation)

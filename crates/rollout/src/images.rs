@@ -1,13 +1,15 @@
 //! Images of a stage: of recorded frames after the physics, and of the state in the loop for policies that ask for them.
 
 use genmanip_core::perception::{FIRST_OBJECT, Seen, seen};
-use genmanip_core::{Camera, CameraRequest, Episode, Frame, ImageChannels, Pose, RgbdImage, Seed};
+use genmanip_core::{Camera, CameraRequest, Episode, EpisodeResult, Frame, ImageChannels, Pose, RgbdImage, Seed};
 use genmanip_data::images::variation_seed;
 use genmanip_data::masks::{self, MaskTrack};
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
 use genmanip_render::reference::{ReferenceSettings, trace};
+use genmanip_render::sensor::shutter::{self, Past};
 use genmanip_render::{
-    Channels, FrameBuffers, FrameState, Look, RenderError, RenderVariation, Renderer, Vary, ViewJob, sampling, sensor,
+    Channels, FrameBuffers, FrameState, Look, RenderAssets, RenderError, RenderVariation, Renderer, Vary, ViewJob,
+    sampling, sensor,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -37,6 +39,30 @@ impl Default for ImageSettings {
             video: VideoSettings::default(),
             vary: Vec::new(),
         }
+    }
+}
+
+/// What sensors make of a moment, besides what is there: chance, and what moved while a shutter was open.
+#[derive(Clone, Copy, Debug)]
+pub struct Exposure<'a> {
+    /// Of the noise, see [`sensor_seed`]; each camera has its own of it.
+    pub noise: Seed,
+    /// The moments before this one as they were recorded; nothing moved before the first.
+    pub before: &'a [Frame],
+    /// Time between them, and from the last of them to this moment, s.
+    pub step_s: f64,
+}
+
+impl<'a> Exposure<'a> {
+    /// Of something that stands still.
+    pub fn still(noise: Seed) -> Self {
+        Self { noise, before: &[], step_s: 1.0 }
+    }
+
+    /// Of a frame of an episode: in the loop, in a dataset and drawn again it is the same.
+    pub fn of(episode: &'a Episode, frame: usize) -> Self {
+        let EpisodeResult { seed, control_rate_hz, .. } = episode.result;
+        Self { noise: sensor_seed(seed, frame), before: &episode.frames[..frame], step_s: 1.0 / control_rate_hz }
     }
 }
 
@@ -79,7 +105,7 @@ impl Painter {
         stage.render_assets().is_ok_and(|assets| Arc::ptr_eq(&assets, self.renderer.assets()))
     }
 
-    /// One recorded frame, seen by one camera; the seed as for [`Painter::paint_state`].
+    /// One recorded frame, seen by one camera.
     ///
     /// # Errors
     /// When the frame does not belong to the stage.
@@ -88,17 +114,15 @@ impl Painter {
         frame: &Frame,
         camera: &Camera,
         channels: ImageChannels,
-        seed: Seed,
+        exposure: Exposure<'_>,
     ) -> Result<RgbdImage, RolloutError> {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let views = [(camera, channels)];
-        let images = self.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, seed);
+        let images = self.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, exposure);
         images.map(|mut images| images.remove(0))
     }
 
     /// One moment, seen by several cameras: arm joint positions, opening width, poses and joints of the objects.
-    ///
-    /// The seed, [`sensor_seed`], is of the noise of cameras whose sensors have some; each camera has its own of it.
     ///
     /// # Errors
     /// When the objects are not those of the stage, or a camera cannot be drawn.
@@ -108,10 +132,11 @@ impl Painter {
         gripper_width: f64,
         objects: impl IntoIterator<Item = (Pose, &'a [f64])>,
         views: &[(&Camera, ImageChannels)],
-        seed: Seed,
+        exposure: Exposure<'_>,
     ) -> Result<Vec<RgbdImage>, RolloutError> {
         let assets = Arc::clone(self.renderer.assets());
-        let failed = |error: RenderError| failed(&self.scenario, &error);
+        let scenario = self.scenario.clone();
+        let failed = |error: RenderError| failed(&scenario, &error);
         let state = assets.frame_state(arm, gripper_width, objects).map_err(failed)?;
         let pinholes = views.iter().map(|(camera, _)| sensor::pinhole(camera)).collect::<Result<Vec<_>, _>>();
         let pinholes = pinholes.map_err(failed)?;
@@ -121,19 +146,65 @@ impl Painter {
         let jobs: Vec<ViewJob> = views.iter().zip(&pinholes).map(job).collect();
         let mut buffers = vec![FrameBuffers::default(); jobs.len()];
         self.renderer.render(&jobs, &mut buffers).map_err(failed)?;
-        if let Some(settings) = &self.reference {
-            for (job, buffers) in jobs.iter().zip(&mut buffers).filter(|(job, _)| job.channels.rgb) {
-                buffers.rgb = trace(&assets, self.renderer.variation(), job, settings).map_err(failed)?.develop(1.0);
+        let longest = views.iter().map(|(camera, _)| sensor::shutter_s(camera)).fold(0.0, f64::max);
+        let moments = moments_before(&assets, &state, exposure, longest).map_err(failed)?;
+        let past = Past { moments: &moments, step_s: exposure.step_s };
+        for ((job, buffers), (camera, _)) in jobs.iter().zip(&mut buffers).zip(views) {
+            if job.channels.rgb {
+                self.expose(job, buffers, past, sensor::shutter_s(camera)).map_err(failed)?;
             }
         }
         let world_from_hand = assets.world_from_hand(&state);
         let image = |((camera, channels), buffers): (&(&Camera, ImageChannels), FrameBuffers)| {
-            let buffers = sensor::developed(&self.renderer, camera, (*channels).into(), buffers, seed)?;
+            let buffers = sensor::developed(&self.renderer, camera, (*channels).into(), buffers, exposure.noise)?;
             let image = buffers.into_image(camera, camera.world_from_camera(&world_from_hand));
             Ok(if channels.points { image.with_points() } else { image })
         };
         views.iter().zip(buffers).map(image).collect::<Result<_, _>>().map_err(failed)
     }
+
+    /// Makes the colours of a job those of a shutter that was open for a while, and of traced paths if they are asked
+    /// for.
+    fn expose(
+        &mut self,
+        job: &ViewJob<'_>,
+        buffers: &mut FrameBuffers,
+        past: Past<'_>,
+        shutter_s: f64,
+    ) -> Result<(), RenderError> {
+        let assets = Arc::clone(self.renderer.assets());
+        let earlier = shutter::moments(&assets, job.camera, buffers, past, shutter_s);
+        let mut pictures = vec![std::mem::take(&mut buffers.rgb)];
+        if let Some(settings) = &self.reference {
+            let paths = settings.paths.div_ceil(1 + earlier.len() as u32);
+            pictures.clear();
+            for (index, frame) in std::iter::once(job.frame).chain(&earlier).enumerate() {
+                let seed = if index == 0 { settings.seed } else { settings.seed.fork_index(index as u64) };
+                let (job, settings) = (ViewJob { frame, ..*job }, ReferenceSettings { paths, seed, ..*settings });
+                pictures.push(trace(&assets, self.renderer.variation(), &job, &settings)?.develop(1.0));
+            }
+        } else {
+            let mut out = [FrameBuffers::default()];
+            for frame in &earlier {
+                self.renderer.render(&[ViewJob { frame, channels: Channels::RGB, ..*job }], &mut out)?;
+                pictures.push(std::mem::take(&mut out[0].rgb));
+            }
+        }
+        buffers.rgb = if pictures.len() > 1 { shutter::mean(&pictures) } else { pictures.remove(0) };
+        Ok(())
+    }
+}
+
+/// A moment and those before it, one after the other, as far as a shutter needs them.
+fn moments_before(
+    assets: &RenderAssets,
+    now: &FrameState,
+    exposure: Exposure<'_>,
+    shutter_s: f64,
+) -> Result<Vec<FrameState>, RenderError> {
+    let count = Past::moments_within(shutter_s, exposure.step_s) - 1;
+    let before = exposure.before.iter().rev().take(count).map(|frame| assets.frame_state_of(frame));
+    std::iter::once(Ok(now.clone())).chain(before).collect()
 }
 
 impl Painter {
@@ -238,8 +309,8 @@ fn paint_frames(
     let stride = (episode.result.control_rate_hz / f64::from(fps)).round().max(1.0) as usize;
     for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let noise = sensor_seed(episode.result.seed, index);
-        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, views, noise)?;
+        let exposure = Exposure::of(episode, index);
+        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, views, exposure)?;
         images.iter().enumerate().try_for_each(|(view, image)| take(view, image))?;
     }
     Ok(())

@@ -8,7 +8,7 @@ use genmanip_data::video::mux_mp4;
 use genmanip_data::{VideoEncoder, VideoSettings};
 use genmanip_render::ROBOT;
 use genmanip_rollout::Stage;
-use genmanip_rollout::images::Painter;
+use genmanip_rollout::images::{Exposure, Painter};
 
 use crate::error::RunError;
 use crate::pictures;
@@ -130,8 +130,8 @@ impl<'a> View<'a> {
         let placed = &self.drawn.stage.scenario.objects;
         let objects = placed.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
         let views = [(&self.camera, ImageChannels { ids: true, ..ImageChannels::RGB })];
-        let images =
-            self.painter.paint_state(config, self.drawn.gripper_width, objects, &views, self.drawn.stage.scenario.seed);
+        let still = Exposure::still(self.drawn.stage.scenario.seed);
+        let images = self.painter.paint_state(config, self.drawn.gripper_width, objects, &views, still);
         let mut images = images.map_err(|error| RunError::broken("cannot draw the arm", error))?;
         Ok(images.swap_remove(0))
     }

@@ -8,7 +8,7 @@ use genmanip_core::{Atom, Episode, ImageChannels, PlacedObject, RgbdImage, Scena
 use genmanip_layout::LayoutError;
 use genmanip_render::encode;
 use genmanip_rollout::Stage;
-use genmanip_rollout::images::{Painter, sensor_seed};
+use genmanip_rollout::images::{Exposure, Painter};
 use genmanip_scene::relations::{PosedObject, PosedScene, ShapeCache, Window};
 
 use crate::error::{Cause, RunError};
@@ -74,8 +74,8 @@ fn paint(painter: &mut Painter, episode: &Episode, count: usize, width: u32) -> 
         .map(|index| last * index / count.saturating_sub(1).max(1))
         .filter_map(|index| episode.frames.get(index).map(|frame| (index, frame)))
         .map(|(index, frame)| {
-            let noise = sensor_seed(episode.result.seed, index);
-            let drawn = painter.paint(frame, &camera, ImageChannels::RGB, noise);
+            let exposure = Exposure::of(episode, index);
+            let drawn = painter.paint(frame, &camera, ImageChannels::RGB, exposure);
             drawn.map_err(|error| not_drawn(&episode.result.id, error))
         })
         .collect()

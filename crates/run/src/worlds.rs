@@ -7,7 +7,7 @@ use genmanip_core::camera::CameraPreset;
 use genmanip_core::glam::DVec3;
 use genmanip_core::sensor::SensorPreset;
 use genmanip_core::{
-    Camera, Distortion, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault, json, limits,
+    Camera, CameraSensor, Distortion, Document, Intrinsics, Pose, RobotModel, Scenario, World, WorldFault, json, limits,
 };
 use genmanip_sim::EngineSettings;
 
@@ -114,6 +114,8 @@ pub struct CameraChange {
     pub on_hand: bool,
     /// Name of its sensors, see [`genmanip_core::sensor::SENSORS`], or `none`.
     pub sensor: Option<String>,
+    /// How long its shutter is open, s.
+    pub shutter_s: Option<f64>,
     /// Its lens; all zeros for none.
     pub distortion: Option<Distortion>,
 }
@@ -161,6 +163,7 @@ impl CameraChange {
                     .sensor,
             ),
         };
+        let sensor = self.shutter_s.map_or(sensor, |shutter_s| CameraSensor::with_shutter(sensor, shutter_s));
         let distortion = self.distortion.or(before.and_then(|camera| camera.distortion));
         let distortion = distortion.filter(|lens| *lens != Distortion::default());
         Ok(Camera { sensor, distortion, ..Camera::new(name, mount, pose, intrinsics) })

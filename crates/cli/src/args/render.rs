@@ -46,6 +46,9 @@ pub struct RenderArguments {
     /// Noise, holes and steps of a device's sensors, in place of the cameras' own
     #[arg(long, value_name = "DEVICE", value_parser = genmanip_core::sensor::SensorPreset::names())]
     pub sensor: Option<String>,
+    /// How long shutters are open, seconds: what moves meanwhile is blurred, in place of the cameras' own
+    #[arg(long, value_name = "SECONDS", value_parser = super::world::parse_shutter)]
+    pub shutter: Option<f64>,
     /// Lens of Brown and Conrady, coefficients as OpenCV has them, in place of the cameras' own
     #[arg(
         long,

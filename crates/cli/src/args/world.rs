@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use genmanip_core::Distortion;
-use genmanip_core::sensor::SensorPreset;
+use genmanip_core::sensor::{LONGEST_SHUTTER_S, SensorPreset};
 
 /// Verbs for worlds.
 #[derive(Debug, Subcommand)]
@@ -103,6 +103,9 @@ pub struct CameraEditArguments {
     /// Noise, holes and steps of a device's sensors, or `none`
     #[arg(long, value_name = "DEVICE", value_parser = sensor_names())]
     pub sensor: Option<String>,
+    /// How long the shutter is open, seconds: what moves meanwhile is blurred; 0 for no blur
+    #[arg(long, value_name = "SECONDS", value_parser = parse_shutter)]
+    pub shutter: Option<f64>,
     /// Lens of Brown and Conrady, coefficients as OpenCV has them; zeros for a pinhole
     #[arg(long, value_name = "K1,K2,P1,P2[,K3]", allow_hyphen_values = true, value_parser = parse_distortion)]
     pub distortion: Option<Distortion>,
@@ -144,6 +147,12 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
 /// The devices whose sensors are known, and `none`.
 fn sensor_names() -> clap::builder::PossibleValuesParser {
     SensorPreset::names().into_iter().chain(["none"]).collect::<Vec<_>>().into()
+}
+
+pub(super) fn parse_shutter(text: &str) -> Result<f64, String> {
+    let expected = || format!("expected 0 to {LONGEST_SHUTTER_S} seconds, got `{text}`");
+    let seconds: f64 = text.parse().map_err(|_| expected())?;
+    if (0.0..=LONGEST_SHUTTER_S).contains(&seconds) { Ok(seconds) } else { Err(expected()) }
 }
 
 pub(super) fn parse_distortion(text: &str) -> Result<Distortion, String> {

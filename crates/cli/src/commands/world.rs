@@ -166,6 +166,7 @@ fn change(arguments: &CameraEditArguments) -> CameraChange {
         view: arguments.eye.zip(arguments.target).map(|(eye, target)| [eye, target].map(DVec3::from_array)),
         on_hand: arguments.hand,
         sensor: arguments.sensor.clone(),
+        shutter_s: arguments.shutter,
         distortion: arguments.distortion,
     }
 }

@@ -69,6 +69,20 @@ fn a_traced_picture_differs_in_colour_alone() {
     assert_eq!(card["paths"], 2);
 }
 
+/// The composed scenarios of the guide still open: objects that have changed since would be refused.
+#[test]
+fn the_stills_can_be_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let stills = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/stills");
+    let mut drawn = 0;
+    for still in fs::read_dir(stills).unwrap() {
+        let rows = draw(folder.path(), still.unwrap().path().to_str().unwrap(), "stills", &[]);
+        assert_eq!(rows[0]["frames"], 1);
+        drawn += 1;
+    }
+    assert_eq!(drawn, 5);
+}
+
 /// The films of the run itself, drawn again: the same, for any number of workers.
 #[test]
 fn episodes_are_drawn_again() {
@@ -82,6 +96,13 @@ fn episodes_are_drawn_again() {
     assert_eq!(rows.as_array().unwrap().len(), 2);
     assert_ne!(rows[0]["variation_seed"], rows[1]["variation_seed"]);
     assert!(one.keys().any(|name| name == "021_spatial-000/wrist.mp4"), "{:?}", one.keys());
+
+    let open = [&more[..], &["--shutter", "0.03"]].concat();
+    draw(folder.path(), run, "open", &[&open[..], &["--workers", "1"]].concat());
+    draw(folder.path(), run, "open again", &[&open[..], &["--workers", "2"]].concat());
+    let blurred = tree(&folder.path().join("open"));
+    assert_same_tree(&blurred, &tree(&folder.path().join("open again")));
+    assert_ne!(blurred["021_spatial-000/wrist.mp4"], one["021_spatial-000/wrist.mp4"]);
 
     let refused = |arguments: &[&str], wanted: &[&str]| {
         let usual = ["render", run, "--out", "refused"];
@@ -112,10 +133,18 @@ fn a_scenario_is_drawn_as_a_device_sees_it() {
     }
     let card: Value = serde_json::from_slice(&device["render.json"]).unwrap();
     assert_eq!(card["cameras"][0]["sensor"]["depth"]["baseline_m"], 0.05);
+    let open = with("open", &["--shutter", "0.02"]);
+    assert_eq!(open["static.png"], perfect["static.png"], "nothing moves in a scenario");
+    let card: Value = serde_json::from_slice(&open["render.json"]).unwrap();
+    assert_eq!(card["cameras"][0]["sensor"]["color"]["shutter_s"], 0.02);
     let lens = with("lens", &["--distortion=-0.2,0.02,0,0"]);
     assert_ne!(lens["static_ids.png"], perfect["static_ids.png"]);
     let refused = ["render", scenario.to_str().unwrap(), "--out", "folded", "--distortion=-9,0,0,0"];
     let told = genmanip(folder.path(), &refused);
     assert_eq!(told.code, Some(1));
+    let too_long = ["render", scenario.to_str().unwrap(), "--out", "long", "--shutter", "0.5"];
+    let told_of_shutter = genmanip(folder.path(), &too_long);
+    assert_eq!(told_of_shutter.code, Some(2));
+    assert!(told_of_shutter.stderr.contains("0 to 0.1 seconds"), "{}", told_of_shutter.stderr);
     assert!(told.stderr.contains("distortion") && told.stderr.contains("k1"), "{}", told.stderr);
 }

@@ -16,7 +16,7 @@ use genmanip_data::lerobot::{self, LerobotDataset, LerobotSettings};
 use genmanip_data::{DataError, EpisodeStore, Selection, TrackRecorder, check};
 use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use genmanip_rollout::expert::Expert;
-use genmanip_rollout::images::{ImageSettings, Painter, sensor_seed};
+use genmanip_rollout::images::{Exposure, ImageSettings, Painter};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
 use genmanip_run::{Progress, inputs};
 use serde::Serialize;
@@ -181,8 +181,8 @@ fn keep(store: &EpisodeStore, stage: &Stage, episode: &Episode, cpu_s: &mut CpuS
     };
     for (index, frame) in episode.frames.iter().enumerate().step_by(stride) {
         let objects = frame.objects.iter().map(|object| (object.pose, object.joint_positions.as_slice()));
-        let noise = sensor_seed(episode.result.seed, index);
-        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, noise);
+        let exposure = Exposure::of(episode, index);
+        let images = painter.paint_state(&frame.joint_position, frame.gripper_width, objects, &views, exposure);
         let images = images.map_err(not_drawn)?;
         lap(&mut cpu_s.render);
         for (track, image) in tracks.iter_mut().zip(&images) {

@@ -4,16 +4,18 @@
 //! camera ── pinhole, needed ──► job of a perfect picture ── Renderer ──► picture ── developed ──► what the camera gives
 //! ```
 //!
-//! Depth is measured in the perfect pinhole picture, then the lens bends all channels, then the colour imager reads.
+//! Colours of a shutter that is open for a while are the mean of several pictures, see [`shutter`]. Depth is measured in
+//! the perfect pinhole picture, then the lens bends all channels, then the colour imager reads.
 //! Ids and normals stay true: they are labels, and no sensor gives them.
 
 mod color;
 mod depth;
 mod lens;
+pub mod shutter;
 #[cfg(test)]
 mod tests;
 
-use genmanip_core::{Camera, CameraSensor, Intrinsics, Seed};
+use genmanip_core::{Camera, Intrinsics, Seed};
 use rand::Rng;
 
 use crate::assets::Surface;
@@ -37,10 +39,16 @@ pub fn pinhole(camera: &Camera) -> Result<Camera, RenderError> {
 
 /// The channels of the perfect picture that a camera's sensors need for those that are wanted.
 pub fn needed(camera: &Camera, wanted: Channels) -> Channels {
-    match camera.sensor {
-        Some(CameraSensor { depth: Some(_), .. }) if wanted.depth => Channels { parts: true, normal: true, ..wanted },
-        _ => wanted,
-    }
+    let sensor = camera.sensor.unwrap_or_default();
+    let measures = wanted.depth && sensor.depth.is_some();
+    let blurs = wanted.rgb && shutter_s(camera) > 0.0;
+    let Channels { depth, normal, parts, .. } = wanted;
+    Channels { depth: depth || blurs, normal: normal || measures, parts: parts || measures || blurs, ..wanted }
+}
+
+/// How long the shutter of a camera is open, s.
+pub fn shutter_s(camera: &Camera) -> f64 {
+    camera.sensor.and_then(|sensor| sensor.color).map_or(0.0, |color| color.shutter_s)
 }
 
 /// What a camera gives of the perfect picture of its [`pinhole`], with the channels [`needed`], drawn by the renderer.
@@ -65,6 +73,9 @@ pub fn developed(
     if let Some(settings) = sensor.depth.filter(|_| wanted.depth) {
         let returns: Vec<f32> = renderer.surfaces().iter().map(returned).collect();
         picture.depth_m = depth::measured(&settings, &pinhole, &picture, &returns, seed.fork("depth"));
+    }
+    if !wanted.depth {
+        picture.depth_m.clear();
     }
     if !wanted.parts {
         picture.parts.clear();

@@ -4,7 +4,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{CameraRequest, ImageChannels, Vary};
 use genmanip_data::depth::decode_depth_png;
 use genmanip_data::masks::{FIRST_OBJECT, seen};
-use genmanip_rollout::images::{ImageSettings, Painter, draw, draw_masks, sensor_seed};
+use genmanip_rollout::images::{Exposure, ImageSettings, Painter, draw, draw_masks};
 
 use crate::episodes;
 
@@ -29,8 +29,8 @@ fn masks_are_the_ids_of_the_pictures() {
         assert_eq!(track.png.len(), frames.len());
         for ((index, frame), png) in frames.zip(&track.png) {
             let (width, height, ids) = decode_depth_png(png).unwrap();
-            let noise = sensor_seed(episode.result.seed, index);
-            let image = Painter::new(stage).unwrap().paint(frame, &camera, everything, noise).unwrap();
+            let exposure = Exposure::of(episode, index);
+            let image = Painter::new(stage).unwrap().paint(frame, &camera, everything, exposure).unwrap();
             assert_eq!((image.width(), image.height()), (width, height));
             assert!(image.ids == ids, "{} at frame {index}", track.camera);
             let scene = stage.posed(&frame.objects);

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use genmanip_core::{
-    ActionChunk, CameraRequest, EpisodeStart, ImageChannels, Observation, Policy, PolicyError, PolicySpec, RgbdImage,
-    Seed,
+    ActionChunk, CameraRequest, CameraSensor, EpisodeStart, ImageChannels, Observation, Policy, PolicyError,
+    PolicySpec, RgbdImage, Seed,
 };
-use genmanip_rollout::images::{Painter, sensor_seed};
+use genmanip_rollout::images::{Exposure, Painter};
 use genmanip_rollout::{Environment, RolloutSettings, run_episode};
 
-use crate::{any_stage, episodes};
+use crate::{any_stage, episodes, stage};
 
 type Seen = Arc<Mutex<Vec<BTreeMap<String, Arc<RgbdImage>>>>>;
 
@@ -63,8 +63,8 @@ fn a_policy_that_asks_for_two_cameras_gets_them() {
         assert_eq!(images.len(), 2);
         for request in requests() {
             let camera = stage.camera(&request).unwrap();
-            let seed = sensor_seed(Seed::new(3), 30 * look);
-            let drawn = painter.paint(&episode.frames[30 * look], &camera, request.channels, seed).unwrap();
+            let exposure = Exposure::of(&episode, 30 * look);
+            let drawn = painter.paint(&episode.frames[30 * look], &camera, request.channels, exposure).unwrap();
             // Points that see nothing are not numbers, which are never equal.
             let bits = |image: &RgbdImage| image.points_m.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
             let image = &images[&request.name];
@@ -99,4 +99,47 @@ fn images_can_be_had_at_any_time() {
     assert!(first.images["static"].rgb != last.images["static"].rgb);
     let again = stage.clone().render_assets().unwrap();
     assert!(Arc::ptr_eq(&again, &stage.render_assets().unwrap()));
+}
+
+/// A shutter that is open longer than a control step: what a policy sees in the loop is what is drawn of the record,
+/// blurred while the arm moves and sharp before it does; depth is that of the moment.
+#[test]
+fn what_moves_while_the_shutter_is_open_is_blurred() {
+    let (sharp, known) = &episodes()[1];
+    let mut scenario = (*sharp.scenario).clone();
+    for camera in &mut scenario.world.cameras {
+        camera.sensor = CameraSensor::with_shutter(camera.sensor, 0.025);
+    }
+    let blurred = stage(scenario);
+    let mut environment = Environment::new(RolloutSettings::default());
+    environment.reset(&blurred, Seed::new(5));
+    let cameras = ["wrist", "static"].map(|name| CameraRequest::new(name, ImageChannels::RGBD).sized(160, 90));
+    let mut episode = known.clone();
+    episode.result.seed = Seed::new(5);
+    let mut painters = [sharp, &blurred].map(|stage| Painter::new(stage).unwrap());
+    let mut drawn = |index: usize, request: &CameraRequest| {
+        [sharp, &blurred].map(|stage| {
+            let painter = &mut painters[usize::from(!std::ptr::eq(stage, sharp))];
+            let camera = stage.camera(request).unwrap();
+            let exposure = Exposure::of(&episode, index);
+            painter.paint(&episode.frames[index], &camera, request.channels, exposure).unwrap()
+        })
+    };
+    // The fastest motion of the episode's beginning, and its neighbours.
+    let way = |index: &usize| known.frames[*index].tcp.position.distance(known.frames[index - 1].tcp.position);
+    let fastest = (2..180).max_by(|a, b| way(a).total_cmp(&way(b))).unwrap();
+    for (index, frame) in known.frames[..=fastest].iter().enumerate() {
+        if [0, 1, fastest - 7, fastest].contains(&index) {
+            let seen = environment.observe(&cameras).unwrap();
+            for request in &cameras {
+                let [perfect, again] = drawn(index, request);
+                let image = &seen.images[&request.name];
+                assert!(**image == again, "{} at step {index}: as drawn from the record", request.name);
+                assert_eq!(image.depth_m, perfect.depth_m, "{} at step {index}", request.name);
+                assert!(image.rgb == perfect.rgb || index > 0, "{}: nothing moved before", request.name);
+                assert!(image.rgb != perfect.rgb || index < fastest, "{} at step {index}: blurred", request.name);
+            }
+        }
+        environment.step(&frame.command).unwrap();
+    }
 }

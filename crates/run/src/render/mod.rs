@@ -29,7 +29,7 @@ use genmanip_render::reference::ReferenceSettings;
 use genmanip_render::{FIRST_OBJECT, ROBOT, RenderVariation, TABLE, sampling};
 use genmanip_rollout::Stage;
 use genmanip_rollout::collect::in_parallel;
-use genmanip_rollout::images::{Painter, sensor_seed, usual_variation};
+use genmanip_rollout::images::{Exposure, Painter, sensor_seed, usual_variation};
 use serde::Serialize;
 
 use self::files::Writer;
@@ -67,12 +67,22 @@ pub struct RenderOptions {
     pub look: Option<Look>,
     /// Sensors of all cameras; each camera's own without.
     pub sensor: Option<CameraSensor>,
+    /// How long the shutters of all cameras are open, s; each camera's own without.
+    pub shutter_s: Option<f64>,
     /// Lens of all cameras; each camera's own without.
     pub distortion: Option<Distortion>,
     /// Light paths per pixel of a traced picture; rasterised without.
     pub paths: Option<u32>,
     /// Threads.
     pub workers: usize,
+}
+
+impl RenderOptions {
+    /// The sensors of a camera whose own ones are given.
+    fn sensor_of(&self, own: Option<CameraSensor>) -> Option<CameraSensor> {
+        let sensor = self.sensor.or(own);
+        self.shutter_s.map_or(sensor, |shutter_s| CameraSensor::with_shutter(sensor, shutter_s))
+    }
 }
 
 /// A look that is drawn by chance.
@@ -256,8 +266,10 @@ impl Source<'_> {
                 || Moment::start(stage, index),
                 |frames| Moment::recorded(frames[index].1, index, frames[index].0),
             );
-            let noise = sensor_seed(seed, moment.control_step);
-            let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &views, noise);
+            let step = moment.control_step;
+            let still = || Exposure::still(sensor_seed(seed, step));
+            let exposure = episode.map_or_else(still, |episode| Exposure::of(episode, step));
+            let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &views, exposure);
             let mut images = drawn.map_err(broken)?;
             labels.push(&mut painter, &moment, cameras, &images)?;
             overlays.draw(&moment, cameras, &mut images)?;
@@ -312,7 +324,7 @@ fn cameras(stage: &Stage, options: &RenderOptions) -> Result<Vec<Camera>, RunErr
         let [width, height] = options.size_px.unwrap_or([camera.intrinsics.width, camera.intrinsics.height]);
         Camera {
             intrinsics: camera.intrinsics.filling(width, height),
-            sensor: options.sensor.or(camera.sensor),
+            sensor: options.sensor_of(camera.sensor),
             distortion: options.distortion.or(camera.distortion),
             ..camera.clone()
         }

@@ -31,7 +31,7 @@ impl<'a> Moment<'a> {
             picture,
             control_step: 0,
             frame: None,
-            arm: stage.robot.home.clone(),
+            arm: stage.scenario.world.robot.start().to_vec(),
             width: stage.robot.gripper.max_width,
             objects: objects.collect(),
         }

@@ -7,7 +7,7 @@ use genmanip_core::glam::DVec3;
 use genmanip_core::{Camera, ImageChannels, Intrinsics};
 use genmanip_render::RenderVariation;
 use genmanip_rollout::Stage;
-use genmanip_rollout::images::{Painter, sensor_seed};
+use genmanip_rollout::images::{Exposure, Painter, sensor_seed};
 
 use super::files::Writer;
 use super::moment::Moment;
@@ -41,7 +41,7 @@ pub(super) fn cameras(stage: &Stage, count: u32, options: &RenderOptions) -> Vec
         let (sin, cos) = (TAU * f64::from(index) / f64::from(count)).sin_cos();
         let way = DVec3::new(cos * ELEVATION.cos(), sin * ELEVATION.cos(), ELEVATION.sin());
         let camera = Camera::looking_at(NAME, target + way * DISTANCE_M, target, intrinsics);
-        Camera { sensor: options.sensor, distortion: options.distortion, ..camera }
+        Camera { sensor: options.sensor_of(None), distortion: options.distortion, ..camera }
     };
     (0..count).map(camera).collect()
 }
@@ -69,8 +69,8 @@ pub(super) fn draw(
     let channels = overlays.channels(ImageChannels::RGB);
     for (index, camera) in cameras.iter().enumerate() {
         let moment = Moment::start(stage, index);
-        let noise = sensor_seed(scenario.seed, index);
-        let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &[(camera, channels)], noise);
+        let still = Exposure::still(sensor_seed(scenario.seed, index));
+        let drawn = painter.paint_state(&moment.arm, moment.width, moment.placed(), &[(camera, channels)], still);
         let mut images = drawn.map_err(broken)?;
         overlays.draw(&moment, std::slice::from_ref(camera), &mut images)?;
         if index == 0 {
