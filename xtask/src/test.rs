@@ -20,7 +20,7 @@ const BUILD: [&str; 4] = ["test", "--release", "--workspace", "--no-run"];
 type Phase = fn(&Workspace) -> Result<Outcome>;
 
 /// In this order: what fails in seconds comes before what takes minutes, and the tests' own lines come last.
-const PHASES: [(&str, Phase); 11] = [
+const PHASES: [(&str, Phase); 12] = [
     ("setup", set_up),
     ("fmt", |w| {
         let hint = "run `cargo fmt --all`".to_owned();
@@ -33,6 +33,7 @@ const PHASES: [(&str, Phase); 11] = [
     ("doc", documentation),
     ("build", |w| cargo(w, &BUILD)),
     ("link check", link_check),
+    ("bytes", same_bytes),
     ("python", python_wheel),
     ("test", tests),
 ];
@@ -121,6 +122,39 @@ fn link_check(workspace: &Workspace) -> Result<Outcome> {
     process::visible(&mut workspace.cargo(BUILD))?;
     process::visible(with_python(workspace, workspace.command(workspace.genmanip()?)).arg("doctor"))?;
     Ok(passed())
+}
+
+/// Pictures have the same bytes with registers of any width: those of an example that is built for any processor, against
+/// those of the usual build on this one.
+fn same_bytes(workspace: &Workspace) -> Result<Outcome> {
+    #[cfg(target_arch = "x86_64")]
+    let has_wide = std::arch::is_x86_feature_detected!("avx2");
+    #[cfg(not(target_arch = "x86_64"))]
+    let has_wide = false;
+    if !has_wide {
+        return Ok(Outcome::Skipped("this processor has no wide registers (AVX2)".into()));
+    }
+    // The usual one with the features of the tests' own build, so that only the other one is built anew.
+    let usual = ["--workspace"].as_slice();
+    let other = ["--package", "genmanip-render", "--no-default-features"].as_slice();
+    let pictures = |which: &[&str]| {
+        let build = ["build", "--release", "--example", "same_bytes"];
+        process::visible(&mut workspace.cargo(build.iter().chain(which).copied()))?;
+        process::output(&mut workspace.command(workspace.genmanip()?.with_file_name("examples/same_bytes")))
+    };
+    let (wide, plain) = (pictures(usual)?, pictures(other)?);
+    match wide.lines().zip(plain.lines()).find(|(wide, plain)| wide != plain) {
+        None if wide.lines().count() == plain.lines().count() => {
+            Ok(Outcome::Passed(format!("{} channels of pictures are the same", wide.lines().count())))
+        }
+        difference => Err(Problem {
+            what: "pictures depend on the width of the processor's registers".into(),
+            expected: difference.map_or_else(|| "as many lines".into(), |(_, plain)| plain.into()),
+            hint: difference.map_or_else(String::new, |(wide, _)| {
+                format!("with wide registers it is `{wide}`; a sum was taken in another order, or rounded once instead of twice")
+            }),
+        }),
+    }
 }
 
 /// The wheel needs packages that only the network has; as in [`set_up`], a skip is a failure in CI.
