@@ -2,10 +2,16 @@
 
 use std::fmt::Write;
 
-use crate::markup::escape;
+use crate::markup::{base64, escape};
 
-/// A page with a heading, a note and tables; the first row of each is its head.
-pub fn dataset_page(title: &str, note: &str, tables: &[(&str, &[Vec<String>])]) -> String {
+/// A page with a heading, a note, tables, the first row of each being its head, and lines of JPEG pictures, each with
+/// what it shows.
+pub fn dataset_page(
+    title: &str,
+    note: &str,
+    tables: &[(&str, &[Vec<String>])],
+    sheet: &[(String, Vec<Vec<u8>>)],
+) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n<style>\n{style}</style>\n\
          </head>\n<body>\n<header>\n<h1>Dataset</h1>\n<p>{title}</p>\n<pre>{note}</pre>\n</header>\n",
@@ -21,6 +27,21 @@ pub fn dataset_page(title: &str, note: &str, tables: &[(&str, &[Vec<String>])]) 
             let _ = writeln!(html, "<tr>{cells}</tr>");
         }
         html += "</table>\n</section>\n";
+    }
+    if !sheet.is_empty() {
+        html += "<section>\n<h2>Pictures</h2>\n";
+        for (caption, pictures) in sheet {
+            let images: String = pictures
+                .iter()
+                .map(|jpeg| format!("<img alt=\"\" src=\"data:image/jpeg;base64,{}\">", base64(jpeg)))
+                .collect();
+            let _ = writeln!(
+                html,
+                "<figure><div class=\"strip\">{images}</div><figcaption>{}</figcaption></figure>",
+                escape(caption)
+            );
+        }
+        html += "</section>\n";
     }
     html + "</body>\n</html>\n"
 }

@@ -10,7 +10,7 @@ use crate::reply::{ChatReply, Structure};
 use crate::request::ChatRequest;
 
 mod server;
-pub use server::{Behaviour, FakeServer, SeenRequest, completion};
+pub use server::{Behaviour, FakeServer, SeenRequest, answering, completion};
 
 /// Gives prepared answers in order, whatever is asked, and remembers what was.
 ///

@@ -86,16 +86,35 @@ pub fn seen(ids: &[u16], width: u32, objects: usize) -> Vec<Seen> {
     let mut all = vec![Seen::default(); objects];
     for (y, row) in (0_u32..).zip(ids.chunks(width.max(1) as usize)) {
         for (x, id) in (0_u32..).zip(row) {
-            let Some(seen) = object(*id).and_then(|object| all.get_mut(object)) else { continue };
-            let [left, top, right, bottom] = seen.bounds_px;
-            seen.bounds_px = match seen.pixels {
-                0 => [x, y, x + 1, y + 1],
-                _ => [left.min(x), top.min(y), right.max(x + 1), bottom.max(y + 1)],
-            };
-            seen.pixels += 1;
+            if let Some(seen) = object(*id).and_then(|object| all.get_mut(object)) {
+                seen.add(x, y);
+            }
         }
     }
     all
+}
+
+/// What such an image shows of the thing with this id alone.
+pub fn seen_of(ids: &[u16], width: u32, id: u16) -> Seen {
+    let mut seen = Seen::default();
+    for (y, row) in (0_u32..).zip(ids.chunks(width.max(1) as usize)) {
+        for (x, _) in (0_u32..).zip(row).filter(|(_, shown)| **shown == id) {
+            seen.add(x, y);
+        }
+    }
+    seen
+}
+
+impl Seen {
+    /// One more pixel shows it.
+    fn add(&mut self, x: u32, y: u32) {
+        let [left, top, right, bottom] = self.bounds_px;
+        self.bounds_px = match self.pixels {
+            0 => [x, y, x + 1, y + 1],
+            _ => [left.min(x), top.min(y), right.max(x + 1), bottom.max(y + 1)],
+        };
+        self.pixels += 1;
+    }
 }
 
 /// What a camera's picture shows of each object: its name, what is seen of it, what would be seen of it with nothing
@@ -166,6 +185,7 @@ mod tests {
         let visible = seen(&ids, 6, 3);
         assert_eq!(visible[0], Seen { bounds_px: [1, 1, 5, 3], pixels: 2 });
         assert_eq!(visible[1], Seen::default());
+        assert_eq!([3, 4, 5].map(|id| seen_of(&ids, 6, id)), visible[..]);
         let whole = [Seen { bounds_px: [1, 1, 5, 3], pixels: 8 }, Seen::default(), visible[2]];
         let placed = OrientedBox { outer_from_box: Pose::from_position(DVec3::X), size: DVec3::splat(0.1) };
         let names = ["mug", "fork", "box"];

@@ -16,6 +16,12 @@ pub fn variation_seed(episode: Seed) -> Seed {
     episode.fork("variation")
 }
 
+/// The seed of one of the looks in which the pictures of an episode can be drawn again; that of `collect` is number 0.
+pub fn look_seed(episode: Seed, look: u64) -> Seed {
+    let usual = variation_seed(episode);
+    if look == 0 { usual } else { usual.fork_index(look) }
+}
+
 /// One camera's pictures of one episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraTrack {

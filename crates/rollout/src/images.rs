@@ -1,8 +1,8 @@
 //! Images of a stage: of recorded frames after the physics, and of the state in the loop for policies that ask for them.
 
-use genmanip_core::perception::{FIRST_OBJECT, Seen, seen};
+use genmanip_core::perception::{FIRST_OBJECT, Seen, seen_of};
 use genmanip_core::{Camera, CameraRequest, Episode, EpisodeResult, Frame, ImageChannels, Pose, RgbdImage, Seed};
-use genmanip_data::images::variation_seed;
+use genmanip_data::images::look_seed;
 use genmanip_data::masks::{self, MaskTrack};
 use genmanip_data::{CameraTrack, TrackRecorder, VideoSettings};
 use genmanip_render::reference::{ReferenceSettings, trace};
@@ -26,9 +26,16 @@ pub struct ImageSettings {
     pub fps: u32,
     /// Colour compression.
     pub video: VideoSettings,
-    /// What is drawn differently in each episode, by its own seed ([`genmanip_data::images::variation_seed`]); nothing when it is empty.
+    /// What is drawn differently in each episode, by its own seed ([`look_seed`]); nothing when it is empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub vary: Vec<Vary>,
+    /// Which look it is of those that the episode's seed leads to.
+    #[serde(skip_serializing_if = "is_first")]
+    pub look: u64,
+}
+
+fn is_first(look: &u64) -> bool {
+    *look == 0
 }
 
 impl Default for ImageSettings {
@@ -38,6 +45,7 @@ impl Default for ImageSettings {
             fps: 15,
             video: VideoSettings::default(),
             vary: Vec::new(),
+            look: 0,
         }
     }
 }
@@ -235,7 +243,7 @@ impl Painter {
             let drawn = sensor::through_lens(camera, drawn)?;
             // Objects that nothing is drawn of are left out by the renderer.
             whole.resize(object, Seen::default());
-            whole.extend(seen(&drawn.instance, drawn.width, object + 1).pop());
+            whole.push(seen_of(&drawn.instance, drawn.width, instance));
             Ok(())
         })?;
         Ok(whole)
@@ -259,7 +267,7 @@ pub fn sensor_seed(episode: Seed, frame: usize) -> Seed {
 /// # Errors
 /// When a camera is not in the scenario, or drawing or encoding fails.
 pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<CameraTrack>, RolloutError> {
-    let (seed, vary) = (variation_seed(episode.result.seed), &settings.vary);
+    let (seed, vary) = (look_seed(episode.result.seed, settings.look), &settings.vary);
     let requests = settings.cameras.iter().map(|name| CameraRequest::new(name, ImageChannels::RGBD));
     let camera = |request| stage.camera(&request).map(|camera| sampling::moved(&camera, seed, vary));
     let cameras = requests.map(camera).collect::<Result<Vec<_>, _>>()?;
@@ -281,7 +289,7 @@ pub fn draw(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Resul
 /// As [`draw`].
 pub fn draw_masks(stage: &Stage, episode: &Episode, settings: &ImageSettings) -> Result<Vec<MaskTrack>, RolloutError> {
     const IDS: ImageChannels = ImageChannels { rgb: false, depth: false, ids: true, normals: false, points: false };
-    let seed = variation_seed(episode.result.seed);
+    let seed = look_seed(episode.result.seed, settings.look);
     let camera = |name: &String| {
         stage.camera(&CameraRequest::new(name, IDS)).map(|camera| sampling::moved(&camera, seed, &settings.vary))
     };

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use genmanip_core::Episode;
+use genmanip_core::{Episode, RobotModel};
 use genmanip_data::export::ExtraColumns;
 use genmanip_data::export::choice::action_name;
 use genmanip_data::lerobot::{self, LerobotSettings};
@@ -43,6 +43,31 @@ pub enum Format {
     Mcap,
     /// The layout of the paper's recordings, a folder per episode.
     Paper,
+}
+
+impl Format {
+    /// Writes the selected episodes, whose pictures are in the store.
+    ///
+    /// # Errors
+    /// As [`lerobot::export`].
+    pub fn write(
+        self,
+        store: &EpisodeStore,
+        selection: &Selection,
+        robot: &RobotModel,
+        settings: &LerobotSettings,
+        target: &Path,
+    ) -> Result<ExportReport, DataError> {
+        let rows = &settings.export;
+        match self {
+            Self::Lerobot => lerobot::export(store, selection, robot, settings, target),
+            Self::LerobotV21 => lerobot::export_v21(store, selection, robot, settings, target),
+            Self::Zarr => zarr::export(store, selection, robot, rows, target),
+            Self::Hdf5 => hdf5::export(store, selection, robot, rows, target),
+            Self::Mcap => mcap::export(store, selection, robot, rows, target),
+            Self::Paper => paper::export(store, selection, robot, rows, target),
+        }
+    }
 }
 
 /// How a run is exported.
@@ -105,15 +130,7 @@ pub fn export(
         return Ok(None);
     }
     let robot = inputs::robot(&run.settings.world)?;
-    let exported = match options.format {
-        Format::Lerobot => lerobot::export(&store, &selection, &robot, &settings, &target),
-        Format::LerobotV21 => lerobot::export_v21(&store, &selection, &robot, &settings, &target),
-        Format::Zarr => zarr::export(&store, &selection, &robot, rows, &target),
-        Format::Hdf5 => hdf5::export(&store, &selection, &robot, rows, &target),
-        Format::Mcap => mcap::export(&store, &selection, &robot, rows, &target),
-        Format::Paper => paper::export(&store, &selection, &robot, rows, &target),
-    };
-    let exported = exported.map_err(|error| {
+    let exported = options.format.write(&store, &selection, &robot, &settings, &target).map_err(|error| {
         let hint = error.hint().unwrap_or_else(|| "the episodes are safe; start again".into());
         RunError::broken("cannot write the dataset", error).with_hint(hint)
     })?;
@@ -138,7 +155,7 @@ fn check_columns(options: &ExportOptions, rows: &ExportSettings, format: &str) -
 
 /// Draws the pictures that the store lacks, from the recorded states and in the looks of the run; also which thing each
 /// pixel shows, where that is asked for.
-fn draw_missing(
+pub(crate) fn draw_missing(
     store: &EpisodeStore,
     ids: &[String],
     (pictures, with_masks): (&ImageSettings, bool),

@@ -54,6 +54,7 @@ mod remote;
 pub mod render;
 pub mod replay;
 pub mod report;
+pub mod rerender;
 pub mod robots;
 mod seeing;
 pub mod sessions;

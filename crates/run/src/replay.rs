@@ -104,6 +104,28 @@ pub fn check(
     Ok(rows)
 }
 
+/// Replays `count` of the recorded episodes of a store, evenly chosen; rows in the order of their ids.
+///
+/// # Errors
+/// When the store cannot be read, or an object is not the one an episode was recorded with.
+pub fn sample(store: &Path, count: usize, workers: usize, progress: &dyn Progress) -> Result<Vec<Replayed>, RunError> {
+    let Located { store, ids, .. } = locate(store)?;
+    let count = count.min(ids.len());
+    let chosen: Vec<&String> = (0..count).filter_map(|place| ids.get(place * ids.len() / count)).collect();
+    // Damage is a row, however few there are.
+    let replaying = Replaying { store: &store, is_only: false, check: true, strip: None, progress };
+    progress.begin("replaying", chosen.len());
+    let replay = |id: &&String| {
+        let row = replaying.one(id);
+        progress.advance();
+        row
+    };
+    let mut rows = Vec::new();
+    in_parallel_each(&chosen, workers, &AtomicBool::new(false), &replay, &mut |row| rows.push(row))?;
+    progress.end();
+    Ok(rows)
+}
+
 /// What is done with each episode.
 struct Replaying<'a> {
     store: &'a EpisodeStore,

@@ -76,6 +76,21 @@ struct Shared {
     stopped: AtomicBool,
 }
 
+/// A server that gives each question the answer of the first of these texts that stands in it, and an empty answer where
+/// none does: for who asks several questions at the same time, so that their order is not known.
+///
+/// # Errors
+/// When there is no free port.
+pub fn answering<'a>(answers: impl IntoIterator<Item = (&'a str, Value)>) -> io::Result<FakeServer> {
+    let answers: Vec<(String, String)> =
+        answers.into_iter().map(|(words, answer)| (words.to_owned(), answer.to_string())).collect();
+    FakeServer::start(move |request| {
+        let question = request.body.to_string();
+        let answer = answers.iter().find(|(words, _)| question.contains(words));
+        Behaviour::Answer(answer.map(|(_, answer)| answer.clone()).unwrap_or_default())
+    })
+}
+
 /// The body of an ordinary chat completion, as OpenAI's dialect has it.
 pub fn completion(text: &str) -> String {
     json!({

@@ -17,12 +17,15 @@ pub enum Part {
     Physics,
 }
 
+/// Name of [`Part::Physics`].
+const PHYSICS: &str = "physics";
+
 /// A part by its name.
 fn parse_part(text: &str) -> Result<Part, String> {
-    if text == "physics" {
+    if text == PHYSICS {
         return Ok(Part::Physics);
     }
-    super::render::parse_vary(text).map(Part::Look).map_err(|expected| format!("{expected}, physics"))
+    super::render::parse_vary(text).map(Part::Look).map_err(|expected| format!("{expected}, {PHYSICS}"))
 }
 
 /// Arguments of `collect`.
@@ -58,8 +61,14 @@ pub struct CollectArguments {
     /// Make each episode different; the seed of the difference is a column of the dataset
     #[arg(long, value_parser = ["per-episode"])]
     pub variation: Option<String>,
-    /// What differs: light, background, material, objects, camera, physics [default: all but physics]
-    #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = parse_part, requires = "variation")]
+    #[arg(
+        long,
+        value_name = "PART,…",
+        value_delimiter = ',',
+        value_parser = parse_part,
+        requires = "variation",
+        help = format!("What differs: {}, {PHYSICS} [default: all but {PHYSICS}]", super::render::looks())
+    )]
     pub vary: Vec<Part>,
     /// Where the expert's grasps come from: the geometry of objects, depth images of the fixed cameras, or a server that
     /// is shown these points

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use genmanip_data::lerobot::edit::Condition;
+use genmanip_run::render::Vary;
 
 /// Verbs for data sets.
 #[derive(Debug, Subcommand)]
@@ -13,9 +14,9 @@ pub enum DataCommand {
                       genmanip data check out/train/dataset out/test/dataset --json\n\n\
                       LeRobot v3.0 with its depth sibling, LeRobot v2.1, and zarr. Of several datasets, what the later\n\
                       share with the earlier counts as a leak: scenarios, sentences, states and actions.\n\
-                      Nothing is simulated: genmanip replay --check DATASET/extras/record does that.")]
+                      --replays 10 also simulates ten episodes of extras/record again, evenly chosen, bit for bit.")]
     Check(DataCheckArguments),
-    /// Show what is in a dataset: kinds of tasks, lengths, success, ranges of states and actions
+    /// Show what is in a dataset: tasks with lengths and success, ranges of states and actions; pictures in a page
     #[command(after_help = "Examples:\n  genmanip data show out/run/dataset\n  \
                       genmanip data show out/run/dataset --html dataset.html")]
     Show(DataShowArguments),
@@ -52,6 +53,13 @@ pub enum DataCommand {
                       Takes LeRobot v3.0 and v2.1 of any program. Columns, pictures, steps, outcomes and the action contract stay;\n\
                       depth has no place there. The way back is data import.")]
     Convert(DataConvertArguments),
+    /// Draw the pictures of a dataset again: other light, materials, background, cameras; rows and physics stay
+    #[command(after_help = "Examples:\n  genmanip data rerender out/run/dataset --out out/second\n  \
+                      genmanip data rerender out/run/dataset --look 2 --vary light,background --out out/lights\n  \
+                      genmanip data rerender out/run/dataset --plain --cameras left,wrist --out out/left\n\n\
+                      Pictures are drawn from extras/record. Interrupted, the same call goes on; the seed of each episode's\n\
+                      look is its variation_seed.")]
+    Rerender(DataRerenderArguments),
     /// Write the card of a dataset anew: what is in it, seeds, licences; and croissant.json for catalogues
     #[command(after_help = "Example:\n  genmanip data card out/run/dataset")]
     Card(DataCardArguments),
@@ -97,6 +105,40 @@ pub struct DataCheckArguments {
     /// Folders of datasets
     #[arg(required = true, value_name = "DATASET")]
     pub datasets: Vec<PathBuf>,
+    /// Simulate so many recorded episodes again, evenly chosen; their final states must be the recorded ones
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub replays: usize,
+}
+
+/// Arguments of `data rerender`.
+#[derive(Debug, Args)]
+pub struct DataRerenderArguments {
+    /// Folder of a LeRobot v3.0 dataset of this program
+    #[arg(value_name = "DATASET")]
+    pub dataset: PathBuf,
+    /// Folder of the new dataset
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Which look of each episode; 0 is the one that `collect --variation per-episode` gives it
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub look: u64,
+    #[arg(
+        long,
+        value_name = "PART,…",
+        value_delimiter = ',',
+        value_parser = super::render::parse_vary,
+        help = format!("What differs from the usual look: {} [default: all]", super::render::looks())
+    )]
+    pub vary: Vec<Vary>,
+    /// Everything looks as usual
+    #[arg(long, conflicts_with = "vary")]
+    pub plain: bool,
+    /// Cameras of the scenarios [default: those of the dataset]
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    pub cameras: Vec<String>,
+    /// Worker threads; the bytes do not depend on it [default: all cores]
+    #[arg(long, value_parser = super::parse_count)]
+    pub workers: Option<usize>,
 }
 
 /// Arguments of `data show`.

@@ -73,9 +73,13 @@ pub struct RenderArguments {
 
 /// A part of the look by its name.
 pub(super) fn parse_vary(text: &str) -> Result<Vary, String> {
-    let names = Vary::ALL.map(Vary::name);
     let found = Vary::ALL.into_iter().find(|part| part.name() == text);
-    found.ok_or_else(|| format!("expected one of {}", names.join(", ")))
+    found.ok_or_else(|| format!("expected one of {}", looks()))
+}
+
+/// The names of all parts of the look.
+pub(super) fn looks() -> String {
+    Vary::ALL.map(Vary::name).join(", ")
 }
 
 /// Something that is drawn over pictures, by its name.

@@ -6,26 +6,35 @@ use std::sync::Arc;
 use genmanip_assets::robots;
 use genmanip_bench::{dataset_page, text_table};
 use genmanip_core::{RobotModel, Seed};
-use genmanip_data::check::{self, Checked, Finding, Overview};
+use genmanip_data::check::{self, Checked, Finding, Overview, Strip};
 use genmanip_data::import::{self, ImportReport, ImportSettings};
 use genmanip_data::lerobot::{
     self,
     edit::{self, By},
 };
 use genmanip_data::{DataError, ExportReport};
+use genmanip_run::replay::{self, Replayed};
+use genmanip_run::rerender::{self, RerenderOptions};
 use genmanip_run::{Progress, inputs};
 use genmanip_s3::{Access, Address, Bucket, Moved, Patience, S3Error};
 use serde_json::json;
 
 use crate::args::{
     DataCardArguments, DataCheckArguments, DataCommand, DataConvertArguments, DataDeleteArguments, DataFilterArguments,
-    DataImportArguments, DataPullArguments, DataPushArguments, DataShowArguments, DataSplitArguments,
+    DataImportArguments, DataPullArguments, DataPushArguments, DataRerenderArguments, DataShowArguments,
+    DataSplitArguments,
 };
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
+/// Where a data set keeps what was recorded.
+const RECORD: &str = "extras/record";
 /// Leaks that are printed; with --json all are.
 const LISTED_LEAKS: usize = 12;
+/// Tasks that are printed; with --json all are.
+const LISTED_TASKS: usize = 20;
+/// Longest bar of a histogram, characters.
+const BAR: usize = 30;
 
 pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Failed> {
     match command {
@@ -51,6 +60,7 @@ pub fn run(command: &DataCommand, printer: &Printer) -> Result<ExitStatus, Faile
                 import::to_v21(dataset, settings, out, heard)
             })
         }
+        DataCommand::Rerender(arguments) => rerender(arguments, printer),
         DataCommand::Card(DataCardArguments { dataset }) => {
             let card = lerobot::write_card(dataset).map_err(|error| {
                 let hint = error.hint().unwrap_or_else(|| "genmanip data check says what is wrong with it".into());
@@ -145,6 +155,23 @@ fn counted<'a>(what: &'a str, printer: &'a Printer) -> impl FnMut(usize) + 'a {
     }
 }
 
+/// Draws a data set again and says what was made.
+fn rerender(arguments: &DataRerenderArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
+    let options = RerenderOptions {
+        look: arguments.look,
+        vary: if arguments.plain { Vec::new() } else { super::collect::vary(&arguments.vary) },
+        cameras: arguments.cameras.clone(),
+        workers: inputs::workers(arguments.workers),
+    };
+    let stop = crate::stop::on_interrupt();
+    let Some(made) = rerender::rerender(&arguments.dataset, &options, &arguments.out, printer, &stop)? else {
+        printer.say("interrupted; pictures that were drawn are kept, start again to continue");
+        return Ok(ExitStatus::NotMet);
+    };
+    printer.data(&made, &line(&made));
+    Ok(ExitStatus::Done)
+}
+
 /// Makes data sets of others and says what was made.
 fn edited(
     printer: &Printer,
@@ -163,7 +190,9 @@ fn check_all(arguments: &DataCheckArguments, printer: &Printer) -> Result<ExitSt
     let mut checked = Vec::new();
     for dataset in &arguments.datasets {
         printer.say(format!("checking {}", dataset.display()));
-        checked.push(read(dataset)?);
+        let mut one = read(dataset)?;
+        one.findings.extend(replayed(dataset, arguments.replays, printer)?);
+        checked.push(one);
     }
     let mut leaks = Vec::new();
     for (number, later) in checked.iter().enumerate() {
@@ -191,6 +220,28 @@ fn check_all(arguments: &DataCheckArguments, printer: &Printer) -> Result<ExitSt
     Ok(if is_sound { ExitStatus::Done } else { ExitStatus::NotMet })
 }
 
+/// What is wrong with some of a data set's recorded episodes when they are simulated again.
+fn replayed(dataset: &Path, count: usize, printer: &Printer) -> Result<Vec<Finding>, Failed> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let record = dataset.join(RECORD);
+    if !record.is_dir() {
+        return Err(Failed::new(format!("{} has no {RECORD} to replay", dataset.display()))
+            .hint("leave --replays away, or take a dataset that this program collected"));
+    }
+    let rows = replay::sample(&record, count, inputs::workers(None), printer)?;
+    let unsound = rows.iter().filter(|row| !row.is_sound());
+    let finding = |row: &Replayed| Finding {
+        check: "replay",
+        file: format!("{RECORD}/{}", row.episode),
+        place: "final state".into(),
+        expected: "the recorded one, bit for bit".into(),
+        found: row.in_words(),
+    };
+    Ok(unsound.map(finding).collect())
+}
+
 fn in_words(finding: &Finding) -> String {
     let Finding { check, file, place, expected, found } = finding;
     let place = if place.is_empty() { String::new() } else { format!(", {place}") };
@@ -212,14 +263,69 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
         count => format!("{count} findings: see genmanip data check"),
     };
     if let Some(path) = &arguments.html {
-        let tables = [("Episodes", groups.as_slice()), ("States and actions", ranges.as_slice())];
-        inputs::write_file(path, dataset_page(&about, &format!("{action}{findings}"), &tables).as_bytes())?;
+        let (tasks, lengths) = (tasks(&overview.tasks, usize::MAX), lengths(overview));
+        let tables = [
+            ("Episodes", groups.as_slice()),
+            ("Lengths", &lengths),
+            ("Tasks", &tasks),
+            ("States and actions", &ranges),
+        ];
+        let sheet = sheet(&arguments.dataset)?;
+        let page = dataset_page(&about, &format!("{action}{findings}"), &tables, &sheet);
+        inputs::write_file(path, page.as_bytes())?;
         printer.say(format!("wrote {}", path.display()));
         return Ok(ExitStatus::Done);
     }
-    let text = format!("{about}\n{action}{findings}\n\n{}\n{}", text_table(&groups), text_table(&ranges));
+    let mut tables = vec![groups, lengths(overview)];
+    // Where there are no kinds, the episodes are by task already.
+    if overview.tasks.iter().map(|task| &task.kind).ne(overview.groups.iter().map(|group| &group.kind)) {
+        tables.push(tasks(&overview.tasks, LISTED_TASKS));
+    }
+    tables.push(ranges);
+    let tables: Vec<String> = tables.iter().map(|table| text_table(table)).collect();
+    let text = format!("{about}\n{action}{findings}\n\n{}", tables.join("\n"));
     printer.data(&json!({"dataset": checked, "overview": overview}), &text);
     Ok(ExitStatus::Done)
+}
+
+/// Some moments of some episodes, each with its sentence.
+fn sheet(dataset: &Path) -> Result<Vec<(String, Vec<Vec<u8>>)>, Failed> {
+    let strips = check::contact_sheet(dataset).map_err(|error| {
+        Failed::because("cannot show pictures", &error).hint("genmanip data check says what is wrong with them")
+    })?;
+    let caption = |strip: &Strip| {
+        let end = strip.success.map_or("", |success| if success { ", succeeded" } else { ", failed" });
+        format!("{}: {}{end}", strip.episode, strip.sentence)
+    };
+    Ok(strips.into_iter().map(|strip| (caption(&strip), strip.pictures)).collect())
+}
+
+/// A row per sentence, those with the lowest success first.
+fn tasks(tasks: &[check::Group], most: usize) -> Vec<Vec<String>> {
+    let share = |task: &check::Group| task.succeeded.map_or(1.0, |count| count as f64 / task.episodes.max(1) as f64);
+    let mut sorted: Vec<&check::Group> = tasks.iter().collect();
+    sorted.sort_by(|a, b| share(a).total_cmp(&share(b)));
+    let row = |task: &&check::Group| {
+        let succeeded = task.succeeded.map_or("–".to_owned(), |count| count.to_string());
+        vec![task.episodes.to_string(), succeeded, task.kind.clone()]
+    };
+    let mut rows = vec![["episodes", "succeeded", "task"].map(String::from).to_vec()];
+    rows.extend(sorted.iter().take(most).map(row));
+    if let Some(more) = tasks.len().checked_sub(most).filter(|more| *more > 0) {
+        rows.push(vec![String::new(), String::new(), format!("and {more} more; all with --json or --html")]);
+    }
+    rows
+}
+
+/// The histogram of lengths as bars.
+fn lengths(overview: &Overview) -> Vec<Vec<String>> {
+    let most = overview.lengths.iter().map(|bin| bin.episodes).max().unwrap_or(0).max(1);
+    let row = |bin: &check::Bin| {
+        let [from, to] = bin.seconds;
+        vec![format!("{from:.1} to {to:.1}"), bin.episodes.to_string(), "█".repeat((bin.episodes * BAR).div_ceil(most))]
+    };
+    let head = ["length, s", "episodes", ""].map(String::from).to_vec();
+    std::iter::once(head).chain(overview.lengths.iter().map(row)).collect()
 }
 
 fn groups(overview: &Overview) -> Vec<Vec<String>> {

@@ -60,7 +60,7 @@ fn rows(arguments: &DatasetArguments) -> Result<ExportSettings, Failed> {
             .filter(|(name, _)| arguments.columns.iter().any(|asked| asked == name))
             .map(|(_, columns)| *columns)
             .collect(),
-        is_varied: false,
+        ..usual
     })
 }
 

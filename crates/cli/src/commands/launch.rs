@@ -16,6 +16,8 @@ use crate::printer::Printer;
 struct Launched {
     sample: Sample,
     need: Need,
+    /// Free space where the shards will write, where that is known.
+    free_mib: Option<u64>,
     script: String,
     /// What submits it, or has.
     submission: Vec<String>,
@@ -47,7 +49,8 @@ pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus,
     printer.say("measuring a sample …");
     let sample = measure(&job, &program, (!arguments.dry_run).then_some(job.out.as_path()))?;
     let need = job.need(&sample);
-    let launched = Launched { sample, need, script: script(&job, &need), submission: job.submission() };
+    let free_mib = job.free_mib();
+    let launched = Launched { sample, need, free_mib, script: script(&job, &need), submission: job.submission() };
     let submission = launched.submission.join(" ");
     let Need { minutes, memory_mib, disk_mib, core_hours } = need;
     printer.say(format!(
@@ -58,6 +61,11 @@ pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus,
     if arguments.dry_run {
         printer.data(&launched, &launched.script);
         return Ok(ExitStatus::Done);
+    }
+    if let Some(free) = free_mib.filter(|free| *free < disk_mib) {
+        let what =
+            format!("the shards will write some {disk_mib} MiB, and the disk has {free} MiB: {}", job.out.display());
+        return Err(Failed::new(what).hint("nothing was submitted; choose another --out, or fewer --episodes"));
     }
     let path = write(&job, &launched.script)?;
     printer.say(format!("wrote {}", path.display()));

@@ -34,6 +34,7 @@ fn help_of_every_verb_reads_well_and_shows_an_example() {
         &["data", "filter"],
         &["data", "delete"],
         &["data", "card"],
+        &["data", "rerender"],
         &["grasps", "bake"],
         &["grasps", "show"],
         &["lab", "layout"],

@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use genmanip_data::EpisodeStore;
 use serde_json::Value;
 
 use crate::{
@@ -272,6 +273,43 @@ fn a_run_exports_with_any_action_and_plays_it_back() {
     }
 }
 
+/// The same episodes in another look: rows stay, pictures do not, and the same call makes the same bytes.
+#[test]
+fn a_dataset_is_drawn_again_in_another_look() {
+    let folder = copy_of_finished_run();
+    let here = folder.path();
+    let one = genmanip(here, &["data", "filter", "run/dataset", "--where", "kind=spatial", "--out", "one"]);
+    assert_eq!(one.code, Some(0), "{one:?}");
+    let call = |more: &[&str], out: &str| {
+        let rerender = ["data", "rerender", "one", "--cameras", "wrist", "--out", out, "--json"];
+        let made = genmanip(here, &[&rerender[..], more].concat()).json(0);
+        assert_eq!((&made["dataset"], &made["episodes"]), (&out.into(), &1.into()));
+        assert_eq!(genmanip(here, &["data", "check", out, "--replays", "1"]).code, Some(0), "{out}");
+        tree(&here.join(out))
+    };
+    let lights = ["--vary", "light,background"];
+    let first = call(&lights, "first");
+    assert_same_tree(&call(&[&lights[..], &["--workers", "1"]].concat(), "again"), &first);
+    let (second, plain) = (call(&[&lights[..], &["--look", "2"]].concat(), "second"), call(&["--plain"], "plain"));
+    let film = "videos/observation.images.wrist/chunk-000/file-000.mp4";
+    for (one, other) in [(&first, &second), (&first, &plain), (&second, &plain)] {
+        assert_ne!(one[film], other[film]);
+    }
+    // The usual look is that of the run.
+    assert_eq!(plain[film], tree(&here.join("one"))[film]);
+    let rows = "data/chunk-000/file-000.parquet";
+    assert_eq!((&first[rows], &second[rows]), (&plain[rows], &plain[rows]));
+    let hidden = fs::read_dir(here).unwrap().filter_map(|entry| entry.unwrap().file_name().into_string().ok());
+    assert_eq!(hidden.filter(|name| name.ends_with(".drawing")).count(), 0);
+    for (arguments, wanted) in [
+        (&["data", "rerender", "one", "--out", "first"][..], &["no place", "--out"][..]),
+        (&["data", "rerender", "run", "--out", "x"], &["cannot draw run again", "extras/record"]),
+        (&["data", "rerender", "one", "--cameras", "ceiling", "--out", "x"], &["unknown camera `ceiling`"]),
+    ] {
+        genmanip(here, arguments).assert_refused(wanted);
+    }
+}
+
 #[test]
 fn a_film_strip_is_a_jpeg() {
     let folder = tempfile::tempdir().unwrap();
@@ -301,9 +339,25 @@ fn datasets_are_split_and_merged_again() {
     assert_eq!(call(&["check", "merged"]).code, Some(0));
     let replayed = genmanip(folder.path(), &["replay", "--check", "merged/extras/record", "--json"]).json(0);
     assert!(replayed.as_array().unwrap().iter().all(|row| row["identical"] == true), "{replayed}");
+    let checked = call(&["check", "merged", "--replays", "2"]).json(0);
+    assert_eq!(checked["datasets"][0]["findings"], Value::Array(Vec::new()));
+    let shown = genmanip(folder.path(), &["data", "show", "merged", "--html", "merged.html"]);
+    assert_eq!(shown.code, Some(0), "{shown:?}");
+    let page = fs::read_to_string(folder.path().join("merged.html")).unwrap();
+    assert_eq!(page.matches("<img").count(), 8, "four moments of two episodes");
     let refused = |arguments: &[&str], code: i32, wanted: &str| {
         genmanip(folder.path(), &[&["data"], arguments].concat()).assert_ended(code, &[wanted]);
     };
+    // Another command than the one that was given, with sound hashes: only simulating it again tells.
+    let record = EpisodeStore::open(folder.path().join("spatial/extras/record")).unwrap();
+    let mut episode = record.read("021_spatial-000").unwrap();
+    episode.frames[30].command[0] += 0.2;
+    fs::remove_dir_all(record.root().join("021_spatial-000")).unwrap();
+    record.write(&episode, &[]).unwrap();
+    assert_eq!(call(&["check", "spatial"]).code, Some(0));
+    let found = call(&["check", "spatial", "--replays", "1"]).json(1);
+    let found = &found["datasets"][0]["findings"][0];
+    assert_eq!((&found["check"], &found["file"]), (&"replay".into(), &"extras/record/021_spatial-000".into()));
     refused(&["merge", "merged", "merged", "--out", "twice"], 1, "each episode once");
     refused(&["delete", "merged", "--episodes", "7", "--out", "x"], 1, "0 to 1");
     refused(&["delete", "merged", "--episodes", "two", "--out", "x"], 2, "3,7-9");

@@ -6,7 +6,7 @@ use std::process::{Child, Stdio};
 
 use genmanip_agent::segmentation::SegmentQuestion;
 use genmanip_agent::services::masks::SegmentRequest;
-use genmanip_chat::fake::{Behaviour, FakeServer};
+use genmanip_chat::fake::answering;
 use genmanip_core::glam::{DVec2, DVec3};
 use genmanip_core::{Camera, Intrinsics, RgbdImage};
 use serde_json::{Value, json};
@@ -80,18 +80,12 @@ impl Drop for Serving {
 #[test]
 fn an_agent_over_http_plans_from_an_image() {
     let folder = tempfile::tempdir().unwrap();
-    let model = FakeServer::start(|request| {
-        // Some questions are asked at the same time, so what is answered follows from what is asked.
-        let answers = [
-            ("Split what is still to be done", json!({"subtasks": ["Move the red cube to the left."]})),
-            ("Which numbered thing", json!({"number": 1, "object_name": "cube", "color": "red"})),
-            ("five numbered points", json!({"selected_point": 1, "reason": "it is there"})),
-            ("In which cell", json!({"selected_point": {"type": "grid", "label": "E9"}})),
-        ];
-        let question = request.body.to_string();
-        let answer = answers.into_iter().find(|(words, _)| question.contains(words));
-        answer.map_or(Behaviour::Answer(String::new()), |(_, answer)| Behaviour::Answer(answer.to_string()))
-    })
+    let model = answering([
+        ("Split what is still to be done", json!({"subtasks": ["Move the red cube to the left."]})),
+        ("Which numbered thing", json!({"number": 1, "object_name": "cube", "color": "red"})),
+        ("five numbered points", json!({"selected_point": 1, "reason": "it is there"})),
+        ("In which cell", json!({"selected_point": {"type": "grid", "label": "E9"}})),
+    ])
     .unwrap();
     std::fs::write(folder.path().join("model.toml"), format!("[server]\nbase_url = \"{}\"\n", model.base_url()))
         .unwrap();

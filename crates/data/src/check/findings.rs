@@ -8,7 +8,8 @@ use serde::Serialize;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// What was checked: `files`, `info`, `features`, `tasks`, `episodes`, `rows`, `timestamps`, `values`,
-    /// `statistics`, `state`, `action`, `contract`, `video`, `depth`, `record`, `card` or `leak`.
+    /// `statistics`, `state`, `action`, `contract`, `video`, `depth`, `record`, `card` or `leak`; `replay` where episodes
+    /// were simulated again, which this crate does not do.
     pub check: &'static str,
     /// File in the data set.
     pub file: String,

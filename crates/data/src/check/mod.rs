@@ -12,6 +12,7 @@ mod paths;
 mod pictures;
 mod record;
 mod rows;
+mod sheet;
 mod show;
 mod totals;
 mod v21;
@@ -33,7 +34,8 @@ pub(crate) use book::{Book, Feature, Listed, Version};
 
 pub use findings::Finding;
 pub use leaks::{Identity, leaks};
-pub use show::{Group, Overview, Range};
+pub use sheet::{Strip, contact_sheet};
+pub use show::{Bin, Group, Overview, Range};
 
 /// What was checked of a data set, and what is wrong with it.
 #[derive(Debug, Serialize)]

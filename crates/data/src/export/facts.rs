@@ -6,7 +6,7 @@ use genmanip_scene::wording;
 use super::steps::Steps;
 use super::{ExportSettings, Source};
 use crate::CameraTrack;
-use crate::images::variation_seed;
+use crate::images::look_seed;
 
 /// Paraphrases of an instruction; chosen.
 const PARAPHRASES: usize = 6;
@@ -70,7 +70,7 @@ impl EpisodeFacts {
             kind: scenario.task.kind.name(),
             scenario_json: scenario.to_value().to_string(),
             cameras: source.tracks.iter().map(intrinsics).collect(),
-            variation_seed: settings.is_varied.then(|| variation_seed(source.episode.result.seed)),
+            variation_seed: settings.is_varied.then(|| look_seed(source.episode.result.seed, settings.look)),
         }
     }
 }

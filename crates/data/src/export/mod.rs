@@ -36,6 +36,13 @@ pub struct ExportSettings {
     /// Whether each episode is drawn in a look of its own; its seed is then told, `variation_seed`. Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_varied: bool,
+    /// Which of its looks that is. Default 0, that of `collect`.
+    #[serde(skip_serializing_if = "is_usual_look")]
+    pub look: u64,
+}
+
+fn is_usual_look(look: &u64) -> bool {
+    *look == 0
 }
 
 impl Default for ExportSettings {
@@ -47,6 +54,7 @@ impl Default for ExportSettings {
             depth: true,
             columns: Vec::new(),
             is_varied: false,
+            look: 0,
         }
     }
 }

@@ -74,6 +74,22 @@ impl Default for LerobotSettings {
     }
 }
 
+impl LerobotSettings {
+    /// How a data set of this program was made.
+    ///
+    /// # Errors
+    /// When it is none, or another program's.
+    pub fn of(dataset: &Path) -> Result<Self, DataError> {
+        match made::Made::read(dataset)? {
+            made::Made::Exported(settings) => Ok(settings),
+            made::Made::Imported(_) => {
+                let expected = "a dataset of this program's own episodes";
+                Err(DataError::mismatch(dataset.display().to_string(), expected, "one that was imported"))
+            }
+        }
+    }
+}
+
 impl Document for LerobotSettings {
     const SCHEMA: &'static str = "genmanip.lerobot_settings/3";
     const PREVIOUS: Option<Upgrade> = Some(Upgrade {

@@ -18,6 +18,7 @@ use genmanip_rollout::collect::{Attempt, CollectSettings, Resources};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::images::{Exposure, ImageSettings, Painter};
 use genmanip_rollout::{RolloutError, Stage, run_episode};
+use genmanip_run::export::{FORMATS, Format};
 use genmanip_run::{Progress, inputs};
 use serde::Serialize;
 
@@ -110,7 +111,15 @@ pub fn measure(tasks: &[Task], seed: Seed, folder: &Path, progress: &dyn Progres
     let dataset = folder.join("dataset");
     let lerobot = LerobotSettings::default();
     let exported = lerobot::export(&store, &Selection::Verified, planner.robot(), &lerobot, &dataset).map_err(broke)?;
-    let export_s = BTreeMap::from([("lerobot", clock())]);
+    let mut export_s = BTreeMap::from([("lerobot", clock())]);
+    for (name, format) in FORMATS.into_iter().filter(|(_, format)| *format != Format::Lerobot) {
+        let target = folder.join(format!("export-{name}"));
+        let mut clock = process_clock();
+        format.write(&store, &Selection::Verified, planner.robot(), &lerobot, &target).map_err(broke)?;
+        export_s.insert(name, clock());
+        fs::remove_dir_all(&target)
+            .map_err(|error| LabError::broken(format!("cannot remove {}", target.display()), error))?;
+    }
     let pictures = exported.frames * lerobot.export.cameras.len();
     let bytes = bytes_below(&dataset.join("videos")) + bytes_below(&lerobot::depth_path(&dataset).join("data"));
     let clock = Instant::now();

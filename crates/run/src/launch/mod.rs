@@ -3,6 +3,7 @@
 //! Nothing here schedules: what comes out is a script or a manifest in the cluster's own language. Every shard writes a
 //! folder of its own and goes on where it stopped, so a job that is started again finishes what is missing.
 
+mod room;
 mod sample;
 mod scripts;
 
@@ -130,6 +131,15 @@ impl Job {
             Cluster::Local => &["sh", &path],
         };
         words.iter().map(|word| (*word).to_owned()).collect()
+    }
+
+    /// Free space where the shards will write, MiB; `None` where this machine cannot tell.
+    pub fn free_mib(&self) -> Option<u64> {
+        match self.cluster {
+            // The volume is not here.
+            Cluster::Kubernetes => None,
+            Cluster::Slurm | Cluster::Local => room::free_mib(&self.out),
+        }
     }
 
     /// Time, memory and disk that the shards need, from what a sample took.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use genmanip_agent::picture::Picture;
 use genmanip_assets::Catalogue;
-use genmanip_chat::fake::{Behaviour, FakeServer};
+use genmanip_chat::fake::answering;
 use genmanip_core::{CameraRequest, ImageChannels, RgbdImage, Scenario, Seed};
 use genmanip_data::depth::encode_depth_png;
 use genmanip_rollout::{Environment, RolloutSettings, Stage};
@@ -42,18 +42,12 @@ pub fn files_of(scenario: &Arc<Scenario>, folder: &std::path::Path) -> ActFiles 
 /// A folder with a scenario goes in; what comes out are motions that begin where the arm is, and a picture of each stage.
 pub fn an_image_becomes_motions(scenario: &Arc<Scenario>, folder: &std::path::Path) {
     let files = files_of(scenario, folder);
-    let server = FakeServer::start(|request| {
-        // Some questions are asked at the same time, so what is answered follows from what is asked.
-        let answers = [
-            ("Split what is still to be done", json!({"subtasks": ["Pick up the thing and place it in the middle."]})),
-            ("Which numbered thing", json!({"number": 1, "object_name": "thing", "color": "any"})),
-            ("five numbered points", json!({"selected_point": 1, "reason": "it is there"})),
-            ("In which cell", json!({"selected_point": {"type": "grid", "label": "E9"}})),
-        ];
-        let question = request.body.to_string();
-        let answer = answers.into_iter().find(|(words, _)| question.contains(words));
-        answer.map_or(Behaviour::Answer(String::new()), |(_, answer)| Behaviour::Answer(answer.to_string()))
-    })
+    let server = answering([
+        ("Split what is still to be done", json!({"subtasks": ["Pick up the thing and place it in the middle."]})),
+        ("Which numbered thing", json!({"number": 1, "object_name": "thing", "color": "any"})),
+        ("five numbered points", json!({"selected_point": 1, "reason": "it is there"})),
+        ("In which cell", json!({"selected_point": {"type": "grid", "label": "E9"}})),
+    ])
     .unwrap();
     let model = folder.join("act.toml");
     std::fs::write(&model, format!("[server]\nbase_url = \"{}\"\n", server.base_url())).unwrap();
