@@ -285,7 +285,10 @@ fn a_dataset_is_drawn_again_in_another_look() {
         let made = genmanip(here, &[&rerender[..], more].concat()).json(0);
         assert_eq!((&made["dataset"], &made["episodes"]), (&out.into(), &1.into()));
         assert_eq!(genmanip(here, &["data", "check", out, "--replays", "1"]).code, Some(0), "{out}");
-        tree(&here.join(out))
+        let mut files = tree(&here.join(out));
+        // The card tells the name of the dataset.
+        assert!(files.remove("README.md").is_some());
+        files
     };
     let lights = ["--vary", "light,background"];
     let first = call(&lights, "first");
