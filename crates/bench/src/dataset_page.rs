@@ -4,14 +4,17 @@ use std::fmt::Write;
 
 use crate::markup::{base64, escape};
 
-/// A page with a heading, a note, tables, the first row of each being its head, and lines of JPEG pictures, each with
-/// what it shows.
-pub fn dataset_page(
-    title: &str,
-    note: &str,
-    tables: &[(&str, &[Vec<String>])],
-    sheet: &[(String, Vec<Vec<u8>>)],
-) -> String {
+/// Moments of an episode.
+#[derive(Clone, Debug)]
+pub struct FilmStrip {
+    /// What they show.
+    pub caption: String,
+    /// JPEG files, in the order of time.
+    pub pictures: Vec<Vec<u8>>,
+}
+
+/// A page with a heading, a note, tables, the first row of each being its head, and film strips.
+pub fn dataset_page(title: &str, note: &str, tables: &[(&str, &[Vec<String>])], strips: &[FilmStrip]) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n<style>\n{style}</style>\n\
          </head>\n<body>\n<header>\n<h1>Dataset</h1>\n<p>{title}</p>\n<pre>{note}</pre>\n</header>\n",
@@ -28,9 +31,9 @@ pub fn dataset_page(
         }
         html += "</table>\n</section>\n";
     }
-    if !sheet.is_empty() {
+    if !strips.is_empty() {
         html += "<section>\n<h2>Pictures</h2>\n";
-        for (caption, pictures) in sheet {
+        for FilmStrip { caption, pictures } in strips {
             let images: String = pictures
                 .iter()
                 .map(|jpeg| format!("<img alt=\"\" src=\"data:image/jpeg;base64,{}\">", base64(jpeg)))

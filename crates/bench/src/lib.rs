@@ -24,7 +24,7 @@ pub mod statistics;
 pub mod suite;
 mod text_table;
 
-pub use dataset_page::dataset_page;
+pub use dataset_page::{FilmStrip, dataset_page};
 pub use drawing::{
     DrawnEdge, EdgeRole, Footprint, LayoutPicture, PlaceWindow, Refusal, Svg, explain_svg, graph_svg, layout_svg,
 };

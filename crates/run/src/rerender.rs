@@ -71,6 +71,14 @@ pub fn rerender(
         look: options.look,
         ..ImageSettings::default()
     };
+    let Some(first) = ids.first() else {
+        return Err(RunError::input(format!("{} has no episode", dataset.display())));
+    };
+    let world = record.read(first).map_err(unfit)?.scenario.world;
+    if let Some(unknown) = rows.cameras.iter().find(|camera| world.camera(camera).is_none()) {
+        let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        return Err(RunError::unknown("camera", "cameras", unknown, &known));
+    }
     let drawing = drawing_folder(out, &record, &ids, &pictures)?;
     let store = EpisodeStore::create(&drawing).map_err(|error| RunError::broken("cannot begin to draw", error))?;
     for id in &ids {
@@ -80,11 +88,7 @@ pub fn rerender(
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
     }
-    let Some(first) = ids.first() else {
-        return Err(RunError::input(format!("{} has no episode", dataset.display())));
-    };
-    let episode = store.read(first).map_err(unfit)?;
-    let robot = inputs::robot(&episode.scenario.world)?;
+    let robot = inputs::robot(&world)?;
     let settings = LerobotSettings { export: rows, run: None, ..settings };
     let written = lerobot::export(&store, &Selection::Ids(ids), &robot, &settings, out).map_err(|error| {
         let hint = error.hint().unwrap_or_else(|| "the pictures are kept; start again".into());

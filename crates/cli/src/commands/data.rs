@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use genmanip_assets::robots;
-use genmanip_bench::{dataset_page, text_table};
+use genmanip_bench::{FilmStrip, dataset_page, text_table};
 use genmanip_core::{RobotModel, Seed};
 use genmanip_data::check::{self, Checked, Finding, Overview, Strip};
 use genmanip_data::import::{self, ImportReport, ImportSettings};
@@ -289,7 +289,7 @@ fn show(arguments: &DataShowArguments, printer: &Printer) -> Result<ExitStatus, 
 }
 
 /// Some moments of some episodes, each with its sentence.
-fn sheet(dataset: &Path) -> Result<Vec<(String, Vec<Vec<u8>>)>, Failed> {
+fn sheet(dataset: &Path) -> Result<Vec<FilmStrip>, Failed> {
     let strips = check::contact_sheet(dataset).map_err(|error| {
         Failed::because("cannot show pictures", &error).hint("genmanip data check says what is wrong with them")
     })?;
@@ -297,7 +297,7 @@ fn sheet(dataset: &Path) -> Result<Vec<(String, Vec<Vec<u8>>)>, Failed> {
         let end = strip.success.map_or("", |success| if success { ", succeeded" } else { ", failed" });
         format!("{}: {}{end}", strip.episode, strip.sentence)
     };
-    Ok(strips.into_iter().map(|strip| (caption(&strip), strip.pictures)).collect())
+    Ok(strips.into_iter().map(|strip| FilmStrip { caption: caption(&strip), pictures: strip.pictures }).collect())
 }
 
 /// A row per sentence, those with the lowest success first.
