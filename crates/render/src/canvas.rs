@@ -13,7 +13,6 @@ use crate::points::Pixels;
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::Shading;
-use crate::strips::Strips;
 use crate::texture::srgb8_from_linear;
 use crate::view::{Lens, View, part_and_triangle, surface_of};
 
@@ -25,7 +24,6 @@ const STRIP_PIXELS: usize = 8192;
 pub(crate) struct Canvas {
     pub view: View,
     opaque: Layers,
-    strips: Strips,
     glass: Glass,
     arrival: Arrival,
     shadow_version: u64,
@@ -65,24 +63,24 @@ impl Canvas {
         let (width, height) = (lens.width, lens.height);
         let had_glass = self.view.has_transparent;
         let follows = self.view.place(assets, frame, lens) && self.opaque.target.scale == scale;
+        let view = &self.view;
+        let draw = |part: usize, target: &mut Target| view.draw_opaque(assets, part, target);
         if follows {
-            let view = &self.view;
-            self.opaque.follow::<true>(&view.motions, |part, target| view.draw_opaque(assets, part, target));
-            let tiles = (0..self.opaque.changed.len()).filter(|&tile| self.opaque.changed[tile]);
-            self.arrival.see(assets, &self.opaque.target, tiles, view, scene.shadow, scene.variation);
+            self.opaque.follow::<true>(&view.motions, draw);
         } else {
+            self.opaque.redraw::<true>([width, height], scale, assets.parts.len(), draw);
             self.arrival.reset(width, height);
             self.colors.resize(width * height, Vec3A::ZERO);
             self.rgb.resize(width * height * 3, 0);
-            self.redraw(scene, scale);
         }
-        let view = &self.view;
         self.changed.clone_from(&self.opaque.changed);
         let moved = |part: usize| assets.parts[part].is_transparent() && view.motions[part].moved;
         let glass_moved = !follows || (0..assets.parts.len()).any(moved);
         if (view.has_transparent || had_glass) && glass_moved {
             self.glass.draw(assets, view, scale);
         }
+        let opaque = &self.opaque.target;
+        self.arrival.see(assets, opaque, &self.changed, view, scene.shadow, scene.variation);
         if follows {
             self.arrival.mark_stale(&self.changed, scene.shadow, self.shadow_version, &mut self.stale);
         } else {
@@ -102,23 +100,6 @@ impl Canvas {
             self.mark_glass(assets);
         }
         self.draw_strips(scene);
-    }
-
-    /// Draws all that is opaque, and takes over what is seen of each strip while it is near.
-    fn redraw(&mut self, scene: &Scene<'_>, scale: usize) {
-        let (assets, lens) = (scene.assets, &self.view.lens);
-        self.opaque.begin::<true>([lens.width, lens.height], scale);
-        let target = &mut self.opaque.target;
-        self.strips.begin(target);
-        for part in 0..assets.parts.len() {
-            self.view.draw_opaque(assets, part, &mut self.strips);
-        }
-        for strip in 0..self.strips.count() {
-            let rows = self.strips.draw(strip, target);
-            let columns = self.opaque.tile_columns;
-            let tiles = rows.start / (TILE * scale) * columns..rows.end.div_ceil(TILE * scale) * columns;
-            self.arrival.see(assets, target, tiles, &self.view, scene.shadow, scene.variation);
-        }
     }
 
     /// Goes through the image strip by strip, so that what one stage writes is near when the next one reads it; each

@@ -57,8 +57,6 @@ struct Directions {
     codes: Vec<u8>,
 }
 
-/// The bits of a visibility id that name a triangle.
-const TRIANGLE: u32 = (1 << TRIANGLE_BITS) - 1;
 /// By how much a transparent side must be nearer than what is opaque, as a share: glass stands on the table.
 const APART: f32 = 1e-4;
 
@@ -405,15 +403,10 @@ impl Around<'_> {
 
 impl Directions {
     /// Equal for samples of one smooth piece of surface.
-    fn key(&self, id: u32) -> u32 {
-        let surface = surface_of(id);
-        surface << 8 | u32::from(self.codes_of(surface)[(id & TRIANGLE) as usize])
-    }
-
-    /// By triangle of a part, which is given plus one; of those after it too.
     #[inline(always)]
-    fn codes_of(&self, surface: u32) -> &[u8] {
-        &self.codes[self.first[surface as usize] as usize..]
+    fn key(&self, id: u32) -> u32 {
+        let (surface, triangle) = (surface_of(id), id & ((1 << TRIANGLE_BITS) - 1));
+        surface << 8 | u32::from(self.codes[(self.first[surface as usize] + triangle) as usize])
     }
 }
 
@@ -442,19 +435,14 @@ impl TileKeys {
         self.keys.resize(self.side * self.side, 0);
         let first_key = around.key(first);
         let mut differ = 0;
-        let mut known = (surface_of(first), around.directions.codes_of(surface_of(first)));
         // Samples beyond the image's border are those next to it.
         let before = (from - first_column) as usize;
         for (step, out) in self.keys.chunks_exact_mut(self.side).enumerate() {
             let (_, row) = around.cut(0, first_row + step as isize);
             let line = line(row);
-            // Triangles are so small on the image that guessing when the next one comes does not pay; parts are not.
+            // Triangles are so small on the image that guessing when the next one comes does not pay.
             for (out, &id) in out[before..].iter_mut().zip(line) {
-                let surface = surface_of(id);
-                if surface != known.0 {
-                    known = (surface, around.directions.codes_of(surface));
-                }
-                *out = surface << 8 | u32::from(known.1[(id & TRIANGLE) as usize]);
+                *out = around.key(id);
             }
             let (left, right) = (out[before], out[before + line.len() - 1]);
             out[..before].fill(left);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::assets::RenderAssets;
 use crate::layers::TILE;
-use crate::raster::{Drawn, Target};
+use crate::raster::Target;
 use crate::view::View;
 
 /// The sides of transparent things that a picture shows, and where.
@@ -23,7 +23,7 @@ impl Glass {
     pub fn draw(&mut self, assets: &RenderAssets, view: &View, scale: usize) {
         let (width, height) = (view.lens.width, view.lens.height);
         for layer in &mut self.layers {
-            if layer.size() == [width * scale, height * scale, scale] {
+            if (layer.width, layer.height, layer.scale) == (width * scale, height * scale, scale) {
                 layer.clear_rows(self.rows.clone());
             } else {
                 layer.reset::<true>(width, height, scale);

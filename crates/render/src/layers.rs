@@ -70,25 +70,19 @@ impl Layers {
     /// Draws everything anew, `width` × `height` pixels with `scale`² samples each.
     pub fn redraw<const IDS: bool>(
         &mut self,
-        size: [usize; 2],
+        [width, height]: [usize; 2],
         scale: usize,
         parts: usize,
         mut draw: impl FnMut(usize, &mut Target),
     ) {
-        self.begin::<IDS>(size, scale);
-        self.target.clear_rows(0..self.target.height);
-        for part in 0..parts {
-            draw(part, &mut self.target);
-        }
-    }
-
-    /// Starts over at a size: everything is to be drawn into the target, whose rows must be cleared before.
-    pub fn begin<const IDS: bool>(&mut self, [width, height]: [usize; 2], scale: usize) {
-        self.target.resize::<IDS>(width, height, scale);
+        self.target.reset::<IDS>(width, height, scale);
         (self.tile_columns, self.tile_rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
         self.changed.clear();
         self.changed.resize(self.tile_columns * self.tile_rows, true);
         self.is_layered = false;
+        for part in 0..parts {
+            draw(part, &mut self.target);
+        }
     }
 
     /// Draws what moved since the last drawing.

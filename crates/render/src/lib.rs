@@ -51,7 +51,6 @@ mod scene;
 mod shade;
 mod shadow;
 mod sky;
-mod strips;
 mod surroundings;
 mod table_tops;
 mod taps;

@@ -9,8 +9,6 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
 
-use std::ops::Range;
-
 use crate::lanes::within;
 
 /// A corner on the image plane.
@@ -98,15 +96,6 @@ impl Planes {
     }
 }
 
-/// What takes triangles: a target that they are drawn on, or strips that they are sorted into.
-pub(crate) trait Drawn {
-    /// Samples per row, rows, and samples per pixel along each axis.
-    fn size(&self) -> [usize; 3];
-
-    /// Takes a triangle of either orientation; corners must be finite.
-    fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32);
-}
-
 /// Draws the triangles of a mesh that show a wanted side. Most are so small that they cover no sample, and half of them
 /// face away: both are found for many at a time.
 #[inline(always)]
@@ -117,7 +106,7 @@ pub(crate) fn draw_mesh<const IDS: bool>(
     eye: Eye,
     sides: Sides,
     first_id: u32,
-    target: &mut impl Drawn,
+    target: &mut Target,
 ) {
     let mut block = Block::default();
     for (index, triangles_of_block) in triangles.chunks(BLOCK).enumerate() {
@@ -169,11 +158,10 @@ impl Block {
         corners: &[Corner],
         sides: Sides,
         first_id: u32,
-        target: &mut impl Drawn,
+        target: &mut Target,
     ) {
-        let [width, height, scale] = target.size();
-        let mut visible = self.visible(sides, [width, height], scale);
-        let scale = scale as f32;
+        let mut visible = self.visible(sides, target);
+        let scale = target.scale as f32;
         while visible != 0 {
             let triangle = self.triangle[visible.trailing_zeros() as usize];
             visible &= visible - 1;
@@ -185,9 +173,9 @@ impl Block {
 
     /// Which triangles show a wanted side and may cover a sample, in bits.
     #[inline(always)]
-    fn visible(&self, sides: Sides, [width, height]: [usize; 2], scale: usize) -> u32 {
-        let scale = scale as i32 as f32;
-        let (columns, rows) = (width as i32 as f32, height as i32 as f32);
+    fn visible(&self, sides: Sides, target: &Target) -> u32 {
+        let scale = target.scale as i32 as f32;
+        let (columns, rows) = (target.width as i32 as f32, target.height as i32 as f32);
         let (front, back) = (u32::from(sides[0]), u32::from(sides[1]));
         let mut seen = [0_u32; BLOCK];
         let [ax, bx, cx] = &self.x;
@@ -239,29 +227,25 @@ pub(crate) struct Target {
 impl Target {
     /// Clears to nothing at a size in pixels.
     pub fn reset<const IDS: bool>(&mut self, width: usize, height: usize, scale: usize) {
-        self.resize::<IDS>(width, height, scale);
-        self.clear_rows(0..self.height);
-    }
-
-    /// Takes a size in pixels; rows that are not cleared hold anything.
-    pub fn resize<const IDS: bool>(&mut self, width: usize, height: usize, scale: usize) {
         (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
         let samples = self.width * self.height;
+        self.nearness.clear();
         self.nearness.resize(samples, 0.0);
-        self.ids.resize(if IDS { samples } else { 0 }, 0);
-    }
-
-    /// Clears rows of samples to nothing.
-    pub fn clear_rows(&mut self, rows: Range<usize>) {
-        let samples = rows.start * self.width..rows.end * self.width;
-        self.nearness[samples.clone()].fill(0.0);
-        if !self.ids.is_empty() {
-            self.ids[samples].fill(0);
+        self.ids.clear();
+        if IDS {
+            self.ids.resize(samples, 0);
         }
     }
 
+    /// Clears rows of samples to nothing.
+    pub fn clear_rows(&mut self, rows: std::ops::Range<usize>) {
+        let samples = rows.start * self.width..rows.end * self.width;
+        self.nearness[samples.clone()].fill(0.0);
+        self.ids[samples].fill(0);
+    }
+
     /// Takes a rectangle of samples, ends excluded, from a target of the same size.
-    pub fn copy_rectangle(&mut self, other: &Self, columns: Range<usize>, rows: Range<usize>) {
+    pub fn copy_rectangle(&mut self, other: &Self, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) {
         for row in rows {
             let range = row * self.width + columns.start..row * self.width + columns.end;
             self.nearness[range.clone()].copy_from_slice(&other.nearness[range.clone()]);
@@ -272,7 +256,7 @@ impl Target {
     }
 
     /// Whether a rectangle of samples, ends excluded, is not that of a target of the same size, to the bit.
-    pub fn differs(&self, other: &Self, columns: Range<usize>, mut rows: Range<usize>) -> bool {
+    pub fn differs(&self, other: &Self, columns: std::ops::Range<usize>, mut rows: std::ops::Range<usize>) -> bool {
         rows.any(|row| {
             let range = row * self.width + columns.start..row * self.width + columns.end;
             // Equal nearness of another triangle is told by the ids; nearness is positive, so equal is the same bits.
@@ -281,9 +265,9 @@ impl Target {
         })
     }
 
-    /// Draws what lies in some rows of samples of a triangle of either orientation; corners must be finite.
+    /// Draws a triangle of either orientation; corners must be finite.
     #[inline(always)]
-    pub fn draw_rows<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32, rows: Range<u32>) {
+    pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {
         let [mut a, mut b, mut c] = corners;
         let mut area = area_of([a.x, a.y], [b.x, b.y], [c.x, c.y]);
         if b.y < a.y {
@@ -298,8 +282,7 @@ impl Target {
             std::mem::swap(&mut b, &mut c);
             area = -area;
         }
-        let first_row = first_sample(a.y, self.height).max(rows.start);
-        let end_row = first_sample(c.y, self.height).min(rows.end);
+        let (first_row, end_row) = (first_sample(a.y, self.height), first_sample(c.y, self.height));
         if first_row >= end_row || area == 0.0 {
             return;
         }
@@ -380,18 +363,6 @@ impl Target {
     }
 }
 
-impl Drawn for Target {
-    #[inline(always)]
-    fn size(&self) -> [usize; 3] {
-        [self.width, self.height, self.scale]
-    }
-
-    #[inline(always)]
-    fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {
-        self.draw_rows::<IDS>(corners, id, 0..self.height as u32);
-    }
-}
-
 /// Nearness over a triangle.
 struct Gradient {
     /// At the origin of the image, in double precision: corners may lie far outside it.
@@ -425,7 +396,7 @@ impl Gradient {
 ///
 /// Adding 2²³ rounds to an integer without a call to the mathematics library.
 #[inline(always)]
-pub(crate) fn first_sample(coordinate: f32, limit: usize) -> u32 {
+fn first_sample(coordinate: f32, limit: usize) -> u32 {
     const SHIFT: f32 = 8_388_608.0;
     let inside = within(coordinate, 0.0, limit as i32 as f32);
     let shifted = inside + SHIFT;
@@ -435,7 +406,7 @@ pub(crate) fn first_sample(coordinate: f32, limit: usize) -> u32 {
 
 /// Smallest and largest of three numbers.
 #[inline(always)]
-pub(crate) fn extremes(a: f32, b: f32, c: f32) -> (f32, f32) {
+fn extremes(a: f32, b: f32, c: f32) -> (f32, f32) {
     let (low, high) = if a < b { (a, b) } else { (b, a) };
     (if c < low { c } else { low }, if c > high { c } else { high })
 }

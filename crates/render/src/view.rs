@@ -9,7 +9,7 @@ use crate::error::RenderError;
 use crate::job::{FrameState, ViewJob};
 use crate::layers::{Motion, Rectangle};
 use crate::mesh::{CELLS_M, Mesh};
-use crate::raster::{Corner, Drawn, Eye, Sides, Target, area_of, draw_mesh};
+use crate::raster::{Corner, Eye, Sides, Target, area_of, draw_mesh};
 
 /// Nothing nearer than this is drawn, metres.
 pub(crate) const NEAR_M: f32 = 0.01;
@@ -150,7 +150,7 @@ impl View {
     }
 
     /// Draws one part over what the target holds.
-    pub fn draw(&self, assets: &RenderAssets, index: usize, sides: Sides, target: &mut impl Drawn) {
+    pub fn draw(&self, assets: &RenderAssets, index: usize, sides: Sides, target: &mut Target) {
         let (part, placed) = (&assets.parts[index], &self.parts[index]);
         if !placed.visible {
             return;
@@ -169,7 +169,7 @@ impl View {
     }
 
     /// Draws one opaque part without the sides that can never be seen.
-    pub fn draw_opaque(&self, assets: &RenderAssets, index: usize, target: &mut impl Drawn) {
+    pub fn draw_opaque(&self, assets: &RenderAssets, index: usize, target: &mut Target) {
         let part = &assets.parts[index];
         if !part.is_transparent() {
             let hides_back = part.hides_back(self.parts[index].mesh(part));
@@ -216,14 +216,13 @@ impl View {
         triangle: usize,
         sides: Sides,
         first_id: u32,
-        target: &mut impl Drawn,
+        target: &mut Target,
     ) {
         let in_camera = |index: u32| {
             placed.body_from_camera.transpose() * (Vec3A::from(mesh.positions[index as usize]) - placed.eye_in_body)
         };
         let corners = mesh.triangles[triangle].map(in_camera);
-        let [.., scale] = target.size();
-        let scale = scale as f32;
+        let scale = target.scale as f32;
         let mut polygon: Vec<Corner> = Vec::with_capacity(4);
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             let (from, to) = (corners[from], corners[to]);
@@ -325,23 +324,15 @@ pub(crate) fn far_nearness(nearness: f32) -> f32 {
 
 /// Draws a mesh that lies beyond the near plane.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn draw_triangles<T: Drawn>(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, target: &mut T) {
+fn draw_triangles(mesh: &Mesh, placed: &PartView, sides: Sides, first_id: u32, target: &mut Target) {
     let eye = Eye::At(placed.eye_in_body.to_array());
     draw_mesh::<true>(&mesh.triangles, &placed.corners, &mesh.planes, eye, sides, first_id, target);
 }
 
 /// Draws the triangles of a mesh that lie beyond the near plane; lists those that cross it.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn draw_beyond<T: Drawn>(
-    mesh: &Mesh,
-    corners: &[Corner],
-    sides: Sides,
-    first_id: u32,
-    target: &mut T,
-    cut: &mut Vec<u32>,
-) {
-    let [.., scale] = target.size();
-    let scale = scale as f32;
+fn draw_beyond(mesh: &Mesh, corners: &[Corner], sides: Sides, first_id: u32, target: &mut Target, cut: &mut Vec<u32>) {
+    let scale = target.scale as f32;
     let is_beyond = |corner: &Corner| corner.nearness > 0.0 && corner.nearness <= 1.0 / NEAR_M;
     for (triangle, id) in mesh.triangles.iter().zip(first_id..) {
         let triangle = triangle.map(|corner| corners[corner as usize]);
@@ -355,7 +346,7 @@ fn draw_beyond<T: Drawn>(
 
 /// Draws the sides that are wanted of triangles around the first of some corners.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn draw_fan<T: Drawn>(polygon: &[Corner], sides: Sides, id: u32, target: &mut T) {
+fn draw_fan(polygon: &[Corner], sides: Sides, id: u32, target: &mut Target) {
     for pair in polygon.get(1..).unwrap_or_default().windows(2) {
         draw_facing([polygon[0], pair[0], pair[1]], sides, id, target);
     }
@@ -363,7 +354,7 @@ fn draw_fan<T: Drawn>(polygon: &[Corner], sides: Sides, id: u32, target: &mut T)
 
 /// Draws a triangle if its side is wanted.
 #[inline(always)]
-fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut impl Drawn) {
+fn draw_facing(corners: [Corner; 3], sides: Sides, id: u32, target: &mut Target) {
     let [a, b, c] = corners;
     let area = area_of([a.x, a.y], [b.x, b.y], [c.x, c.y]);
     let wanted = if area < 0.0 { sides[0] } else { sides[1] };

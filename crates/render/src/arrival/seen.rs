@@ -17,17 +17,17 @@ use crate::variation::RenderVariation;
 use crate::view::View;
 
 impl Arrival {
-    /// Takes over what is seen in some tiles.
+    /// Takes over what is seen in the tiles that changed.
     pub fn see(
         &mut self,
         assets: &RenderAssets,
         opaque: &Target,
-        tiles: impl Iterator<Item = usize>,
+        changed: &[bool],
         view: &View,
         shadow: &ShadowMap,
         variation: &RenderVariation,
     ) {
-        for tile in tiles {
+        for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
             let first = opaque.ids[(rows.start * opaque.width + columns.start) * opaque.scale];
             let seen = Seen { depth: &mut self.depth, ids: &mut self.ids, surface: &mut self.surface };
