@@ -107,6 +107,7 @@ def collect(
     seed: int,
     dataset: bool,
     keep_failed: bool,
+    corrections: str | None,
     world: _Path | None,
     robot: str | None,
     workers: int | None,

@@ -107,12 +107,16 @@ def collect(
     seed: int = 0,
     dataset: bool = True,
     keep_failed: bool = False,
+    corrections: str | None = None,
     world: Path | None = None,
     robot: str | None = None,
     workers: int | None = None,
 ) -> list[dict[str, Any]]:
-    """Collects verified demonstrations, and their LeRobot dataset; a row per task. Continues what was interrupted."""
-    given = (episodes, seed, dataset, keep_failed, world, robot, workers)
+    """Collects verified demonstrations, and their LeRobot dataset; a row per task. Continues what was interrupted.
+
+    With corrections, that policy acts first in each attempt, and the expert takes over where it fails.
+    """
+    given = (episodes, seed, dataset, keep_failed, corrections, world, robot, workers)
     return json.loads(_genmanip.collect(list(tasks), out, *given))
 
 

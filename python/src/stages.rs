@@ -75,15 +75,17 @@ pub fn collect(
     seed: u64,
     dataset: bool,
     keep_failed: bool,
+    corrections: Option<String>,
     world: Option<PathBuf>,
     robot: Option<String>,
     workers: Option<usize>,
 ) -> PyResult<String> {
     let collected = interruptible(py, |stop| {
-        let tasks = inputs::read_tasks(&tasks)?;
+        let tasks = inputs::spool_tasks(&tasks, &out)?;
         let world = inputs::read_world_with(world.as_deref(), robot.as_deref())?;
         let images = dataset.then(ImageSettings::default);
-        let settings = CollectSettings { images, keep_failed, ..CollectSettings::in_world(world) };
+        let settings =
+            CollectSettings { images, keep_failed, corrects: corrections, ..CollectSettings::in_world(world) };
         let run = Run::new(tasks, episodes, settings, Seed::new(seed));
         let options = CollectOptions { workers: inputs::workers(workers), repair: false, shard: None };
         genmanip_run::collect::collect(&out, run, options, &Silent, stop)

@@ -1,5 +1,7 @@
 //! Versioned JSON files: `{"schema": "genmanip.task/1", …}`.
 
+use std::io;
+
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -107,6 +109,8 @@ pub struct Upgrade {
 pub trait LongDocument: Document {
     /// Key of the list, which stands behind the schema.
     const LIST: &'static str;
+    /// Most entries of the list.
+    const MOST: usize = ENTRIES;
     /// What the list holds.
     type Entry: DeserializeOwned;
 
@@ -122,11 +126,7 @@ pub trait LongDocument: Document {
 pub fn long_from_json<T: LongDocument>(text: &str, mut keep: impl FnMut(&mut T::Entry)) -> Result<T, DocumentError> {
     let mut entries: Vec<T::Entry> = Vec::new();
     let rest = crate::json::parse_listing(text, T::SCHEMA, T::LIST, &mut |index, value| {
-        if index == ENTRIES {
-            let (path, message) = (format!("$.{}", T::LIST), format!("expected at most {ENTRIES} entries, got more"));
-            return Err(DocumentError::Invalid { path, message });
-        }
-        let mut entry = typed(value, &format!("$.{}[{index}]", T::LIST))?;
+        let mut entry = entry::<T>(index, value)?;
         keep(&mut entry);
         entries.push(entry);
         Ok(())
@@ -139,17 +139,52 @@ pub fn long_from_json<T: LongDocument>(text: &str, mut keep: impl FnMut(&mut T::
     Ok(document)
 }
 
+/// Reads a document whose list is kept elsewhere: each entry is handed to `take` as soon as it is read, and the list of
+/// the document stays empty. Only a document of an older version is held as a whole.
+///
+/// # Errors
+/// As [`Document::from_json`], and those of `take`.
+pub fn long_from_reader<T: LongDocument>(
+    reader: impl io::Read,
+    mut take: impl FnMut(T::Entry) -> Result<(), DocumentError>,
+) -> Result<T, DocumentError> {
+    let mut each = |index, value| take(entry::<T>(index, value)?);
+    let rest = crate::json::read_listing(reader, T::SCHEMA, T::LIST, &mut each)?;
+    let mut document = T::from_value(rest)?;
+    std::mem::take(document.entries()).into_iter().try_for_each(take)?;
+    Ok(document)
+}
+
+/// An entry of a list from its value.
+fn entry<T: LongDocument>(index: usize, value: Value) -> Result<T::Entry, DocumentError> {
+    if index == T::MOST {
+        let (path, message) = (format!("$.{}", T::LIST), format!("expected at most {} entries, got more", T::MOST));
+        return Err(DocumentError::Invalid { path, message });
+    }
+    typed(value, &format!("$.{}[{index}]", T::LIST))
+}
+
 /// The text of [`Document::to_json`], made without a copy of the document.
 pub fn long_to_json<T: LongDocument>(document: &T) -> String {
+    let mut bytes = Vec::new();
+    // Nothing refuses to be written to memory.
+    let _ = write_tagged(&mut bytes, T::SCHEMA, document);
+    String::from_utf8(bytes).unwrap_or_default()
+}
+
+/// Writes what [`Document::to_json`] says of a document of a schema with that body, piece by piece.
+///
+/// # Errors
+/// Those of the writer, and of a body that cannot be read.
+pub fn write_tagged(mut out: impl io::Write, schema: &'static str, body: &impl Serialize) -> io::Result<()> {
     #[derive(Serialize)]
     struct Tagged<'a, T> {
         schema: &'static str,
         #[serde(flatten)]
         body: &'a T,
     }
-    let mut text = serde_json::to_string_pretty(&Tagged { schema: T::SCHEMA, body: document }).unwrap_or_default();
-    text.push('\n');
-    text
+    serde_json::to_writer_pretty(&mut out, &Tagged { schema, body })?;
+    out.write_all(b"\n")
 }
 
 /// A value of a type, or where in the document it is something else.

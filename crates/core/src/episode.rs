@@ -112,10 +112,24 @@ pub struct EpisodeResult {
     /// Whether the request that was not made is fulfilled at the end, where the scenario has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_request_success: Option<bool>,
+    /// Where another policy acted first and failed, and what was corrected.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correction: Option<Correction>,
     /// Physics engine and version, e.g. `mujoco 3.17.0`.
     pub engine: String,
     /// Version of this program.
     pub genmanip_version: String,
+}
+
+/// Where an episode was taken over from a policy that had failed: the intervention of DAgger-like training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Correction {
+    /// Name of the policy that acted first.
+    pub policy: String,
+    /// The first control step of the correction; those before it are the failed policy's.
+    pub from_step: usize,
+    /// Why the episode would have failed there, the most decisive cause first.
+    pub failures: Vec<Failure>,
 }
 
 /// The goal judged on point clouds, as the paper judges it: from what the fixed cameras see of the final scene.

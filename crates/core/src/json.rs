@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::fmt;
+use std::io;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
@@ -22,7 +23,7 @@ use crate::DocumentError;
 /// ```
 pub fn parse(text: &str) -> Result<Value, DocumentError> {
     let room = Room::new();
-    read(text, Unique { room: &room })
+    read(serde_json::Deserializer::from_str(text), text, Unique { room: &room })
 }
 
 /// The value that the text of a document of `schema` stands for, without the list that it has at `key`: each of its
@@ -39,11 +40,44 @@ pub(crate) fn parse_listing(
     key: &str,
     take: &mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
 ) -> Result<Value, DocumentError> {
+    list(serde_json::Deserializer::from_str(text), text, schema, key, take)
+}
+
+/// The first bytes of a file by which it is told what it is instead of JSON.
+const HEAD: u64 = 4 << 10;
+
+/// As [`parse_listing`], of a text that is read piece by piece.
+///
+/// # Errors
+/// As [`parse_listing`]; what the reader says stands in [`DocumentError::NotJson`].
+pub(crate) fn read_listing(
+    mut reader: impl io::Read,
+    schema: &str,
+    key: &str,
+    take: &mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
+) -> Result<Value, DocumentError> {
+    let mut head = Vec::new();
+    io::Read::read_to_end(&mut io::Read::take(&mut reader, HEAD), &mut head).map_err(|error| {
+        DocumentError::NotJson { line: 1, column: 1, message: error.to_string(), hint: "check that the disk is sound" }
+    })?;
+    let whole = io::Read::chain(head.as_slice(), reader);
+    list(serde_json::Deserializer::from_reader(whole), &String::from_utf8_lossy(&head), schema, key, take)
+}
+
+/// Reads an object with a list; `text` is how the text begins.
+fn list<'de, R: serde_json::de::Read<'de>>(
+    reader: serde_json::Deserializer<R>,
+    text: &str,
+    schema: &str,
+    key: &str,
+    take: &mut dyn FnMut(usize, Value) -> Result<(), DocumentError>,
+) -> Result<Value, DocumentError> {
+    let room = Room::new();
     if !text.trim_start().starts_with('{') {
-        return parse(text);
+        return read(reader, text, Unique { room: &room });
     }
     let mut refused = None;
-    let value = read(text, Listing { schema, key, take, refused: &mut refused });
+    let value = read(reader, text, Listing { schema, key, take, refused: &mut refused });
     match (refused, value) {
         (Some(error), _) => Err(error),
         // Within an object, only the list must be of one type.
@@ -54,8 +88,12 @@ pub(crate) fn parse_listing(
     }
 }
 
-fn read<'de, S: DeserializeSeed<'de, Value = Value>>(text: &'de str, seed: S) -> Result<Value, DocumentError> {
-    let mut reader = serde_json::Deserializer::from_str(text);
+/// Reads all that there is; `text` is how it begins.
+fn read<'de, R: serde_json::de::Read<'de>, S: DeserializeSeed<'de, Value = Value>>(
+    mut reader: serde_json::Deserializer<R>,
+    text: &str,
+    seed: S,
+) -> Result<Value, DocumentError> {
     let value = seed.deserialize(&mut reader).and_then(|value| reader.end().map(|()| value));
     value.map_err(|error| DocumentError::NotJson {
         line: error.line(),

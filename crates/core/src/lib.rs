@@ -59,11 +59,11 @@ pub use action::{
 pub use asset::AssetRef;
 pub use camera::{Camera, CameraMount};
 pub use distortion::Distortion;
-pub use document::{Document, LongDocument, Upgrade, long_from_json, long_to_json};
+pub use document::{Document, LongDocument, Upgrade, long_from_json, long_from_reader, long_to_json, write_tagged};
 pub use document_error::DocumentError;
 pub use episode::{
-    AttemptOutcome, CloudVerdict, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase, NotRun,
-    ObjectState, StrayContact,
+    AttemptOutcome, CloudVerdict, Correction, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame, HandPhase,
+    NotRun, ObjectState, StrayContact,
 };
 pub use geometry::{Aabb, OrientedBox, Piece, Shape};
 pub use grasp::{Grasp, TriedGrasp};

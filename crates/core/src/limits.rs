@@ -47,10 +47,17 @@ pub const SETTINGS: Limit = Limit::mib("a settings file", 1);
 pub const PROMPT: Limit = Limit::mib("a prompt", 1);
 /// A recorded exchange with a model or service; of an image it holds a hash only.
 pub const CASSETTE: Limit = Limit::mib("a cassette", 32);
-/// `run.json`: all tasks of a run, 9 KiB each, so some 20,000 of them.
-pub const RUN: Limit = Limit::mib("the record of a run", 192);
-/// Most tasks of a run and results of an evaluation, however small they are.
+/// `run.json`: all tasks of a run, 9 KiB each. It is read task by task, 64 MiB/s or faster: a longer one takes longer
+/// and no more memory.
+pub const RUN: Limit = Limit::mib("the record of a run", 16 << 10);
+/// Most tasks of a run: their names are held, 100 bytes each.
+pub const TASKS: usize = 1_000_000;
+/// Most entries of any other list that is read one by one, however small they are.
 pub const ENTRIES: usize = 100_000;
+/// `suite.json` and the record of its review, 10 KiB per scenario.
+pub const SUITE: Limit = Limit::mib("the list of a suite", 192);
+/// A chunk of a zarr array.
+pub const CHUNK: Limit = Limit::mib("a chunk of an array", 192);
 /// The list of what a call has finished, 100 to 500 bytes each.
 pub const LEDGER: Limit = Limit::mib("the list of what is finished", 192);
 /// The index of a run's episodes, 500 bytes to 1 KiB each.

@@ -4,7 +4,7 @@
 //! than a [`Limit`] allows, whatever a file says about its size.
 
 use std::fs::{self, File, Metadata, OpenOptions};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -30,6 +30,30 @@ pub fn read_own(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
     let about = fs::symlink_metadata(path).map_err(DataError::io("read", path))?;
     read_checked(path, &about, limit)
 }
+
+/// Opens a file that a run wrote, to be read piece by piece; no more is read than the limit allows.
+///
+/// # Errors
+/// As [`read_own`].
+pub fn open_own(path: &Path, limit: Limit) -> Result<impl Read + use<>, DataError> {
+    let about = fs::symlink_metadata(path).map_err(DataError::io("read", path))?;
+    check_is_file(path, &about)?;
+    if about.len() > limit.bytes {
+        return Err(DataError::TooLarge { path: path.to_owned(), limit });
+    }
+    Ok(BufReader::with_capacity(PIECE, open(path)?.take(limit.bytes)))
+}
+
+/// Opens a list that a person named, to be read line by line; it may be reached through links.
+///
+/// # Errors
+/// [`DataError::Io`] and [`DataError::NotAFile`].
+pub fn open_list(path: &Path) -> Result<impl BufRead + use<>, DataError> {
+    Ok(BufReader::with_capacity(PIECE, open(path)?))
+}
+
+/// Bytes that are read at once of a long file; chosen.
+const PIECE: usize = 256 << 10;
 
 /// Opens a file that is read piece by piece; it may be reached through links.
 pub(crate) fn open(path: &Path) -> Result<File, DataError> {
@@ -114,7 +138,7 @@ fn open_device(path: &Path) -> Result<File, DataError> {
 /// # Errors
 /// As [`write()`].
 pub fn write_as_of(path: &Path, bytes: &[u8], time: Option<SystemTime>) -> Result<(), DataError> {
-    let aside = written_aside(path, bytes)?;
+    let aside = written_aside(path, &mut |out| out.write_all(bytes))?;
     let dated = time.map_or(Ok(()), |time| File::options().write(true).open(&aside)?.set_modified(time));
     dated.and_then(|()| fs::rename(&aside, path)).map_err(|error| {
         let _ = fs::remove_file(&aside);
@@ -140,7 +164,15 @@ pub fn now_in(folder: &Path) -> Result<SystemTime, DataError> {
 /// # Errors
 /// As [`write()`].
 pub fn create(path: &Path, bytes: &[u8]) -> Result<bool, DataError> {
-    let aside = written_aside(path, bytes)?;
+    create_with(path, &mut |out| out.write_all(bytes))
+}
+
+/// As [`create`], of what `write` writes piece by piece.
+///
+/// # Errors
+/// As [`write()`], and those of `write`.
+pub fn create_with(path: &Path, write: &mut WritePieces) -> Result<bool, DataError> {
+    let aside = written_aside(path, write)?;
     // Unlike a rename, a link never replaces.
     let linked = fs::hard_link(&aside, path);
     let created = match linked {
@@ -149,7 +181,10 @@ pub fn create(path: &Path, bytes: &[u8]) -> Result<bool, DataError> {
         // Some file systems know no links; there the last step is not atomic.
         Err(error) if matches!(error.kind(), ErrorKind::Unsupported | ErrorKind::PermissionDenied) => {
             match OpenOptions::new().write(true).create_new(true).open(path) {
-                Ok(mut file) => file.write_all(bytes).and_then(|()| file.sync_all()).map(|()| true),
+                Ok(mut file) => File::open(&aside)
+                    .and_then(|mut aside| std::io::copy(&mut aside, &mut file))
+                    .and_then(|_| file.sync_all())
+                    .map(|()| true),
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(false),
                 Err(error) => Err(error),
             }
@@ -160,12 +195,15 @@ pub fn create(path: &Path, bytes: &[u8]) -> Result<bool, DataError> {
     created.map_err(DataError::io("write", path))
 }
 
-fn written_aside(path: &Path, bytes: &[u8]) -> Result<PathBuf, DataError> {
+/// Writes to what it is given.
+pub type WritePieces<'a> = dyn FnMut(&mut dyn Write) -> std::io::Result<()> + 'a;
+
+fn written_aside(path: &Path, write: &mut WritePieces) -> Result<PathBuf, DataError> {
     if let Some(parent) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         fs::create_dir_all(parent).map_err(DataError::io("create the folder", parent))?;
     }
     let aside = beside(path);
-    let written = write_new(&aside, bytes);
+    let written = write_new_with(&aside, write);
     written.map(|()| aside.clone()).map_err(|error| {
         let _ = fs::remove_file(&aside);
         DataError::io("write", path)(error)
@@ -232,9 +270,13 @@ impl Drop for Writing {
 
 /// Writes a file that must not be there yet, so that it is on the disk when this returns; a link is never followed.
 pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut file = OpenOptions::new().write(true).create_new(true).open(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
+    write_new_with(path, &mut |out| out.write_all(bytes))
+}
+
+fn write_new_with(path: &Path, write: &mut WritePieces) -> std::io::Result<()> {
+    let mut out = BufWriter::new(OpenOptions::new().write(true).create_new(true).open(path)?);
+    write(&mut out)?;
+    out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
 }
 
 /// Gives a file a second name, or copies it where the disk refuses that; there must be none of that name.

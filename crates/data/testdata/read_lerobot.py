@@ -274,6 +274,9 @@ def check_expected(expected, dataset, videos, depths):
         require(dataset.tasks[rows["task_index"][row].as_py()] == frame["task"], f"frame {index}: task")
         require(facts["seed"] == frame["seed"] and facts["success"], f"episode {episode}: seed or success")
         require(facts["variation_seed"] == frame["variation_seed"], f"episode {episode}: seed of its look")
+        require(rows["is_correction"][row].as_py() == frame["is_correction"], f"frame {index}: is_correction")
+        corrected = [facts[f"corrected_{what}"] for what in ["policy", "cause", "from_step"]]
+        require(corrected == frame["corrected"], f"episode {episode}: corrected {corrected}")
         require(json.loads(facts["scenario_json"]) == frame["scenario"], f"episode {episode}: scenario")
         for camera, files in frame["images"].items():
             written = np.fromfile(files["rgb"], np.uint8).reshape(*shape, 3)

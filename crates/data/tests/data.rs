@@ -425,7 +425,7 @@ fn independent_reader_finds_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let store = filled_store(&folder.path().join("store"));
     let settings = LerobotSettings {
-        export: ExportSettings { is_varied: true, ..Default::default() },
+        export: ExportSettings { is_varied: true, has_corrections: true, ..Default::default() },
         episodes_per_file: 2,
         episodes_per_depth_file: 2,
         ..Default::default()
@@ -487,6 +487,9 @@ fn expectations(store: &EpisodeStore, folder: &Path) -> Value {
                 "index": first + row, "episode": number, "row": row, "state": state, "action": last.command,
                 "task": source.scenario.task.instruction, "seed": source.result.seed.value(),
                 "variation_seed": source.result.seed.fork("variation").value(),
+                "is_correction": number == 1 && row * 4 >= synthetic::CORRECTED_FROM,
+                "corrected": if number == 1 { json!(["clumsy", "slipped", synthetic::CORRECTED_FROM]) }
+                             else { json!(["", "", -1]) },
                 "scenario": source.scenario.to_value(), "images": images,
             }));
         }

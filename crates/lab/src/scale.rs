@@ -11,6 +11,7 @@ use genmanip_core::{Document, Seed, Task};
 use genmanip_rollout::collect::Attempt;
 use genmanip_run::collect::{CollectOptions, collect};
 use genmanip_run::report::{report, report_full};
+use genmanip_run::tasks::Tasks;
 use genmanip_run::{Progress, Run, RunFolder, inputs};
 use serde::Serialize;
 
@@ -127,7 +128,8 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
     let (folder, known) = RunFolder::open(run)?;
     let store = folder.store()?;
     let mut finished: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    let attempts = Attempt::all(&known.tasks, known.episodes_per_task, known.seed);
+    let all = known.tasks.iter().collect::<Result<Vec<Task>, _>>()?;
+    let attempts = Attempt::all(&all, known.episodes_per_task, known.seed);
     let sound = folder.survey(&store)?.sound;
     for attempt in attempts.iter().filter(|attempt| sound.binary_search_by(|known| known.id.cmp(&attempt.id())).is_ok())
     {
@@ -136,7 +138,7 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
     if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(LabError::input(format!("{} is not empty", out.display())).with_hint("name an empty folder"));
     }
-    let mut tasks: Vec<Task> = known.tasks.iter().filter(|task| finished.contains_key(&task.id)).cloned().collect();
+    let mut tasks: Vec<Task> = all.iter().filter(|task| finished.contains_key(&task.id)).cloned().collect();
     if tasks.is_empty() {
         return Err(
             LabError::input(format!("{} has no finished episode", run.display())).with_hint("collect some first")
@@ -148,7 +150,8 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
     tasks.truncate(episodes / per_task);
     let mut settings = known.settings.clone();
     settings.images = None;
-    let copied = Run { tasks, episodes_per_task: per_task, settings, seed: Seed::new(0), ..known.clone() };
+    let spooled = Tasks::spool(tasks.clone(), &std::env::temp_dir())?;
+    let copied = Run { tasks: spooled, episodes_per_task: per_task, settings, seed: Seed::new(0), ..known.clone() };
     let target = RunFolder::begin(out, &copied)?;
     let mark = serde_json::json!({ "copied_from": run.display().to_string(), "episodes": episodes });
     inputs::write_file(&out.join(MARK), format!("{mark:#}\n").as_bytes())?;
@@ -156,7 +159,7 @@ fn copy(run: &Path, episodes: usize, out: &Path, progress: &dyn Progress) -> Res
     fs::create_dir_all(&scenarios).map_err(unwritable)?;
     let seconds = folder.timings().attempts;
     progress.begin("copying", episodes);
-    for attempt in Attempt::all(&copied.tasks, per_task, copied.seed) {
+    for attempt in Attempt::all(&tasks, per_task, copied.seed) {
         let sources = &finished[&attempt.task.id];
         let (source, name) = (&sources[attempt.number as usize % sources.len()], attempt.id());
         let scenario = store

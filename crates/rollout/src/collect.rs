@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use genmanip_assets::{AssetSource, Catalogue, GraspLibrary};
-use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Scenario, Seed, Task, World};
+use genmanip_core::{Episode, EpisodeResult, Failure, FailureCause, GoalVerdict, Policy, Scenario, Seed, Task, World};
 use genmanip_data::images::variation_seed;
 use genmanip_data::{DataError, EpisodeStore};
 use genmanip_layout::{LayoutSettings, lay_out};
@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::expert::{Expert, ExpertSettings, SeenGrasps};
 use crate::images::{self, ImageSettings};
 use crate::physics_variation::vary_physics;
-use crate::{RolloutError, RolloutSettings, Stage, run_episode};
+use crate::{RolloutError, RolloutSettings, Stage, run_corrected, run_episode};
 
 /// What a run depends on besides its tasks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +51,10 @@ pub struct CollectSettings {
     /// Whether each attempt has [its own physics](crate::physics_variation), by the seed of its look.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub vary_physics: bool,
+    /// The policy that acts first in each attempt and is corrected by the expert where it fails, `NAME:key=value,…`;
+    /// `None`: the expert alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corrects: Option<String>,
 }
 
 /// Grasps from the geometry of objects.
@@ -77,6 +81,7 @@ impl CollectSettings {
             keep_failed: false,
             grasps: mesh(),
             vary_physics: false,
+            corrects: None,
         }
     }
 
@@ -97,12 +102,23 @@ pub struct Resources<'a> {
     pub grasps: &'a GraspLibrary,
     /// Who proposes the expert's grasps from images instead.
     pub seeing: Option<&'a Arc<dyn SeenGrasps>>,
+    /// Makes the policy that acts first and is corrected.
+    pub corrected: Option<&'a MakeCorrected<'a>>,
 }
+
+/// Makes the policy that is corrected, for the episodes of a stage.
+pub type MakeCorrected<'a> = dyn Fn(&Stage) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a;
 
 impl<'a> Resources<'a> {
     /// The process's objects and grasps, with a planner.
     pub fn builtin(planner: &'a Arc<Planner>) -> Self {
-        Self { catalogue: Catalogue::builtin(), planner, grasps: GraspLibrary::builtin(), seeing: None }
+        Self {
+            catalogue: Catalogue::builtin(),
+            planner,
+            grasps: GraspLibrary::builtin(),
+            seeing: None,
+            corrected: None,
+        }
     }
 }
 
@@ -249,7 +265,11 @@ fn play(
     if let Some(source) = resources.seeing {
         expert = expert.seeing(Arc::clone(source));
     }
-    Ok(Ok(run_episode(&stage, &mut expert, &attempt.id(), attempt.seed, &settings.rollout)?))
+    let (id, seed, rollout) = (attempt.id(), attempt.seed, &settings.rollout);
+    Ok(Ok(match resources.corrected {
+        None => run_episode(&stage, &mut expert, &id, seed, rollout)?,
+        Some(make) => run_corrected(&stage, &mut *make(&stage)?, &mut expert, &id, seed, rollout)?,
+    }))
 }
 
 fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, settings: &CollectSettings) -> EpisodeResult {
@@ -275,6 +295,7 @@ fn not_laid_out(attempt: &Attempt, error: &genmanip_layout::LayoutError, setting
         world_hashes: Some(settings.world.hashes()),
         cloud: None,
         other_request_success: None,
+        correction: None,
         engine: genmanip_sim::engine_version(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     }

@@ -1,4 +1,4 @@
-//! Controls: what policies reach that do not follow the instruction.
+//! Controls: what policies reach that do not follow the instruction, or follow it badly.
 
 use genmanip_core::{
     ActionChunk, Atom, EpisodeStart, Goal, Observation, Policy, PolicyError, PolicySpec, Relation, Seed,
@@ -6,7 +6,7 @@ use genmanip_core::{
 use rand::RngExt;
 
 use crate::Stage;
-use crate::expert::Expert;
+use crate::expert::{Doing, Expert};
 
 /// Control rate at which [`RandomActions`] are given, Hz.
 const RATE_HZ: f64 = 60.0;
@@ -19,6 +19,14 @@ const GOALS: usize = 12;
 /// Places that [`Blind`] may ask for.
 const RELATIONS: [Relation; 7] =
     [Relation::Front, Relation::Back, Relation::Left, Relation::Right, Relation::Near, Relation::On, Relation::In];
+
+/// How far the arm reaches beside a thing that [`Clumsy`] misses, as turn of its first joint, rad; chosen: 2 to 6 cm
+/// half a metre away, so the fingers close beside small things and push large ones.
+const MISSED_BY_RAD: (f64, f64) = (0.04, 0.12);
+/// Share of a motion after which [`Clumsy`] breaks it off; chosen: the hand has left and has not arrived.
+const BROKEN_OFF_AT: (f64, f64) = (0.25, 0.85);
+/// Control steps in which its fingers open; chosen, a sixth of a second.
+const DROPPING_STEPS: usize = 10;
 
 /// Moves the joints and the fingers at random, within the joints' limits.
 #[derive(Clone, Debug)]
@@ -121,5 +129,100 @@ impl Policy for Blind {
 
     fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
         self.expert.act(observation)
+    }
+}
+
+/// What [`Clumsy`] does wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mistake {
+    /// Reaches beside the thing.
+    Misses,
+    /// Lets go of it on the way.
+    Drops,
+    /// Stops on the way.
+    Stops,
+}
+
+/// Sets out as the expert does and makes one mistake at its first thing: it misses it, drops it or stops on the way.
+///
+/// The mistake follows from the seed. A joint that is to be moved is left half-way.
+pub struct Clumsy {
+    stage: Stage,
+    expert: Expert,
+    seed: Seed,
+}
+
+impl Clumsy {
+    /// From an expert for the episodes of a stage.
+    pub fn new(stage: &Stage, expert: Expert) -> Self {
+        Self { stage: stage.clone(), expert, seed: Seed::new(0) }
+    }
+
+    fn mistake(&self) -> Mistake {
+        let mistakes = [Mistake::Misses, Mistake::Drops, Mistake::Stops];
+        mistakes[self.seed.fork("mistake").rng().random_range(0..mistakes.len())]
+    }
+
+    /// The approach turned aside: the arm ends beside the thing and closes its fingers there.
+    fn missed(&self, mut actions: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
+        let mut rng = self.seed.fork("miss").rng();
+        let aside = rng.random_range(MISSED_BY_RAD.0..=MISSED_BY_RAD.1) * if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+        let limits = self.stage.robot.arm_joints().next().map_or((0.0, 0.0), |joint| (joint.lower, joint.upper));
+        let until = (BROKEN_OFF_AT.0 * actions.len() as f64).max(1.0);
+        for (step, action) in actions.iter_mut().enumerate() {
+            let share = (step as f64 / until).min(1.0);
+            if let Some(first) = action.first_mut() {
+                *first = (f64::from(*first) + share * aside).clamp(limits.0, limits.1) as f32;
+            }
+        }
+        actions
+    }
+
+    /// A motion broken off on the way; with `open`, its fingers then open.
+    fn broken_off(&self, mut actions: Vec<Vec<f32>>, open: bool) -> Vec<Vec<f32>> {
+        let width = |action: &Vec<f32>| action.last().copied().unwrap_or_default();
+        // After it let go by itself, nothing can be dropped.
+        let held = actions.first().map(width).unwrap_or_default();
+        let carried = actions.iter().take_while(|action| width(action) <= held).count();
+        let share = self.seed.fork("broken off").rng().random_range(BROKEN_OFF_AT.0..=BROKEN_OFF_AT.1);
+        actions.truncate(((carried as f64 * share) as usize).max(1));
+        if open && let Some(last) = actions.last().cloned() {
+            let widest = self.stage.robot.gripper.max_width;
+            actions.extend((1..=DROPPING_STEPS).map(|step| {
+                let share = step as f64 / DROPPING_STEPS as f64;
+                let opening = f64::from(held) + share * (widest - f64::from(held));
+                let mut action = last.clone();
+                if let Some(width) = action.last_mut() {
+                    *width = opening as f32;
+                }
+                action
+            }));
+        }
+        actions
+    }
+}
+
+impl Policy for Clumsy {
+    fn spec(&self) -> PolicySpec {
+        PolicySpec { privileged: true, ..PolicySpec::native("clumsy", RATE_HZ) }
+    }
+
+    fn reset(&mut self, start: &EpisodeStart) -> Result<(), PolicyError> {
+        self.seed = start.seed.fork("clumsy");
+        self.expert.reset(start)
+    }
+
+    fn act(&mut self, observation: &Observation) -> Result<ActionChunk, PolicyError> {
+        let before = self.expert.doing();
+        let ActionChunk { actions, finished } = self.expert.act(observation)?;
+        let mistake = self.mistake();
+        let actions = match (before, self.expert.doing()) {
+            (_, Doing::Picking) if mistake == Mistake::Misses => self.missed(actions),
+            (Doing::Picking, _) => self.broken_off(actions, mistake == Mistake::Drops),
+            // The first motion leads to the joint.
+            (Doing::Turning, Doing::Turning) => self.broken_off(actions, false),
+            _ => return Ok(ActionChunk { actions, finished }),
+        };
+        Ok(ActionChunk { actions, finished: true })
     }
 }

@@ -265,6 +265,20 @@ impl Environment {
         Ok(session.judge(&self.settings).0)
     }
 
+    /// Why the episode would fail if it ended now, judged as at its end but without any further settling; a policy that
+    /// gave up has its word. None where the goal holds.
+    ///
+    /// # Errors
+    /// Before the first reset.
+    pub fn failures(&mut self, word: Option<Failure>) -> Result<Vec<Failure>, RolloutError> {
+        let verdict = self.verdict()?;
+        let Session { stage, record, .. } = self.session.as_ref().ok_or(RolloutError::NotReset)?;
+        if verdict.success {
+            return Ok(Vec::new());
+        }
+        Ok(evidence::explain(stage, &record.frames, &verdict, word, &self.settings))
+    }
+
     /// Control steps that are left before the longest allowed time is over; 0 without an episode.
     pub fn steps_left(&self) -> usize {
         self.session.as_ref().map_or(0, |session| {
@@ -508,6 +522,7 @@ impl Session {
             world_hashes: Some(stage.scenario.world.hashes()),
             cloud: None,
             other_request_success,
+            correction: None,
             engine: genmanip_sim::engine_version(),
             genmanip_version: env!("CARGO_PKG_VERSION").into(),
         };

@@ -25,6 +25,6 @@ mod stage;
 pub use cores::{Cores, HeldCore};
 pub use driver::{Driver, Turn};
 pub use environment::Environment;
-pub use episode_loop::{resume_episode, run_episode, run_watched};
+pub use episode_loop::{resume_episode, run_corrected, run_episode, run_watched};
 pub use settings::RolloutSettings;
 pub use stage::{RolloutError, Stage};

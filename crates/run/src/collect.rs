@@ -3,24 +3,32 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use genmanip_assets::GraspLibrary;
 use genmanip_bench::{MOST_ROWS, Outcome, attention, text_table};
-use genmanip_core::{Document, EpisodeResult, TaskKind};
+use genmanip_core::{Document, EpisodeResult, Policy, TaskKind};
 use genmanip_data::lerobot::{self, LerobotSettings};
 use genmanip_data::{EpisodeStore, ExportSettings, Selection};
-use genmanip_rollout::collect::{Attempt, CollectSettings, Resources, attempt_id, complete, in_parallel};
+use genmanip_motion::Planner;
+use genmanip_rollout::collect::{
+    Attempt, CollectSettings, MakeCorrected, Resources, attempt_id, complete, in_parallel,
+};
+use genmanip_rollout::{RolloutError, Stage};
 use serde::Serialize;
 
 use crate::error::{RunError, Stopped};
 use crate::folder::{Run, RunFolder, Timings};
 use crate::index::{Known, Survey};
 use crate::inputs;
+use crate::policies::{PolicyContext, PolicyFactory};
 use crate::progress::Progress;
+use crate::room::{Estimate, bytes_below};
 use crate::seeing;
 use crate::shard::Shard;
-use crate::shelf::{Shelf, Shelved};
+use crate::tasks::TaskEntry;
 
 /// What a run came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,21 +93,26 @@ pub fn collect(
     stop: &AtomicBool,
 ) -> Result<Collected, RunError> {
     let grasps = seeing::choice(&run.settings.grasps)?;
+    let corrected = run.settings.corrects.as_deref().map(corrected).transpose()?;
     let folder = RunFolder::begin(path, &run)?;
     folder.claim(options.shard)?;
     let known_timings = folder.timings();
     let wants_dataset = run.settings.images.is_some() && options.shard.is_none();
-    let hash = if wants_dataset { run.hash() } else { String::new() };
+    let hash = if wants_dataset { run.hash()? } else { String::new() };
     if wants_dataset {
         check_datasets(&folder, &hash)?;
     }
     let store = folder.store()?;
     let Run { tasks, settings, seed, episodes_per_task, .. } = run;
-    let shelf = Shelf::new(tasks, path)?;
     let planner = inputs::planner(&settings.world, &settings.planner)?;
     let seeing = grasps.map(|choice| seeing::source(&choice, &planner));
-    let resources = Resources { seeing: seeing.as_ref(), ..Resources::builtin(&planner) };
-    let mut attempts = Planned::all(&shelf, episodes_per_task, options.shard);
+    let make_corrected = corrected.as_ref().map(|policy| maker(policy, &planner, &settings));
+    let resources = Resources {
+        seeing: seeing.as_ref(),
+        corrected: make_corrected.as_ref().map(|make| make as &MakeCorrected),
+        ..Resources::builtin(&planner)
+    };
+    let mut attempts = Planned::all(tasks.entries(), episodes_per_task, options.shard);
     let all = attempts.len();
     let survey = folder.survey(&store)?;
     let mut damaged = damaged(&folder, &store, &attempts, &survey, options.repair, progress)?;
@@ -132,12 +145,14 @@ pub fn collect(
         heard(&result.id, &outcome);
         Ok((result.id, outcome))
     };
+    let estimate = Estimate::new(path, left.len(), wants_dataset);
     store.sweep_partial().map_err(|error| RunError::broken("cannot use the episodes", error))?;
     let made = in_parallel(&left, options.workers, stop, &|planned| {
         let since = Instant::now();
-        let task = shelf.read(planned.task).map_err(Stopped::Run)?;
+        let task = tasks.read(planned.task).map_err(Stopped::Run)?;
         let attempt = Attempt::of(&task, planned.number, seed);
         let (result, was_there) = complete(&attempt, resources, &store, &settings)?;
+        estimate.add(bytes_below(&store.root().join(&result.id)), progress).map_err(Stopped::Run)?;
         finished(result, if was_there { 0.0 } else { since.elapsed().as_secs_f64() })
     });
     let made = made.map_err(|stopped| match stopped {
@@ -162,7 +177,7 @@ pub fn collect(
     if folder.timings() != known_timings {
         folder.save_timings()?;
     }
-    let rows = rows(&shelf, &attempts, &outcomes, &folder.timings());
+    let rows = rows(tasks.entries(), &attempts, &outcomes, &folder.timings());
     // Also those that an interrupted call had no time to look at.
     let is_finished = |planned: &&Planned| outcomes.contains_key(&planned.id) || store.contains(&planned.id);
     let finished = attempts.iter().filter(is_finished).count();
@@ -173,7 +188,39 @@ pub fn collect(
     Ok(Collected { rows, dataset, attempts: all, finished, interrupted, damaged, shard: options.shard })
 }
 
-/// An attempt that is to be made; its task lies on the shelf.
+/// The policy that is to be corrected.
+fn corrected(name: &str) -> Result<PolicyFactory, RunError> {
+    let policy = PolicyFactory::resolve(name)?;
+    let refuse = |why: &str| Err(RunError::input(format!("policy {} cannot be corrected: {why}", policy.name())));
+    if policy.needs_record() {
+        return refuse("it needs episodes that were recorded before").map_err(|error| error.with_hint(CORRECTABLE));
+    }
+    if policy.account().is_some() {
+        return refuse("it asks a service that costs money").map_err(|error| error.with_hint(CORRECTABLE));
+    }
+    Ok(policy)
+}
+
+/// What `--corrections` expects.
+const CORRECTABLE: &str = "expected clumsy, blind, random, or a policy of yours: openpi, vla-eval, python";
+
+/// Makes that policy for the episodes of a stage.
+fn maker<'a>(
+    policy: &'a PolicyFactory,
+    planner: &'a Arc<Planner>,
+    settings: &'a CollectSettings,
+) -> impl Fn(&Stage) -> Result<Box<dyn Policy>, RolloutError> + Sync + 'a {
+    let grasps = GraspLibrary::builtin();
+    move |stage| {
+        let context = PolicyContext { stage, recorded: None, planner, grasps, settings, cores: None };
+        policy.make(&context).map_err(|error| match error {
+            RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
+            error => RolloutError::Spec { policy: policy.label().into(), reason: error.to_string() },
+        })
+    }
+}
+
+/// An attempt that is to be made.
 #[derive(Clone)]
 struct Planned {
     id: String,
@@ -185,12 +232,9 @@ struct Planned {
 
 impl Planned {
     /// The attempts of a run or of a shard of it, task by task.
-    fn all(shelf: &Shelf, per_task: usize, shard: Option<Shard>) -> Vec<Self> {
-        let named = |(task, number)| {
-            let entry: &Shelved = &shelf.entries()[task];
-            Self { id: attempt_id(&entry.id, number), task, number }
-        };
-        places(shelf.entries().len(), per_task, shard).map(named).collect()
+    fn all(tasks: &[TaskEntry], per_task: usize, shard: Option<Shard>) -> Vec<Self> {
+        let named = |(task, number): (usize, u64)| Self { id: attempt_id(&tasks[task].id, number), task, number };
+        places(tasks.len(), per_task, shard).map(named).collect()
     }
 }
 
@@ -204,8 +248,9 @@ fn places(tasks: usize, per_task: usize, shard: Option<Shard>) -> impl Iterator<
 
 /// Ids of the attempts of a run or of a shard of it.
 pub(crate) fn share(run: &Run, shard: Option<Shard>) -> impl Iterator<Item = String> {
-    let named = |(task, number): (usize, u64)| attempt_id(&run.tasks[task].id, number);
-    places(run.tasks.len(), run.episodes_per_task, shard).map(named)
+    let tasks = run.tasks.entries();
+    let named = |(task, number): (usize, u64)| attempt_id(&tasks[task].id, number);
+    places(tasks.len(), run.episodes_per_task, shard).map(named)
 }
 
 /// How attempts went, by their ids: all that is kept of each.
@@ -376,7 +421,12 @@ fn export(
     progress: &dyn Progress,
 ) -> Result<Option<PathBuf>, RunError> {
     let Some(images) = &settings.images else { return Ok(None) };
-    let rows = ExportSettings { fps: images.fps, is_varied: settings.is_varied(), ..ExportSettings::default() };
+    let rows = ExportSettings {
+        fps: images.fps,
+        is_varied: settings.is_varied(),
+        has_corrections: settings.corrects.is_some(),
+        ..ExportSettings::default()
+    };
     let dataset = LerobotSettings { export: rows, run: Some(hash), ..LerobotSettings::default() };
     let selection = if settings.keep_failed { Selection::Recorded } else { Selection::Verified };
     let path = folder.join("dataset");
@@ -393,7 +443,7 @@ fn export(
     Ok(Some(path))
 }
 
-fn rows(shelf: &Shelf, attempts: &[Planned], outcomes: &Outcomes, timings: &Timings) -> Vec<TaskRow> {
+fn rows(tasks: &[TaskEntry], attempts: &[Planned], outcomes: &Outcomes, timings: &Timings) -> Vec<TaskRow> {
     let mut of_task: BTreeMap<usize, Vec<(&str, &Outcome)>> = BTreeMap::new();
     for Planned { id, task, .. } in attempts {
         if let Some(outcome) = outcomes.get(id) {
@@ -402,7 +452,7 @@ fn rows(shelf: &Shelf, attempts: &[Planned], outcomes: &Outcomes, timings: &Timi
     }
     // A shard may have no attempt of a task.
     let planned: BTreeSet<usize> = attempts.iter().map(|attempt| attempt.task).collect();
-    let entries = shelf.entries().iter().enumerate().filter(|(index, _)| planned.contains(index));
+    let entries = tasks.iter().enumerate().filter(|(index, _)| planned.contains(index));
     entries
         .map(|(index, task)| {
             let mine = || of_task.get(&index).into_iter().flatten();

@@ -100,15 +100,17 @@ pub fn export(
     let rows = ExportSettings {
         depth: options.rows.depth && !options.rows.cameras.is_empty(),
         is_varied: run.settings.is_varied(),
+        has_corrections: run.settings.corrects.is_some(),
         ..options.rows.clone()
     };
-    let settings = LerobotSettings { export: rows, run: Some(run.hash()), ..LerobotSettings::default() };
+    let hash = run.hash()?;
+    let settings = LerobotSettings { export: rows, run: Some(hash.clone()), ..LerobotSettings::default() };
     let rows = &settings.export;
     let format = FORMATS.iter().find(|(_, format)| *format == options.format).map_or("", |(name, _)| *name);
     let name = format!("{format}-{}-{}hz", action_name(&rows.action), rows.fps);
     let target = options.out.clone().unwrap_or_else(|| folder.join("exports").join(name));
     for target in [lerobot::depth_path(&target), target.clone()] {
-        lerobot::check_owner(&target, Some(&run.hash())).map_err(|error| {
+        lerobot::check_owner(&target, Some(&hash)).map_err(|error| {
             let hint = "choose another --out, or move what is there away";
             RunError::input("the data set has no place").because(error).with_hint(hint)
         })?;

@@ -15,12 +15,13 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use genmanip_core::{
-    Document, DocumentError, LongDocument, Seed, SharedCards, Task, Upgrade, limits, long_from_json, long_to_json,
-    upgrade,
+    Document, DocumentError, LongDocument, Seed, Task, Upgrade, limits, long_from_json, long_from_reader, long_to_json,
+    upgrade, write_tagged,
 };
 use genmanip_data::{DataError, EpisodeStore, files};
 use genmanip_rollout::collect::CollectSettings;
@@ -32,16 +33,17 @@ use crate::error::RunError;
 use crate::index::{INDEX, Survey};
 use crate::inputs;
 use crate::shard::{Manifest, Shard};
+use crate::tasks::{Spool, Tasks};
 
 /// Everything a run depends on: its input, settings and seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Run {
+pub struct Run<L = Tasks> {
     /// Seed of all attempts.
     pub seed: Seed,
     /// Attempts per task.
     pub episodes_per_task: usize,
     /// The tasks.
-    pub tasks: Vec<Task>,
+    pub tasks: L,
     /// Settings of every stage.
     pub settings: CollectSettings,
     /// Physics engine.
@@ -50,13 +52,15 @@ pub struct Run {
     pub genmanip_version: String,
 }
 
-impl Document for Run {
+/// A run with all its tasks in memory.
+pub type RunRecord = Run<Vec<Task>>;
+
+impl Document for RunRecord {
     const SCHEMA: &'static str = "genmanip.run/2";
     const PREVIOUS: Option<Upgrade> = Some(upgrade::run::FROM_1);
 
     fn from_json(text: &str) -> Result<Self, DocumentError> {
-        let mut cards = SharedCards::default();
-        long_from_json(text, |task| cards.share(task))
+        long_from_json(text, |_| {})
     }
 
     fn to_json(&self) -> String {
@@ -64,8 +68,9 @@ impl Document for Run {
     }
 }
 
-impl LongDocument for Run {
+impl LongDocument for RunRecord {
     const LIST: &'static str = "tasks";
+    const MOST: usize = limits::TASKS;
     type Entry = Task;
 
     fn entries(&mut self) -> &mut Vec<Task> {
@@ -75,19 +80,84 @@ impl LongDocument for Run {
 
 impl Run {
     /// A run of this program with the engine it is linked to.
-    pub fn new(tasks: Vec<Task>, episodes_per_task: usize, settings: CollectSettings, seed: Seed) -> Self {
-        let (engine, genmanip_version) = (genmanip_sim::engine_version(), env!("CARGO_PKG_VERSION").into());
+    pub fn new(tasks: Tasks, episodes_per_task: usize, settings: CollectSettings, seed: Seed) -> Self {
+        let (engine, genmanip_version) = Self::versions();
         Self { seed, episodes_per_task, tasks, settings, engine, genmanip_version }
     }
 
-    /// Hash of its record: what is made for a run names it, so that it is known from what others made.
-    pub fn hash(&self) -> String {
-        Self::hash_of(self.to_json().as_bytes())
+    /// Physics engine and version of this program.
+    pub(crate) fn versions() -> (String, String) {
+        (genmanip_sim::engine_version(), env!("CARGO_PKG_VERSION").into())
     }
 
-    /// The same from the bytes of the record.
-    pub(crate) fn hash_of(record: &[u8]) -> String {
-        Sha256::digest(record).iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+    /// Writes its record, task by task.
+    ///
+    /// # Errors
+    /// Those of `out`, and when a task cannot be read again.
+    pub fn write(&self, out: impl Write) -> io::Result<()> {
+        write_tagged(out, RunRecord::SCHEMA, self)
+    }
+
+    /// Reads a record that a run wrote itself, task by task.
+    fn read(path: &Path) -> Result<Self, RunError> {
+        let file = files::open_own(path, limits::RUN).map_err(|error| inputs::unreadable(path, error))?;
+        let (mut spool, mut refused) = (Spool::in_folder(&std::env::temp_dir()), None);
+        let record = long_from_reader::<RunRecord>(file, |task| {
+            spool.add(task).map_err(|error| {
+                let message = error.to_string();
+                refused = Some(error);
+                DocumentError::Invalid { path: "$.tasks".into(), message }
+            })
+        });
+        if let Some(error) = refused {
+            return Err(error);
+        }
+        let record =
+            record.map_err(|source| RunError::Document { path: path.to_owned(), schema: RunRecord::SCHEMA, source })?;
+        let Run { seed, episodes_per_task, settings, engine, genmanip_version, .. } = record;
+        Ok(Self { seed, episodes_per_task, tasks: spool.finish(), settings, engine, genmanip_version })
+    }
+
+    /// Hash of its record: what is made for a run names it, so that it is known from what others made.
+    ///
+    /// # Errors
+    /// When a task cannot be read again.
+    pub fn hash(&self) -> Result<String, RunError> {
+        let mut hasher = Hashing(Sha256::new());
+        self.write(&mut hasher).map_err(|error| RunError::broken("cannot read the tasks again", error))?;
+        Ok(hasher.in_hex())
+    }
+
+    /// The same of a record on disk.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub(crate) fn hash_of(record: &Path) -> Result<String, RunError> {
+        let unreadable = |error| RunError::of_file("read", record, error);
+        let mut hasher = Hashing(Sha256::new());
+        let mut file = files::open_own(record, limits::RUN).map_err(unreadable)?;
+        io::copy(&mut file, &mut hasher).map_err(|error| RunError::file("read", record, error))?;
+        Ok(hasher.in_hex())
+    }
+}
+
+/// Takes the hash of what is written to it.
+struct Hashing(Sha256);
+
+impl Hashing {
+    fn in_hex(self) -> String {
+        self.0.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl Write for Hashing {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
@@ -128,15 +198,17 @@ impl RunFolder {
                 let what = format!("{} holds `{name}`, but no {RECORD} of a run that made it", path.display());
                 return Err(RunError::input(what).with_hint("choose an empty --out folder, or move what is there away"));
             }
-            let created = files::create(&file, run.to_json().as_bytes());
+            let created = files::create_with(&file, &mut |out| run.write(out));
             if created.map_err(|error| unwritable(&file, error))? {
                 return Ok(Self::at(path));
             }
         }
         check_links(path)?;
-        let known: Run = inputs::read_own_document(&file, limits::RUN)?;
-        if known != *run {
-            return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run) });
+        if Run::hash_of(&file)? != run.hash()? {
+            let known = Run::read(&file)?;
+            if known != *run {
+                return Err(RunError::AnotherRun { path: path.to_owned(), difference: difference(&known, run)? });
+            }
         }
         let folder = Self::at(path);
         folder.sweep()?;
@@ -158,10 +230,7 @@ impl RunFolder {
             (found, shard) if found.is_some() && found != shard => other(found),
             (None, Some(_)) if is_there(&self.join("episodes")) => other(None),
             (None, Some(shard)) => {
-                let record = self.join(RECORD);
-                let bytes = files::read_own(&record, limits::RUN);
-                let bytes = bytes.map_err(|error| RunError::of_file("read", &record, error))?;
-                let manifest = Manifest { shard, run: Run::hash_of(&bytes) };
+                let manifest = Manifest { shard, run: Run::hash_of(&self.join(RECORD))? };
                 let created = files::create(&path, manifest.to_json().as_bytes());
                 // Another program may have been quicker; then it is looked at again.
                 if created.map_err(|error| unwritable(&path, error))? { Ok(()) } else { self.claim(Some(shard)) }
@@ -206,8 +275,7 @@ impl RunFolder {
             return Err(RunError::NoRun { path: path.to_owned() });
         }
         check_links(path)?;
-        let run = inputs::read_own_document(&file, limits::RUN)?;
-        Ok((Self::at(path), run))
+        Ok((Self::at(path), Run::read(&file)?))
     }
 
     fn at(path: &Path) -> Self {
@@ -336,24 +404,30 @@ fn unwritable(path: &Path, error: DataError) -> RunError {
 }
 
 /// The first difference between two runs, in words.
-pub(crate) fn difference(known: &Run, asked: &Run) -> String {
+///
+/// # Errors
+/// When a task cannot be read again.
+pub(crate) fn difference(known: &Run, asked: &Run) -> Result<String, RunError> {
     if known.seed != asked.seed {
-        return format!("its seed is {}, not {}", known.seed, asked.seed);
+        return Ok(format!("its seed is {}, not {}", known.seed, asked.seed));
     }
     if known.episodes_per_task != asked.episodes_per_task {
-        return format!("it has {} attempts per task, not {}", known.episodes_per_task, asked.episodes_per_task);
+        return Ok(format!("it has {} attempts per task, not {}", known.episodes_per_task, asked.episodes_per_task));
     }
     if known.genmanip_version != asked.genmanip_version || known.engine != asked.engine {
-        return format!("made by version {} with {}", known.genmanip_version, known.engine);
+        return Ok(format!("made by version {} with {}", known.genmanip_version, known.engine));
     }
-    let ids = |run: &Run| run.tasks.iter().map(|task| task.id.clone()).collect::<Vec<_>>();
+    let ids = |run: &Run| run.tasks.entries().iter().map(|task| task.id.clone()).collect::<Vec<_>>();
     if ids(known) != ids(asked) {
-        return format!("its tasks are {}, not {}", listed(&ids(known)), listed(&ids(asked)));
+        return Ok(format!("its tasks are {}, not {}", listed(&ids(known)), listed(&ids(asked))));
     }
-    let tasks = known.tasks.iter().zip(&asked.tasks).enumerate();
-    let task = tasks.filter_map(|(index, (known, asked))| differs(&format!("tasks[{index}]"), known, asked)).next();
-    task.or_else(|| differs("settings", &known.settings, &asked.settings))
-        .unwrap_or_else(|| "with other settings".into())
+    for (index, (known, asked)) in known.tasks.iter().zip(asked.tasks.iter()).enumerate() {
+        if let Some(difference) = differs(&format!("tasks[{index}]"), &known?, &asked?) {
+            return Ok(difference);
+        }
+    }
+    let settings = differs("settings", &known.settings, &asked.settings);
+    Ok(settings.unwrap_or_else(|| "with other settings".into()))
 }
 
 /// Where two values first differ, see [`first_difference`].
@@ -407,18 +481,16 @@ mod tests {
     fn a_long_record_is_the_same_document() {
         let tasks = inputs::designed_tasks(2, 1, genmanip_assets::Catalogue::builtin()).unwrap();
         let many = tasks.iter().cycle().take(1000).enumerate();
-        let tasks = many.map(|(index, task)| Task { id: format!("{}-{index}", task.id), ..task.clone() }).collect();
-        let run = Run::new(
-            tasks,
-            1,
-            CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone()),
-            Seed::new(7),
-        );
-        let text = run.to_json();
-        assert_eq!(text, serde_json::to_string_pretty(&run.to_value()).unwrap() + "\n", "streamed or not");
+        let tasks = many.map(|(index, task)| Task { id: format!("{}-{index}", task.id), ..task.clone() });
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run");
+        let settings = CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
+        let run = Run::new(Tasks::spool(tasks, folder.path()).unwrap(), 1, settings, Seed::new(7));
         RunFolder::begin(&path, &run).unwrap();
+        let text = std::fs::read_to_string(path.join(RECORD)).unwrap();
+        let whole = RunRecord::from_json(&text).unwrap();
+        assert_eq!(text, serde_json::to_string_pretty(&whole.to_value()).unwrap() + "\n", "streamed or not");
+        assert_eq!(Run::hash_of(&path.join(RECORD)).unwrap(), run.hash().unwrap());
         assert_eq!(RunFolder::open(&path).unwrap().1, run);
         std::fs::write(path.join(RECORD), text.replacen("\"subject\"", "\"subjects\"", 1)).unwrap();
         let error = RunFolder::open(&path).err().unwrap();

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,6 +24,7 @@ use serde_json::Value;
 
 use crate::documents::{self, Fault, MAX_ID_LENGTH};
 use crate::error::{Cause, RunError};
+use crate::tasks::{Spool, Tasks};
 
 /// Reads a text file, refusing what is too large, no file or not text.
 ///
@@ -60,7 +62,7 @@ fn document<T: Document>(path: &Path, bytes: &[u8]) -> Result<T, RunError> {
     T::from_bytes(bytes).map_err(|error| not_a_document::<T>(path, error))
 }
 
-fn unreadable(path: &Path, error: DataError) -> RunError {
+pub(crate) fn unreadable(path: &Path, error: DataError) -> RunError {
     let help = "check the path; relative paths start at the current folder";
     match RunError::of_file("read", path, error) {
         error @ RunError::File { .. } => error.with_hint(help),
@@ -131,28 +133,74 @@ pub fn expand(paths: &[PathBuf]) -> Result<Vec<PathBuf>, RunError> {
     Ok(files)
 }
 
-/// Reads tasks from task documents and recorded answers; an answer that is rejected is an error.
+/// Reads tasks from task documents, recorded answers, and lists of task documents, `*.jsonl`, one per line; an answer
+/// that is rejected is an error.
 ///
 /// # Errors
 /// As [`read_task`], and when two tasks have one id.
 pub fn read_tasks(paths: &[PathBuf]) -> Result<Vec<Task>, RunError> {
     let mut tasks: Vec<Task> = Vec::new();
-    let mut known = BTreeSet::new();
     let mut cards = SharedCards::default();
-    for path in expand(paths)? {
-        let mut task = read_task(&path)?;
+    each_task(paths, |mut task| {
         cards.share(&mut task);
+        tasks.push(task);
+        Ok(())
+    })?;
+    Ok(tasks)
+}
+
+/// Reads tasks as [`read_tasks`] does, for a run that will lie at `out`: however many there are, memory holds their names.
+///
+/// # Errors
+/// As [`read_tasks`], and when the disk of `out` refuses to keep many of them aside.
+pub fn spool_tasks(paths: &[PathBuf], out: &Path) -> Result<Tasks, RunError> {
+    let mut spool = Spool::in_folder(nearest_folder(out).as_deref().unwrap_or(Path::new(".")));
+    each_task(paths, |task| spool.add(task))?;
+    Ok(spool.finish())
+}
+
+fn each_task(paths: &[PathBuf], mut take: impl FnMut(Task) -> Result<(), RunError>) -> Result<(), RunError> {
+    let mut known = BTreeSet::new();
+    let mut take = |task: Task, place: &Path| {
         if !known.insert(task.id.clone()) {
             return Err(RunError::input(format!(
                 "two tasks are called `{}` (the second: {})",
                 task.id,
-                path.display()
+                place.display()
             ))
             .with_hint("task ids name folders and files, so they must differ"));
         }
-        tasks.push(task);
+        take(task)
+    };
+    for path in expand(paths)? {
+        if path.extension().is_some_and(|extension| extension == "jsonl") {
+            each_line(&path, &mut take)?;
+        } else {
+            take(read_task(&path)?, &path)?;
+        }
     }
-    Ok(tasks)
+    Ok(())
+}
+
+/// Reads a list of task documents, one per line.
+fn each_line(path: &Path, take: &mut dyn FnMut(Task, &Path) -> Result<(), RunError>) -> Result<(), RunError> {
+    let mut lines = files::open_list(path).map_err(|error| unreadable(path, error))?;
+    let mut line = Vec::new();
+    for number in 1.. {
+        line.clear();
+        let read = lines.by_ref().take(limits::TASK.bytes + 1).read_until(b'\n', &mut line);
+        if read.map_err(|error| RunError::file("read", path, error))? == 0 {
+            break;
+        }
+        let place = PathBuf::from(format!("{}:{number}", path.display()));
+        if line.len() as u64 > limits::TASK.bytes {
+            return Err(RunError::TooLarge { path: place, limit: limits::TASK });
+        }
+        if !line.trim_ascii().is_empty() {
+            take(task_of_text(&place, &text_of(&place, std::mem::take(&mut line))?)?, &place)?;
+        }
+    }
+    Ok(())
 }
 
 /// Tasks of the rule-based designer about the objects of a catalogue, the six kinds in turn.
@@ -171,8 +219,12 @@ pub fn designed_tasks(count: usize, seed: u64, catalogue: &Catalogue) -> Result<
 /// # Errors
 /// When the file is neither, or the task breaks a rule.
 pub fn read_task(path: &Path) -> Result<Task, RunError> {
-    let text = read_text(path, limits::TASK)?;
-    let value = json::parse(&text).map_err(|error| {
+    task_of_text(path, &read_text(path, limits::TASK)?)
+}
+
+/// The task that a text stands for; `path` is where it stands.
+fn task_of_text(path: &Path, text: &str) -> Result<Task, RunError> {
+    let value = json::parse(text).map_err(|error| {
         let hint = if let DocumentError::NotJson { hint, .. } = &error { *hint } else { "" };
         RunError::input(format!("{} is no task document and no recorded answer", path.display()))
             .with_hint(format!("{hint}; see `genmanip task check --help`"))
@@ -188,7 +240,7 @@ pub fn read_task(path: &Path) -> Result<Task, RunError> {
         };
         return Err(RunError::input(format!("{}: at {place}: {message}{more}", path.display())).with_hint(hint));
     }
-    let report = check_recorded(path, &text)?;
+    let report = check_recorded(path, text)?;
     report.task.ok_or_else(|| {
         let flaws: Vec<String> =
             report.flaws.iter().map(|flaw| format!("{}: {}", flaw.kind.name(), flaw.message)).collect();
@@ -291,6 +343,12 @@ fn id_from(path: &Path) -> String {
 /// The name of a file without its extension.
 pub fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The folder that a path names or, when it is not there yet, the nearest one above it that is.
+pub(crate) fn nearest_folder(path: &Path) -> Option<PathBuf> {
+    let whole = std::path::absolute(path).ok()?;
+    whole.ancestors().find(|ancestor| ancestor.is_dir()).map(Path::to_owned)
 }
 
 /// Writes a file aside and renames it into place, so that it is whole or not there.

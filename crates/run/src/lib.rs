@@ -56,11 +56,12 @@ pub mod replay;
 pub mod report;
 pub mod rerender;
 pub mod robots;
+mod room;
 mod seeing;
 pub mod sessions;
 pub mod shard;
-mod shelf;
 pub mod suites;
+pub mod tasks;
 pub mod views;
 pub mod worlds;
 

@@ -4,8 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use genmanip_core::limits;
-
 use crate::collect::{CollectOptions, Collected, collect, share};
 use crate::error::RunError;
 use crate::folder::{Run, RunFolder, difference};
@@ -38,10 +36,10 @@ pub fn merge(
             .with_hint("name folders that `genmanip collect --shard` made, or the folder they lie in"));
     };
     let (_, run) = RunFolder::open(&first.path)?;
-    let here = Run::new(Vec::new(), 0, run.settings.clone(), run.seed);
-    if (&here.genmanip_version, &here.engine) != (&run.genmanip_version, &run.engine) {
+    let (engine, genmanip_version) = Run::versions();
+    if (&genmanip_version, &engine) != (&run.genmanip_version, &run.engine) {
         let what = format!("the shards were made by version {} with {}", run.genmanip_version, run.engine);
-        let hint = format!("merge them with that version; this is {} with {}", here.genmanip_version, here.engine);
+        let hint = format!("merge them with that version; this is {genmanip_version} with {engine}");
         return Err(RunError::input(what).with_hint(hint));
     }
     let found = parts.iter().map(|part| part.look(&run)).collect::<Result<Vec<_>, _>>()?;
@@ -121,7 +119,7 @@ fn open_all(paths: &[PathBuf]) -> Result<Vec<Part>, RunError> {
         let of_both = |what: String| format!("{} and {} {what}", a.path.display(), b.path.display());
         let refused = if a.manifest.run != b.manifest.run {
             let [known, other] = [RunFolder::open(&a.path)?.1, RunFolder::open(&b.path)?.1];
-            of_both(format!("are shards of two runs ({} of the latter)", difference(&other, &known)))
+            of_both(format!("are shards of two runs ({} of the latter)", difference(&other, &known)?))
         } else if a.manifest.shard.count() != b.manifest.shard.count() {
             of_both(format!("cut the run differently: {}, {}", a.manifest.shard, b.manifest.shard))
         } else if a.manifest.shard == b.manifest.shard {
@@ -140,9 +138,7 @@ fn open(path: PathBuf) -> Result<Part, RunError> {
         RunError::input(what).with_hint("merge takes folders that `genmanip collect --shard I/N` made")
     })?;
     let record = path.join("run.json");
-    let bytes = genmanip_data::files::read_own(&record, limits::RUN);
-    let bytes = bytes.map_err(|error| RunError::of_file("read", &record, error))?;
-    if Run::hash_of(&bytes) != manifest.run {
+    if Run::hash_of(&record)? != manifest.run {
         let what = format!("{} is not the run that its shard.json names", record.display());
         return Err(RunError::input(what).with_hint("copy the shard again from where it was made"));
     }
@@ -188,6 +184,7 @@ mod tests {
     use super::*;
     use crate::inputs;
     use crate::progress::Silent;
+    use crate::tasks::Tasks;
 
     /// Shards without episodes: what is wrong with them is told before anything is made.
     #[test]
@@ -195,7 +192,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let settings = CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
         let tasks = inputs::designed_tasks(3, 1, Catalogue::builtin()).unwrap();
-        let run = Run::new(tasks, 2, settings, Seed::new(7));
+        let run = Run::new(Tasks::spool(tasks, folder.path()).unwrap(), 2, settings, Seed::new(7));
         let other = Run { seed: Seed::new(8), ..run.clone() };
         let make = |name: &str, run: &Run, shard: Option<(usize, usize)>| {
             let path = folder.path().join(name);

@@ -16,7 +16,7 @@ use genmanip_data::DataError;
 use genmanip_data::lerobot::LerobotDataset;
 use genmanip_motion::Planner;
 use genmanip_rollout::collect::CollectSettings;
-use genmanip_rollout::controls::{Blind, RandomActions};
+use genmanip_rollout::controls::{Blind, Clumsy, RandomActions};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoop};
 use genmanip_rollout::{Cores, Stage as Scene};
@@ -31,7 +31,7 @@ use arguments::{AGENT_ARGUMENTS, OPENPI_ARGUMENTS, PYTHON_ARGUMENTS, VLA_EVAL_AR
 pub use crate::remote::read_spec;
 
 /// All policies there are, in the order in which they are listed.
-pub const POLICIES: [PolicyEntry; 10] = [
+pub const POLICIES: [PolicyEntry; 11] = [
     PolicyEntry {
         name: "expert",
         about: "plans with what the simulator knows; its results say oracle",
@@ -71,6 +71,14 @@ pub const POLICIES: [PolicyEntry; 10] = [
         needs_record: false,
         is_usual: false,
         prepare: blind,
+    },
+    PolicyEntry {
+        name: "clumsy",
+        about: "sets out as the expert does and misses its first thing, drops it or stops on the way; says oracle",
+        arguments: &[],
+        needs_record: false,
+        is_usual: false,
+        prepare: clumsy,
     },
     PolicyEntry {
         name: "playback",
@@ -130,6 +138,12 @@ fn random(given: &Given) -> Result<Prepared, RunError> {
 fn blind(_given: &Given) -> Result<Prepared, RunError> {
     Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
         Ok(Box::new(Blind::new(episode.stage, expert_of(episode)?)))
+    }))
+}
+
+fn clumsy(_given: &Given) -> Result<Prepared, RunError> {
+    Ok(Prepared::new(|episode: &PolicyContext| -> Result<Box<dyn Policy>, RunError> {
+        Ok(Box::new(Clumsy::new(episode.stage, expert_of(episode)?)))
     }))
 }
 
@@ -502,7 +516,11 @@ mod tests {
     fn what_is_wrong_is_said() {
         let cases = [
             ("expret", "unknown policy `expret`", "did you mean `expert`?"),
-            ("", "unknown policy ``", "policies are expert, replay, do_nothing, random, blind, playback, agent"),
+            (
+                "",
+                "unknown policy ``",
+                "policies are expert, replay, do_nothing, random, blind, clumsy, playback, agent",
+            ),
             ("playback", "policy playback needs a dataset", "playback:dataset=FOLDER"),
             ("playback:dataset=none", "cannot play none back", ""),
             ("python", "`` names no class", "python:MODULE:CLASS"),

@@ -48,7 +48,7 @@ pub fn rerender(
     };
     let settings = LerobotSettings::of(dataset).map_err(unfit)?;
     let known = LerobotDataset::open(dataset).map_err(unfit)?;
-    let record = EpisodeStore::open(dataset.join("extras/record")).map_err(unfit)?;
+    let record = EpisodeStore::open(dataset.join(lerobot::RECORD)).map_err(unfit)?;
     for target in [lerobot::depth_path(out), out.to_owned()] {
         lerobot::check_owner(&target, None).map_err(|error| {
             RunError::input("the data set has no place").because(error).with_hint("choose another --out")

@@ -60,7 +60,7 @@ pub fn open(folder: &Path) -> Result<SuiteFile, RunError> {
         return Err(RunError::input(format!("there is no suite at {}", folder.display()))
             .with_hint("expected a folder with suite.json, as `genmanip suite build --out DIR` makes it"));
     }
-    inputs::read_document(&path, limits::RUN)
+    inputs::read_document(&path, limits::SUITE)
 }
 
 /// The file of a scenario in a suite's folder.

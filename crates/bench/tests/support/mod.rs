@@ -169,6 +169,7 @@ pub fn result(task: &Task, policy: &str, number: u64, success: bool, failure: Op
         world_hashes: None,
         cloud: None,
         other_request_success: None,
+        correction: None,
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

@@ -31,7 +31,7 @@ fn parse_part(text: &str) -> Result<Part, String> {
 /// Arguments of `collect`.
 #[derive(Clone, Debug, Args)]
 pub struct CollectArguments {
-    /// Tasks: recorded answers, task documents or folders of them
+    /// Tasks: recorded answers, task documents, folders of them, or lists with a task document per line, *.jsonl
     #[arg(required = true)]
     pub tasks: Vec<PathBuf>,
     /// Folder of the run
@@ -77,6 +77,10 @@ pub struct CollectArguments {
     /// Put failed attempts into the dataset too, labelled as such
     #[arg(long)]
     pub keep_failed: bool,
+    /// Let this policy act first in each attempt, and the expert take over where it fails: `is_correction` tells the rows
+    /// apart. As `evaluate --policy`, for example openpi:url=…; without a name clumsy, which misses, drops or stops
+    #[arg(long, value_name = "POLICY", num_args = 0..=1, require_equals = true, default_missing_value = "clumsy")]
+    pub corrections: Option<String>,
     /// Set damaged episodes aside, in damaged/ of the run, and make them anew
     #[arg(long)]
     pub repair: bool,

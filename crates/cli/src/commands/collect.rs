@@ -16,13 +16,15 @@ use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
 pub fn run(arguments: &CollectArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
-    let tasks = inputs::read_tasks(&arguments.tasks)?;
+    let tasks = inputs::spool_tasks(&arguments.tasks, &arguments.out)?;
     let (vary, vary_physics) = varied(arguments)?;
     let images =
         (!arguments.no_dataset).then(|| ImageSettings { fps: arguments.fps, vary, ..ImageSettings::default() });
     let world = inputs::read_world_with(arguments.world.as_deref(), arguments.robot.as_deref())?;
     let (keep_failed, grasps) = (arguments.keep_failed, arguments.grasps.clone());
-    let settings = CollectSettings { images, keep_failed, grasps, vary_physics, ..CollectSettings::in_world(world) };
+    let corrects = arguments.corrections.clone();
+    let settings =
+        CollectSettings { images, keep_failed, grasps, vary_physics, corrects, ..CollectSettings::in_world(world) };
     let run = Run::new(tasks, arguments.episodes, settings, Seed::new(arguments.seed));
     let stop = crate::stop::on_interrupt();
     let shard = arguments.shard.map(|choice| choice.resolve(&crate::environment)).transpose()?;

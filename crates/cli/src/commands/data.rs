@@ -9,7 +9,7 @@ use genmanip_core::{RobotModel, Seed};
 use genmanip_data::check::{self, Checked, Finding, Overview, Strip};
 use genmanip_data::import::{self, ImportReport, ImportSettings};
 use genmanip_data::lerobot::{
-    self,
+    self, RECORD,
     edit::{self, By},
 };
 use genmanip_data::{DataError, ExportReport};
@@ -27,8 +27,6 @@ use crate::args::{
 use crate::error::{ExitStatus, Failed};
 use crate::printer::Printer;
 
-/// Where a data set keeps what was recorded.
-const RECORD: &str = "extras/record";
 /// Leaks that are printed; with --json all are.
 const LISTED_LEAKS: usize = 12;
 /// Tasks that are printed; with --json all are.

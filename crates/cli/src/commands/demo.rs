@@ -4,11 +4,12 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use genmanip_core::{Seed, Task};
+use genmanip_core::Seed;
 use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::images::ImageSettings;
 use genmanip_run::collect::CollectOptions;
 use genmanip_run::evaluate::{self, EvaluateOptions, Suite, evaluate};
+use genmanip_run::tasks::Tasks;
 use genmanip_run::{PolicyFactory, Run, inputs};
 
 use crate::args::DemoArguments;
@@ -21,7 +22,7 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     let stop = crate::stop::on_interrupt();
     printer.say("1/4  tasks: checking recorded language-model answers");
     let tasks = tasks(arguments)?;
-    printer.say(format!("     {} valid tasks", tasks.len()));
+    printer.say(format!("     {} valid tasks", tasks.entries().len()));
 
     printer.say("2/4  layouts and demonstrations: every attempt on a layout of its own");
     let images = Some(ImageSettings { fps: arguments.fps, ..ImageSettings::default() });
@@ -58,14 +59,14 @@ pub fn run(arguments: &DemoArguments, printer: &Printer) -> Result<ExitStatus, F
     Ok(collect::status(&collected))
 }
 
-fn tasks(arguments: &DemoArguments) -> Result<Vec<Task>, Failed> {
+fn tasks(arguments: &DemoArguments) -> Result<Tasks, Failed> {
     if !arguments.tasks.is_empty() {
-        return Ok(inputs::read_tasks(&arguments.tasks)?);
+        return Ok(inputs::spool_tasks(&arguments.tasks, &arguments.out)?);
     }
     let examples = PathBuf::from("examples/tasks");
     if !examples.is_dir() {
         return Err(Failed::new("examples/tasks is not here")
             .hint("run the demo in the project's folder, or name tasks with --tasks"));
     }
-    Ok(inputs::read_tasks(&[examples])?)
+    Ok(inputs::spool_tasks(&[examples], &arguments.out)?)
 }

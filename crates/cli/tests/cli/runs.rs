@@ -313,6 +313,50 @@ fn a_dataset_is_drawn_again_in_another_look() {
     assert_eq!(hidden.filter(|name| name.ends_with(".drawing")).count(), 0);
 }
 
+/// Another policy acts first, and the dataset says which rows are whose, also merged, exported and drawn again.
+#[test]
+fn corrections_are_labelled_row_by_row() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let collect = |more: &[&str]| genmanip(here, &collect_quick(&quick_examples(), more));
+    let outcome = collect(&["--corrections=do_nothing:seconds=0.2"]);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    assert_eq!(genmanip(here, &["data", "check", "run/dataset", "--replays", "1"]).code, Some(0));
+    let rerendered = ["data", "rerender", "run/dataset", "--cameras", "wrist", "--out", "again"];
+    assert_eq!(genmanip(here, &rerendered).code, Some(0));
+    let exported = genmanip(here, &["export", "run", "--to", "lerobot-v2.1", "--rate", "10", "--out", "v21"]);
+    assert_eq!(exported.code, Some(0), "{exported:?}");
+    for dataset in ["run/dataset", "again", "v21"] {
+        let info = fs::read_to_string(here.join(dataset).join("meta/info.json")).unwrap();
+        assert!(info.contains("is_correction"), "{dataset}");
+    }
+    let lines = fs::read_to_string(here.join("v21/meta/episodes.jsonl")).unwrap();
+    for line in lines.lines() {
+        let line: Value = serde_json::from_str(line).unwrap();
+        // 0.2 s of nothing, and a second in which it is judged.
+        assert_eq!(
+            (&line["correction"]["policy"], &line["correction"]["from_step"]),
+            (&"do_nothing".into(), &72.into())
+        );
+    }
+    collect(&[]).assert_refused(&["settings.corrects"]);
+    for (policy, wanted) in [
+        ("--corrections=replay", "policy replay cannot be corrected"),
+        ("--corrections=openpi:url=ws://127.0.0.1:9", "127.0.0.1:9"),
+    ] {
+        genmanip(
+            here,
+            &[
+                &["collect"],
+                &quick_examples().iter().map(String::as_str).collect::<Vec<_>>()[..],
+                &["--out", "x", "--no-dataset", policy],
+            ]
+            .concat(),
+        )
+        .assert_refused(&[wanted]);
+    }
+}
+
 #[test]
 fn a_film_strip_is_a_jpeg() {
     let folder = tempfile::tempdir().unwrap();

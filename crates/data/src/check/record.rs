@@ -9,11 +9,10 @@ use super::book::{Book, Listed};
 use super::findings::Findings;
 use crate::columns::Column;
 use crate::export::sampling;
-use crate::lerobot::SETTINGS;
+use crate::lerobot::{RECORD, SETTINGS};
 use crate::table::Table;
 use crate::{DataError, EpisodeStore, LerobotSettings, files};
 
-pub(super) const RECORD: &str = "extras/record";
 /// Episodes whose rows are compared with their record, spread evenly; all records are compared with their hashes.
 const SAMPLED: usize = 20;
 

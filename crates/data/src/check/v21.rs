@@ -8,8 +8,7 @@ use serde_json::Value;
 
 use super::book::{self, Book, EpisodeStats, Info, Listed, VideoSpan};
 use super::findings::Findings;
-use super::record::RECORD;
-use crate::lerobot::SETTINGS;
+use crate::lerobot::{RECORD, SETTINGS};
 use crate::{EpisodeStore, files};
 
 const TASKS: &str = "meta/tasks.jsonl";

@@ -102,7 +102,7 @@ fn array(about: &Value) -> Option<Array> {
 
 /// The numbers of a chunk; of pictures none, but that they can be read.
 fn numbers(root: &Path, name: &str, array: &Array, findings: &mut Findings) -> Vec<f64> {
-    let bytes = match files::read(&root.join(name), limits::RUN) {
+    let bytes = match files::read(&root.join(name), limits::CHUNK) {
         Ok(bytes) => bytes,
         Err(error) => {
             if !error.is_missing() {

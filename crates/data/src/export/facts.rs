@@ -28,6 +28,8 @@ pub(crate) struct EpisodeFacts {
     pub(crate) cameras: Vec<(String, [f64; 4])>,
     /// Of the look of its pictures, if it has one of its own.
     pub(crate) variation_seed: Option<Seed>,
+    /// Whether it is told who was corrected, and why.
+    pub(crate) has_correction_columns: bool,
 }
 
 /// What every writer must know of an episode, whoever made it.
@@ -71,6 +73,7 @@ impl EpisodeFacts {
             scenario_json: scenario.to_value().to_string(),
             cameras: source.tracks.iter().map(intrinsics).collect(),
             variation_seed: settings.is_varied.then(|| look_seed(source.episode.result.seed, settings.look)),
+            has_correction_columns: settings.has_corrections,
         }
     }
 }

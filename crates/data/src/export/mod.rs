@@ -36,6 +36,10 @@ pub struct ExportSettings {
     /// Whether each episode is drawn in a look of its own; its seed is then told, `variation_seed`. Default false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_varied: bool,
+    /// Whether another policy acted first in the episodes and was corrected; which rows are the correction is then told,
+    /// `is_correction`. Default false.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub has_corrections: bool,
     /// Which of its looks that is. Default 0, that of `collect`.
     #[serde(skip_serializing_if = "is_usual_look")]
     pub look: u64,
@@ -54,6 +58,7 @@ impl Default for ExportSettings {
             depth: true,
             columns: Vec::new(),
             is_varied: false,
+            has_corrections: false,
             look: 0,
         }
     }

@@ -60,6 +60,11 @@ pub(crate) fn rows(source: &Source, robot: &RobotModel, settings: &ExportSetting
         numbers("sim.stray_contact_n", &intervals, |row| largest(row.steps, |step| step.stray_contact_n)),
         flags("sim.grasped", &intervals, |_, row| row.now.grasped.is_some()),
     ];
+    if settings.has_corrections {
+        let from = result.correction.as_ref().map(|correction| correction.from_step);
+        // A row within which the other policy was taken over from is still its own.
+        features.push(flags("is_correction", &intervals, |row, _| from.is_some_and(|from| row * stride >= from)));
+    }
     if settings.columns.contains(&ExtraColumns::Sim) {
         let states: Vec<&Frame> = intervals.iter().map(|row| row.now).collect();
         features.extend(privileged::features(&states, &result.id)?);

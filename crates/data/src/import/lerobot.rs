@@ -13,6 +13,7 @@ use crate::check::{self, Book, Listed, Version};
 use crate::columns::{Column, Rows};
 use crate::export::EpisodeRows;
 use crate::export::features::{Feature, ImageFeature, Values};
+use crate::lerobot::RECORD;
 use crate::table::Table;
 use crate::{DataError, EpisodeStore, depth};
 
@@ -52,7 +53,7 @@ impl Lerobot {
         }
         let pictures = Pictures::new(settings.ffmpeg.clone());
         let mut notes = BTreeSet::new();
-        let record = root.join("extras/record");
+        let record = root.join(RECORD);
         let record = match std::fs::symlink_metadata(&record) {
             Err(_) => None,
             Ok(_) if book.contract.is_none() => {

@@ -20,6 +20,13 @@ pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> St
              of `objects` in the episodes table.\n"
         );
     }
+    let corrections = if settings.export.has_corrections {
+        "- `is_correction`: the expert has taken over from the policy that acted first and failed; the rows before are \
+         that policy's, not to be imitated. `corrected_policy`, `corrected_cause` and `corrected_from_step` (60 Hz) in \
+         the episodes table.\n"
+    } else {
+        ""
+    };
     let record = if settings.record {
         "`extras/record` holds every episode as it was simulated: scenario, initial state, every 60 Hz command.\n\
          `genmanip replay` reproduces an episode from it, byte for byte.\n"
@@ -37,7 +44,7 @@ pub(crate) fn color(name: &str, settings: &LerobotSettings, version: &str) -> St
          - `observation.images.*`: RGB video at {} frames per second.\n\
          - `ee.*`: the tool's pose; `ee.state` and `ee.action` have angles about the fixed x, y, z axes, \
          R = Rz·Ry·Rx, which jump; train on `ee.rotation_6d` or `ee.quaternion`, which do not.\n\
-         - `is_idle`: the command stays and nothing moves.\n\
+         - `is_idle`: the command stays and nothing moves.\n{corrections}\
          - `sim.*`: simulator truth, not for policies.\n\
          - `camera.*`: camera poses; intrinsics are in the episodes table.\n\n\
          `meta/genmanip.json` says what every column means, `meta/action_contract.json` what the actions are.\n\

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use arrow_array::types::{Float64Type, Int64Type};
-use genmanip_core::EpisodeResult;
+use genmanip_core::{Correction, EpisodeResult};
 use serde_json::json;
 
 use super::stats::Stats;
@@ -129,6 +129,16 @@ impl Entries for EpisodeFacts {
                 facts.variation_seed.map_or(-1, |seed| i64::try_from(seed.value()).unwrap_or(-1))
             };
             columns.i64("variation_seed", facts().map(seed));
+        }
+        if facts().any(|facts| facts.has_correction_columns) {
+            let of = |result: &EpisodeResult, tell: fn(&Correction) -> String| {
+                result.correction.as_ref().map_or(String::new(), tell)
+            };
+            columns.text("corrected_policy", results().map(|result| of(result, |it| it.policy.clone())));
+            let cause = |it: &Correction| it.failures.first().map_or("", |failure| failure.cause.name()).to_owned();
+            columns.text("corrected_cause", results().map(|result| of(result, cause)));
+            let from = |it: &Correction| i64::try_from(it.from_step).unwrap_or(i64::MAX);
+            columns.i64("corrected_from_step", results().map(|result| result.correction.as_ref().map_or(-1, from)));
         }
         columns.text("scenario_id", results().map(|result| &result.scenario_id));
         columns.text("task_id", results().map(|result| &result.task_id));

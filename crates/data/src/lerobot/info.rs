@@ -51,6 +51,8 @@ pub(crate) fn meaning(settings: &LerobotSettings) -> Value {
             "subtask_index": "the step of the episode that the row belongs to, by its request in meta/subtasks.parquet; \
                               a step ends when its thing is let go of for another",
             "is_idle": "the command stays what it was during the row, and no joint moves by 0.01 rad/s",
+            "is_correction": "of runs with corrections: the expert has taken over from the policy that acted first and \
+                              failed; rows before are that policy's",
             "sim.joint_velocity": "rad/s, simulator truth",
             "sim.joint_torque": "largest magnitude in the frame's interval, N·m, simulator truth",
             "sim.grip_force": "largest in the frame's interval, N, sum over both fingers, simulator truth",

@@ -34,6 +34,7 @@ use crate::{CameraTrack, DataError, EpisodeStore, files};
 
 pub use croissant::{Card, write_card};
 pub use reader::{EpisodeRow, LerobotDataset};
+pub use record::RECORD;
 pub use v21::export_v21;
 
 /// Where a data set says how it was made.

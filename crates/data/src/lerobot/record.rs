@@ -7,6 +7,9 @@ use genmanip_core::limits;
 use crate::aside::{self, Aside};
 use crate::{DataError, EpisodeStore, files};
 
+/// Where a data set keeps what was recorded, an episode store.
+pub const RECORD: &str = "extras/record";
+
 /// Copies the record of an episode into a data set under construction.
 pub(crate) fn copy(dataset: &Aside, store: &EpisodeStore, id: &str) -> Result<(), DataError> {
     store.copy_record(id, &place(dataset, store, id)?)
@@ -16,21 +19,21 @@ pub(crate) fn copy(dataset: &Aside, store: &EpisodeStore, id: &str) -> Result<()
 pub(crate) fn take(dataset: &Aside, store: &EpisodeStore, id: &str, name: Option<&str>) -> Result<(), DataError> {
     let Some(name) = name else { return store.link_record(id, &place(dataset, store, id)?) };
     mark(dataset, store)?;
-    let own = EpisodeStore::open(dataset.path("extras/record/store.json")?.with_file_name(""))?;
+    let own = EpisodeStore::open(dataset.path(&format!("{RECORD}/store.json"))?.with_file_name(""))?;
     store.copy_as(id, &own, name).map(drop)
 }
 
 /// A new folder for the record of an episode.
 fn place(dataset: &Aside, store: &EpisodeStore, id: &str) -> Result<PathBuf, DataError> {
     mark(dataset, store)?;
-    let folder = dataset.path(&format!("extras/record/{id}"))?;
+    let folder = dataset.path(&format!("{RECORD}/{id}"))?;
     std::fs::create_dir(&folder).map_err(DataError::io("create the folder", &folder))?;
     Ok(folder)
 }
 
 /// Marks the records as an episode store, if that was not done yet.
 fn mark(dataset: &Aside, store: &EpisodeStore) -> Result<(), DataError> {
-    let mark = dataset.path("extras/record/store.json")?;
+    let mark = dataset.path(&format!("{RECORD}/store.json"))?;
     if !mark.exists() {
         let text = files::read_own(&store.root().join("store.json"), limits::STORE_MARK)?;
         aside::write_synced(&mark, &text)?;

@@ -60,7 +60,7 @@ pub(crate) trait Line: Told {
 impl Line for EpisodeFacts {
     fn line(&self) -> Value {
         let result = &self.result;
-        json!({
+        let mut line = json!({
             "store_id": result.id,
             "scenario_id": result.scenario_id,
             "seed": result.seed,
@@ -68,7 +68,11 @@ impl Line for EpisodeFacts {
             "failure": result.failure().map(|failure| failure.to_string()),
             "subtasks": self.steps.texts,
             "paraphrases": self.paraphrases,
-        })
+        });
+        if self.has_correction_columns {
+            line["correction"] = json!(result.correction);
+        }
+        line
     }
 }
 

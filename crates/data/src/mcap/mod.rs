@@ -98,6 +98,10 @@ fn facts(rows: &EpisodeRows, settings: &ExportSettings, contract: &Value) -> BTr
         ("rate_hz", settings.fps.to_string()),
         ("action_contract", contract.to_string()),
     ];
+    if let Some(correction) = &result.correction {
+        facts.push(("corrected_policy", correction.policy.clone()));
+        facts.push(("corrected_from_step", correction.from_step.to_string()));
+    }
     facts.extend(rows.facts.variation_seed.map(|seed| ("variation_seed", seed.to_string())));
     facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }

@@ -2,9 +2,9 @@
 
 use genmanip_core::glam::{DMat3, DQuat, DVec3};
 use genmanip_core::{
-    AssetRef, Camera, CameraMount, Document, Ending, Episode, EpisodeResult, Frame, Goal, GoalVerdict, Gripper,
-    Intrinsics, JointKind, MassProperties, ObjectState, PhysicsFactors, PlacedObject, Pose, RgbdImage, RobotJoint,
-    RobotLink, RobotModel, Scenario, SceneGraph, Seed, Task, TaskKind, World,
+    AssetRef, Camera, CameraMount, Correction, Document, Ending, Episode, EpisodeResult, Failure, FailureCause, Frame,
+    Goal, GoalVerdict, Gripper, Intrinsics, JointKind, MassProperties, ObjectState, PhysicsFactors, PlacedObject, Pose,
+    RgbdImage, RobotJoint, RobotLink, RobotModel, Scenario, SceneGraph, Seed, Task, TaskKind, World,
 };
 use genmanip_data::{EpisodeStore, TrackRecorder, VideoSettings};
 
@@ -123,6 +123,9 @@ pub fn frame(number: usize, step: usize, objects: usize) -> Frame {
     }
 }
 
+/// Control step from which on the second episode is a correction.
+pub const CORRECTED_FROM: usize = 10;
+
 pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
     EpisodeResult {
         id: format!("scenario-{number}-a0"),
@@ -146,6 +149,12 @@ pub fn result(number: usize, frames: usize, success: bool) -> EpisodeResult {
         world_hashes: None,
         cloud: None,
         other_request_success: None,
+        // The second was taken over from somebody in the middle of its third row.
+        correction: (number == 1).then(|| Correction {
+            policy: "clumsy".into(),
+            from_step: CORRECTED_FROM,
+            failures: vec![Failure { cause: FailureCause::Slipped, evidence: "it fell".into() }],
+        }),
         engine: "mujoco 3.17.0".into(),
         genmanip_version: "0.1.0".into(),
     }

@@ -187,6 +187,7 @@ fn episode(robot: &RobotModel, scenario: &Scenario, number: usize, seed: Seed) -
         world_hashes: None,
         cloud: None,
         other_request_success: None,
+        correction: None,
         engine: "none".into(),
         genmanip_version: env!("CARGO_PKG_VERSION").into(),
     };

@@ -115,7 +115,7 @@ const FILLINGS: [Filling; 45] = [
         ["{\"schema\":\"genmanip.evaluation/2\",\"results\":[", "{},", "0]}"],
         EVALUATION,
     ),
-    filling("run/run.json", limits::RUN, ["{\"schema\":\"genmanip.run/2\",\"tasks\":[", "{},", "0]}"], EVALUATION),
+    filling("run/run.json", LONG_RUN, ["{\"schema\":\"genmanip.run/2\",\"tasks\":[", "{},", "0]}"], EVALUATION),
     filling(
         "run/timings.json",
         limits::TIMINGS,
@@ -142,6 +142,9 @@ const FILLINGS: [Filling; 45] = [
     ),
 ];
 
+/// Longer records of runs are read, task by task, with no more memory; this much is read in the time that is allowed.
+const LONG_RUN: Limit = Limit { what: "the record of a run", bytes: 192 << 20 };
+
 impl Filling {
     /// Those that are the same for every corpus.
     pub(super) fn fixed() -> Vec<Self> {
@@ -151,8 +154,8 @@ impl Filling {
     /// Sound documents of a run that are as long as they may be; `value` gives the JSON of one of its files.
     pub(super) fn sound(value: impl Fn(&str) -> Option<Value>) -> Vec<Self> {
         const REPORT: &str = "run/evaluation/do_nothing_seconds=0.1.json";
-        let run = value("run/run.json")
-            .and_then(|run| Self::repeating(("run/run.json", limits::RUN), run, "tasks", EVALUATION));
+        let run =
+            value("run/run.json").and_then(|run| Self::repeating(("run/run.json", LONG_RUN), run, "tasks", EVALUATION));
         let report = value(REPORT)
             .and_then(|report| Self::repeating((REPORT, limits::EVALUATION), report, "results", EVALUATION));
         [run, report, value(REPORT).and_then(|report| Self::results(&report))].into_iter().flatten().collect()

@@ -62,6 +62,8 @@ pub struct Expert {
 }
 
 enum Phase {
+    /// Nothing was done yet.
+    Beginning,
     /// Nothing in the hand.
     Free,
     /// A pick was executed.
@@ -70,6 +72,17 @@ enum Phase {
     Turning(Box<Turning>),
     /// Everything was done and the arm was sent home.
     Home,
+}
+
+/// What the expert is doing, for policies that do otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Doing {
+    /// Taking an object.
+    Picking,
+    /// Moving a joint.
+    Turning,
+    /// Anything else.
+    Other,
 }
 
 /// The arm and the fingers as they are.
@@ -123,6 +136,15 @@ impl Expert {
     /// From the next reset on, works towards this goal instead of the task's.
     pub(crate) fn aim_at(&mut self, goal: Goal) {
         self.stage.goal = Arc::new(goal);
+    }
+
+    /// What the commands that were returned last do.
+    pub(crate) fn doing(&self) -> Doing {
+        match self.phase {
+            Phase::Picked { .. } => Doing::Picking,
+            Phase::Turning(_) => Doing::Turning,
+            Phase::Beginning | Phase::Free | Phase::Home => Doing::Other,
+        }
     }
 
     /// Grasps of an object from images, in its own frame, where they are wanted.
@@ -259,6 +281,18 @@ impl Expert {
         GoalPose { world_from_object, support: None, bounds }
     }
 
+    /// How to go on from what there is before the first action: whoever acted before may have left something in the hand.
+    /// What is wanted elsewhere is then carried on, and everything else put back to where it stood at the start.
+    fn take_over(&mut self, scene: &PosedScene, truth: &PrivilegedState, width: f64) -> Phase {
+        let Some(held) = truth.grasped else { return Phase::Free };
+        let step = self.next_move(scene).filter(|step| step.object == held && step.state().is_none());
+        let start = self.stage.start();
+        let taken_from = self.taken_from(start, held);
+        let step = step.unwrap_or_else(|| Move { object: held, atoms: Vec::new() });
+        let hold_width = (width - self.settings.squeeze_m).max(0.0);
+        Phase::Picked { step, open_width: self.stage.robot.gripper.max_width, hold_width, taken_from }
+    }
+
     fn place(
         &mut self,
         scene: &PosedScene,
@@ -277,13 +311,22 @@ impl Expert {
             return Ok(ActionChunk { actions, finished: false });
         }
         let seed = self.seed.fork("place").fork_index(self.picks);
-        let planned = place::plan(self, scene, step, hand, seed).or_else(|failure| {
-            // Put it back rather than drop it, and try another way.
-            self.last_failure = Some(failure);
+        let planned = if step.atoms.is_empty() {
             place::put_back(self, scene, step.object, taken_from, hand, seed)
-        });
+        } else {
+            place::plan(self, scene, step, hand, seed).or_else(|failure| {
+                // Put it back rather than drop it, and try another way.
+                self.last_failure = Some(failure);
+                place::put_back(self, scene, step.object, taken_from, hand, seed)
+            })
+        };
         match planned {
             Ok(actions) => Ok(ActionChunk { actions, finished: false }),
+            // It was taken over where nothing can be done with it: it falls, and is taken as it then lies.
+            Err(_) if self.picks == 0 => {
+                let actions = commands::fingers(&hand.arm, hand.hold_width, hand.open_width, self.settings.open_steps);
+                Ok(ActionChunk { actions, finished: false })
+            }
             Err(failure) => Err(PolicyError::GaveUp(self.last_failure.clone().unwrap_or(failure))),
         }
     }
@@ -337,7 +380,7 @@ impl Policy for Expert {
         self.plans = moves(&self.stage.goal, self.stage.start());
         self.plans.shuffle(&mut start.seed.fork("alternative").rng());
         self.upright = scenario.objects.iter().map(|object| object.pose.rotation).collect();
-        (self.picks, self.tries, self.waits, self.phase, self.last_failure) = (0, 0, 0, Phase::Free, None);
+        (self.picks, self.tries, self.waits, self.phase, self.last_failure) = (0, 0, 0, Phase::Beginning, None);
         if self.plans.is_empty() {
             return Err(PolicyError::Unsuited("no alternative of the goal can be served".into()));
         }
@@ -358,14 +401,16 @@ impl Policy for Expert {
         let width: f64 = width.iter().sum();
         let scene = self.stage.posed(&truth.objects);
         let moving = truth.objects.iter().any(|object| object.speed > self.settings.rest_speed);
-        match std::mem::replace(&mut self.phase, Phase::Free) {
+        let phase = std::mem::replace(&mut self.phase, Phase::Free);
+        let phase = if matches!(phase, Phase::Beginning) { self.take_over(&scene, &truth, width) } else { phase };
+        match phase {
             // What rolls or rocks is not where it will be.
-            Phase::Free if moving && self.waits < self.settings.longest_wait => {
+            Phase::Beginning | Phase::Free if moving && self.waits < self.settings.longest_wait => {
                 self.waits += 1;
                 let width = self.stage.robot.gripper.max_width.min(width);
                 Ok(ActionChunk { actions: commands::wait(arm, width, self.settings.rest_steps), finished: false })
             }
-            Phase::Free => self.next(observation, &scene, arm, width),
+            Phase::Beginning | Phase::Free => self.next(observation, &scene, arm, width),
             Phase::Picked { step, open_width, hold_width, taken_from } => {
                 let hand = Hand { arm: arm.to_vec(), width, open_width, hold_width };
                 self.place(&scene, &truth, &hand, &step, &taken_from)

@@ -4,6 +4,7 @@
 
 mod collecting;
 mod copies;
+mod correcting;
 mod evidence;
 mod expert;
 mod grasping;

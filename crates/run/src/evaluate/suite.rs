@@ -17,6 +17,7 @@ use genmanip_rollout::evaluate::Case;
 use crate::error::{Cause, RunError};
 use crate::folder::{Run, RunFolder};
 use crate::suites::SuiteAssets;
+use crate::tasks::Tasks;
 use crate::{inputs, suites};
 
 /// Stands between the id of a scenario's first episode and the number of a further one.
@@ -299,6 +300,7 @@ impl Suite {
         }
         let most = counts.into_values().max().unwrap_or_default();
         let seed = self.scenarios.first().map_or(Seed::new(0), |scenario| scenario.seed);
+        let tasks = Tasks::spool(tasks, &std::env::temp_dir())?;
         let folder = RunFolder::begin(out, &Run::new(tasks, most, self.settings.clone(), seed))?;
         for scenario in &self.scenarios {
             let path = folder.join("scenarios").join(format!("{}.json", scenario.id));

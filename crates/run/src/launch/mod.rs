@@ -3,7 +3,6 @@
 //! Nothing here schedules: what comes out is a script or a manifest in the cluster's own language. Every shard writes a
 //! folder of its own and goes on where it stopped, so a job that is started again finishes what is missing.
 
-mod room;
 mod sample;
 mod scripts;
 
@@ -13,7 +12,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::error::RunError;
-use crate::{inputs, shard};
+use crate::{inputs, room, shard};
 
 pub use sample::{Sample, measure};
 pub use scripts::script;

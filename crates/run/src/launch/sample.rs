@@ -10,9 +10,8 @@ use serde::Serialize;
 
 use super::{Job, redirected};
 use crate::error::RunError;
+use crate::room::{SAMPLE, bytes_below};
 
-/// Attempts of a sample; chosen: a minute or two of work.
-const ATTEMPTS: usize = 6;
 /// How often the memory of the sample is looked at.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -46,7 +45,7 @@ pub fn measure(job: &Job, program: &Path, beside: Option<&Path>) -> Result<Sampl
         }
     };
     let folder = scratch.path().join("sample");
-    let shards = job.attempts.div_ceil(ATTEMPTS);
+    let shards = job.attempts.div_ceil(SAMPLE);
     let attempts = job.attempts.div_ceil(shards);
     let mut command = Command::new(program);
     command.args(redirected(&job.arguments, &folder));
@@ -81,13 +80,4 @@ fn resident_bytes(process: u32) -> u64 {
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     let kib = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
     kib.unwrap_or(0) * 1024
-}
-
-fn bytes_below(folder: &Path) -> u64 {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let bytes = |entry: fs::DirEntry| match entry.file_type() {
-        Ok(kind) if kind.is_dir() => bytes_below(&entry.path()),
-        _ => entry.metadata().map_or(0, |about| about.len()),
-    };
-    entries.map(bytes).sum()
 }

@@ -105,7 +105,7 @@ fn keys(opened: &Opened, rows: &[&EpisodeRow], workers: usize) -> Result<Vec<Str
                 Err(error) => hasher.update(error.to_string()),
             }
         }
-        let task = serde_json::to_string(&opened.run.tasks[row.task]).unwrap_or_default();
+        let task = serde_json::to_string(&opened.run.tasks.read(row.task)?).unwrap_or_default();
         let about = (LOOKS, env!("CARGO_PKG_VERSION"), &row.evaluation, row.wall_s.map(f64::to_bits), task);
         hasher.update(format!("{about:?}"));
         Ok(hasher.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect())

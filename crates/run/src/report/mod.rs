@@ -195,19 +195,18 @@ fn commands(name: &str, run: &Run, is_given: bool) -> Vec<String> {
 
 /// What the reader must know about this run.
 fn notes(run: &Run, rows: &Rows) -> Vec<String> {
-    let recorded = run.tasks.iter().filter(|task| task.source.starts_with("recorded answer")).count();
+    let tasks = run.tasks.entries().len();
     let mut notes = vec![
         "The expert reads simulator truth; its results are marked oracle.".into(),
         "Replay applies the recorded commands without looking; it shows that the simulation is deterministic, \
              not that a policy is good."
             .into(),
         format!(
-            "{recorded} of {} tasks are recorded answers of a language model; every task passed every rule.",
-            run.tasks.len()
+            "{} of {tasks} tasks are recorded answers of a language model; every task passed every rule.",
+            rows.recorded_answers
         ),
     ];
-    let (made, planned) =
-        (rows.episodes.iter().filter(|row| row.is_attempt()).count(), run.tasks.len() * run.episodes_per_task);
+    let (made, planned) = (rows.episodes.iter().filter(|row| row.is_attempt()).count(), tasks * run.episodes_per_task);
     if made > 0 && made < planned {
         notes.push(format!("Not all was collected yet: {made} of {planned} attempts are finished."));
     }

@@ -17,11 +17,14 @@ use crate::policies::POLICIES;
 use crate::progress::Progress;
 
 /// All tasks and episodes of a run.
+#[derive(Default)]
 pub(super) struct Rows {
     /// In the order of the run.
     pub tasks: Vec<TaskRow>,
     /// Attempts by their ids, then the episodes of each evaluation.
     pub episodes: Vec<EpisodeRow>,
+    /// Tasks that a language model once answered.
+    pub recorded_answers: usize,
 }
 
 /// A row for every attempt, and for every episode of the evaluations; also says what was left out.
@@ -38,9 +41,13 @@ pub(super) fn read(
     let survey = folder.survey(store)?;
     let mut left_out = survey.notes();
     let index: BTreeMap<&str, usize> =
-        run.tasks.iter().enumerate().map(|(index, task)| (task.id.as_str(), index)).collect();
-    let mut rows =
-        Rows { tasks: run.tasks.iter().map(TaskRow::of).collect(), episodes: Vec::with_capacity(survey.sound.len()) };
+        run.tasks.entries().iter().enumerate().map(|(index, task)| (task.id.as_str(), index)).collect();
+    let mut rows = Rows::default();
+    for task in run.tasks.iter() {
+        let task = task?;
+        rows.recorded_answers += usize::from(task.source.starts_with("recorded answer"));
+        rows.tasks.push(TaskRow::of(&task));
+    }
     let mut foreign = 0;
     for Known { id, task_id, recorded, outcome, .. } in survey.sound {
         match index.get(task_id.as_str()) {

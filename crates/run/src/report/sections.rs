@@ -43,7 +43,7 @@ impl Drawing<'_> {
         let episode = case.episode;
         let own = self.rows.episodes.iter().filter(|row| row.task == case.task && row.is_attempt());
         let attempts = own.map(attempt).collect();
-        let mut section = self.empty(case, attempts);
+        let mut section = self.empty(case, attempts)?;
         let results = self.evaluations.iter().flat_map(|report| &report.results);
         section.results = results.filter(|result| result.task_id == section.task.id).cloned().collect();
         if let Some(row) = episode.map(|index| &self.rows.episodes[index])
@@ -69,7 +69,7 @@ impl Drawing<'_> {
     pub fn alone(&self, row: &EpisodeRow, keep: &mut KeepStrip) -> Result<Alone, RunError> {
         let attempts = if row.is_attempt() { vec![attempt(row)] } else { Vec::new() };
         let mut alone = Alone {
-            section: self.empty(Case { task: row.task, episode: None, why: None }, attempts),
+            section: self.empty(Case { task: row.task, episode: None, why: None }, attempts)?,
             has_strip: false,
             damaged: None,
         };
@@ -86,14 +86,14 @@ impl Drawing<'_> {
         Ok(alone)
     }
 
-    fn empty(&self, case: Case, attempts: Vec<AttemptRow>) -> TaskSection {
-        let task = &self.run.tasks[case.task];
-        TaskSection {
-            task: task.clone(),
+    fn empty(&self, case: Case, attempts: Vec<AttemptRow>) -> Result<TaskSection, RunError> {
+        let task = self.run.tasks.read(case.task)?;
+        Ok(TaskSection {
             why: case.why,
             episode: case.episode,
             scenario: None,
-            graph: graph_svg(task),
+            graph: graph_svg(&task),
+            task,
             layout: None,
             first_image: None,
             last_image: None,
@@ -101,7 +101,7 @@ impl Drawing<'_> {
             shown: None,
             attempts,
             results: Vec::new(),
-        }
+        })
     }
 
     /// Where an episode is kept, if it is.

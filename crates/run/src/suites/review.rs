@@ -15,7 +15,7 @@ use crate::inputs;
 /// When the file is damaged.
 pub fn reviews(folder: &Path) -> Result<ReviewFile, RunError> {
     let path = folder.join("review.json");
-    if path.exists() { inputs::read_document(&path, limits::RUN) } else { Ok(ReviewFile::default()) }
+    if path.exists() { inputs::read_document(&path, limits::SUITE) } else { Ok(ReviewFile::default()) }
 }
 
 /// Keeps what a person says of a scenario; it takes the place of what they said before.

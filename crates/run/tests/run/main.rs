@@ -18,6 +18,7 @@ use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::expert::ExpertSettings;
 use genmanip_run::collect::{CollectOptions, Collected, collect};
 use genmanip_run::evaluate::{EvaluateOptions, Suite, evaluate};
+use genmanip_run::folder::RunRecord;
 use genmanip_run::report::gather;
 use genmanip_run::{PolicyFactory, Progress, Run, RunError, Silent, inputs, replay};
 
@@ -56,7 +57,7 @@ impl Progress for Listener<'_> {
 
 fn run(episodes: usize) -> Run {
     let path = PathBuf::from(format!("{}/../../examples/tasks/{TASK}.json", env!("CARGO_MANIFEST_DIR")));
-    let tasks = inputs::read_tasks(&[path]).unwrap();
+    let tasks = inputs::spool_tasks(&[path], &std::env::temp_dir()).unwrap();
     Run::new(
         tasks,
         episodes,
@@ -73,7 +74,7 @@ fn collected(folder: &Path, run: &Run, progress: &dyn Progress, stop: &AtomicBoo
 #[test]
 fn a_run_of_version_1_opens_with_its_settings_where_they_are_now() {
     let text = include_str!("../../../cli/testdata/version_1/run/run.json");
-    let run = Run::from_json(text).unwrap();
+    let run = RunRecord::from_json(text).unwrap();
     assert_eq!(run.settings.layout.grasp, FeasibilitySettings::reach_only());
     assert_eq!(run.settings.expert, ExpertSettings::default());
     let changed = text.replacen("\"padding\": 0.001", "\"padding\": 0.002", 1).replacen(
@@ -81,10 +82,10 @@ fn a_run_of_version_1_opens_with_its_settings_where_they_are_now() {
         "\"finger_clearance_m\": 0.02",
         1,
     );
-    let settings = Run::from_json(&changed).unwrap().settings;
+    let settings = RunRecord::from_json(&changed).unwrap().settings;
     assert!((settings.layout.grasp.clearance_m - 0.002).abs() < 1e-12, "{:?}", settings.layout.grasp);
     assert_eq!(settings.expert.feasibility.finger_room_m, Some(0.02));
-    assert_eq!(Run::from_json(&run.to_json()).unwrap(), run);
+    assert_eq!(RunRecord::from_json(&run.to_json()).unwrap(), run);
 }
 
 /// Told to stop after the first of two attempts, continued, evaluated with an argument, replayed, gathered for the page.
@@ -179,4 +180,33 @@ fn a_run_is_collected_in_two_goes_evaluated_and_gathered() {
     assert_eq!((of(TASK).unwrap().cases.len(), of(TASK).unwrap().episodes.len()), (2, 4));
     let refused = of("elsewhere").unwrap_err().to_string();
     assert!(refused.contains("no task and no episode `elsewhere` in the run"), "{refused}");
+}
+
+/// A list of tasks, one document per line, is the same as its files; what is wrong has its line.
+#[test]
+fn a_list_of_tasks_is_read_line_by_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let tasks = inputs::designed_tasks(3, 5, genmanip_assets::Catalogue::builtin()).unwrap();
+    let lines: Vec<String> = tasks.iter().map(|task| task.to_value().to_string()).collect();
+    let check = |text: &str, expected: Result<usize, &str>| {
+        let list = folder.path().join("tasks.jsonl");
+        std::fs::write(&list, text).unwrap();
+        match (inputs::spool_tasks(std::slice::from_ref(&list), folder.path()), expected) {
+            (Ok(spooled), Ok(count)) => {
+                let read: Vec<_> = spooled.iter().map(Result::unwrap).collect();
+                assert_eq!(read, tasks[..count]);
+                assert_eq!(inputs::read_tasks(&[list]).unwrap(), read);
+            }
+            (Err(error), Err(part)) => {
+                let place = list.display();
+                assert!(error.to_string().contains(&part.replace("LIST", &place.to_string())), "{part} in {error}");
+            }
+            (read, expected) => panic!("{read:?}, expected {expected:?}"),
+        }
+    };
+    check(&format!("{}\n\n{}\r\n{}", lines[0], lines[1], lines[2]), Ok(3));
+    check("", Ok(0));
+    check(&format!("{}\n{}\n", lines[0], lines[0]), Err("(the second: LIST:2)"));
+    check(&format!("{}\n{{\"schema\": \"genmanip.task/9\"}}", lines[0]), Err("LIST:2"));
+    check(&format!("{}\n{{", lines[0]), Err("LIST:2 is no task document"));
 }

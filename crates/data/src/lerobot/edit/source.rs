@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::super::imported::SOURCE_HASH;
 use super::super::made::Made;
-use super::super::{CONTRACT, SUBTASKS};
+use super::super::{CONTRACT, RECORD, SUBTASKS};
 use crate::columns::{cell, integer, text};
 use crate::mp4::Video;
 use crate::table::{self, RowGroups, Table};
@@ -64,7 +64,7 @@ impl Source {
         if info["codebase_version"] != "v3.0" {
             return Err(DataError::mismatch(named("format"), "LeRobot v3.0", &info["codebase_version"]));
         }
-        let record = root.join("extras/record");
+        let record = root.join(RECORD);
         let record = if made.has_record() && contract.is_some() { Some(EpisodeStore::open(record)?) } else { None };
         let tables = table::files_below(&root.join("meta/episodes"))?;
         let mut source = Self {
