@@ -94,7 +94,8 @@ pub fn collect(
 ) -> Result<Collected, RunError> {
     let grasps = seeing::choice(&run.settings.grasps)?;
     let corrected = run.settings.corrects.as_deref().map(corrected).transpose()?;
-    let folder = RunFolder::begin(path, &run)?;
+    let begin = if options.shard.is_some() { RunFolder::begin_shard } else { RunFolder::begin };
+    let folder = begin(path, &run)?;
     folder.claim(options.shard)?;
     let known_timings = folder.timings();
     let wants_dataset = run.settings.images.is_some() && options.shard.is_none();

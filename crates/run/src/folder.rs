@@ -191,13 +191,7 @@ impl RunFolder {
     pub fn begin(path: &Path, run: &Run) -> Result<Self, RunError> {
         let file = path.join(RECORD);
         if !is_there(&file) {
-            // The record may be made by another program in between; then what lies here is that run's.
-            if let Some(name) = OWN.iter().find(|name| is_there(&path.join(name)))
-                && !is_there(&file)
-            {
-                let what = format!("{} holds `{name}`, but no {RECORD} of a run that made it", path.display());
-                return Err(RunError::input(what).with_hint("choose an empty --out folder, or move what is there away"));
-            }
+            check_unowned(path)?;
             let created = files::create_with(&file, &mut |out| run.write(out));
             if created.map_err(|error| unwritable(&file, error))? {
                 return Ok(Self::at(path));
@@ -213,6 +207,27 @@ impl RunFolder {
         let folder = Self::at(path);
         folder.sweep()?;
         Ok(folder)
+    }
+
+    /// Begins a shard, or continues it: shards that lie beside each other share one record where the disk knows links,
+    /// since a record holds all tasks of the run.
+    ///
+    /// # Errors
+    /// As [`RunFolder::begin`].
+    pub(crate) fn begin_shard(path: &Path, run: &Run) -> Result<Self, RunError> {
+        let file = path.join(RECORD);
+        if !is_there(&file) {
+            check_unowned(path)?;
+            let hash = run.hash()?;
+            let shared = path.with_file_name(format!(".{hash}.run.json"));
+            files::create_with(&shared, &mut |out| run.write(out)).map_err(|error| unwritable(&shared, error))?;
+            if Run::hash_of(&shared)? == hash {
+                std::fs::create_dir_all(path).map_err(|error| RunError::file("create", path, error))?;
+                // Where there are no links, or another program was quicker, the record is written or there.
+                let _ = std::fs::hard_link(&shared, &file);
+            }
+        }
+        Self::begin(path, run)
     }
 
     /// Says which part of the run lies here, all of it without a shard, or sees that it is this one.
@@ -372,6 +387,18 @@ pub(crate) fn sweep(folder: &Path) -> Result<(), RunError> {
     Ok(())
 }
 
+/// Refuses a folder that holds what a run writes, but no record of one.
+fn check_unowned(path: &Path) -> Result<(), RunError> {
+    match OWN.iter().find(|name| is_there(&path.join(name))) {
+        // The record may have been made by another program in between; then what lies here is that run's.
+        Some(name) if !is_there(&path.join(RECORD)) => {
+            let what = format!("{} holds `{name}`, but no {RECORD} of a run that made it", path.display());
+            Err(RunError::input(what).with_hint("choose an empty --out folder, or move what is there away"))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn is_there(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok()
 }
@@ -496,6 +523,25 @@ mod tests {
         let error = RunFolder::open(&path).err().unwrap();
         let source = std::error::Error::source(&error).unwrap().to_string();
         assert!(source.starts_with("at $.tasks[0].goal"), "{source}");
+    }
+
+    #[test]
+    fn shards_beside_each_other_share_one_record() {
+        use std::os::unix::fs::MetadataExt;
+        let folder = tempfile::tempdir().unwrap();
+        let tasks = inputs::designed_tasks(2, 1, genmanip_assets::Catalogue::builtin()).unwrap();
+        let settings = CollectSettings::in_world((*genmanip_assets::worlds::default_world()).clone());
+        let run = Run::new(Tasks::spool(tasks, folder.path()).unwrap(), 1, settings, Seed::new(7));
+        let paths = ["a", "b", "a"].map(|name| folder.path().join(name));
+        for path in &paths {
+            RunFolder::begin_shard(path, &run).unwrap();
+            assert_eq!(RunFolder::open(path).unwrap().1, run);
+        }
+        let files = paths.map(|path| std::fs::metadata(path.join(RECORD)).unwrap().ino());
+        assert!(files.iter().all(|file| *file == files[0]), "{files:?}");
+        std::fs::create_dir_all(folder.path().join("c/episodes")).unwrap();
+        let error = RunFolder::begin_shard(&folder.path().join("c"), &run).err().unwrap().to_string();
+        assert!(error.contains("holds `episodes`"), "{error}");
     }
 
     #[test]

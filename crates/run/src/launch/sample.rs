@@ -11,6 +11,7 @@ use serde::Serialize;
 use super::{Job, redirected};
 use crate::error::RunError;
 use crate::room::{SAMPLE, bytes_below};
+use crate::shard::Shard;
 
 /// How often the memory of the sample is looked at.
 const LOOK: Duration = Duration::from_millis(20);
@@ -71,7 +72,11 @@ pub fn measure(job: &Job, program: &Path, beside: Option<&Path>) -> Result<Sampl
         return Err(RunError::input(format!("the sample of {attempts} attempts ended with {status}"))
             .with_hint("what it said stands above; the shards would end like it"));
     }
-    Ok(Sample { attempts, wall_s, peak_bytes, disk_bytes: bytes_below(&folder) })
+    // All shards share the record of the run, which holds all tasks.
+    let shard = Shard::new(0, shards).map_or_else(|_| folder.clone(), |shard| folder.join(shard.name()));
+    let record = fs::metadata(shard.join("run.json")).map_or(0, |about| about.len());
+    let disk_bytes = bytes_below(&shard).saturating_sub(record);
+    Ok(Sample { attempts, wall_s, peak_bytes, disk_bytes })
 }
 
 /// Most memory that a process ever had, as Linux tells; 0 where nothing does.
