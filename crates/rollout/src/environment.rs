@@ -266,7 +266,7 @@ impl Environment {
     }
 
     /// Why the episode would fail if it ended now, judged as at its end but without any further settling; a policy that
-    /// gave up has its word. None where the goal holds.
+    /// gave up has its word. Empty where the goal holds.
     ///
     /// # Errors
     /// Before the first reset.

@@ -78,6 +78,10 @@ pub fn run_corrected(
     let spec = first.spec();
     let until = (FIRST_SHARE * environment.steps_left() as f64) as usize;
     let (ending, word) = act(&mut environment, stage, first, &spec, seed.fork("policy"), until, &mut |_| Ok(()))?;
+    let word = word.or_else(|| {
+        let evidence = format!("not finished after {} s", FIRST_SHARE * settings.horizon_s);
+        (ending == Ending::Horizon).then_some(Failure { cause: FailureCause::Timeout, evidence })
+    });
     let mut is_over = ending == Ending::Success;
     for _ in 0..(settings.settle_s * stage.control_rate_hz()).round() as usize {
         if is_over || environment.steps_left() == 0 {
@@ -143,7 +147,8 @@ pub fn resume_episode(
 /// Looks farther apart than this have little in common, s: the arm crosses a tenth of the picture.
 const SELDOM_S: f64 = 0.25;
 
-/// Observes, asks and steps until the episode ends or `until` control steps are made; how it ended, and the policy's word if it gave up.
+/// Observes, asks and steps until the episode ends or `until` control steps are made; how it ended, and the policy's word
+/// if it gave up.
 fn drive(
     environment: &mut Environment,
     policy: &mut dyn Policy,

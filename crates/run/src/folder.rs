@@ -220,7 +220,10 @@ impl RunFolder {
             check_unowned(path)?;
             let hash = run.hash()?;
             let shared = path.with_file_name(format!(".{hash}.run.json"));
-            files::create_with(&shared, &mut |out| run.write(out)).map_err(|error| unwritable(&shared, error))?;
+            if !is_there(&shared) {
+                shared.parent().map_or(Ok(()), sweep)?;
+                files::create_with(&shared, &mut |out| run.write(out)).map_err(|error| unwritable(&shared, error))?;
+            }
             if Run::hash_of(&shared)? == hash {
                 std::fs::create_dir_all(path).map_err(|error| RunError::file("create", path, error))?;
                 // Where there are no links, or another program was quicker, the record is written or there.

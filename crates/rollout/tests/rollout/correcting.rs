@@ -59,5 +59,6 @@ fn nothing_is_corrected_where_the_goal_holds_and_all_of_it_where_nobody_moved() 
     assert_eq!(correction.failures[0].cause, FailureCause::GoalMissed);
     // Half of the time is the first policy's, however long it would go on.
     let late = run(&mut DoNothing { duration_s: 100.0 });
-    assert_eq!(late.correction.unwrap().from_step, 60 * 60 + 60);
+    let correction = late.correction.unwrap();
+    assert_eq!((correction.from_step, correction.failures[0].cause), (60 * 60 + 60, FailureCause::Timeout));
 }
