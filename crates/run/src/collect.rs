@@ -25,7 +25,7 @@ use crate::index::{Known, Survey};
 use crate::inputs;
 use crate::policies::{PolicyContext, PolicyFactory};
 use crate::progress::Progress;
-use crate::room::{Estimate, bytes_below};
+use crate::room::Estimate;
 use crate::seeing;
 use crate::shard::Shard;
 use crate::tasks::TaskEntry;
@@ -153,7 +153,7 @@ pub fn collect(
         let task = tasks.read(planned.task).map_err(Stopped::Run)?;
         let attempt = Attempt::of(&task, planned.number, seed);
         let (result, was_there) = complete(&attempt, resources, &store, &settings)?;
-        estimate.add(bytes_below(&store.root().join(&result.id)), progress).map_err(Stopped::Run)?;
+        estimate.add(&store.root().join(&result.id), progress).map_err(Stopped::Run)?;
         finished(result, if was_there { 0.0 } else { since.elapsed().as_secs_f64() })
     });
     let made = made.map_err(|stopped| match stopped {
@@ -192,18 +192,16 @@ pub fn collect(
 /// The policy that is to be corrected.
 fn corrected(name: &str) -> Result<PolicyFactory, RunError> {
     let policy = PolicyFactory::resolve(name)?;
-    let refuse = |why: &str| Err(RunError::input(format!("policy {} cannot be corrected: {why}", policy.name())));
-    if policy.needs_record() {
-        return refuse("it needs episodes that were recorded before").map_err(|error| error.with_hint(CORRECTABLE));
-    }
-    if policy.account().is_some() {
-        return refuse("it asks a service that costs money").map_err(|error| error.with_hint(CORRECTABLE));
-    }
-    Ok(policy)
+    let why = if policy.needs_record() {
+        "it needs episodes that were recorded before"
+    } else if policy.account().is_some() {
+        "it asks a service that costs money"
+    } else {
+        return Ok(policy);
+    };
+    Err(RunError::input(format!("policy {} cannot be corrected: {why}", policy.name()))
+        .with_hint("expected clumsy, blind, random, or a policy of yours: openpi, vla-eval, python"))
 }
-
-/// What `--corrections` expects.
-const CORRECTABLE: &str = "expected clumsy, blind, random, or a policy of yours: openpi, vla-eval, python";
 
 /// Makes that policy for the episodes of a stage.
 fn maker<'a>(
@@ -214,10 +212,7 @@ fn maker<'a>(
     let grasps = GraspLibrary::builtin();
     move |stage| {
         let context = PolicyContext { stage, recorded: None, planner, grasps, settings, cores: None };
-        policy.make(&context).map_err(|error| match error {
-            RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
-            error => RolloutError::Spec { policy: policy.label().into(), reason: error.to_string() },
-        })
+        policy.make(&context).map_err(|error| policy.refusal(error))
     }
 }
 

@@ -226,8 +226,10 @@ impl RunFolder {
             }
             if Run::hash_of(&shared)? == hash {
                 std::fs::create_dir_all(path).map_err(|error| RunError::file("create", path, error))?;
+                if std::fs::hard_link(&shared, &file).is_ok() {
+                    return Ok(Self::at(path));
+                }
                 // Where there are no links, or another program was quicker, the record is written or there.
-                let _ = std::fs::hard_link(&shared, &file);
             }
         }
         Self::begin(path, run)

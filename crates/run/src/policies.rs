@@ -19,7 +19,7 @@ use genmanip_rollout::collect::CollectSettings;
 use genmanip_rollout::controls::{Blind, Clumsy, RandomActions};
 use genmanip_rollout::expert::Expert;
 use genmanip_rollout::policies::{DoNothing, OpenLoop};
-use genmanip_rollout::{Cores, Stage as Scene};
+use genmanip_rollout::{Cores, RolloutError, Stage as Scene};
 
 use crate::agents::{Account, AgentChoice, ModelChoice, Transcribing};
 use crate::error::RunError;
@@ -384,6 +384,15 @@ impl PolicyFactory {
     /// When it cannot work on this episode; [`RunError::Unreachable`] when it runs elsewhere and cannot be reached.
     pub fn make(&self, episode: &PolicyContext) -> Result<Box<dyn Policy>, RunError> {
         (self.prepared.make)(episode)
+    }
+
+    /// The same as the loop says it: an episode that was not run where the policy cannot be reached, or a contract that
+    /// cannot be served.
+    pub(crate) fn refusal(&self, error: RunError) -> RolloutError {
+        match error {
+            RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
+            error => RolloutError::Spec { policy: self.label().into(), reason: error.to_string() },
+        }
     }
 
     /// What its service was asked so far, where it asks one that waits and may cost money.

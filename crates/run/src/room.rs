@@ -31,11 +31,18 @@ impl<'a> Estimate<'a> {
         Self { folder, attempts, copies, made: AtomicUsize::new(0), bytes: AtomicU64::new(0) }
     }
 
-    /// Counts an attempt that wrote so many bytes.
+    /// Counts an attempt that lies in a folder, which is only looked at while the sample is not complete.
     ///
     /// # Errors
     /// When it completes the sample and the disk has too little room for the rest.
-    pub fn add(&self, bytes: u64, progress: &dyn Progress) -> Result<(), RunError> {
+    pub fn add(&self, attempt: &Path, progress: &dyn Progress) -> Result<(), RunError> {
+        if self.made.load(Ordering::Relaxed) >= SAMPLE {
+            return Ok(());
+        }
+        self.add_bytes(bytes_below(attempt), progress)
+    }
+
+    fn add_bytes(&self, bytes: u64, progress: &dyn Progress) -> Result<(), RunError> {
         let bytes = self.bytes.fetch_add(bytes, Ordering::Relaxed) + bytes;
         let made = self.made.fetch_add(1, Ordering::Relaxed) + 1;
         if made != SAMPLE || made >= self.attempts {
@@ -91,7 +98,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let check = |attempts: usize, bytes: u64, expected: Option<&str>| {
             let estimate = Estimate::new(folder.path(), attempts, true);
-            let added: Vec<_> = (0..SAMPLE + 1).map(|_| estimate.add(bytes, &Silent)).collect();
+            let added: Vec<_> = (0..SAMPLE + 1).map(|_| estimate.add_bytes(bytes, &Silent)).collect();
             for (made, added) in added.into_iter().enumerate() {
                 let error = added.err().map(|error| error.to_string());
                 let expected = expected.filter(|_| made + 1 == SAMPLE);

@@ -146,10 +146,6 @@ fn one(
     let crew = (options.at_once.unwrap_or(usual), &*cores);
     progress.begin(&label, cases.len());
     let make = |stage: &_, case: &Case| {
-        let refuse = |error: RunError| match error {
-            RunError::Unreachable { policy, reason } => RolloutError::NotRun { policy, reason },
-            error => RolloutError::Spec { policy: policy.label().into(), reason: error.to_string() },
-        };
         let recorded = match suite.recorded(&case.id) {
             // A damaged recording says nothing about a policy that needs it, and is nothing to the others.
             Err(error) if error.is_damage() && policy.needs_record() => {
@@ -167,7 +163,7 @@ fn one(
             settings: &suite.settings,
             cores: Some(&cores),
         };
-        policy.make(&context).map_err(refuse)
+        policy.make(&context).map_err(|error| policy.refusal(error))
     };
     let finished = |outcome: &Result<EpisodeResult, NotRun>| -> Result<(), Stopped> {
         if let (Some(stream), Ok(result)) = (&stream, outcome) {
