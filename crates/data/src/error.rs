@@ -186,6 +186,18 @@ impl DataError {
             )
     }
 
+    /// The same, of what was read from a place that the error does not name; a table that is written names only itself.
+    pub(crate) fn placed(self, place: &Path) -> Self {
+        let shown = place.display();
+        match self {
+            Self::Mismatch { what, expected, got } => Self::mismatch(format!("{what} in {shown}"), expected, got),
+            Self::Table { message, .. } => Self::table(place, message),
+            Self::Video(why) => Self::Video(format!("{why}: {shown}")),
+            Self::Png(why) => Self::Png(format!("{why}: {shown}")),
+            other => other,
+        }
+    }
+
     pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { action, path, source }

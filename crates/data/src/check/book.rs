@@ -10,9 +10,8 @@ use serde_json::Value;
 
 use super::findings::Findings;
 use crate::lerobot::CONTRACT;
+use crate::lerobot::info::INFO;
 use crate::{DataError, files};
-
-pub(crate) const INFO: &str = "meta/info.json";
 
 /// Version of the format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,6 +131,8 @@ pub(crate) struct Book {
     pub(crate) subtasks: Vec<(i64, String)>,
     pub(crate) subtasks_file: &'static str,
     pub(crate) episodes: Vec<Listed>,
+    /// The file or folder that lists them.
+    pub(crate) episodes_file: &'static str,
     pub(crate) contract: Option<ActionContract>,
     /// Whether this program made it.
     pub(crate) is_own: bool,
@@ -144,9 +145,8 @@ pub(crate) struct Book {
 pub(crate) fn read_info(root: &Path, findings: &mut Findings) -> Result<Info, DataError> {
     let path = root.join(INFO);
     let bytes = files::read(&path, limits::SETTINGS)?;
-    let json: Value = serde_json::from_slice(&bytes).map_err(|error| {
-        DataError::mismatch(format!("data set {}", root.display()), "JSON in meta/info.json", error)
-    })?;
+    let json: Value = serde_json::from_slice(&bytes)
+        .map_err(|error| DataError::mismatch(path.display().to_string(), "JSON", error))?;
     let version = match json["codebase_version"].as_str() {
         Some("v3.0") => Version::V30,
         Some("v2.1") => Version::V21,

@@ -11,8 +11,9 @@ use super::consistency;
 use super::findings::Findings;
 use super::leaks::Identity;
 use super::totals::{self, Totals};
-use super::{book, v30};
+use super::v30;
 use crate::columns::{Column, Rows};
+use crate::lerobot::info::INFO;
 use crate::lerobot::stats::Stats;
 use crate::table::Table;
 
@@ -79,7 +80,7 @@ fn check_file(
         .map(|feature| feature.key.as_str())
         .collect();
     if let Some(missing) = BOOKKEEPING.iter().find(|name| !wanted.contains(name)) {
-        findings.add("features", book::INFO, "features", format!("`{missing}`"), "none");
+        findings.add("features", INFO, "features", format!("`{missing}`"), "none");
     }
     let mut pending = Rows::new();
     let mut held = 0;

@@ -53,6 +53,7 @@ pub(super) fn read(root: &Path, info: Info, listed: &BTreeSet<String>, findings:
         subtasks,
         subtasks_file: SUBTASKS,
         episodes,
+        episodes_file: EPISODES,
         contract,
         is_own: listed.contains(SETTINGS) || listed.contains("meta/genmanip.json"),
         meta_files,

@@ -25,19 +25,16 @@ pub fn to_v21(
     let mut incoming = Lerobot::open(dataset, settings)?;
     let about = incoming.about();
     let mut writer = Writer::new(begin(out, None)?, about.fps);
-    incoming.each(&mut |mut episode| {
+    incoming.each(&mut |from, mut episode| {
         episode.images.clear();
         if let Some(record) = &about.record {
             crate::lerobot::record::copy(&writer.aside, record, &episode.facts.store_id)?;
         }
-        writer.push(episode)?;
+        writer.push(episode).map_err(|error| error.placed(from))?;
         heard(about.episodes);
         Ok(())
     })?;
     let (episodes, frames) = (writer.ledger.episodes, writer.ledger.frames);
-    if episodes == 0 {
-        return Err(DataError::mismatch(format!("episodes of {}", dataset.display()), "at least one", 0));
-    }
     let imported = Imported {
         format: about.format.into(),
         fps: about.fps,

@@ -14,6 +14,7 @@ use crate::columns::{Column, Rows};
 use crate::export::EpisodeRows;
 use crate::export::features::{Feature, ImageFeature, Values};
 use crate::lerobot::RECORD;
+use crate::lerobot::info::INFO;
 use crate::table::Table;
 use crate::{DataError, EpisodeStore, depth};
 
@@ -45,6 +46,14 @@ impl Lerobot {
         if let Some(first) = findings.iter().find(|finding| finding.check != "statistics") {
             let what = format!("{} in {}", first.place, root.join(&first.file).display());
             return Err(DataError::mismatch(what.trim_start_matches(" in "), &first.expected, &first.found));
+        }
+        if book.episodes.is_empty() {
+            let what = format!("episodes in {}", root.join(book.episodes_file).display());
+            return Err(DataError::mismatch(what, "at least one", 0));
+        }
+        if let Some(listed) = book.episodes.iter().find(|listed| listed.length < 1) {
+            let what = format!("length of {} in {}", listed.place(), root.join(&listed.listed_in.0).display());
+            return Err(DataError::mismatch(what, "at least 1", listed.length));
         }
         let fps = book.info.fps;
         if !(1.0..=240.0).contains(&fps) || fps.fract() != 0.0 {
@@ -140,6 +149,10 @@ impl Lerobot {
                 let what = format!("column {} of {}", feature.key, place());
                 return Err(DataError::mismatch(what, "whole numbers below 2^53", "larger ones"));
             }
+            if column.width == 0 || (column.dtype == "bool" && column.width > 1) {
+                let what = format!("column {} of {}", feature.key, place());
+                return Err(DataError::mismatch(what, "numbers in every row, of a bool one", column.width));
+            }
             features.push(Feature {
                 key: feature.key.clone(),
                 names: names(feature, column.width),
@@ -156,18 +169,16 @@ impl Lerobot {
             let shape = feature.map(|feature| feature.shape.as_slice()).unwrap_or_default();
             let [height, width, 3] = *shape else {
                 return Err(DataError::mismatch(
-                    format!("shape of {} in meta/info.json", span.key),
+                    format!("shape of {} in {}", span.key, self.book.root.join(INFO).display()),
                     "[height, width, 3]",
                     format!("{shape:?}"),
                 ));
             };
             let first = (span.from_s * f64::from(self.fps)).round();
             if !(0.0..1e9).contains(&first) {
-                return Err(DataError::mismatch(
-                    format!("from_timestamp of {}", listed.place()),
-                    "a time",
-                    span.from_s,
-                ));
+                let listed_in = self.book.root.join(&listed.listed_in.0);
+                let what = format!("from_timestamp of {} in {}", listed.place(), listed_in.display());
+                return Err(DataError::mismatch(what, "a time", span.from_s));
             }
             let path = self.book.root.join(&span.file);
             self.pictures.take(&Wanted {
@@ -203,8 +214,10 @@ impl Lerobot {
         let place = |index: &f64| {
             let text = self.book.subtasks.iter().find(|(known, _)| *known as f64 == *index).map(|(_, text)| text);
             text.and_then(|text| texts.iter().position(|known| known == text)).ok_or_else(|| {
-                let what = format!("subtask_index of {} in data/", listed.place());
-                DataError::mismatch(what, "a step that meta/ lists for the episode", index)
+                let what =
+                    format!("subtask_index of {} in {}", listed.place(), self.book.root.join(&listed.data).display());
+                let expected = format!("a step that {} lists for the episode", self.book.subtasks_file);
+                DataError::mismatch(what, expected, index)
             })
         };
         column.values.iter().map(place).collect()
@@ -242,9 +255,9 @@ impl Lerobot {
                 at += part.num_rows();
                 held += part.num_rows();
                 if held == length {
-                    let images = images(std::mem::take(&mut pictures))?;
+                    let images = images(std::mem::take(&mut pictures)).map_err(|error| error.placed(&path))?;
                     let episode = self.episode(listed, &std::mem::take(&mut rows), images)?;
-                    take(episode)?;
+                    take(&path, episode)?;
                     held = 0;
                     left.next();
                 }

@@ -19,6 +19,7 @@ use genmanip_core::ActionContract;
 use serde::Serialize;
 
 use crate::export::{EpisodeRows, ExportReport};
+use crate::lerobot::info::INFO;
 use crate::lerobot::made::Made;
 use crate::lerobot::writer::DatasetWriter;
 use crate::lerobot::{begin, begin_sibling, card, check_free, check_owner, depth_path};
@@ -70,17 +71,21 @@ pub fn import(
     let mut incoming = open(source, settings)?;
     let about = incoming.about();
     let mut writers = Writers::begin(about, settings, out)?;
-    incoming.each(&mut |episode| {
-        writers.push(episode)?;
+    incoming.each(&mut |from, episode| {
+        writers.push(from, episode)?;
         heard(writers.about.episodes);
         Ok(())
     })?;
-    writers.publish(incoming.notes(), settings, out)
+    if writers.colors.episodes() == 0 {
+        let what = format!("episodes with frames in {}", source.display());
+        return Err(DataError::mismatch(what, "at least one", 0));
+    }
+    writers.publish(incoming.notes(), settings, source, out)
 }
 
 /// Whatever it is that lies there.
 fn open(source: &Path, settings: &ImportSettings) -> Result<Box<dyn Incoming>, DataError> {
-    if files::is_own_file(&source.join("meta/info.json")) {
+    if files::is_own_file(&source.join(INFO)) {
         let dataset = lerobot::Lerobot::open(source, settings)?;
         dataset.check_foreign()?;
         return Ok(Box::new(dataset));
@@ -104,8 +109,8 @@ trait Incoming {
     fn notes(&self) -> Vec<String>;
 }
 
-/// Takes an episode; its `images` are depth pictures.
-type Take<'a> = &'a mut dyn FnMut(EpisodeRows<ImportedFacts>) -> Result<(), DataError>;
+/// Takes an episode and the file or folder it was read from; its `images` are depth pictures.
+type Take<'a> = &'a mut dyn FnMut(&Path, EpisodeRows<ImportedFacts>) -> Result<(), DataError>;
 
 /// A data set as a whole.
 struct About {
@@ -137,7 +142,8 @@ impl Writers {
         Ok(Self { about, colors, depths: None, target: out.into(), episodes_per_depth_file })
     }
 
-    fn push(&mut self, mut episode: EpisodeRows<ImportedFacts>) -> Result<(), DataError> {
+    fn push(&mut self, from: &Path, mut episode: EpisodeRows<ImportedFacts>) -> Result<(), DataError> {
+        let placed = |error: DataError| error.placed(from);
         let images = std::mem::take(&mut episode.images);
         let is_first = self.colors.episodes() == 0;
         if is_first && !images.is_empty() {
@@ -148,22 +154,27 @@ impl Writers {
         if let Some(depths) = &mut self.depths {
             let EpisodeRows { frames, facts, .. } = &episode;
             let (features, videos, steps) = Default::default();
-            depths.push(EpisodeRows { frames: *frames, features, images, videos, steps, facts: facts.clone() })?;
+            let rows = EpisodeRows { frames: *frames, features, images, videos, steps, facts: facts.clone() };
+            depths.push(rows).map_err(placed)?;
         } else if !images.is_empty() {
             let what = format!("depth pictures of episode {}", episode.facts.store_id);
-            return Err(DataError::mismatch(what, "none, as in the first episode", images.len()));
+            return Err(placed(DataError::mismatch(what, "none, as in the first episode", images.len())));
         }
         if let Some(record) = &self.about.record {
             self.colors.copy_record(record, &episode.facts.store_id)?;
         }
-        self.colors.push(episode)
+        self.colors.push(episode).map_err(placed)
     }
 
-    fn publish(self, notes: Vec<String>, settings: &ImportSettings, out: &Path) -> Result<ImportReport, DataError> {
+    fn publish(
+        self,
+        notes: Vec<String>,
+        settings: &ImportSettings,
+        source: &Path,
+        out: &Path,
+    ) -> Result<ImportReport, DataError> {
+        let placed = |error: DataError| error.placed(source);
         let (episodes, frames) = (self.colors.episodes(), self.colors.frames());
-        if episodes == 0 {
-            return Err(DataError::mismatch("episodes to import", "at least one", 0));
-        }
         if self.depths.is_none() {
             check_owner(&depth_path(out), None)?;
         }
@@ -178,8 +189,10 @@ impl Writers {
         };
         let made = Made::Imported(imported.clone());
         let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &made, None)).transpose()?;
-        let colors = self.colors.finish(&made.card(&name, "v3.0"), &made, self.about.contract.as_ref())?;
+        let depths = self.depths.map(|depths| depths.finish(&card::depth(&name), &made, None));
+        let depths = depths.transpose().map_err(placed)?;
+        let colors = self.colors.finish(&made.card(&name, "v3.0"), &made, self.about.contract.as_ref());
+        let colors = colors.map_err(placed)?;
         let depth_dataset = depths.is_some().then(|| depth_path(out));
         if let Some(depths) = depths {
             depths.publish()?;

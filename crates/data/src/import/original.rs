@@ -145,7 +145,7 @@ impl Incoming for Original {
         let mut empty = 0;
         for (index, folder) in self.folders.clone().iter().enumerate() {
             match self.episode(index, folder)? {
-                Some(episode) => take(episode)?,
+                Some(episode) => take(folder, episode)?,
                 None => empty += 1,
             }
         }
@@ -334,7 +334,10 @@ impl Record<'_> {
                 let (width, height, rgb) = jpeg::decode(&file).map_err(|error| self.no_picture(&key, &error))?;
                 let encoder = match &mut encoder {
                     Some(encoder) => encoder,
-                    none => none.insert(VideoEncoder::new(width, height, FPS, &VideoSettings::default())?),
+                    none => {
+                        let begun = VideoEncoder::new(width, height, FPS, &VideoSettings::default());
+                        none.insert(begun.map_err(|error| self.no_picture(&key, &error))?)
+                    }
                 };
                 encoder.push(&rgb).map_err(|error| self.no_picture(&key, &error))?;
                 colors.add_image(&rgb, width as usize);

@@ -53,11 +53,7 @@ pub fn write_card(dataset: &Path) -> Result<Card, DataError> {
     let read = |name: &str| files::read(&dataset.join(name), limits::SETTINGS);
     let settings = LerobotSettings::from_bytes(&read(SETTINGS)?)
         .map_err(|source| DataError::Document { path: dataset.join(SETTINGS), source })?;
-    let info: Value = serde_json::from_slice(&read("meta/info.json")?)
-        .map_err(|error| DataError::mismatch("meta/info.json", "JSON", error))?;
-    if info["codebase_version"] != "v3.0" {
-        return Err(DataError::mismatch("format of the data set", "LeRobot v3.0", &info["codebase_version"]));
-    }
+    let info = info::read(dataset)?;
     let tables = table::files_below(&dataset.join("meta/episodes"))?;
     let mut told = Card::default();
     let mut sentences = BTreeSet::new();

@@ -1,9 +1,16 @@
 //! `meta/info.json`, and `meta/genmanip.json`, which says what the columns mean.
 
+use std::path::Path;
+
+use genmanip_core::limits;
 use serde_json::{Value, json};
 
 use super::LerobotSettings;
 use crate::export::action_in_words;
+use crate::{DataError, files};
+
+/// Where a data set says what it is.
+pub(crate) const INFO: &str = "meta/info.json";
 
 /// LeRobot's limit of files per folder.
 pub(crate) const FILES_PER_CHUNK: usize = 1000;
@@ -33,6 +40,18 @@ pub(crate) fn info(robot: &str, totals: &Totals, fps: u32, features: Value, has_
         "video_path": if has_video { Value::from(video_path) } else { Value::Null },
         "features": features,
     })
+}
+
+/// `meta/info.json` of a data set, which must be of v3.0.
+pub(crate) fn read(dataset: &Path) -> Result<Value, DataError> {
+    let path = dataset.join(INFO);
+    let info: Value = serde_json::from_slice(&files::read(&path, limits::SETTINGS)?)
+        .map_err(|error| DataError::mismatch(path.display().to_string(), "JSON", error))?;
+    if info["codebase_version"] == "v3.0" {
+        return Ok(info);
+    }
+    let what = format!("codebase_version in {}", path.display());
+    Err(DataError::mismatch(what, "v3.0, of LeRobot", &info["codebase_version"]))
 }
 
 /// `meta/genmanip.json`: frames, units and conventions of the columns.

@@ -12,7 +12,7 @@ pub mod edit;
 pub(crate) mod episodes;
 mod features;
 pub(crate) mod imported;
-mod info;
+pub(crate) mod info;
 mod ledger;
 pub(crate) mod made;
 mod reader;
@@ -230,7 +230,7 @@ fn place(target: &Path, replaces: bool) -> Result<Aside, DataError> {
 pub(crate) fn check_free(dataset: &Path) -> Result<(), DataError> {
     check_owner(dataset, None)?;
     let sibling = depth_path(dataset);
-    match files::is_own_file(&sibling.join("meta/info.json")) {
+    match files::is_own_file(&sibling.join(info::INFO)) {
         true => Ok(()),
         false => check_owner(&sibling, None),
     }

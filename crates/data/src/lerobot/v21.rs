@@ -142,7 +142,7 @@ impl Writer {
         };
         let (tasks, subtasks) = (listed("task", &self.ledger.tasks), listed("subtask", &self.ledger.subtasks));
         let write = |name: &str, value: &Value| self.aside.write(name, format!("{value:#}\n").as_bytes());
-        write("meta/info.json", &info)?;
+        write(info::INFO, &info)?;
         write("meta/stats.json", &stats)?;
         write("meta/modality.json", &modality)?;
         write("norm_stats.json", &norm_stats(&stats))?;

@@ -107,7 +107,7 @@ impl<F: Entries> DatasetWriter<F> {
         let totals =
             info::Totals { episodes: self.ledger.episodes, frames: self.ledger.frames, tasks: self.ledger.tasks.len() };
         let info = info::info(&self.robot, &totals, self.ledger.fps, features, has_video);
-        write_json(&self.aside, "meta/info.json", &info)?;
+        write_json(&self.aside, info::INFO, &info)?;
         write_json(&self.aside, "meta/stats.json", &self.ledger.collected.finish()?)?;
         made.write(&self.aside, None)?;
         if let Some(contract) = contract {

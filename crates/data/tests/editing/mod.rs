@@ -294,4 +294,18 @@ fn cards_tell_what_is_there() {
         assert!(fs::read_to_string(dataset.join("README.md")).unwrap().contains("| pick_and_place | 4 | 3 |"));
     }
     assert!(lerobot::write_card(&bench.at("store")).is_err());
+    let path = whole.join("meta/info.json");
+    let sound = fs::read_to_string(&path).unwrap();
+    for (text, expected) in
+        [(sound.replace("v3.0", "v2.1"), "expected v3.0, of LeRobot, got \"v2.1\""), ("{".into(), "expected JSON")]
+    {
+        fs::write(&path, text).unwrap();
+        let errors = [
+            lerobot::write_card(&whole).unwrap_err(),
+            edit::delete(&whole, &[0].into(), &bench.at("made"), &mut |_| {}).unwrap_err(),
+        ];
+        for error in errors.map(|error| error.to_string()) {
+            assert!(error.contains(expected) && error.contains(path.to_str().unwrap()), "{expected} in {error}");
+        }
+    }
 }

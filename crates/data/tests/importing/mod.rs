@@ -193,7 +193,6 @@ fn unfit_data_sets_are_refused() {
     let error = bench.import(&bench.at("nowhere"), "out").unwrap_err();
     assert!(error.contains("or of episodes of GenManip"), "{error}");
 
-    type Change = fn(&Path);
     let cases: [(Change, &str); 8] = [
         (
             |dataset| fs::remove_file(dataset.join("videos/observation.images.wrist/chunk-000/file-001.mp4")).unwrap(),
@@ -265,9 +264,56 @@ fn unfit_data_sets_are_refused() {
     ];
     for (number, (change, expected)) in cases.into_iter().enumerate() {
         let source = foreign(&bench, &format!("foreign-{number}"));
-        change(&source);
-        let error = bench.import(&source, "out").unwrap_err();
-        assert!(error.contains(expected), "{expected} in {error}");
+        assert_refused(&bench, &source, change, expected);
+    }
+}
+
+/// How a data set is damaged.
+type Change = fn(&Path);
+
+/// A data set that is damaged is refused, with its place and what is expected.
+fn assert_refused(bench: &Bench, source: &Path, change: Change, expected: &str) {
+    change(source);
+    let error = bench.import(source, "out").unwrap_err();
+    let place = source.display().to_string();
+    assert!(error.contains(expected) && error.contains(&place), "{expected} in {error}");
+}
+
+fn replace(path: &Path, from: &str, to: &str) {
+    let text = fs::read_to_string(path).unwrap();
+    assert!(text.contains(from), "{from} in {text}");
+    fs::write(path, text.replacen(from, to, 1)).unwrap();
+}
+
+#[test]
+fn unfit_data_sets_of_version_2_1_are_refused() {
+    let bench = Bench::new();
+    let cases: [(Change, &str); 5] = [
+        (
+            |dataset| fs::write(dataset.join("meta/episodes.jsonl"), "").unwrap(),
+            "meta/episodes.jsonl: expected at least one, got 0",
+        ),
+        (
+            |dataset| replace(&dataset.join("meta/episodes.jsonl"), "\"length\":", "\"length\":0,\"was\":"),
+            "meta/episodes.jsonl: expected at least 1, got 0",
+        ),
+        (
+            |dataset| replace(&dataset.join("meta/subtasks.jsonl"), "\"subtask_index\":0", "\"subtask_index\":77"),
+            "data/chunk-000/episode_000000.parquet: expected a step that meta/subtasks.jsonl lists for the episode, got 0",
+        ),
+        (|dataset| replace(&dataset.join("meta/info.json"), "{", "["), "meta/info.json: expected JSON"),
+        (
+            |dataset| {
+                rewrite(&dataset.join("data/chunk-000/episode_000001.parquet"), |batch| {
+                    batch.project(&(0..batch.num_columns() - 1).collect::<Vec<_>>()).unwrap()
+                });
+            },
+            "episode_000001.parquet: expected `",
+        ),
+    ];
+    for (number, (change, expected)) in cases.into_iter().enumerate() {
+        let source = bench.export(&format!("v21-{number}"), lerobot::export_v21);
+        assert_refused(&bench, &source, change, expected);
     }
 }
 

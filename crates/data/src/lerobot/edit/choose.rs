@@ -98,7 +98,11 @@ impl Source {
                     let simple = |name: &&String| !name.contains('/') && *name != "scenario_json" && *name != "tasks";
                     let names: Vec<&str> = known.iter().filter(simple).map(String::as_str).collect();
                     let expected = format!("object, kind, task or one of {}", names.join(", "));
-                    return Err(DataError::mismatch("column of a condition", expected, format!("`{}`", condition.key)));
+                    return Err(DataError::mismatch(
+                        format!("column of a condition on {}", path.display()),
+                        expected,
+                        format!("`{}`", condition.key),
+                    ));
                 }
             }
             let batch = table.whole(|name| conditions.iter().any(|condition| condition.column() == name))?;
@@ -108,7 +112,7 @@ impl Source {
                     let Condition { key, value } = condition;
                     is_kept &= condition.holds(&batch, row).ok_or_else(|| {
                         DataError::mismatch(
-                            format!("condition {key}={value}"),
+                            format!("condition {key}={value} on row {row} of {}", path.display()),
                             "a value of that column",
                             "another type",
                         )

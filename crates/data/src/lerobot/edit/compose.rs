@@ -78,33 +78,35 @@ impl<'a> Composer<'a> {
         if self.opened.0 != pick.source {
             self.opened = (pick.source, Opened::default());
         }
+        let (data, table) = (source.data(episode), source.table(episode));
+        let (of_rows, of_entry) = (|error: DataError| error.placed(&data), |error: DataError| error.placed(table));
         let task = self.task_index(&episode.sentence);
         let rows = self.opened.1.rows(source, episode)?;
         let listed = self.opened.1.row(source, episode)?;
         let mut places = self.places(episode.length, task);
-        let steps = self.steps(source, &rows, &listed)?;
+        let steps = self.steps(source, &rows, &listed).map_err(of_rows)?;
         if let Some(steps) = &steps {
             places.i64("subtask_index", steps.iter().copied());
         }
-        let rows = replaced(&rows, places)?;
-        self.collect(source, &rows)?;
+        let rows = replaced(&rows, places).map_err(of_rows)?;
+        self.collect(source, &rows).map_err(of_rows)?;
         let table = match &mut self.file.rows {
             Some(table) => table,
             none => none.insert(TableWriter::new(Path::new("data"), rows.schema(), Purpose::Dataset)?),
         };
-        table.write(&rows)?;
-        self.aggregate(source, episode, &listed)?;
-        let mut entry = self.entry(source, episode, task, &listed, name)?;
+        table.write(&rows).map_err(of_rows)?;
+        self.aggregate(source, episode, &listed).map_err(of_entry)?;
+        let mut entry = self.entry(source, episode, task, &listed, name).map_err(of_entry)?;
         if let Some(steps) = steps {
             let steps: Vec<f64> = steps.into_iter().map(|step| step as f64).collect();
             statistics_of(&mut entry, "subtask_index", &steps);
         }
-        let listed = replaced(&listed, entry)?;
+        let listed = replaced(&listed, entry).map_err(of_entry)?;
         let table = match &mut self.file.episodes {
             Some(table) => table,
             none => none.insert(TableWriter::new(Path::new("meta/episodes"), listed.schema(), Purpose::Dataset)?),
         };
-        table.add(&listed)?;
+        table.add(&listed).map_err(of_entry)?;
         for (key, video) in self.opened.1.videos(source, episode)? {
             match self.file.videos.iter_mut().find(|(known, _)| *known == key) {
                 Some((_, videos)) => videos.push(video),
@@ -146,7 +148,7 @@ impl<'a> Composer<'a> {
         let indices = Column::of(column).map(|column| column.values).unwrap_or_default();
         let moved = |index: f64| {
             let text = if index >= 0.0 { source.subtasks.get(index as usize) } else { None };
-            let found = || DataError::mismatch(format!("subtask_index of {}", source.root.display()), SUBTASKS, index);
+            let found = || DataError::mismatch("subtask_index", format!("one of {SUBTASKS}"), index);
             text.ok_or_else(found).map(|text| number(self.subtask_index(text)))
         };
         indices.into_iter().map(moved).collect::<Result<Vec<_>, _>>().map(Some)
@@ -173,8 +175,7 @@ impl<'a> Composer<'a> {
         for key in source.features(false) {
             let column = rows.column_by_name(key).and_then(|column| Column::of(column));
             let column = column.ok_or_else(|| {
-                let tables = source.root.join("data");
-                DataError::mismatch(format!("column {key} of {}", tables.display()), "numbers", "something else")
+                DataError::mismatch(format!("column {key}"), "numbers in every row", "something else")
             })?;
             self.collected.add(key, column.width, &column.values)?;
         }
@@ -185,7 +186,7 @@ impl<'a> Composer<'a> {
         for key in source.features(true) {
             let numbers = |name: &str| {
                 let found = cell(listed, &format!("stats/{key}/{name}"), 0);
-                let what = || format!("statistics of {key} of {} of {}", episode.store_id, source.root.display());
+                let what = || format!("statistics of {key} of {}", episode.store_id);
                 found
                     .filter(|found| found.len() == 3)
                     .ok_or_else(|| DataError::mismatch(what(), "three numbers", "none"))
@@ -258,7 +259,9 @@ impl<'a> Composer<'a> {
             self.aside.write(&format!("meta/episodes/{}", name("parquet")), &table.finish()?)?;
         }
         for (key, videos) in videos {
-            self.aside.write(&format!("videos/{key}/{}", name("mp4")), &video::mux_mp4(&videos)?)?;
+            let name = format!("videos/{key}/{}", name("mp4"));
+            let video = video::mux_mp4(&videos).map_err(|error| error.placed(Path::new(&name)))?;
+            self.aside.write(&name, &video)?;
         }
         Ok(())
     }
@@ -271,7 +274,7 @@ impl<'a> Composer<'a> {
         let robot = first.info["robot_type"].as_str().unwrap_or_default();
         let (features, has_video) = (first.info["features"].clone(), first.features(true).next().is_some());
         let info = info::info(robot, &totals, made.fps(), features, has_video);
-        write_json(&self.aside, "meta/info.json", &info)?;
+        write_json(&self.aside, info::INFO, &info)?;
         let mut stats: serde_json::Map<String, Value> =
             self.colors.into_iter().map(|(key, colors)| (key, colors.whole().to_json(true))).collect();
         if let Value::Object(numbers) = self.collected.finish()? {
@@ -317,8 +320,7 @@ fn renamed(scenario: &str, name: &str) -> Result<String, DataError> {
 
 /// A table with some columns in the place of those of the same name; all others stay as they are.
 fn replaced(batch: &RecordBatch, columns: Columns) -> Result<RecordBatch, DataError> {
-    let fail =
-        |error: &dyn std::fmt::Display| DataError::mismatch("columns of a data set", "those of an export", error);
+    let fail = |error: &dyn std::fmt::Display| DataError::mismatch("columns", "those of an export", error);
     let new = columns.batch().map_err(|error| fail(&error))?;
     let schema = batch.schema();
     let mut arrays: Vec<ArrayRef> = batch.columns().to_vec();

@@ -104,9 +104,10 @@ pub fn split(
     }
     if groups.len() < parts.len() {
         let what = match by {
-            By::Task => "different sentences in the data set",
-            By::Episode => "episodes in the data set",
+            By::Task => "different sentences",
+            By::Episode => "episodes",
         };
+        let what = format!("{what} in {}", dataset.display());
         return Err(DataError::mismatch(what, format!("at least {}, one per part", parts.len()), groups.len()));
     }
     let divided = divide(groups, &shares, seed);
@@ -205,7 +206,8 @@ impl Sources {
     /// Writes episodes as a data set, and their depth pictures as its sibling, which becomes visible first.
     fn write(&self, picks: &[Pick], out: &Path, heard: Heard) -> Result<ExportReport, DataError> {
         if picks.is_empty() {
-            return Err(DataError::mismatch("episodes that are left", "at least one", 0));
+            let what = format!("episodes that are left of {}", self.colors[0].root.display());
+            return Err(DataError::mismatch(what, "at least one", 0));
         }
         let names = self.names(picks)?;
         let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use arrow_array::RecordBatch;
 use genmanip_core::{ActionContract, Document, limits};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::super::imported::SOURCE_HASH;
 use super::super::made::Made;
-use super::super::{CONTRACT, RECORD, SUBTASKS};
+use super::super::{CONTRACT, RECORD, SUBTASKS, info};
 use crate::columns::{cell, integer, text};
 use crate::mp4::Video;
 use crate::table::{self, RowGroups, Table};
@@ -58,12 +58,7 @@ impl Source {
             Err(error) if error.is_missing() => None,
             bytes => Some(ActionContract::from_bytes(&bytes?).map_err(|error| document(CONTRACT, error))?),
         };
-        let named = |what: &str| format!("{what} of {}", root.display());
-        let info: Value = serde_json::from_slice(&read("meta/info.json")?)
-            .map_err(|error| DataError::mismatch(named("meta/info.json"), "JSON", error))?;
-        if info["codebase_version"] != "v3.0" {
-            return Err(DataError::mismatch(named("format"), "LeRobot v3.0", &info["codebase_version"]));
-        }
+        let info = info::read(root)?;
         let record = root.join(RECORD);
         let record = if made.has_record() && contract.is_some() { Some(EpisodeStore::open(record)?) } else { None };
         let tables = table::files_below(&root.join("meta/episodes"))?;
@@ -85,6 +80,17 @@ impl Source {
             source.subtasks = known.map(|(text, _)| text).collect();
         }
         Ok(source)
+    }
+
+    /// The file of an episode's rows.
+    pub(super) fn data(&self, episode: &Listed) -> PathBuf {
+        let [chunk, file] = episode.data;
+        self.root.join(format!("data/chunk-{chunk:03}/file-{file:03}.parquet"))
+    }
+
+    /// The table that lists an episode.
+    pub(super) fn table(&self, episode: &Listed) -> &Path {
+        &self.tables[episode.listed_in.0]
     }
 
     /// Features whose columns hold numbers, or are video.
@@ -198,8 +204,7 @@ pub(super) struct Opened {
 impl Opened {
     /// The rows of an episode.
     pub(super) fn rows(&mut self, source: &Source, episode: &Listed) -> Result<RecordBatch, DataError> {
-        let [chunk, file] = episode.data;
-        let path = source.root.join(format!("data/chunk-{chunk:03}/file-{file:03}.parquet"));
+        let path = source.data(episode);
         if self.rows.as_ref().is_none_or(|(known, _)| *known != path) {
             self.rows = Some((path.clone(), RowGroups::open(&path)?));
         }
@@ -213,10 +218,10 @@ impl Opened {
 
     /// The row of an episode in its table.
     pub(super) fn row(&mut self, source: &Source, episode: &Listed) -> Result<RecordBatch, DataError> {
-        let (table, row) = episode.listed_in;
-        let path = &source.tables[table];
+        let (_, row) = episode.listed_in;
+        let path = source.table(episode);
         if self.episodes.as_ref().is_none_or(|(known, _)| known != path) {
-            self.episodes = Some((path.clone(), Table::open(path)?.whole(|_| true)?));
+            self.episodes = Some((path.into(), Table::open(path)?.whole(|_| true)?));
         }
         match &self.episodes {
             Some((_, batch)) if row < batch.num_rows() => Ok(batch.slice(row, 1)),
@@ -238,6 +243,11 @@ impl Opened {
                 self.videos.insert(key.clone(), (path.clone(), Video::open(&path)?));
             }
             let Some((_, video)) = self.videos.get_mut(key) else { continue };
+            let (size, found) = (&source.info["features"][key]["shape"], json!([video.height, video.width, 3]));
+            if *size != found {
+                let what = format!("shape of {}", path.display());
+                return Err(DataError::mismatch(what, format!("{size}, as meta/info.json says"), found));
+            }
             let from = (from_s * f64::from(fps)).round() as usize;
             let unreadable = |frame: usize| DataError::Video(format!("no picture {frame} in {}", path.display()));
             let frame = |frame: usize| video.frame(frame, false).ok_or_else(|| unreadable(frame));
