@@ -37,11 +37,7 @@ pub fn read_own(path: &Path, limit: Limit) -> Result<Vec<u8>, DataError> {
 /// As [`read_own`].
 pub fn open_own(path: &Path, limit: Limit) -> Result<impl Read + use<>, DataError> {
     let about = fs::symlink_metadata(path).map_err(DataError::io("read", path))?;
-    check_is_file(path, &about)?;
-    if about.len() > limit.bytes {
-        return Err(DataError::TooLarge { path: path.to_owned(), limit });
-    }
-    Ok(BufReader::with_capacity(PIECE, open(path)?.take(limit.bytes)))
+    Ok(BufReader::with_capacity(PIECE, open_checked(path, &about, limit)?.take(limit.bytes)))
 }
 
 /// Opens a list that a person named, to be read line by line; it may be reached through links.
@@ -64,16 +60,24 @@ pub(crate) fn open(path: &Path) -> Result<File, DataError> {
     Ok(file)
 }
 
-fn read_checked(path: &Path, about: &Metadata, limit: Limit) -> Result<Vec<u8>, DataError> {
+/// Opens what is a file and no larger than the limit.
+fn open_checked(path: &Path, about: &Metadata, limit: Limit) -> Result<File, DataError> {
     check_is_file(path, about)?;
-    let too_large = || DataError::TooLarge { path: path.to_owned(), limit };
     if about.len() > limit.bytes {
-        return Err(too_large());
+        return Err(DataError::TooLarge { path: path.to_owned(), limit });
     }
-    let file = open(path)?;
+    open(path)
+}
+
+fn read_checked(path: &Path, about: &Metadata, limit: Limit) -> Result<Vec<u8>, DataError> {
+    let file = open_checked(path, about, limit)?;
     let mut bytes = Vec::with_capacity(usize::try_from(about.len()).unwrap_or(0));
     file.take(limit.bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(DataError::io("read", path))?;
-    if bytes.len() as u64 > limit.bytes { Err(too_large()) } else { Ok(bytes) }
+    // It may have grown meanwhile.
+    if bytes.len() as u64 > limit.bytes {
+        return Err(DataError::TooLarge { path: path.to_owned(), limit });
+    }
+    Ok(bytes)
 }
 
 fn check_is_file(path: &Path, about: &Metadata) -> Result<(), DataError> {
