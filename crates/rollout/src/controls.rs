@@ -3,6 +3,7 @@
 use genmanip_core::{
     ActionChunk, Atom, EpisodeStart, Goal, Observation, Policy, PolicyError, PolicySpec, Relation, Seed,
 };
+use genmanip_motion::commands;
 use rand::RngExt;
 
 use crate::Stage;
@@ -186,16 +187,12 @@ impl Clumsy {
         let carried = actions.iter().take_while(|action| width(action) <= held).count();
         let share = self.seed.fork("broken off").rng().random_range(BROKEN_OFF_AT.0..=BROKEN_OFF_AT.1);
         actions.truncate(((carried as f64 * share) as usize).max(1));
-        if open && let Some(last) = actions.last().cloned() {
-            let widest = self.stage.robot.gripper.max_width;
+        if open && let Some((_, arm)) = actions.last().and_then(|last| last.split_last()) {
+            let arm: Vec<f64> = arm.iter().map(|&joint| f64::from(joint)).collect();
+            let (held, widest) = (f64::from(held), self.stage.robot.gripper.max_width);
             actions.extend((1..=DROPPING_STEPS).map(|step| {
                 let share = step as f64 / DROPPING_STEPS as f64;
-                let opening = f64::from(held) + share * (widest - f64::from(held));
-                let mut action = last.clone();
-                if let Some(width) = action.last_mut() {
-                    *width = opening as f32;
-                }
-                action
+                commands::command(&arm, held + share * (widest - held))
             }));
         }
         actions

@@ -491,11 +491,7 @@ impl Session {
         });
         let Conclusion { id, policy, oracle, ending, word } = conclusion;
         let Self { stage, seed, sim, record, .. } = self;
-        let timeout = (ending == Ending::Horizon).then(|| Failure {
-            cause: FailureCause::Timeout,
-            evidence: format!("not finished after {} s", settings.horizon_s),
-        });
-        let word = word.or(timeout);
+        let word = word.or_else(|| timeout(ending, settings.horizon_s));
         let success = verdict.success;
         let failures =
             if success { Vec::new() } else { evidence::explain(&stage, &record.frames, &verdict, word, settings) };
@@ -536,8 +532,14 @@ impl Session {
     }
 }
 
+/// What is said of an episode whose time was over.
+pub(crate) fn timeout(ending: Ending, after_s: f64) -> Option<Failure> {
+    let evidence = || format!("not finished after {after_s} s");
+    (ending == Ending::Horizon).then(|| Failure { cause: FailureCause::Timeout, evidence: evidence() })
+}
+
 /// Control steps in a time.
-fn steps_in(time_s: f64, stage: &Stage) -> usize {
+pub(crate) fn steps_in(time_s: f64, stage: &Stage) -> usize {
     (time_s * stage.control_rate_hz()).round() as usize
 }
 

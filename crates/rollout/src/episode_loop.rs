@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::adapter::AdapterError;
 use crate::driver::Driver;
-use crate::environment::{Conclusion, Environment};
+use crate::environment::{Conclusion, Environment, steps_in, timeout};
 use crate::{RolloutError, RolloutSettings, Stage};
 use genmanip_core::{
     Correction, Ending, Episode, EpisodeStart, Failure, FailureCause, Policy, PolicyError, PolicySpec, Seed,
@@ -78,12 +78,9 @@ pub fn run_corrected(
     let spec = first.spec();
     let until = (FIRST_SHARE * environment.steps_left() as f64) as usize;
     let (ending, word) = act(&mut environment, stage, first, &spec, seed.fork("policy"), until, &mut |_| Ok(()))?;
-    let word = word.or_else(|| {
-        let evidence = format!("not finished after {} s", FIRST_SHARE * settings.horizon_s);
-        (ending == Ending::Horizon).then_some(Failure { cause: FailureCause::Timeout, evidence })
-    });
+    let word = word.or_else(|| timeout(ending, FIRST_SHARE * settings.horizon_s));
     let mut is_over = ending == Ending::Success;
-    for _ in 0..(settings.settle_s * stage.control_rate_hz()).round() as usize {
+    for _ in 0..steps_in(settings.settle_s, stage) {
         if is_over || environment.steps_left() == 0 {
             break;
         }
