@@ -155,6 +155,31 @@ fn check_columns(options: &ExportOptions, rows: &ExportSettings, format: &str) -
     Err(RunError::input(format!("{format} has no place for {what}")).with_hint(hint))
 }
 
+/// Refuses cameras that the world of an episode does not have, before anything is drawn; what is damaged is named by
+/// whatever reads it whole.
+pub(crate) fn check_cameras(
+    store: &EpisodeStore,
+    ids: impl IntoIterator<Item = impl AsRef<str>>,
+    cameras: &[String],
+) -> Result<(), RunError> {
+    for id in ids {
+        let id = id.as_ref();
+        let world = match store.read_scenario(id) {
+            Ok(Some(scenario)) => scenario.world,
+            Ok(None) => continue,
+            Err(error) if error.is_damage() => continue,
+            Err(error) => return Err(replay::unreadable(id, error)),
+        };
+        if let Some(unknown) = cameras.iter().find(|camera| world.camera(camera).is_none()) {
+            let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
+            let error = RunError::unknown("camera", "cameras", unknown, &known);
+            let hint = error.hint().unwrap_or_default();
+            return Err(RunError::input(format!("episode {id} cannot be drawn")).because(error).with_hint(hint));
+        }
+    }
+    Ok(())
+}
+
 /// Draws the pictures that the store lacks, from the recorded states and in the looks of the run; also which thing each
 /// pixel shows, where that is asked for.
 pub(crate) fn draw_missing(
@@ -172,6 +197,7 @@ pub(crate) fn draw_missing(
     if cameras.is_empty() || missing.is_empty() {
         return Ok(());
     }
+    check_cameras(store, &missing, cameras)?;
     progress.begin("drawing", missing.len());
     in_parallel(&missing, workers, stop, &|id| {
         match store.read(id) {
@@ -204,17 +230,12 @@ fn draw_masks(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings)
 
 fn draw(store: &EpisodeStore, episode: &Episode, pictures: &ImageSettings) -> Result<(), RunError> {
     let id = &episode.result.id;
-    let known = episode.scenario.world.cameras.iter().map(|camera| camera.name.clone());
-    let known: Vec<String> = known.collect();
-    if let Some(unknown) = pictures.cameras.iter().find(|camera| !known.contains(camera)) {
-        let names: Vec<&str> = known.iter().map(String::as_str).collect();
-        return Err(RunError::unknown("camera", "cameras", unknown, &names));
-    }
     // Those that are there are drawn again, since the tracks of a rate are kept together.
-    let is_wanted = |name: &String| {
-        pictures.cameras.contains(name) || store.has_tracks(id, pictures.fps, std::slice::from_ref(name))
+    let is_wanted = |name: &&String| {
+        pictures.cameras.contains(*name) || store.has_tracks(id, pictures.fps, std::slice::from_ref(*name))
     };
-    let cameras = known.iter().filter(|name| is_wanted(name)).cloned().collect();
+    let known = episode.scenario.world.cameras.iter().map(|camera| &camera.name);
+    let cameras = known.filter(|name| is_wanted(name)).cloned().collect();
     let failed = |error: DataError| RunError::broken(format!("cannot keep the pictures of {id}"), error);
     let tracks = images::draw(&replay::stage(episode)?, episode, &ImageSettings { cameras, ..pictures.clone() })
         .map_err(|error| RunError::broken(format!("cannot draw {id}"), error))?;

@@ -11,7 +11,7 @@ use genmanip_rollout::images::ImageSettings;
 use sha2::{Digest, Sha256};
 
 use crate::error::RunError;
-use crate::export::draw_missing;
+use crate::export::{check_cameras, draw_missing};
 use crate::inputs;
 use crate::progress::Progress;
 
@@ -75,10 +75,7 @@ pub fn rerender(
         return Err(RunError::input(format!("{} has no episode", dataset.display())));
     };
     let world = record.read(first).map_err(unfit)?.scenario.world;
-    if let Some(unknown) = rows.cameras.iter().find(|camera| world.camera(camera).is_none()) {
-        let known: Vec<&str> = world.cameras.iter().map(|camera| camera.name.as_str()).collect();
-        return Err(RunError::unknown("camera", "cameras", unknown, &known));
-    }
+    check_cameras(&record, &ids, &rows.cameras)?;
     let drawing = drawing_folder(out, &record, &ids, &pictures)?;
     let store = EpisodeStore::create(&drawing).map_err(|error| RunError::broken("cannot begin to draw", error))?;
     for id in &ids {

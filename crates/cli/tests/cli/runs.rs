@@ -313,6 +313,30 @@ fn a_dataset_is_drawn_again_in_another_look() {
     assert_eq!(hidden.filter(|name| name.ends_with(".drawing")).count(), 0);
 }
 
+/// A camera that only some episodes have is refused before any of them is drawn.
+#[test]
+fn a_camera_that_an_episode_lacks_is_named_before_anything_is_drawn() {
+    let folder = copy_of_finished_run();
+    let here = folder.path();
+    for store in ["run/episodes", "run/dataset/extras/record"] {
+        let store = EpisodeStore::open(here.join(store)).unwrap();
+        let mut episode = store.read("024_appearance-000").unwrap();
+        episode.scenario.world.cameras.retain(|camera| camera.name != "wrist");
+        fs::remove_dir_all(store.root().join("024_appearance-000")).unwrap();
+        store.write(&episode, &[]).unwrap();
+    }
+    let before = tree(here);
+    for arguments in [
+        &["export", "run", "--to", "lerobot", "--cameras", "wrist", "--rate", "30", "--out", "x"][..],
+        &["data", "rerender", "run/dataset", "--cameras", "wrist", "--out", "x"],
+    ] {
+        let wanted = ["episode 024_appearance-000 cannot be drawn", "unknown camera `wrist`", "cameras are overview"];
+        genmanip(here, arguments).assert_refused(&wanted);
+        assert_same_tree(&tree(here), &before);
+        assert!(fs::read_dir(here).unwrap().count() == 1, "only the run is there");
+    }
+}
+
 /// Another policy acts first, and the dataset says which rows are whose, also merged, exported and drawn again.
 #[test]
 fn corrections_are_labelled_row_by_row() {
