@@ -100,12 +100,28 @@ const CASES: [&str; 39] = [
     "export --mjcf wrong_joints.json",
 ];
 
+/// Said of an empty folder and of one that is not there.
+const OF_DATASETS: [&str; 10] = [
+    "data check DATASET",
+    "data show DATASET --html page.html",
+    "data card DATASET",
+    "data import DATASET --out out",
+    "data convert DATASET --to lerobot-v2.1 --out out",
+    "data merge DATASET DATASET --out out",
+    "data split DATASET --out out",
+    "data filter DATASET --where success=true --out out",
+    "data delete DATASET --episodes 0 --out out",
+    "data rerender DATASET --out out",
+];
+
 #[test]
 fn every_refusal_is_one_clear_message_and_changes_nothing() {
     let folder = workplace();
     let before = listing(folder.path());
     let mut said = String::new();
-    for case in CASES {
+    let of_datasets = |folder| OF_DATASETS.map(|case| case.replace("DATASET", folder));
+    let cases = CASES.map(String::from).into_iter().chain(["empty", "nowhere"].into_iter().flat_map(of_datasets));
+    for case in cases {
         let arguments: Vec<&str> = case.split(' ').collect();
         let outcome = genmanip(folder.path(), &arguments);
         assert_eq!(outcome.stdout, "", "{case}: {outcome:?}");

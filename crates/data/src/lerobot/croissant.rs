@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use genmanip_core::{AssetRef, Document, limits};
+use genmanip_core::AssetRef;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::{LerobotSettings, SETTINGS, card, info};
+use super::{LerobotSettings, card, info};
 use crate::columns::{cell, integer, text};
 use crate::table::{self, Table};
 use crate::{DataError, files};
@@ -50,9 +50,7 @@ struct BriefObject {
 /// # Errors
 /// When it is no LeRobotDataset v3.0 of this program, or a file cannot be read or written.
 pub fn write_card(dataset: &Path) -> Result<Card, DataError> {
-    let read = |name: &str| files::read(&dataset.join(name), limits::SETTINGS);
-    let settings = LerobotSettings::from_bytes(&read(SETTINGS)?)
-        .map_err(|source| DataError::Document { path: dataset.join(SETTINGS), source })?;
+    let settings = LerobotSettings::of(dataset)?;
     let info = info::read(dataset)?;
     let tables = table::files_below(&dataset.join("meta/episodes"))?;
     let mut told = Card::default();

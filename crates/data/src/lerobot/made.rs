@@ -31,7 +31,10 @@ impl Made {
         match files::read(&root.join(IMPORTED), limits::SETTINGS) {
             Err(error) if error.is_missing() => {
                 let expected = "a LeRobotDataset v3.0 that this program wrote, or `data import`ed";
-                let got = format!("neither {SETTINGS} nor {IMPORTED} in it");
+                let got = match root.is_dir() {
+                    true => format!("neither {SETTINGS} nor {IMPORTED} in it"),
+                    false => "no folder".into(),
+                };
                 Err(DataError::mismatch(root.display().to_string(), expected, got))
             }
             bytes => Ok(Self::Imported(Imported::from_bytes(&bytes?).map_err(|error| document(IMPORTED, error))?)),
