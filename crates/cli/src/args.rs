@@ -209,6 +209,7 @@ pub enum TaskCommand {
     New(NewArguments),
     /// Judge language-model answers against every rule; exit 1 when any is rejected
     #[command(after_help = "Examples:\n  genmanip task check examples/tasks/*.json\n  \
+                            genmanip task check tasks.jsonl --json\n  \
                             genmanip task check answer.txt --objects 001,019,051 --kind pick_and_place")]
     Check(CheckArguments),
     /// Show a task: instruction, goal and scene graph
@@ -325,10 +326,11 @@ pub struct NewArguments {
 /// Arguments of `task check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
-    /// Task documents, recorded answers or folders of both; or bare answers together with --objects
+    /// Task documents, recorded answers, folders of both, or lists with a task document per line, *.jsonl; or bare
+    /// answers together with --objects
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
-    /// Print valid files too where there are more than 30 files
+    /// Print valid ones too where there are more than 30
     #[arg(long)]
     pub each: bool,
     /// Uids that were offered, for a bare answer

@@ -15,7 +15,7 @@ use crate::inputs;
 /// What the check of a file came to: flaws by their names, details beside them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Checked {
-    /// The file, as given.
+    /// The file, as given; of a list `FILE:LINE`.
     pub file: String,
     /// `valid`, `repaired` or `rejected`.
     pub verdict: &'static str,
@@ -58,10 +58,12 @@ pub struct BareAnswers<'a> {
 /// Name of the flaw of a file that is no task at all, or cannot be read.
 const NO_TASK: &str = "no_task";
 
-/// Checks every file in turn; of several, one that is no task at all is a result like any other.
+/// Checks every file in turn, and every line of lists, `*.jsonl`; of several, one that is no task at all is a result like
+/// any other.
 ///
 /// # Errors
-/// When a folder cannot be listed or holds no JSON file, and when the only file is no task at all.
+/// When a folder cannot be listed or holds no JSON file, when the only file is no task at all, and when a list cannot be
+/// read or is empty.
 pub fn check_each(
     paths: &[PathBuf],
     bare: Option<BareAnswers>,
@@ -69,8 +71,15 @@ pub fn check_each(
 ) -> Result<(), RunError> {
     let files = inputs::expand(paths)?;
     for file in &files {
+        if bare.is_none() && inputs::is_list(file) {
+            match check_lines(file, found) {
+                Err(error) if files.len() > 1 => found(Checked::no_task(file, &error)),
+                checked => checked?,
+            }
+            continue;
+        }
         let judged = match bare {
-            None => of_file(file),
+            None => inputs::read_text(file, limits::TASK).and_then(|text| of_text(file, &text)),
             Some(BareAnswers { objects, world, kind, min_objects }) => {
                 inputs::check_bare(file, objects, world, kind, min_objects).map(|report| Checked::of(file, report))
             }
@@ -83,10 +92,25 @@ pub fn check_each(
     Ok(())
 }
 
-fn of_file(file: &Path) -> Result<Checked, RunError> {
-    let text = inputs::read_text(file, limits::TASK)?;
-    let document = json::parse(&text).ok().filter(|value| value.get("schema").is_some());
-    let Some(value) = document else { return Ok(Checked::of(file, inputs::check_recorded(file, &text)?)) };
+fn check_lines(list: &Path, found: &mut dyn FnMut(Checked)) -> Result<(), RunError> {
+    let mut is_empty = true;
+    inputs::each_line(list, &mut |place, text| {
+        is_empty = false;
+        let checked = text.and_then(|text| of_text(place, &text));
+        found(checked.unwrap_or_else(|error| Checked::no_task(place, &error)));
+        Ok(())
+    })?;
+    if is_empty {
+        return Err(
+            RunError::input(format!("{} has no task", list.display())).with_hint("expected a task document per line")
+        );
+    }
+    Ok(())
+}
+
+fn of_text(file: &Path, text: &str) -> Result<Checked, RunError> {
+    let document = json::parse(text).ok().filter(|value| value.get("schema").is_some());
+    let Some(value) = document else { return Ok(Checked::of(file, inputs::check_recorded(file, text)?)) };
     let task = inputs::task_of_document(file, value)?;
     let faults = documents::faults(&task);
     if faults.is_empty() {

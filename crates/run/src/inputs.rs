@@ -159,6 +159,19 @@ pub fn spool_tasks(paths: &[PathBuf], out: &Path) -> Result<Tasks, RunError> {
     Ok(spool.finish())
 }
 
+/// How many tasks there are.
+///
+/// # Errors
+/// As [`read_tasks`].
+pub fn count_tasks(paths: &[PathBuf]) -> Result<usize, RunError> {
+    let mut count = 0;
+    each_task(paths, |_| {
+        count += 1;
+        Ok(())
+    })?;
+    Ok(count)
+}
+
 fn each_task(paths: &[PathBuf], mut take: impl FnMut(Task) -> Result<(), RunError>) -> Result<(), RunError> {
     let mut known = BTreeSet::new();
     let mut take = |task: Task, place: &Path| {
@@ -173,8 +186,8 @@ fn each_task(paths: &[PathBuf], mut take: impl FnMut(Task) -> Result<(), RunErro
         take(task)
     };
     for path in expand(paths)? {
-        if path.extension().is_some_and(|extension| extension == "jsonl") {
-            each_line(&path, &mut take)?;
+        if is_list(&path) {
+            each_line(&path, &mut |place, text| take(task_of_text(place, &text?)?, place))?;
         } else {
             take(read_task(&path)?, &path)?;
         }
@@ -182,22 +195,32 @@ fn each_task(paths: &[PathBuf], mut take: impl FnMut(Task) -> Result<(), RunErro
     Ok(())
 }
 
-/// Reads a list of task documents, one per line.
-fn each_line(path: &Path, take: &mut dyn FnMut(Task, &Path) -> Result<(), RunError>) -> Result<(), RunError> {
+/// Whether a file is a list with a task document per line.
+pub(crate) fn is_list(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "jsonl")
+}
+
+/// Hands on every line of a list that is not empty, with its place, `FILE:LINE`; an error where it is too long or no text.
+pub(crate) fn each_line(
+    path: &Path,
+    take: &mut dyn FnMut(&Path, Result<String, RunError>) -> Result<(), RunError>,
+) -> Result<(), RunError> {
     let mut lines = files::open_list(path).map_err(|error| unreadable(path, error))?;
     let mut line = Vec::new();
     for number in 1.. {
         line.clear();
-        let read = lines.by_ref().take(limits::TASK.bytes + 1).read_until(b'\n', &mut line);
-        if read.map_err(|error| RunError::file("read", path, error))? == 0 {
+        let failed = |error| RunError::file("read", path, error);
+        if lines.by_ref().take(limits::TASK.bytes + 1).read_until(b'\n', &mut line).map_err(failed)? == 0 {
             break;
         }
         let place = PathBuf::from(format!("{}:{number}", path.display()));
         if line.len() as u64 > limits::TASK.bytes {
-            return Err(RunError::TooLarge { path: place, limit: limits::TASK });
-        }
-        if !line.trim_ascii().is_empty() {
-            take(task_of_text(&place, &text_of(&place, std::mem::take(&mut line))?)?, &place)?;
+            if !line.ends_with(b"\n") {
+                lines.skip_until(b'\n').map_err(failed)?;
+            }
+            take(&place, Err(RunError::TooLarge { path: place.clone(), limit: limits::TASK }))?;
+        } else if !line.trim_ascii().is_empty() {
+            take(&place, text_of(&place, std::mem::take(&mut line)))?;
         }
     }
     Ok(())

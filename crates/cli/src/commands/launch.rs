@@ -25,7 +25,7 @@ struct Launched {
 
 pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus, Failed> {
     let collect = collecting(&arguments.call)?;
-    let tasks = inputs::spool_tasks(&collect.tasks, &collect.out)?;
+    let tasks = inputs::count_tasks(&collect.tasks)?;
     let program = std::env::current_exe().map_err(|error| Failed::because("cannot find this program", &error))?;
     let cluster = match arguments {
         LaunchArguments { slurm: true, .. } => Cluster::Slurm,
@@ -40,7 +40,7 @@ pub fn run(arguments: &LaunchArguments, printer: &Printer) -> Result<ExitStatus,
         arguments: arguments.call.clone(),
         out: collect.out.clone(),
         shards: arguments.shards,
-        attempts: tasks.entries().len().saturating_mul(collect.episodes),
+        attempts: tasks.saturating_mul(collect.episodes),
         cpus: arguments.cpus,
         at_once: arguments.at_once.unwrap_or(at_once),
         container: container.map(|(image, claim)| Container { image, claim, mount: arguments.mount.clone() }),

@@ -29,26 +29,28 @@ pub fn check(arguments: &CheckArguments, printer: &Printer) -> Result<ExitStatus
         lines.push((checked.verdict == Verdict::Valid.name(), describe(&checked)));
         list.add(&checked);
     })?;
-    let files = lines.len();
-    let is_long = files > MOST_ROWS && !arguments.each;
+    let count = lines.len();
+    let is_long = count > MOST_ROWS && !arguments.each;
     let mut text: String =
         lines.iter().filter(|(is_valid, _)| !(is_long && *is_valid)).map(|(_, line)| &**line).collect();
-    if files > 1 {
+    if count > 1 {
         let counts = |counts: &mut dyn Iterator<Item = (&str, usize)>| {
             counts.map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
         };
         let hidden = if is_long { "; valid ones are left out here, --each prints all" } else { "" };
-        text +=
-            &format!("{files} files: {}{hidden}\n", counts(&mut verdicts.iter().map(|(&name, &count)| (name, count))));
+        text += &format!(
+            "{count} checked: {}{hidden}\n",
+            counts(&mut verdicts.iter().map(|(&name, &count)| (name, count)))
+        );
         if !flaws.is_empty() {
             let named = counts(&mut flaws.iter().map(|(name, &count)| (name.as_str(), count)));
-            text += &format!("files with each flaw: {named}\n");
+            text += &format!("with each flaw: {named}\n");
         }
     }
     list.end(&text);
     let rejected = verdicts.get(Verdict::Rejected.name()).copied().unwrap_or_default();
     if rejected > 0 {
-        printer.say(format!("{rejected} of {files} rejected"));
+        printer.say(format!("{rejected} of {count} rejected"));
         return Ok(ExitStatus::NotMet);
     }
     Ok(ExitStatus::Done)

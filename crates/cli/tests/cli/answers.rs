@@ -77,8 +77,36 @@ fn a_folder_of_documents_and_answers_is_checked_whole() {
     assert_eq!(flaws("half"), json!(["no_task"]));
     assert_eq!((flaws("017"), flaws("articulated")), (json!([]), json!([])));
     let words = genmanip(path, &["task", "check", "tasks"]);
-    assert!(words.stdout.contains("9 files: 3 rejected, 6 valid\n"), "{words:?}");
+    assert!(words.stdout.contains("9 checked: 3 rejected, 6 valid\n"), "{words:?}");
     assert!(words.stderr.contains("3 of 9 rejected"), "{words:?}");
+    // The same as lines of a list, each with its place.
+    let entries = checked.as_array().unwrap();
+    let line = |entry: &Value| {
+        let text = fs::read_to_string(path.join(entry["file"].as_str().unwrap())).unwrap();
+        serde_json::from_str(&text).map_or(text, |value: Value| value.to_string())
+    };
+    fs::write(path.join("list.jsonl"), entries.iter().map(line).collect::<Vec<_>>().join("\n\n")).unwrap();
+    let lines = genmanip(path, &["task", "check", "list.jsonl", "--json"]).json(1);
+    assert_eq!(lines.as_array().unwrap().len(), entries.len());
+    for (number, (of_line, of_file)) in lines.as_array().unwrap().iter().zip(entries).enumerate() {
+        assert_eq!(of_line["file"], format!("list.jsonl:{}", 2 * number + 1));
+        assert_eq!((&of_line["verdict"], &of_line["flaws"]), (&of_file["verdict"], &of_file["flaws"]));
+    }
+    let words = genmanip(path, &["task", "check", "list.jsonl"]);
+    assert!(words.stdout.contains("9 checked: 3 rejected, 6 valid\n"), "{words:?}");
+    let half = entries.iter().position(|entry| entry["file"] == "tasks/half.json").unwrap();
+    let place = format!("list.jsonl:{} is no", 2 * half + 1);
+    assert!(words.stdout.contains(&place), "{place} in {words:?}");
+    let long = " ".repeat(5 << 20);
+    fs::write(path.join("long.jsonl"), [long.as_bytes(), b"{}\n\xff\n", &b"{\n".repeat(2)].concat()).unwrap();
+    let long = genmanip(path, &["task", "check", "long.jsonl", "--json"]).json(1);
+    let said: Vec<&str> =
+        long.as_array().unwrap().iter().map(|entry| entry["details"][0]["message"].as_str().unwrap()).collect();
+    assert!(said.len() == 4 && said[0].contains("long.jsonl:1 is larger than"), "{said:?}");
+    assert!((1..4).all(|line| said[line].contains(&format!("long.jsonl:{}", line + 1))), "{said:?}");
+    fs::write(path.join("empty.jsonl"), "\n").unwrap();
+    genmanip(path, &["task", "check", "empty.jsonl"]).assert_refused(&["empty.jsonl has no task", "per line"]);
+    genmanip(path, &["task", "check", "none.jsonl"]).assert_refused(&["none.jsonl", "check the path"]);
     // Every other verb names the first fault, and says that there are more.
     genmanip(path, &["task", "show", file.to_str().unwrap()])
         .assert_refused(&["at $.id: `../elsewhere` cannot name a folder (and 2 more"]);
