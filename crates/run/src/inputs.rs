@@ -200,11 +200,11 @@ pub(crate) fn is_list(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "jsonl")
 }
 
+/// Takes a line and its place.
+type TakeLine<'a> = dyn FnMut(&Path, Result<String, RunError>) -> Result<(), RunError> + 'a;
+
 /// Hands on every line of a list that is not empty, with its place, `FILE:LINE`; an error where it is too long or no text.
-pub(crate) fn each_line(
-    path: &Path,
-    take: &mut dyn FnMut(&Path, Result<String, RunError>) -> Result<(), RunError>,
-) -> Result<(), RunError> {
+pub(crate) fn each_line(path: &Path, take: &mut TakeLine) -> Result<(), RunError> {
     let mut lines = files::open_list(path).map_err(|error| unreadable(path, error))?;
     let mut line = Vec::new();
     for number in 1.. {
