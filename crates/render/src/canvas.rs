@@ -129,9 +129,9 @@ impl Canvas {
             select(&self.finished, 3, &mut tiles);
             self.encode(&tiles);
             let glass = self.view.has_transparent.then_some(&self.glass);
-            let (colors, rgb) = (&self.colors, &mut self.rgb);
-            self.edges.finish(scene, &self.view, &self.opaque.target, glass, &self.arrival, &tiles, colors, rgb);
+            self.edges.find(&self.view, &self.opaque.target, glass, &self.arrival, &tiles, &self.colors);
         }
+        self.edges.finish(scene, &self.view, &self.arrival, &self.colors, &mut self.rgb);
     }
 
     /// Shades the surfaces at the centres of the pixels of tiles, and writes their bytes.

@@ -61,8 +61,11 @@ struct Directions {
 const APART: f32 = 1e-4;
 
 impl Edges {
-    /// Looks at all parts as they are seen; to be called before the tiles of a picture are finished.
+    /// Looks at all parts as they are seen; to be called before [`Edges::find`].
     pub fn begin(&mut self, assets: &RenderAssets, view: &View) {
+        self.mixed.clear();
+        self.extras.clear();
+        self.panes.clear();
         let Directions { first, codes } = &mut self.directions;
         first.clear();
         codes.clear();
@@ -74,22 +77,16 @@ impl Edges {
         }
     }
 
-    /// Rewrites the bytes of the pixels of tiles that show several surfaces or something transparent.
-    #[expect(clippy::too_many_arguments, reason = "one stage of a pipeline: what it reads, and what it writes")]
-    pub fn finish(
+    /// Finds the pixels of tiles that show several surfaces or something transparent; tiles are given in their order.
+    pub fn find(
         &mut self,
-        scene: &Scene<'_>,
         view: &View,
         opaque: &Target,
         glass: Option<&Glass>,
         arrival: &Arrival,
         tiles: &[usize],
         colors: &[Vec3A],
-        rgb: &mut [u8],
     ) {
-        self.mixed.clear();
-        self.extras.clear();
-        self.panes.clear();
         let n = opaque.scale as isize;
         let (mut keys, directions) = (std::mem::take(&mut self.keys), std::mem::take(&mut self.directions));
         let around = Around { view, opaque, directions: &directions, n };
@@ -119,6 +116,10 @@ impl Edges {
             }
         }
         (self.keys, self.directions) = (keys, directions);
+    }
+
+    /// Shades what no pixel's centre shows and rewrites the bytes of all pixels that were found.
+    pub fn finish(&mut self, scene: &Scene<'_>, view: &View, arrival: &Arrival, colors: &[Vec3A], rgb: &mut [u8]) {
         self.shade_extras(scene, view);
         self.shade_panes(scene, view);
         for &(pixel, color) in &self.mixed {

@@ -27,13 +27,13 @@ pub(crate) fn occlude(
 ) {
     let radius = variation.occlusion_radius_m;
     taps.begin(points, focal, radius);
-    for &offset in spiral() {
-        place_taps(taps, points, offset, size);
+    place_taps(taps, points, size);
+    for (index, seen) in taps.index.iter().zip(&mut taps.depth) {
         for i in 0..points.count {
-            taps.depth[i] = depth[taps.index[i] as usize];
+            seen[i] = depth[index[i] as usize];
         }
-        add_taps(taps, points, focal, radius);
     }
+    add_taps(taps, points, focal, radius);
     let scale = 2.5 * strength / (radius.powi(5) * TAPS as f32);
     for i in 0..CHUNK {
         let share = 1.0 - taps.darkening[i] * scale;
@@ -46,11 +46,11 @@ pub(crate) fn occlude(
 pub(crate) struct Taps {
     cosine: Lane,
     sine: Lane,
-    /// Whole pixels from the point to the tap.
-    dx: Lane,
-    dy: Lane,
-    index: [u32; CHUNK],
-    depth: Lane,
+    /// Whole pixels from the point to each tap.
+    dx: [Lane; TAPS],
+    dy: [Lane; TAPS],
+    index: [[u32; CHUNK]; TAPS],
+    depth: [Lane; TAPS],
     darkening: Lane,
     pub share: Lane,
 }
@@ -60,10 +60,10 @@ impl Default for Taps {
         Self {
             cosine: ZERO,
             sine: ZERO,
-            dx: ZERO,
-            dy: ZERO,
-            index: [0; CHUNK],
-            depth: ZERO,
+            dx: [ZERO; TAPS],
+            dy: [ZERO; TAPS],
+            index: [[0; CHUNK]; TAPS],
+            depth: [ZERO; TAPS],
             darkening: ZERO,
             share: ZERO,
         }
@@ -73,7 +73,6 @@ impl Default for Taps {
 impl Taps {
     /// The turn and the length of the taps of each point go together.
     fn begin(&mut self, points: &Points, focal: f32, radius: f32) {
-        self.darkening = ZERO;
         for i in 0..points.count {
             let reach = within(radius * focal / points.place_in_camera[2][i], 3.0, MAX_REACH);
             // Of every other pixel, so that the pattern of turns repeats every 4×4 estimates.
@@ -88,15 +87,19 @@ impl Taps {
 const TURN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_taps(taps: &mut Taps, points: &Points, offset: [f32; 2], [width, height]: [usize; 2]) {
+fn place_taps(taps: &mut Taps, points: &Points, [width, height]: [usize; 2]) {
     let (last_column, last_row, width) = ((width - 1) as i32 as f32, (height - 1) as i32 as f32, width as u32);
-    for i in 0..CHUNK {
-        let column = within(points.column[i] + offset[0] * taps.cosine[i] - offset[1] * taps.sine[i], 0.0, last_column);
-        let row = within(points.row[i] + offset[0] * taps.sine[i] + offset[1] * taps.cosine[i], 0.0, last_row);
-        let (column, row) = (nearest_integer(column), nearest_integer(row));
-        taps.dx[i] = column as i32 as f32 - points.column[i];
-        taps.dy[i] = row as i32 as f32 - points.row[i];
-        taps.index[i] = row * width + column;
+    let (cosines, sines) = (&taps.cosine, &taps.sine);
+    let places = taps.dx.iter_mut().zip(&mut taps.dy).zip(&mut taps.index);
+    for (offset, ((dx, dy), index)) in spiral().iter().zip(places) {
+        for i in 0..CHUNK {
+            let column = within(points.column[i] + offset[0] * cosines[i] - offset[1] * sines[i], 0.0, last_column);
+            let row = within(points.row[i] + offset[0] * sines[i] + offset[1] * cosines[i], 0.0, last_row);
+            let (column, row) = (nearest_integer(column), nearest_integer(row));
+            dx[i] = column as i32 as f32 - points.column[i];
+            dy[i] = row as i32 as f32 - points.row[i];
+            index[i] = row * width + column;
+        }
     }
 }
 
@@ -106,20 +109,24 @@ fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
     let square_radius = radius * radius;
     for i in 0..CHUNK {
         let (x, y, z) = (points.place_in_camera[0][i], points.place_in_camera[1][i], points.place_in_camera[2][i]);
-        let depth = taps.depth[i];
         let bias = 0.001 + 0.002 * z;
-        // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
-        let stretch = depth / z - 1.0;
-        let step = depth * inverse_focal;
-        let toward = [stretch * x + taps.dx[i] * step, stretch * y + taps.dy[i] * step, depth - z];
-        let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2];
-        let near = if square_radius > square { square_radius - square } else { 0.0 };
-        let above = toward[0] * points.normal_in_camera[0][i]
-            + toward[1] * points.normal_in_camera[1][i]
-            + toward[2] * points.normal_in_camera[2][i]
-            - bias;
-        let above = if above > 0.0 { above } else { 0.0 };
-        taps.darkening[i] += near * near * near * above / (square + 1e-5);
+        let mut darkening = 0.0;
+        for tap in 0..TAPS {
+            let depth = taps.depth[tap][i];
+            // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
+            let stretch = depth / z - 1.0;
+            let step = depth * inverse_focal;
+            let toward = [stretch * x + taps.dx[tap][i] * step, stretch * y + taps.dy[tap][i] * step, depth - z];
+            let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2];
+            let near = if square_radius > square { square_radius - square } else { 0.0 };
+            let above = toward[0] * points.normal_in_camera[0][i]
+                + toward[1] * points.normal_in_camera[1][i]
+                + toward[2] * points.normal_in_camera[2][i]
+                - bias;
+            let above = if above > 0.0 { above } else { 0.0 };
+            darkening += near * near * near * above / (square + 1e-5);
+        }
+        taps.darkening[i] = darkening;
     }
 }
 

@@ -338,8 +338,10 @@ impl Target {
                 let value = within(start + (column as i32 + offset) as f32 * dx, low, high);
                 let (nearest, nearest_id) = (nearness[column], ids[column]);
                 let closer = (value > nearest) | ((value == nearest) & (id < nearest_id));
-                nearness[column] = if closer { value } else { nearest };
-                ids[column] = if closer { id } else { nearest_id };
+                // Positive numbers are in the order of their bits. Where a choice is stored over what was read, the compiler
+                // makes it a masked store, at which some processors are slow.
+                nearness[column] = f32::from_bits(value.to_bits().max(nearest.to_bits()));
+                ids[column] = nearest_id.wrapping_add(if closer { id.wrapping_sub(nearest_id) } else { 0 });
             };
             // Most rows are too short for wide registers.
             if count <= SHORT {

@@ -64,56 +64,61 @@ impl Queue {
 
 /// How many taps on a square map are nearer to the light than the receiving plane, and by how much together.
 pub(crate) fn tap(queue: &Queue, map: &[f32], size: usize, taps: &mut Taps) {
-    (taps.blockers, taps.distance) = (ZERO, ZERO);
-    for &offset in spiral() {
-        place_taps(queue, offset, size, taps);
+    place_taps(queue, size, taps);
+    for (index, stored) in taps.index.iter().zip(&mut taps.stored) {
         for i in 0..queue.count {
-            taps.stored[i] = map[taps.index[i] as usize];
+            stored[i] = map[index[i] as usize];
         }
-        add_taps(taps);
     }
+    add_taps(taps);
 }
 
 /// Taps of a chunk of doubts.
 #[derive(Debug)]
 pub(crate) struct Taps {
-    index: [u32; CHUNK],
-    /// Nearness of the receiving plane under the tap.
-    plane: [f32; CHUNK],
-    stored: [f32; CHUNK],
+    index: [[u32; CHUNK]; TAPS],
+    /// Nearness of the receiving plane under the taps.
+    plane: [Lane; TAPS],
+    stored: [Lane; TAPS],
     pub blockers: Lane,
     pub distance: Lane,
 }
 
 impl Default for Taps {
     fn default() -> Self {
-        let zero = [0.0; CHUNK];
-        Self { index: [0; CHUNK], plane: zero, stored: zero, blockers: zero, distance: zero }
+        let zero = [ZERO; TAPS];
+        Self { index: [[0; CHUNK]; TAPS], plane: zero, stored: zero, blockers: ZERO, distance: ZERO }
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_taps(queue: &Queue, offset: [f32; 2], size: usize, taps: &mut Taps) {
+fn place_taps(queue: &Queue, size: usize, taps: &mut Taps) {
     let limit = (size - 1) as i32 as f32;
     let width = size as u32;
-    for i in 0..CHUNK {
-        let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
-        let dx = (offset[0] * cosine - offset[1] * sine) * radius;
-        let dy = (offset[0] * sine + offset[1] * cosine) * radius;
-        let column = nearest_integer(within(queue.x[i] + dx, 0.0, limit));
-        let row = nearest_integer(within(queue.y[i] + dy, 0.0, limit));
-        taps.index[i] = row * width + column;
-        taps.plane[i] = dx * queue.tilt_x[i] + dy * queue.tilt_y[i] + queue.nearness[i];
+    for ((offset, index), plane) in spiral().iter().zip(&mut taps.index).zip(&mut taps.plane) {
+        for i in 0..CHUNK {
+            let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
+            let dx = (offset[0] * cosine - offset[1] * sine) * radius;
+            let dy = (offset[0] * sine + offset[1] * cosine) * radius;
+            let column = nearest_integer(within(queue.x[i] + dx, 0.0, limit));
+            let row = nearest_integer(within(queue.y[i] + dy, 0.0, limit));
+            index[i] = row * width + column;
+            plane[i] = dx * queue.tilt_x[i] + dy * queue.tilt_y[i] + queue.nearness[i];
+        }
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn add_taps(taps: &mut Taps) {
     for i in 0..CHUNK {
-        let ahead = taps.stored[i] - taps.plane[i];
-        let weight = if taps.stored[i].to_bits() & 1 == 1 { GLASS_SHADE } else { 1.0 };
-        taps.blockers[i] += if ahead > 0.0 { weight } else { 0.0 };
-        taps.distance[i] += if ahead > 0.0 { ahead * weight } else { 0.0 };
+        let (mut blockers, mut distance) = (0.0, 0.0);
+        for (stored, plane) in taps.stored.iter().zip(&taps.plane) {
+            let ahead = stored[i] - plane[i];
+            let weight = if stored[i].to_bits() & 1 == 1 { GLASS_SHADE } else { 1.0 };
+            blockers += if ahead > 0.0 { weight } else { 0.0 };
+            distance += if ahead > 0.0 { ahead * weight } else { 0.0 };
+        }
+        (taps.blockers[i], taps.distance[i]) = (blockers, distance);
     }
 }
 
