@@ -191,6 +191,19 @@ fn a_control_that_succeeds_is_a_warning() {
     assert!(text.contains("The control policy do_nothing succeeded in 1 episode"), "{text}");
 }
 
+#[test]
+fn a_correction_says_from_whom_and_when_it_took_over() {
+    let mut tasks = support::tasks();
+    tasks.truncate(1);
+    let mut input = support::report_input(tasks);
+    let shown = input.cases[0].shown.as_mut().unwrap();
+    let evidence = "the cup left the gripper".into();
+    let failures = vec![Failure { cause: FailureCause::Slipped, evidence }];
+    shown.correction = Some(Correction { policy: "clumsy".into(), from_step: 204, failures });
+    let text = check_report(&report_html(&input, &ReportSettings::default()).unwrap(), 15_000_000);
+    assert!(text.contains("Taken over after 3.4 s from clumsy, which had failed: slipped, the cup left"), "{text}");
+}
+
 fn scenario(task: &Task, number: u64) -> Scenario {
     Scenario {
         id: format!("{}-{number:02}", task.id),

@@ -2,6 +2,7 @@
 //!
 //! 0 means that nothing was hit; what lies beyond 65.535 m is stored as 65535.
 
+use multiversion::multiversion;
 use png::{BitDepth, ColorType, Decoder, Encoder, chunk};
 use zlib_rs::{DeflateConfig, ReturnCode, compress_bound, compress_slice};
 
@@ -14,10 +15,18 @@ const MAX_SIDE_PX: u32 = 8192;
 const LEVEL: i32 = 4;
 
 /// Metres to millimetres, rounded; 0 for what is not a positive number.
+#[inline(always)]
 pub fn depth_to_mm(depth_m: f32) -> u16 {
-    // Not finite and negative values become 0, large ones 65535: that is what `as` does here. The product is exact, and
-    // so is the sum where it could reach the next millimetre: it rounds as `f64::round` does, without a call.
-    if depth_m.is_finite() { (f64::from(depth_m) * 1000.0 + 0.5) as u16 } else { 0 }
+    /// Beyond it a double has no digits after the point: adding it rounds, and leaves the integer in the lowest bits.
+    const SHIFT: f64 = (1_u64 << 52) as f64;
+    // The product is exact, and so is the sum where it could reach the next millimetre: its integer part is what
+    // `f64::round` gives, without a call or the care that a conversion takes for all other numbers.
+    let mm = f64::from(depth_m) * 1000.0 + 0.5;
+    let mm = if mm > 0.0 && depth_m < f32::INFINITY { mm } else { 0.0 };
+    let mm = if mm < 65_535.0 { mm } else { 65_535.0 };
+    let nearest = (mm + SHIFT) - SHIFT;
+    let whole = if nearest > mm { nearest - 1.0 } else { nearest };
+    (whole + SHIFT).to_bits() as u16
 }
 
 /// A PNG file of a depth image in metres, row by row.
@@ -28,7 +37,15 @@ pub fn encode_depth_png(depth_m: &[f32], width: u32, height: u32) -> Result<Vec<
     if depth_m.len() != width as usize * height as usize {
         return Err(DataError::mismatch("values of a depth image", width as usize * height as usize, depth_m.len()));
     }
-    encode_mm_png(&depth_m.iter().map(|depth| depth_to_mm(*depth)).collect::<Vec<_>>(), width, height)
+    let mut depth_mm = vec![0; depth_m.len()];
+    to_mm(depth_m, &mut depth_mm);
+    encode_mm_png(&depth_mm, width, height)
+}
+
+/// [`depth_to_mm`] of a picture.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn to_mm(depth_m: &[f32], depth_mm: &mut [u16]) {
+    depth_mm.iter_mut().zip(depth_m).for_each(|(mm, &m)| *mm = depth_to_mm(m));
 }
 
 /// A PNG file of a depth image in millimetres, row by row; there must be `width · height`.
@@ -48,27 +65,41 @@ pub(crate) fn encode_mm_png(depth_mm: &[u16], width: u32, height: u32) -> Result
 /// (PNG specification, third edition, 9.4): much of a table that a camera looks down on has the same slope.
 fn filtered(depth_mm: &[u16], width: usize) -> Vec<u8> {
     const PAETH: u8 = 4;
-    /// Bytes of a pixel: left of the first there are zeros.
-    const PIXEL: usize = 2;
-    let mut bytes = Vec::with_capacity((PIXEL * width + 1) * (depth_mm.len() / width.max(1)));
+    let mut bytes = vec![0; (PIXEL * width + 1) * (depth_mm.len() / width.max(1))];
     let mut above = vec![0; PIXEL * (width + 1)];
     let mut row = above.clone();
-    for values in depth_mm.chunks_exact(width.max(1)) {
+    let lines = bytes.chunks_exact_mut(PIXEL * width + 1);
+    for (values, line) in depth_mm.chunks_exact(width.max(1)).zip(lines) {
         for (bytes, value) in row.as_chunks_mut::<PIXEL>().0[1..].iter_mut().zip(values) {
             *bytes = value.to_be_bytes();
         }
-        bytes.push(PAETH);
-        let around = row.iter().zip(&above[PIXEL..]).zip(&above);
-        bytes.extend(row[PIXEL..].iter().zip(around).map(|(byte, ((left, up), corner))| {
-            byte.wrapping_sub(predicted(i16::from(*left), i16::from(*up), i16::from(*corner)))
-        }));
+        if let [filter, line @ ..] = line {
+            *filter = PAETH;
+            take_differences(&row, &above, line);
+        }
         std::mem::swap(&mut above, &mut row);
     }
     bytes
 }
 
+/// Bytes of a pixel.
+const PIXEL: usize = 2;
+
+/// Differences of a row from what is predicted for it; rows begin with a pixel of zeros.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn take_differences(row: &[u8], above: &[u8], differences: &mut [u8]) {
+    let count = differences.len();
+    let (lefts, bytes) = (&row[..count], &row[PIXEL..][..count]);
+    let (corners, ups) = (&above[..count], &above[PIXEL..][..count]);
+    for i in 0..count {
+        let (left, up, corner) = (i16::from(lefts[i]), i16::from(ups[i]), i16::from(corners[i]));
+        differences[i] = bytes[i].wrapping_sub(predicted(left, up, corner));
+    }
+}
+
 /// Of the bytes to the left, above and in the corner the one that is nearest to left + above - corner; without branches,
 /// so that it is compiled for wide registers.
+#[inline(always)]
 fn predicted(left: i16, up: i16, corner: i16) -> u8 {
     let (to_left, to_up) = ((up - corner).abs(), (left - corner).abs());
     let to_corner = (left + up - 2 * corner).abs();

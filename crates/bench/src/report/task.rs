@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use genmanip_core::{Atom, AtomVerdict, AttemptOutcome, EpisodeResult, GoalVerdict, Measurement, Task};
+use genmanip_core::{
+    Atom, AtomVerdict, AttemptOutcome, Correction, EpisodeResult, Failure, GoalVerdict, Measurement, Task,
+};
 
 use super::overview::{why_chips, yield_chip};
 use super::tables::{causes_text, margin_text, quantity_text, seconds_text, table, threshold_text};
@@ -98,6 +100,7 @@ fn verdict(task: &Task, shown: &EpisodeResult) -> String {
         escape(&words(&shown.policy)),
         if shown.oracle { ", oracle" } else { "" },
     );
+    html += &shown.correction.as_ref().map_or_else(String::new, |correction| taken_over(correction, shown));
     let several = alternatives.len() > 1;
     let mut rows: Vec<Vec<String>> = Vec::new();
     for (index, atoms) in alternatives.iter().enumerate() {
@@ -112,6 +115,17 @@ fn verdict(task: &Task, shown: &EpisodeResult) -> String {
         html += "<p class=\"note\">One alternative is enough; the letters are those of the drawing.</p>\n";
     }
     html
+}
+
+/// From whom the episode was taken over, when, and why that policy would have failed.
+fn taken_over(correction: &Correction, episode: &EpisodeResult) -> String {
+    let after_s = correction.from_step as f64 / episode.control_rate_hz;
+    let why = match correction.failures.first() {
+        Some(Failure { cause, evidence }) => format!(": {}, {evidence}", words(cause.name())),
+        None => String::new(),
+    };
+    let text = format!("Taken over after {after_s:.1} s from {}, which had failed{why}.", words(&correction.policy));
+    format!("<p class=\"note\">{}</p>\n", escape(&text))
 }
 
 /// The condition, and one line per measured quantity in each of the other cells.
