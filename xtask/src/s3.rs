@@ -10,7 +10,7 @@ use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::sleep;
@@ -91,18 +91,20 @@ pub fn run(workspace: &Workspace) -> Result {
 fn killed(command: &mut Command, after: usize, proxy: &Proxy) -> Result {
     let program = Path::new("genmanip");
     let before = proxy.calls();
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().on("start", program)?;
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().on("start", program)?;
     let begun = Instant::now();
-    while proxy.calls() < before + after && begun.elapsed() < PATIENCE {
+    let is_running = |child: &mut Child| matches!(child.try_wait(), Ok(None));
+    while proxy.calls() < before + after && begun.elapsed() < PATIENCE && is_running(&mut child) {
         sleep(Duration::from_millis(1));
     }
     let _ = child.kill();
-    let ended = child.wait().on("wait for", program)?;
-    if ended.code().is_some() {
+    let Output { status, stderr, .. } = child.wait_with_output().on("wait for", program)?;
+    if status.code().is_some() {
+        let said = String::from_utf8_lossy(&stderr);
         return Err(Problem {
-            what: format!("`{}` ended ({ended}) before it was killed", process::shown(command)),
+            what: format!("`{}` ended ({status}) before it was killed: {}", process::shown(command), said.trim()),
             expected: format!("more than {after} calls"),
-            hint: "make SMALL_FILES larger".into(),
+            hint: "make SMALL_FILES larger, unless it failed".into(),
         });
     }
     Ok(())

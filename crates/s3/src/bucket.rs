@@ -157,8 +157,9 @@ impl Bucket {
             if text.contains("<Error>") { Err(Trouble::passing(in_words(&text))) } else { Ok(()) }
         });
         match completed {
-            // The answer to a try before may have been lost.
-            Err(S3Error::Refused { status: 404, .. })
+            // The answer to a try before may have been lost: servers say then that there is no such upload, or that it is
+            // nobody's.
+            Err(S3Error::Refused { .. })
                 if self.about(key)?.is_some_and(|about| about.sha256.as_deref() == Some(sha256)) =>
             {
                 Ok(())

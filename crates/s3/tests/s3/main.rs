@@ -65,6 +65,21 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
+/// The object of an upload is there although the answer that said so was lost, whatever is said of the upload then.
+#[test]
+fn a_lost_answer_to_a_completion_loses_nothing() {
+    for status in [403, 404] {
+        let (server, from) = (Server::start(), folder());
+        server.lose_completions(status);
+        let sent = push(&bucket(&server, QUICK), from.path(), "runs", 4, &|_| ());
+        assert_eq!(
+            sent.map(|moved| moved.moved).map_err(|error| error.to_string()),
+            Ok(contents(from.path()).len()),
+            "{status}"
+        );
+    }
+}
+
 /// Every seventh call fails, by turns before the server has done anything and after: every object arrives all the same.
 #[test]
 fn a_folder_survives_a_server_that_refuses_calls() {

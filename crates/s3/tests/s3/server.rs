@@ -20,6 +20,8 @@ struct State {
     every: AtomicUsize,
     from: AtomicUsize,
     refuses: AtomicBool,
+    /// Status of what is said of an upload that was completed before; 0: the first answer arrives.
+    loses_completions: AtomicUsize,
 }
 
 #[derive(Default)]
@@ -87,6 +89,11 @@ impl Server {
         self.state.refuses.store(true, Ordering::Relaxed);
     }
 
+    /// The answer to each completion of an upload is lost; the next one is an error of a status.
+    pub fn lose_completions(&self, status: usize) {
+        self.state.loses_completions.store(status, Ordering::Relaxed);
+    }
+
     pub fn put(&self, key: &str, bytes: &[u8]) {
         let object = Object { bytes: bytes.into(), sha256: None };
         self.state.kept.lock().unwrap().objects.insert(key.into(), object);
@@ -115,7 +122,8 @@ fn serve(mut stream: TcpStream, state: &State) {
         state.answer(&call)
     };
     state.failed.fetch_add(usize::from(fails), Ordering::Relaxed);
-    if is_lost {
+    let is_completed = call.method == "POST" && call.query.contains_key("uploadId") && answer.status == 200;
+    if is_lost || is_completed && state.loses_completions.load(Ordering::Relaxed) > 0 {
         return;
     }
     let mut head = format!("HTTP/1.1 {} x\r\nconnection: close\r\n", answer.status);
@@ -182,6 +190,7 @@ impl State {
                     kept.objects.insert(key.clone(), object);
                     fine(b"<CompleteMultipartUploadResult/>".to_vec())
                 }
+                None if self.loses_completions.load(Ordering::Relaxed) == 403 => error(403, "AccessDenied", "not you"),
                 None => error(404, "NoSuchUpload", "it is not there"),
             },
             ("DELETE", Some(id)) => {
