@@ -159,9 +159,7 @@ impl Bucket {
         match completed {
             // The answer to a try before may have been lost: servers say then that there is no such upload, or that it is
             // nobody's.
-            Err(S3Error::Refused { .. })
-                if self.about(key)?.is_some_and(|about| about.sha256.as_deref() == Some(sha256)) =>
-            {
+            Err(S3Error::Refused { .. }) if matches!(self.about(key), Ok(Some(about)) if about.sha256.as_deref() == Some(sha256)) => {
                 Ok(())
             }
             completed => completed,

@@ -57,7 +57,7 @@ impl Lerobot {
         }
         let fps = book.info.fps;
         if !(1.0..=240.0).contains(&fps) || fps.fract() != 0.0 {
-            let what = format!("fps of {}", root.join("meta/info.json").display());
+            let what = format!("fps of {}", root.join(INFO).display());
             return Err(DataError::mismatch(what, "a whole number from 1 to 240", fps));
         }
         let pictures = Pictures::new(settings.ffmpeg.clone());
