@@ -19,14 +19,17 @@ use crate::points::{Centers, Pixels, Points, packed};
 use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
 use crate::scene::Scene;
 use crate::shadow::{Doubts, ShadowMap, Span};
+use crate::tops::{Blocks, Reading, Tops};
 use crate::variation::RenderVariation;
-use crate::view::View;
+use crate::view::{Lens, View};
 
 /// Where a pixel covers less than this many texels of the shadow map, four pixels share an estimate of the key light:
 /// the softest edges that the map can show are three times as wide.
 const COARSE_TEXELS: f32 = 0.75;
 /// Pixels of one surface whose depths differ by less than this share lie on one piece of it.
 const LEVEL: f32 = 0.02;
+/// Estimate of a pixel whose share of the key light is read from a level top.
+const ON_TOP: f32 = -2.0;
 /// Tiles beyond the reach of the taps on which a blurred pixel depends.
 const BLUR_TILES: isize = 1;
 
@@ -70,6 +73,9 @@ struct Work {
     points: Points,
     taps: Taps,
     doubts: Doubts,
+    reading: Reading,
+    /// Pixels that show level tops.
+    tops: Bins,
     /// Tiles whose pixels share estimates of the key light.
     coarse: Vec<usize>,
     /// Tiles whose shares of the key light and of the ambient light follow from estimates.
@@ -105,6 +111,10 @@ struct TileSummary {
     reach: isize,
     /// Where it lies on the shadow map.
     span: Span,
+    /// What its pixels read of the level top that all of them show.
+    top: Option<Blocks>,
+    /// Whether only some of its pixels may show one.
+    has_top: bool,
     /// Whether its pixels are much smaller than the shadow map's texels.
     is_coarse: bool,
     /// Whether all its pixels show one surface at about one depth.
@@ -146,6 +156,8 @@ impl Arrival {
             only: None,
             reach: 0,
             span: Span::default(),
+            top: None,
+            has_top: false,
             is_coarse: false,
             is_level: false,
             key: NO_RANGE,
@@ -200,7 +212,15 @@ impl Arrival {
         stale.clear();
         stale.extend(self.tiles.iter().enumerate().map(|(tile, summary)| {
             let [from, to] = self.around(tile, summary.reach);
-            let [shadow_from, shadow_to] = summary.span.reach();
+            if let (Some(blocks), Some(top)) = (summary.top, shadow.tops().of(summary.surface)) {
+                return self.changes.any(from, to) || top.changed_after(version, blocks);
+            }
+            let [mut shadow_from, mut shadow_to] = summary.span.reach();
+            if summary.has_top {
+                // The cells of a top reach further than the taps of a pixel.
+                shadow_from = shadow_from.map(|tile| tile - 1);
+                shadow_to = shadow_to.map(|tile| tile + 1);
+            }
             self.changes.any(from, to) || self.shadow_changes.any(shadow_from, shadow_to)
         }));
     }
@@ -246,8 +266,8 @@ impl Arrival {
     pub fn estimate(&mut self, scene: &Scene<'_>, view: &View, tiles: &[usize], bins: &mut Bins) {
         let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
         let mut work = std::mem::take(&mut self.work);
-        self.find_key(shadow, tiles, bins, assets.parts.len(), &mut work);
-        let Work { pixels, points, taps, doubts, coarse, dark, open, .. } = &mut *work;
+        self.find_key(shadow, &view.lens, tiles, bins, assets.parts.len(), &mut work);
+        let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, open, .. } = &mut *work;
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
@@ -257,6 +277,12 @@ impl Arrival {
             shadow.settle(doubts, &mut self.raw_key);
         }
         coarse.iter().for_each(|&tile| self.share_key(tile));
+        let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
+        tops.for_each(pixels, centers, |part, pixels| {
+            if let Some(top) = shadow.tops().of(part as u16 + 1) {
+                top.light(pixels, &view.lens, reading, &mut self.key);
+            }
+        });
         open.clear(assets.parts.len());
         self.find_ambient(tiles, bins, assets.parts.len(), dark, scene.occluders.count().then_some(&mut *open));
         let strength = variation.occlusion_strength * scene.occluders.left_to_depth();
@@ -290,42 +316,88 @@ impl Arrival {
     fn find_key(
         &mut self,
         shadow: &ShadowMap,
+        lens: &Lens,
         tiles: &[usize],
         bins: &mut Bins,
         parts: usize,
-        Work { coarse, doubtful, .. }: &mut Work,
+        Work { tops, coarse, doubtful, .. }: &mut Work,
     ) {
         bins.clear(parts);
+        tops.clear(parts);
         coarse.clear();
         doubtful.clear();
         for &tile in tiles {
             let summary = &self.tiles[tile];
+            let [columns, rows] = self.pixels_of(tile);
+            if let (Some(blocks), Some(top)) = (summary.top, shadow.tops().of(summary.surface)) {
+                let certain = top.certain_share(blocks);
+                let values = [certain.unwrap_or(UNKNOWN); TILE];
+                for row in rows {
+                    put(&mut self.raw_key[row * self.width..][columns.clone()], &[ON_TOP; TILE]);
+                    put(&mut self.key[row * self.width..][columns.clone()], &values);
+                }
+                self.tiles[tile].key = NO_RANGE;
+                if certain.is_none() {
+                    tops.push_tile(self, tile);
+                }
+                continue;
+            }
             let share = match summary.surface {
                 0 => Some(UNKNOWN),
                 _ if shadow.is_on() => shadow.certain_share(&summary.span),
                 _ => Some(1.0),
             };
-            let [columns, rows] = self.pixels_of(tile);
+            let values = [share.unwrap_or(UNKNOWN); TILE];
+            for row in rows.clone() {
+                put(&mut self.raw_key[row * self.width..][columns.clone()], &values);
+            }
+            if summary.has_top {
+                self.find_tops(shadow.tops(), lens, tile, tops);
+            }
+            let summary = &self.tiles[tile];
             if share.is_none() && summary.is_coarse && summary.is_level {
                 bins.push_even(summary.surface, &columns, &rows);
                 coarse.push(tile);
             } else if share.is_none() && summary.is_coarse {
-                for row in rows.clone() {
+                for row in rows {
                     for column in columns.clone() {
-                        if self.giver_of(column, row).is_none() {
+                        if self.raw_key[row * self.width + column] > ON_TOP && self.giver_of(column, row).is_none() {
                             bins.push(self.surface[row * self.width + column], packed(column, row));
                         }
                     }
                 }
                 coarse.push(tile);
+            } else if share.is_none() && summary.has_top {
+                for row in rows {
+                    for pixel in row * self.width + columns.start..row * self.width + columns.end {
+                        if self.raw_key[pixel] > ON_TOP {
+                            bins.push(self.surface[pixel], packed(pixel - row * self.width, row));
+                        }
+                    }
+                }
             } else if share.is_none() {
                 bins.push_tile(self, tile);
             }
-            let values = [share.unwrap_or(UNKNOWN); TILE];
-            rows.for_each(|row| put(&mut self.raw_key[row * self.width..][columns.clone()], &values));
             match share {
                 Some(share) => self.tiles[tile].key = if share >= 0.0 { [share; 2] } else { NO_RANGE },
                 None => doubtful.push(tile),
+            }
+        }
+    }
+
+    /// Lists the pixels of a tile that show level tops.
+    fn find_tops(&mut self, known: &Tops, lens: &Lens, tile: usize, tops: &mut Bins) {
+        let [columns, rows] = self.pixels_of(tile);
+        for row in rows {
+            for column in columns.clone() {
+                let pixel = row * self.width + column;
+                let surface = self.surface[pixel];
+                if let Some(top) = known.of(surface)
+                    && top.holds(lens.height_at(column, row, self.depth[pixel]))
+                {
+                    self.raw_key[pixel] = ON_TOP;
+                    tops.push(surface, packed(column, row));
+                }
             }
         }
     }
@@ -336,7 +408,9 @@ impl Arrival {
     fn giver_of(&self, column: usize, row: usize) -> Option<usize> {
         let (pixel, giver) = (row * self.width + column, (row & !1) * self.width + (column & !1));
         let is_same = (self.surface[giver] == self.surface[pixel])
-            & ((self.depth[giver] - self.depth[pixel]).abs() < LEVEL * self.depth[pixel]);
+            & ((self.depth[giver] - self.depth[pixel]).abs() < LEVEL * self.depth[pixel])
+            & (self.raw_key[giver] > ON_TOP)
+            & (self.raw_key[pixel] > ON_TOP);
         (pixel != giver && is_same).then_some(giver)
     }
 

@@ -55,6 +55,7 @@ mod surroundings;
 mod table_tops;
 mod taps;
 mod texture;
+mod tops;
 mod view;
 mod walls;
 

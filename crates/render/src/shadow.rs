@@ -16,11 +16,12 @@ use crate::points::Points;
 use crate::raster::{Corner, Eye, Target, draw_mesh};
 use crate::sky::luminance;
 use crate::taps::{Queue, TAPS, Taps, tap, turn_of};
+use crate::tops::Tops;
 use crate::variation::RenderVariation;
 use crate::view::rotation;
 
 /// Largest radius of a soft edge, texels.
-const MAX_RADIUS: f32 = 30.0;
+pub(crate) const MAX_RADIUS: f32 = 30.0;
 /// What the key light sees.
 #[derive(Debug, Default)]
 pub(crate) struct ShadowMap {
@@ -38,6 +39,18 @@ pub(crate) struct ShadowMap {
     changed_in: Vec<u64>,
     light: Light,
     clear: Clear,
+    /// What arrives on level tops.
+    tops: Tops,
+}
+
+/// A level plane of the world on the map.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plane {
+    /// From x and y in the world, metres, and 1 to a column and to a row.
+    pub x: [f32; 3],
+    pub y: [f32; 3],
+    /// Nearness at the first texel, and what a column and a row add.
+    pub nearness: [f32; 3],
 }
 
 /// The light's axes and the scale of the map.
@@ -169,7 +182,47 @@ impl ShadowMap {
                 *changed_in = self.version;
             }
             self.summarise();
+            if is_new {
+                self.tops = Tops::new(assets, self);
+            }
+            self.tops.update(&self.layers.target, &self.layers.changed, self.version);
         }
+    }
+
+    /// The level tops and the light that arrives there.
+    pub fn tops(&self) -> &Tops {
+        &self.tops
+    }
+
+    /// A level plane at a height, metres, as the map sees it; `None` where it is not lit.
+    pub fn plane(&self, height: f32) -> Option<Plane> {
+        let light = &self.light;
+        let slope = light.light_from_world * Vec3A::Z;
+        if slope.z > -0.01 {
+            return None;
+        }
+        let (lift, _) = light.lift_and_tilt(slope.to_array());
+        let at = |x: f32, y: f32| light.on_map(light.light_from_world * Vec3A::new(x, y, height + lift));
+        let (origin, right, up) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
+        let step = |to: Corner| [to.x - origin.x, to.y - origin.y, to.nearness - origin.nearness];
+        let ([a, b, e], [c, d, f]) = (step(right), step(up));
+        let area = a * d - b * c;
+        let (tilt_x, tilt_y) = ((e * d - f * b) / area, (a * f - c * e) / area);
+        Some(Plane {
+            x: [right.x - origin.x, up.x - origin.x, origin.x],
+            y: [right.y - origin.y, up.y - origin.y, origin.y],
+            nearness: [origin.nearness - origin.x * tilt_x - origin.y * tilt_y, tilt_x, tilt_y],
+        })
+    }
+
+    /// Texels per side.
+    pub fn size(&self) -> usize {
+        self.light.size
+    }
+
+    /// Radius of a soft edge per metre between what casts it and what it falls on, texels.
+    pub fn radius_per_m(&self) -> f32 {
+        self.light.spread * self.light.texels_per_m
     }
 
     /// Tiles that changed after a version, row by row, and the number of tiles per row.
@@ -277,7 +330,7 @@ impl ShadowMap {
     }
 
     /// Texels around a point within which it looks for blockers.
-    fn search_radius(&self) -> f32 {
+    pub fn search_radius(&self) -> f32 {
         (self.light.spread * 0.5 * self.light.texels_per_m).clamp(2.0, MAX_RADIUS)
     }
 

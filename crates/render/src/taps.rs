@@ -11,7 +11,7 @@ use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, within};
 pub(crate) const TAPS: usize = 8;
 /// Share of the key light that something transparent holds back; its texels have their last bit set. Chosen: two walls of
 /// clear glass.
-const GLASS_SHADE: f32 = 0.3;
+pub(crate) const GLASS_SHADE: f32 = 0.3;
 /// Turns of the taps.
 const TURNS: usize = 16;
 

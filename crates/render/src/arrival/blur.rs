@@ -4,7 +4,7 @@
 
 use multiversion::multiversion;
 
-use super::{Arrival, LEVEL, put};
+use super::{Arrival, LEVEL, ON_TOP, put};
 use crate::layers::TILE;
 use crate::refine::{HALF, UNKNOWN};
 
@@ -27,15 +27,15 @@ impl Arrival {
     }
 
     fn blur_key(&mut self, tile: usize) {
-        let [columns, rows] = self.pixels_of(tile);
-        let [low, high] = self.range_around(tile, |tile| tile.key);
-        if low >= high {
-            // One value all around, which is also that of what faces away from the light.
-            let values = [if low == high { low } else { UNKNOWN }; TILE];
-            rows.for_each(|row| put(&mut self.key[row * self.width..][columns.clone()], &values));
+        if self.tiles[tile].top.is_some() {
             return;
         }
-        let blurred = if self.tiles[tile].is_coarse {
+        let [columns, rows] = self.pixels_of(tile);
+        let [low, high] = self.range_around(tile, |tile| tile.key);
+        let blurred = if low >= high {
+            // One value all around, which is also that of what faces away from the light.
+            [[if low == high { low } else { UNKNOWN }; TILE]; TILE]
+        } else if self.tiles[tile].is_coarse {
             let mut window = Window::<COARSE_WINDOW, 2>::default();
             window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
             blur_coarse_tile(&window)
@@ -45,7 +45,15 @@ impl Arrival {
             blur_tile(&window)
         };
         for (row, line) in rows.zip(&blurred) {
-            put(&mut self.key[row * self.width..][columns.clone()], line);
+            let pixels = row * self.width + columns.start..row * self.width + columns.end;
+            if self.tiles[tile].has_top {
+                for ((key, &raw), &blurred) in self.key[pixels.clone()].iter_mut().zip(&self.raw_key[pixels]).zip(line)
+                {
+                    *key = if raw > ON_TOP { blurred } else { *key };
+                }
+            } else {
+                put(&mut self.key[pixels], line);
+            }
         }
     }
 

@@ -13,6 +13,7 @@ use crate::layers::TILE;
 use crate::occlusion::MAX_REACH;
 use crate::raster::Target;
 use crate::shadow::{ShadowMap, Span};
+use crate::tops::Tops;
 use crate::variation::RenderVariation;
 use crate::view::View;
 
@@ -57,13 +58,34 @@ impl Arrival {
                 shadow.span_of(corners)
             };
             let surface = if is_mixed { SEVERAL } else { first_surface };
+            let top = shadow.tops().of(surface).and_then(|top| {
+                let places = [columns.start, columns.end - 1]
+                    .map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
+                let places = places.as_flattened();
+                let is_whole = places.iter().all(|place| top.holds(place.z));
+                is_whole.then(|| top.blocks_of(places.iter().map(|place| place.truncate())))
+            });
+            let has_top = top.is_none() && self.shows_top(shadow.tops(), surface, columns.clone(), rows.clone());
             let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
             let reach = reach as isize + 2;
             let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
             let only = (differ_all == 0).then_some(first);
             let (key, ambient) = (NO_RANGE, NO_RANGE);
-            self.tiles[tile] = TileSummary { surface, only, reach, span, is_coarse, is_level, key, ambient };
+            self.tiles[tile] =
+                TileSummary { surface, only, reach, span, top, has_top, is_coarse, is_level, key, ambient };
         }
+    }
+}
+
+impl Arrival {
+    /// Whether any pixel of a tile shows a part with a level top.
+    fn shows_top(&self, tops: &Tops, surface: u16, columns: Range<usize>, mut rows: Range<usize>) -> bool {
+        if surface != SEVERAL {
+            return tops.of(surface).is_some();
+        }
+        rows.any(|row| {
+            self.surface[row * self.width..][columns.clone()].iter().any(|&surface| tops.of(surface).is_some())
+        })
     }
 }
 
