@@ -11,15 +11,23 @@ use multiversion::multiversion;
 
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
 use crate::develop::tone_map;
-use crate::lanes::{CHUNK, Lane, ZERO, within};
+use crate::lanes::{CHUNK, Lane, ZERO};
 use crate::layers::TILE;
 use crate::mesh::Face;
 use crate::points::Pixels;
-use crate::reflectance::{ambient_fresnel, between, schlick_weight};
-use crate::sky::{Glossy, Sky, dot};
-use crate::texture::{Samples, find_codes, linear_from_srgb, srgb_table};
+use crate::sky::Sky;
+use crate::texture::{Samples, find_codes, linear_from_srgb, octave, srgb_table};
 use crate::variation::RenderVariation;
 use crate::view::{Lens, PartView};
+
+mod reflect;
+
+use reflect::{CORNERS, Reflected, reflect, reflect_flat};
+
+/// Roughness from which the light on a plane is taken to be linear over a tile, and the focal length, pixels: a tile then
+/// spans less than 2.3 degrees, less than the width of the sharpest highlight.
+const SMOOTH: f32 = 0.25;
+const NARROW_PX: f32 = 200.0;
 
 /// All light of a scene.
 #[derive(Debug)]
@@ -76,6 +84,8 @@ pub(crate) struct Spot {
 #[derive(Debug)]
 pub(crate) struct Shading {
     spots: Spots,
+    /// Pixels at the corners of a tile on one plane.
+    corners: Spots,
     samples: Samples,
     reflected: Reflected,
     /// Places of the colours in the table of bytes.
@@ -84,8 +94,8 @@ pub(crate) struct Shading {
 
 impl Default for Shading {
     fn default() -> Self {
-        let (spots, samples, reflected) = Default::default();
-        Self { spots, samples, reflected, codes: [[0; CHUNK]; 3] }
+        let (spots, corners, samples, reflected) = Default::default();
+        Self { spots, corners, samples, reflected, codes: [[0; CHUNK]; 3] }
     }
 }
 
@@ -93,6 +103,8 @@ impl Default for Shading {
 #[derive(Clone, Debug)]
 struct Spots {
     count: usize,
+    /// Whether they are the pixels of a whole tile, row by row.
+    is_tile: bool,
     x: Lane,
     y: Lane,
     depth: Lane,
@@ -114,6 +126,7 @@ impl Default for Spots {
     fn default() -> Self {
         Self {
             count: 0,
+            is_tile: false,
             x: ZERO,
             y: ZERO,
             depth: ZERO,
@@ -133,7 +146,7 @@ impl Default for Spots {
 impl Shading {
     /// Starts a new chunk.
     pub fn clear(&mut self) {
-        self.spots.count = 0;
+        (self.spots.count, self.spots.is_tile) = (0, false);
     }
 
     /// Adds a spot.
@@ -149,7 +162,7 @@ impl Shading {
     /// The centres of pixels, with the shares of the key light and of the ambient light per pixel of the image.
     pub fn take(&mut self, pixels: &Pixels, key: &[f32], ambient: &[f32]) {
         let spots = &mut self.spots;
-        (spots.count, spots.triangle) = (pixels.count, pixels.triangle);
+        (spots.count, spots.is_tile, spots.triangle) = (pixels.count, pixels.is_tile, pixels.triangle);
         (spots.x, spots.y, spots.depth) = (pixels.column, pixels.row, pixels.depth);
         if pixels.is_tile {
             for (step, &first) in pixels.pixel.iter().step_by(TILE).enumerate() {
@@ -211,19 +224,44 @@ impl Shading {
 
     /// Shades the spots, which show one part made of `surface`.
     pub fn shade(&mut self, part: &Part, surface: &Surface, placed: &PartView, lens: &Lens, lighting: &Lighting) {
-        let Self { spots, samples, reflected, .. } = self;
-        locate(spots, placed, lens);
+        let Self { spots, corners, samples, reflected, .. } = self;
         let mesh = placed.mesh(part);
         let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
         let first = spots.triangle[0];
-        if spots.triangle[..spots.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0 {
-            interpolate_one(spots, &mesh.faces[first as usize], eye);
+        let is_one = spots.triangle[..spots.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
+        let is_dull = surface.metallic == 0.0 && surface.opacity >= 1.0 && surface.roughness >= SMOOTH;
+        let is_flat = is_one && is_dull && spots.is_tile && lens.focal.min_element() >= NARROW_PX && corners.span(spots);
+        let texture = surface.texture.as_deref();
+        // Texels per pixel where they are much the same all over the tile.
+        let mut even_texels = None;
+        if is_flat {
+            let face = &mesh.faces[first as usize];
+            locate::<CORNERS>(corners, placed, lens);
+            interpolate_one::<CORNERS>(corners, face, eye);
+            if let Some(texture) = texture {
+                find_footprints::<CORNERS>(corners, placed, lens, texture.texels());
+                even_texels = corners.even_texels();
+                locate::<CHUNK>(spots, placed, lens);
+                if even_texels.is_some() {
+                    place_on_texture(spots, face);
+                } else {
+                    interpolate_one::<CHUNK>(spots, face, eye);
+                }
+            }
         } else {
-            spots.interpolate(&mesh.faces, eye, surface.texture.is_some());
+            locate::<CHUNK>(spots, placed, lens);
+            if is_one {
+                interpolate_one::<CHUNK>(spots, &mesh.faces[first as usize], eye);
+            } else {
+                spots.interpolate(&mesh.faces, eye, texture.is_some());
+            }
         }
         let tint = surface.base;
-        if let Some(texture) = &surface.texture {
-            find_footprints(spots, placed, lens, texture.texels());
+        if let Some(texture) = texture {
+            match even_texels {
+                Some(texels) => spots.texels = [texels; CHUNK],
+                None => find_footprints::<CHUNK>(spots, placed, lens, texture.texels()),
+            }
             texture.sample(spots.count, [&spots.u, &spots.v], &spots.texels, samples, &mut spots.base);
             for (channel, tint) in spots.base.iter_mut().zip(tint.to_array()) {
                 channel.iter_mut().for_each(|value| *value *= tint);
@@ -232,11 +270,36 @@ impl Shading {
             spots.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
         }
         let glossy = lighting.sky.glossy(surface.roughness);
-        reflect(spots, surface, placed, lens, lighting, &glossy, reflected);
+        if is_flat {
+            reflect_flat(spots, corners, surface, placed, lens, lighting, &glossy, reflected);
+        } else {
+            reflect(spots, surface, placed, lens, lighting, &glossy, reflected);
+        }
     }
 }
 
 impl Spots {
+    /// Becomes the corners of a tile on one plane, each pixel of which is `tile`'s; says whether all are before the eye.
+    fn span(&mut self, tile: &Self) -> bool {
+        const BEYOND: f32 = TILE as f32 / (TILE - 1) as f32;
+        // Nearness is linear on the image.
+        let [first, right, down] = [0, TILE - 1, TILE * (TILE - 1)].map(|pixel| 1.0 / tile.depth[pixel]);
+        let (right, down) = ((right - first) * BEYOND, (down - first) * BEYOND);
+        let nearness = [first, first + right, first + down, first + right + down];
+        for (corner, &nearness) in nearness.iter().enumerate() {
+            self.x[corner] = tile.x[0] + (corner % 2 * TILE) as f32;
+            self.y[corner] = tile.y[0] + (corner / 2 * TILE) as f32;
+            self.depth[corner] = 1.0 / nearness;
+        }
+        nearness.into_iter().fold(f32::INFINITY, f32::min) > 0.5 * first
+    }
+
+    /// Texels per pixel at corners, if the same size of the texture fits all of them.
+    fn even_texels(&self) -> Option<f32> {
+        let octaves = [0, 1, 2, 3].map(|corner| octave(self.texels[corner]));
+        (octaves == [octaves[0]; 4]).then_some(self.texels[0])
+    }
+
     /// Normals and texture coordinates on several triangles; seen from an eye, if both sides can be seen.
     fn interpolate(&mut self, faces: &[Face], eye: Option<Vec3A>, is_textured: bool) {
         for i in 0..self.count {
@@ -263,12 +326,12 @@ impl Spots {
 
 /// The same where all spots lie on one triangle, with the same bits.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn interpolate_one(spots: &mut Spots, face: &Face, eye: Option<Vec3A>) {
+fn interpolate_one<const LANES: usize>(spots: &mut Spots, face: &Face, eye: Option<Vec3A>) {
     let columns = face.columns.map(|column| column.to_array());
     let v = face.v.to_array();
     let plane = face.plane.to_array();
     let (eye, can_turn) = eye.map_or(([0.0; 3], false), |eye| (eye.to_array(), true));
-    for i in 0..CHUNK {
+    for i in 0..LANES {
         let [x, y, z] = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
         // In the order in which [`Spots::interpolate`] adds.
         let mixed = |row: usize| columns[0][row] * x + columns[1][row] * y + columns[2][row] * z + columns[3][row];
@@ -283,14 +346,26 @@ fn interpolate_one(spots: &mut Spots, face: &Face, eye: Option<Vec3A>) {
     }
 }
 
+/// Texture coordinates where all spots lie on one triangle, with the bits of [`interpolate_one`].
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn place_on_texture(spots: &mut Spots, face: &Face) {
+    let columns = face.columns.map(|column| column.w);
+    let v = face.v.to_array();
+    for i in 0..CHUNK {
+        let [x, y, z] = [spots.place[0][i], spots.place[1][i], spots.place[2][i]];
+        spots.u[i] = columns[0] * x + columns[1] * y + columns[2] * z + columns[3];
+        spots.v[i] = v[0] * x + v[1] * y + v[2] * z + v[3];
+    }
+}
+
 /// Places in the body's frame.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn locate(spots: &mut Spots, placed: &PartView, lens: &Lens) {
+fn locate<const LANES: usize>(spots: &mut Spots, placed: &PartView, lens: &Lens) {
     let turn = [placed.body_from_camera.x_axis, placed.body_from_camera.y_axis, placed.body_from_camera.z_axis]
         .map(|column| column.to_array());
     let eye = placed.eye_in_body.to_array();
     let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
-    for i in 0..CHUNK {
+    for i in 0..LANES {
         let depth = spots.depth[i];
         let x = (spots.x[i] - lens.center.x) * inverse_x * depth;
         let y = (spots.y[i] - lens.center.y) * inverse_y * depth;
@@ -302,10 +377,10 @@ fn locate(spots: &mut Spots, placed: &PartView, lens: &Lens) {
 
 /// Texels per pixel; square texture units per square metre go in.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn find_footprints(spots: &mut Spots, placed: &PartView, lens: &Lens, texels: f32) {
+fn find_footprints<const LANES: usize>(spots: &mut Spots, placed: &PartView, lens: &Lens, texels: f32) {
     let inverse_focal = 1.0 / lens.focal.x;
     let eye = placed.eye_in_body.to_array();
-    for i in 0..CHUNK {
+    for i in 0..LANES {
         let normal = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
         let ray = [spots.place[0][i] - eye[0], spots.place[1][i] - eye[1], spots.place[2][i] - eye[2]];
         let along = (normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]).abs();
@@ -318,262 +393,3 @@ fn find_footprints(spots: &mut Spots, placed: &PartView, lens: &Lens, texels: f3
     }
 }
 
-/// What is computed between the loops of [`reflect`], and its result.
-#[derive(Clone, Debug)]
-struct Reflected {
-    normal: [Lane; 3],
-    viewer: [Lane; 3],
-    /// Cosine between them.
-    facing: Lane,
-    /// From the surroundings: diffuse, and mirrored.
-    around: [Lane; 3],
-    mirrored: [Lane; 3],
-    /// Scale and bias of the reflectance head-on, for light from everywhere.
-    scale: Lane,
-    bias: Lane,
-    /// Light of the lamp that arrives, and the size and Fresnel weight of its highlight.
-    strength: Lane,
-    /// How much of the ambient light is held back by what holds back the lamp's.
-    veiled: Lane,
-    /// How much of the key light the sides of a corner throw on each other is there.
-    corner: Lane,
-    lobe: Lane,
-    weight: Lane,
-    color: [Lane; 3],
-}
-
-impl Default for Reflected {
-    fn default() -> Self {
-        let lanes = [ZERO; 3];
-        Self {
-            normal: lanes,
-            viewer: lanes,
-            facing: ZERO,
-            around: lanes,
-            mirrored: lanes,
-            scale: ZERO,
-            bias: ZERO,
-            strength: ZERO,
-            veiled: ZERO,
-            corner: ZERO,
-            lobe: ZERO,
-            weight: ZERO,
-            color: lanes,
-        }
-    }
-}
-
-/// Share of the key light that the sides of a corner throw on each other twice, of what they would if all faced it. Fitted
-/// to traced pictures.
-const CORNER_KEY: f32 = 0.8;
-/// How much less of it there is where a surface that faces the key light lies in shadow, and how many times the share of
-/// the sky that is seen it is at most: what enters a deep hollow is little. Fitted likewise.
-const CORNER_SHADE: f32 = 0.6;
-const CORNER_OPEN: f32 = 2.0;
-
-/// Share of the ambient light, for a surface that faces the key light, that comes from around it and is held back with
-/// it. Fitted to traced pictures.
-const WITH_KEY: f32 = 0.15;
-/// How much more of their surroundings metals mirror in corners than other things do. Fitted to traced pictures.
-const METAL_CORNER: f32 = 0.1;
-
-/// Light reflected towards the viewer, developed.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn reflect(
-    spots: &Spots,
-    surface: &Surface,
-    placed: &PartView,
-    lens: &Lens,
-    lighting: &Lighting,
-    glossy: &Glossy,
-    out: &mut Reflected,
-) {
-    reflect_chunk(spots, surface, placed, lens, lighting, glossy, out);
-}
-
-/// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
-#[inline(always)]
-fn reflect_chunk(
-    spots: &Spots,
-    surface: &Surface,
-    placed: &PartView,
-    lens: &Lens,
-    lighting: &Lighting,
-    glossy: &Glossy,
-    out: &mut Reflected,
-) {
-    face_viewer(spots, placed, lens, out);
-    look_around(&lighting.sky, glossy, out);
-    find_highlights(surface.roughness, lighting.to_light.to_array(), &spots.key, out);
-    add_up(spots, surface, lighting, out);
-}
-
-/// Unit normals and directions to the viewer.
-#[inline(always)]
-fn face_viewer(spots: &Spots, placed: &PartView, lens: &Lens, out: &mut Reflected) {
-    let turn = [placed.world_from_body.x_axis, placed.world_from_body.y_axis, placed.world_from_body.z_axis]
-        .map(|column| column.to_array());
-    let camera = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
-    let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
-    let (center_x, center_y) = (lens.center.x, lens.center.y);
-    for i in 0..CHUNK {
-        let (ray_x, ray_y) = ((spots.x[i] - center_x) * inverse_x, (spots.y[i] - center_y) * inverse_y);
-        let inverse = -1.0 / (ray_x * ray_x + ray_y * ray_y + 1.0).sqrt();
-        for axis in 0..3 {
-            out.viewer[axis][i] = (camera[0][axis] * ray_x + camera[1][axis] * ray_y + camera[2][axis]) * inverse;
-        }
-    }
-    for i in 0..CHUNK {
-        let mixed = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
-        let x = turn[0][0] * mixed[0] + turn[1][0] * mixed[1] + turn[2][0] * mixed[2];
-        let y = turn[0][1] * mixed[0] + turn[1][1] * mixed[1] + turn[2][1] * mixed[2];
-        let z = turn[0][2] * mixed[0] + turn[1][2] * mixed[1] + turn[2][2] * mixed[2];
-        let inverse = 1.0 / (x * x + y * y + z * z + 1e-20).sqrt();
-        out.normal[0][i] = x * inverse;
-        out.normal[1][i] = y * inverse;
-        out.normal[2][i] = z * inverse;
-    }
-}
-
-/// Light of the surroundings.
-#[inline(always)]
-fn look_around(sky: &Sky, glossy: &Glossy, out: &mut Reflected) {
-    for i in 0..CHUNK {
-        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
-        let around = sky.diffuse(normal);
-        out.around[0][i] = around[0];
-        out.around[1][i] = around[1];
-        out.around[2][i] = around[2];
-    }
-    for i in 0..CHUNK {
-        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
-        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
-        let cosine = dot(normal, viewer);
-        out.facing[i] = within(cosine, 1e-3, 1.0);
-        let twice = cosine + cosine;
-        let mirrored = [normal[0] * twice - viewer[0], normal[1] * twice - viewer[1], normal[2] * twice - viewer[2]];
-        let light = glossy.at(mirrored);
-        out.mirrored[0][i] = light[0];
-        out.mirrored[1][i] = light[1];
-        out.mirrored[2][i] = light[2];
-    }
-}
-
-/// Highlights of the lamp.
-#[inline(always)]
-fn find_highlights(roughness: f32, to_light: [f32; 3], key: &Lane, out: &mut Reflected) {
-    let alpha = roughness * roughness;
-    let square_alpha = alpha * alpha;
-    for i in 0..CHUNK {
-        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
-        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
-        let facing = out.facing[i];
-        let lit = dot(normal, to_light);
-        let lit = if lit > 0.0 { lit } else { 0.0 };
-        out.strength[i] = lit * key[i];
-        out.veiled[i] = (lit - out.strength[i]) * WITH_KEY;
-        out.corner[i] = 1.0 - within((lit - out.strength[i]) * 4.0, 0.0, 1.0) * CORNER_SHADE;
-        let half = [viewer[0] + to_light[0], viewer[1] + to_light[1], viewer[2] + to_light[2]];
-        let inverse = 1.0 / (dot(half, half) + 1e-12).sqrt();
-        let half = [half[0] * inverse, half[1] * inverse, half[2] * inverse];
-        let n_h = within(dot(normal, half), 0.0, 1.0);
-        let denominator = n_h * n_h * (square_alpha - 1.0) + 1.0;
-        let smith = lit * facing * (2.0 * (1.0 - alpha)) + (lit + facing) * alpha;
-        let smith = if smith > 1e-4 { smith } else { 1e-4 };
-        // The lamp's strength is its irradiance over π, hence without the π of the distribution.
-        out.lobe[i] = square_alpha * 0.5 / (denominator * denominator * smith);
-        out.weight[i] = schlick_weight(dot(viewer, half));
-    }
-    for i in 0..CHUNK {
-        (out.scale[i], out.bias[i]) = ambient_fresnel(roughness, out.facing[i]);
-    }
-}
-
-/// The sum of all light, developed.
-#[inline(always)]
-fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
-    let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
-    let key = lighting.key.to_array();
-    let side = surface.scatters();
-    for channel in 0..3 {
-        let lamp = key[channel];
-        for i in 0..CHUNK {
-            let (base, ambient_share) = (spots.base[channel][i], spots.ambient[i]);
-            let around = out.around[channel][i] * (1.0 - out.veiled[i]);
-            // Corners that see little of the sky see little of it in their reflection, unless they are metal.
-            let glossy_share = ambient_share + (1.0 - ambient_share) * (METAL_CORNER * metallic);
-            let f0 = reflectance + (base - reflectance) * metallic;
-            let albedo = base * (1.0 - metallic);
-            let arriving = lamp * out.strength[i];
-            let ambient = f0 * out.scale[i] + out.bias[i];
-            let ambient = if ambient > 0.0 { ambient } else { 0.0 };
-            let direct = (f0 + (1.0 - f0) * out.weight[i]) * out.lobe[i];
-            let direct = if direct < 12.0 { direct } else { 12.0 };
-            let enclosed = (1.0 - ambient_share) * within(ambient_share * CORNER_OPEN, 0.0, 1.0);
-            let corner = enclosed * out.corner[i] * albedo * albedo * albedo * lamp * CORNER_KEY;
-            let diffuse = albedo * (around * between(ambient_share, albedo) + corner + arriving);
-            let specular = out.mirrored[channel][i] * ambient * glossy_share + arriving * direct;
-            out.color[channel][i] = (diffuse * side + specular) * exposure;
-        }
-    }
-    if surface.opacity < 1.0 {
-        // Added to what is behind, which is developed: only the sum has dark tones.
-        for i in 0..CHUNK {
-            for channel in 0..3 {
-                let color = out.color[channel][i];
-                out.color[channel][i] = if color < 1.0 { color } else { 1.0 };
-            }
-        }
-        return;
-    }
-    for i in 0..CHUNK {
-        let color = tone_map([out.color[0][i], out.color[1][i], out.color[2][i]]);
-        out.color[0][i] = color[0];
-        out.color[1][i] = color[1];
-        out.color[2][i] = color[2];
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::Vec2;
-
-    use super::*;
-
-    /// Whatever registers the machine has, the bits are those of the plain loop.
-    #[test]
-    fn wide_registers_give_the_same_bits() {
-        let variation = RenderVariation::default();
-        let lighting = Lighting::new(&variation, &[]);
-        let lens = Lens { focal: Vec2::new(400.0, 410.0), center: Vec2::new(250.0, 140.0), ..Lens::default() };
-        let mut state = 1_u32;
-        let mut draw = |low: f32, high: f32| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            low + (high - low) * (state >> 8) as f32 / 16_777_216.0
-        };
-        for _ in 0..50 {
-            let mut shading = Spots::default();
-            for i in 0..CHUNK {
-                (shading.x[i], shading.y[i], shading.depth[i]) = (draw(0.0, 512.0), draw(0.0, 288.0), draw(0.1, 2.0));
-                (shading.key[i], shading.ambient[i]) = (draw(0.0, 1.0), draw(0.0, 1.0));
-                shading.normal.iter_mut().for_each(|axis| axis[i] = draw(-1.0, 1.0));
-                shading.base.iter_mut().for_each(|channel| channel[i] = draw(0.0, 1.0));
-            }
-            let surface = Surface {
-                base: Vec3A::ONE,
-                roughness: draw(0.05, 1.0),
-                metallic: draw(0.0, 1.0),
-                opacity: draw(0.2, 1.2).min(1.0),
-                reflectance: 0.04,
-                texture: None,
-                is_table: false,
-            };
-            let (placed, glossy) = (PartView::default(), lighting.sky.glossy(surface.roughness));
-            let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
-            reflect(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut wide);
-            reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut plain);
-            let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
-            assert_eq!(bits(&wide.color), bits(&plain.color));
-        }
-    }
-}

@@ -161,10 +161,16 @@ impl MipTexture {
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn find_octaves(texels_per_pixel: &Lane, octaves: &mut [u32; CHUNK]) {
     for i in 0..CHUNK {
-        // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
-        let texels = if texels_per_pixel[i] > 1.0 { texels_per_pixel[i] } else { 1.0 };
-        octaves[i] = ((texels * 1.19).to_bits() >> 23) - 127;
+        octaves[i] = octave(texels_per_pixel[i]);
     }
+}
+
+/// The same for one pixel.
+#[inline(always)]
+pub(crate) fn octave(texels_per_pixel: f32) -> u32 {
+    // Exponent of the float = floor of the logarithm; half a level more would blur, half less would shimmer.
+    let texels = if texels_per_pixel > 1.0 { texels_per_pixel } else { 1.0 };
+    ((texels * 1.19).to_bits() >> 23) - 127
 }
 
 /// The first of the four texels around each point.

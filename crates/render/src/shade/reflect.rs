@@ -1,0 +1,387 @@
+//! Light that spots throw towards the viewer.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use multiversion::multiversion;
+
+use super::{Lighting, Spots};
+use crate::assets::Surface;
+use crate::develop::tone_map;
+use crate::lanes::{CHUNK, Lane, ZERO, within};
+use crate::layers::TILE;
+use crate::reflectance::{ambient_fresnel, between, schlick_weight};
+use crate::sky::{Glossy, Sky, dot};
+use crate::view::{Lens, PartView};
+
+/// What is computed between the loops of [`reflect`], and its result.
+#[derive(Clone, Debug)]
+pub(super) struct Reflected {
+    pub normal: [Lane; 3],
+    viewer: [Lane; 3],
+    /// Cosine between them.
+    pub facing: Lane,
+    /// From the surroundings: diffuse, and mirrored.
+    around: [Lane; 3],
+    mirrored: [Lane; 3],
+    /// Scale and bias of the reflectance head-on, for light from everywhere.
+    scale: Lane,
+    bias: Lane,
+    /// Cosine between normal and lamp, 0 where it faces away; its light that arrives; and the size and Fresnel weight of its highlight.
+    lit: Lane,
+    strength: Lane,
+    /// How much of the ambient light is held back by what holds back the lamp's.
+    veiled: Lane,
+    /// How much of the key light the sides of a corner throw on each other is there.
+    corner: Lane,
+    lobe: Lane,
+    weight: Lane,
+    pub color: [Lane; 3],
+}
+
+impl Default for Reflected {
+    fn default() -> Self {
+        let lanes = [ZERO; 3];
+        Self {
+            normal: lanes,
+            viewer: lanes,
+            facing: ZERO,
+            around: lanes,
+            mirrored: lanes,
+            scale: ZERO,
+            bias: ZERO,
+            lit: ZERO,
+            strength: ZERO,
+            veiled: ZERO,
+            corner: ZERO,
+            lobe: ZERO,
+            weight: ZERO,
+            color: lanes,
+        }
+    }
+}
+
+/// Share of the key light that the sides of a corner throw on each other twice, of what they would if all faced it. Fitted
+/// to traced pictures.
+const CORNER_KEY: f32 = 0.8;
+/// How much less of it there is where a surface that faces the key light lies in shadow, and how many times the share of
+/// the sky that is seen it is at most: what enters a deep hollow is little. Fitted likewise.
+const CORNER_SHADE: f32 = 0.6;
+const CORNER_OPEN: f32 = 2.0;
+
+/// Share of the ambient light, for a surface that faces the key light, that comes from around it and is held back with
+/// it. Fitted to traced pictures.
+const WITH_KEY: f32 = 0.15;
+/// How much more of their surroundings metals mirror in corners than other things do. Fitted to traced pictures.
+const METAL_CORNER: f32 = 0.1;
+
+/// Lanes for the corners of a tile: one of the widest registers.
+pub(super) const CORNERS: usize = 16;
+
+/// Light reflected towards the viewer, developed.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+pub(super) fn reflect(
+    spots: &Spots,
+    surface: &Surface,
+    placed: &PartView,
+    lens: &Lens,
+    lighting: &Lighting,
+    glossy: &Glossy,
+    out: &mut Reflected,
+) {
+    reflect_chunk(spots, surface, placed, lens, lighting, glossy, out);
+}
+
+/// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
+#[inline(always)]
+fn reflect_chunk(
+    spots: &Spots,
+    surface: &Surface,
+    placed: &PartView,
+    lens: &Lens,
+    lighting: &Lighting,
+    glossy: &Glossy,
+    out: &mut Reflected,
+) {
+    face_viewer::<CHUNK>(spots, placed, lens, out);
+    look_around::<CHUNK>(&lighting.sky, glossy, out);
+    find_highlights::<CHUNK>(surface.roughness, lighting.to_light.to_array(), out);
+    hold_back_key(&spots.key, out);
+    if surface.metallic > 0.0 {
+        add_up(spots, surface, lighting, out);
+    } else {
+        mirror::<CHUNK>(surface.reflectance, out);
+        add_up_dielectric(spots, surface.scatters(), lighting, out);
+    }
+    develop(surface.opacity < 1.0, out);
+}
+
+/// The same for a tile of an opaque dielectric on one plane, whose light is that at its corners and linear between them:
+/// `corners` are the pixels at its first row and column and [`TILE`] beyond, in the first four lanes.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+pub(super) fn reflect_flat(
+    spots: &Spots,
+    corners: &Spots,
+    surface: &Surface,
+    placed: &PartView,
+    lens: &Lens,
+    lighting: &Lighting,
+    glossy: &Glossy,
+    out: &mut Reflected,
+) {
+    face_viewer::<CORNERS>(corners, placed, lens, out);
+    look_around::<CORNERS>(&lighting.sky, glossy, out);
+    find_highlights::<CORNERS>(surface.roughness, lighting.to_light.to_array(), out);
+    mirror::<CORNERS>(surface.reflectance, out);
+    for lane in out.around.iter_mut().chain(&mut out.mirrored) {
+        spread(lane);
+    }
+    spread(&mut out.lit);
+    spread(&mut out.lobe);
+    hold_back_key(&spots.key, out);
+    add_up_dielectric(spots, 1.0, lighting, out);
+    develop(false, out);
+}
+
+/// How far the pixels of a tile lie from its first column and from its first row, in tiles.
+static ACROSS: Lane = steps(1);
+static DOWN: Lane = steps(TILE);
+
+const fn steps(stride: usize) -> Lane {
+    let mut steps = ZERO;
+    let mut i = 0;
+    while i < CHUNK {
+        steps[i] = (i / stride % TILE) as f32 / TILE as f32;
+        i += 1;
+    }
+    steps
+}
+
+/// Fills a tile from its corners, in the first four lanes.
+#[inline(always)]
+fn spread(lane: &mut Lane) {
+    let [first, right, down, across] = [lane[0], lane[1], lane[2], lane[3]];
+    let (right, down, twist) = (right - first, down - first, across - right - down + first);
+    for i in 0..CHUNK {
+        lane[i] = first + ACROSS[i] * right + (down + ACROSS[i] * twist) * DOWN[i];
+    }
+}
+
+/// Unit normals and directions to the viewer.
+#[inline(always)]
+fn face_viewer<const LANES: usize>(spots: &Spots, placed: &PartView, lens: &Lens, out: &mut Reflected) {
+    let turn = [placed.world_from_body.x_axis, placed.world_from_body.y_axis, placed.world_from_body.z_axis]
+        .map(|column| column.to_array());
+    let camera = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
+    let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
+    let (center_x, center_y) = (lens.center.x, lens.center.y);
+    for i in 0..LANES {
+        let (ray_x, ray_y) = ((spots.x[i] - center_x) * inverse_x, (spots.y[i] - center_y) * inverse_y);
+        let inverse = -1.0 / (ray_x * ray_x + ray_y * ray_y + 1.0).sqrt();
+        for axis in 0..3 {
+            out.viewer[axis][i] = (camera[0][axis] * ray_x + camera[1][axis] * ray_y + camera[2][axis]) * inverse;
+        }
+    }
+    for i in 0..LANES {
+        let mixed = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
+        let x = turn[0][0] * mixed[0] + turn[1][0] * mixed[1] + turn[2][0] * mixed[2];
+        let y = turn[0][1] * mixed[0] + turn[1][1] * mixed[1] + turn[2][1] * mixed[2];
+        let z = turn[0][2] * mixed[0] + turn[1][2] * mixed[1] + turn[2][2] * mixed[2];
+        let inverse = 1.0 / (x * x + y * y + z * z + 1e-20).sqrt();
+        out.normal[0][i] = x * inverse;
+        out.normal[1][i] = y * inverse;
+        out.normal[2][i] = z * inverse;
+    }
+}
+
+/// Light of the surroundings.
+#[inline(always)]
+fn look_around<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Reflected) {
+    for i in 0..LANES {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let around = sky.diffuse(normal);
+        out.around[0][i] = around[0];
+        out.around[1][i] = around[1];
+        out.around[2][i] = around[2];
+    }
+    for i in 0..LANES {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
+        let cosine = dot(normal, viewer);
+        out.facing[i] = within(cosine, 1e-3, 1.0);
+        let twice = cosine + cosine;
+        let mirrored = [normal[0] * twice - viewer[0], normal[1] * twice - viewer[1], normal[2] * twice - viewer[2]];
+        let light = glossy.at(mirrored);
+        out.mirrored[0][i] = light[0];
+        out.mirrored[1][i] = light[1];
+        out.mirrored[2][i] = light[2];
+    }
+}
+
+/// Highlights of the lamp.
+#[inline(always)]
+fn find_highlights<const LANES: usize>(roughness: f32, to_light: [f32; 3], out: &mut Reflected) {
+    let alpha = roughness * roughness;
+    let square_alpha = alpha * alpha;
+    for i in 0..LANES {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
+        let facing = out.facing[i];
+        let lit = dot(normal, to_light);
+        let lit = if lit > 0.0 { lit } else { 0.0 };
+        out.lit[i] = lit;
+        let half = [viewer[0] + to_light[0], viewer[1] + to_light[1], viewer[2] + to_light[2]];
+        let inverse = 1.0 / (dot(half, half) + 1e-12).sqrt();
+        let half = [half[0] * inverse, half[1] * inverse, half[2] * inverse];
+        let n_h = within(dot(normal, half), 0.0, 1.0);
+        let denominator = n_h * n_h * (square_alpha - 1.0) + 1.0;
+        let smith = lit * facing * (2.0 * (1.0 - alpha)) + (lit + facing) * alpha;
+        let smith = if smith > 1e-4 { smith } else { 1e-4 };
+        // The lamp's strength is its irradiance over π, hence without the π of the distribution.
+        out.lobe[i] = square_alpha * 0.5 / (denominator * denominator * smith);
+        out.weight[i] = schlick_weight(dot(viewer, half));
+    }
+    for i in 0..LANES {
+        (out.scale[i], out.bias[i]) = ambient_fresnel(roughness, out.facing[i]);
+    }
+}
+
+/// What is left of the lamp's light behind what holds it back, and what that does to other light.
+#[inline(always)]
+fn hold_back_key(key: &Lane, out: &mut Reflected) {
+    for i in 0..CHUNK {
+        let lit = out.lit[i];
+        out.strength[i] = lit * key[i];
+        out.veiled[i] = (lit - out.strength[i]) * WITH_KEY;
+        out.corner[i] = 1.0 - within((lit - out.strength[i]) * 4.0, 0.0, 1.0) * CORNER_SHADE;
+    }
+}
+
+/// The sum of all light.
+#[inline(always)]
+fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
+    let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
+    let key = lighting.key.to_array();
+    let side = surface.scatters();
+    for channel in 0..3 {
+        let lamp = key[channel];
+        for i in 0..CHUNK {
+            let (base, ambient_share) = (spots.base[channel][i], spots.ambient[i]);
+            let around = out.around[channel][i] * (1.0 - out.veiled[i]);
+            // Corners that see little of the sky see little of it in their reflection, unless they are metal.
+            let glossy_share = ambient_share + (1.0 - ambient_share) * (METAL_CORNER * metallic);
+            let f0 = reflectance + (base - reflectance) * metallic;
+            let albedo = base * (1.0 - metallic);
+            let arriving = lamp * out.strength[i];
+            let ambient = f0 * out.scale[i] + out.bias[i];
+            let ambient = if ambient > 0.0 { ambient } else { 0.0 };
+            let direct = (f0 + (1.0 - f0) * out.weight[i]) * out.lobe[i];
+            let direct = if direct < 12.0 { direct } else { 12.0 };
+            let enclosed = (1.0 - ambient_share) * within(ambient_share * CORNER_OPEN, 0.0, 1.0);
+            let corner = enclosed * out.corner[i] * albedo * albedo * albedo * lamp * CORNER_KEY;
+            let diffuse = albedo * (around * between(ambient_share, albedo) + corner + arriving);
+            let specular = out.mirrored[channel][i] * ambient * glossy_share + arriving * direct;
+            out.color[channel][i] = (diffuse * side + specular) * exposure;
+        }
+    }
+}
+
+/// What a dielectric mirrors, by share of the light that arrives: of the surroundings, over `mirrored`, and of the lamp,
+/// over `lobe`. It does not depend on the colour.
+#[inline(always)]
+fn mirror<const LANES: usize>(reflectance: f32, out: &mut Reflected) {
+    for i in 0..LANES {
+        let ambient = reflectance * out.scale[i] + out.bias[i];
+        let ambient = if ambient > 0.0 { ambient } else { 0.0 };
+        let direct = (reflectance + (1.0 - reflectance) * out.weight[i]) * out.lobe[i];
+        out.lobe[i] = if direct < 12.0 { direct } else { 12.0 };
+        for channel in 0..3 {
+            out.mirrored[channel][i] *= ambient;
+        }
+    }
+}
+
+/// [`add_up`] of what is no metal.
+#[inline(always)]
+fn add_up_dielectric(spots: &Spots, side: f32, lighting: &Lighting, out: &mut Reflected) {
+    let exposure = lighting.exposure;
+    let key = lighting.key.to_array();
+    for channel in 0..3 {
+        let lamp = key[channel];
+        for i in 0..CHUNK {
+            let (albedo, ambient_share) = (spots.base[channel][i], spots.ambient[i]);
+            let around = out.around[channel][i] * (1.0 - out.veiled[i]);
+            let arriving = lamp * out.strength[i];
+            let enclosed = (1.0 - ambient_share) * within(ambient_share * CORNER_OPEN, 0.0, 1.0);
+            let corner = enclosed * out.corner[i] * albedo * albedo * albedo * lamp * CORNER_KEY;
+            let diffuse = albedo * (around * between(ambient_share, albedo) + corner + arriving);
+            let specular = out.mirrored[channel][i] * ambient_share + arriving * out.lobe[i];
+            out.color[channel][i] = (diffuse * side + specular) * exposure;
+        }
+    }
+}
+
+/// Light as a display shows it.
+#[inline(always)]
+fn develop(is_transparent: bool, out: &mut Reflected) {
+    if is_transparent {
+        // Added to what is behind, which is developed: only the sum has dark tones.
+        for i in 0..CHUNK {
+            for channel in 0..3 {
+                let color = out.color[channel][i];
+                out.color[channel][i] = if color < 1.0 { color } else { 1.0 };
+            }
+        }
+        return;
+    }
+    for i in 0..CHUNK {
+        let color = tone_map([out.color[0][i], out.color[1][i], out.color[2][i]]);
+        out.color[0][i] = color[0];
+        out.color[1][i] = color[1];
+        out.color[2][i] = color[2];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Vec2, Vec3A};
+
+    use super::*;
+    use crate::variation::RenderVariation;
+
+    /// Whatever registers the machine has, the bits are those of the plain loop.
+    #[test]
+    fn wide_registers_give_the_same_bits() {
+        let variation = RenderVariation::default();
+        let lighting = Lighting::new(&variation, &[]);
+        let lens = Lens { focal: Vec2::new(400.0, 410.0), center: Vec2::new(250.0, 140.0), ..Lens::default() };
+        let mut state = 1_u32;
+        let mut draw = |low: f32, high: f32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            low + (high - low) * (state >> 8) as f32 / 16_777_216.0
+        };
+        for _ in 0..50 {
+            let mut shading = Spots::default();
+            for i in 0..CHUNK {
+                (shading.x[i], shading.y[i], shading.depth[i]) = (draw(0.0, 512.0), draw(0.0, 288.0), draw(0.1, 2.0));
+                (shading.key[i], shading.ambient[i]) = (draw(0.0, 1.0), draw(0.0, 1.0));
+                shading.normal.iter_mut().for_each(|axis| axis[i] = draw(-1.0, 1.0));
+                shading.base.iter_mut().for_each(|channel| channel[i] = draw(0.0, 1.0));
+            }
+            let surface = Surface {
+                base: Vec3A::ONE,
+                roughness: draw(0.05, 1.0),
+                metallic: draw(0.0, 1.0),
+                opacity: draw(0.2, 1.2).min(1.0),
+                reflectance: 0.04,
+                texture: None,
+                is_table: false,
+            };
+            let (placed, glossy) = (PartView::default(), lighting.sky.glossy(surface.roughness));
+            let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
+            reflect(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut wide);
+            reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut plain);
+            let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
+            assert_eq!(bits(&wide.color), bits(&plain.color));
+        }
+    }
+}
