@@ -14,9 +14,10 @@ use multiversion::multiversion;
 use crate::assets::RenderAssets;
 use crate::lanes::{CHUNK, Lane, nearest_integer};
 use crate::layers::{MarkCount, TILE};
+use crate::occluders::Occluders;
 use crate::occlusion::{Taps, occlude};
 use crate::points::{Centers, Pixels, Points, packed};
-use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
+use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile, spread_tile};
 use crate::scene::Scene;
 use crate::shadow::{Doubts, ShadowMap, Span};
 use crate::tops::{Blocks, Reading, Tops};
@@ -26,6 +27,9 @@ use crate::view::{Lens, View};
 /// Where a pixel covers less than this many texels of the shadow map, four pixels share an estimate of the key light:
 /// the softest edges that the map can show are three times as wide.
 const COARSE_TEXELS: f32 = 0.75;
+/// Distance of four pixels on a top, metres, up to which the light held back by bodies is taken to be linear between them.
+/// Chosen: a step that is not seen.
+const SPACIOUS_STEP_M: f32 = 0.012;
 /// Pixels of one surface whose depths differ by less than this share lie on one piece of it.
 const LEVEL: f32 = 0.02;
 /// Estimate of a pixel whose share of the key light is read from a level top.
@@ -60,6 +64,8 @@ pub(crate) struct Arrival {
     tiles: Vec<TileSummary>,
     /// Where nothing can be darkened.
     is_plain: Vec<bool>,
+    /// Where all around is the same level top, whose ambient light is that of four pixels and linear between them.
+    is_spacious: Vec<bool>,
     seams: MarkCount,
     changes: MarkCount,
     shadow_changes: MarkCount,
@@ -83,6 +89,8 @@ struct Work {
     dark: Vec<usize>,
     /// Pixels of tiles that only what is not in the picture may darken.
     open: Bins,
+    /// Every fourth row and column of spacious tiles.
+    spacious: Bins,
 }
 
 /// Pixels by the part they show, [`packed`].
@@ -262,12 +270,35 @@ impl Arrival {
         self.is_plain = is_plain;
     }
 
+    /// Finds the tiles far enough from anything else that the light held back by bodies changes little over four pixels.
+    pub fn find_spacious(&mut self, occluders: &Occluders, lens: &Lens) {
+        self.is_spacious.clear();
+        self.is_spacious.resize(self.tiles.len(), false);
+        if !occluders.count() {
+            return;
+        }
+        self.seams.count(self.tiles.iter().map(|tile| tile.top.is_none()), self.columns, self.rows);
+        let (columns, rows) = (self.width / TILE, self.height / TILE);
+        for row in 1..rows.saturating_sub(1) {
+            for column in 1..columns.saturating_sub(1) {
+                let tile = row * self.columns + column;
+                let depth = self.depth[row * TILE * self.width + column * TILE];
+                let own = self.tiles[tile].surface;
+                self.is_spacious[tile] = depth * (HALF as f32) < SPACIOUS_STEP_M * lens.focal.x
+                    && !self
+                        .seams
+                        .any([column as isize - 1, row as isize - 1], [column as isize + 1, row as isize + 1])
+                    && self.neighbours(tile).all(|tile| tile.surface == own);
+            }
+        }
+    }
+
     /// Estimates both shares of the pixels of stale tiles among some.
     pub fn estimate(&mut self, scene: &Scene<'_>, view: &View, tiles: &[usize], bins: &mut Bins) {
         let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
         let mut work = std::mem::take(&mut self.work);
         self.find_key(shadow, &view.lens, tiles, bins, assets.parts.len(), &mut work);
-        let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, open, .. } = &mut *work;
+        let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, open, spacious, .. } = &mut *work;
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
@@ -284,7 +315,15 @@ impl Arrival {
             }
         });
         open.clear(assets.parts.len());
-        self.find_ambient(tiles, bins, assets.parts.len(), dark, scene.occluders.count().then_some(&mut *open));
+        spacious.clear(assets.parts.len());
+        self.find_ambient(
+            tiles,
+            bins,
+            assets.parts.len(),
+            dark,
+            spacious,
+            scene.occluders.count().then_some(&mut *open),
+        );
         let strength = variation.occlusion_strength * scene.occluders.left_to_depth();
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
@@ -298,6 +337,19 @@ impl Arrival {
             taps.share = [1.0; CHUNK];
             scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
             put_half(points, &taps.share, &mut self.raw_half, self.half_width);
+        });
+        spacious.for_each(pixels, centers, |part, pixels| {
+            points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
+            taps.share = [1.0; CHUNK];
+            scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
+            for (&share, &pixel) in taps.share.iter().zip(&points.pixel).take(points.count) {
+                let (column, row) = (pixel as usize % self.width / 2, pixel as usize / self.width / 2);
+                for row in row..row + 2 {
+                    let places = row * self.half_width + column..row * self.half_width + column + 2;
+                    self.raw_half[places.clone()].fill(share);
+                    self.half[places].fill(share);
+                }
+            }
         });
         for &tile in &work.doubtful {
             let [columns, rows] = self.pixels_of(tile);
@@ -447,6 +499,7 @@ impl Arrival {
         bins: &mut Bins,
         parts: usize,
         dark: &mut Vec<usize>,
+        spacious: &mut Bins,
         mut open: Option<&mut Bins>,
     ) {
         bins.clear(parts);
@@ -454,6 +507,11 @@ impl Arrival {
         for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
             let (surface, is_plain) = (self.tiles[tile].surface, self.is_plain[tile]);
+            if self.is_spacious[tile] {
+                spacious.push_steps(surface, &columns, &rows, HALF);
+                dark.push(tile);
+                continue;
+            }
             if let (Some(open), true, true) = (open.as_deref_mut(), is_plain, surface > 0 && surface != SEVERAL) {
                 open.push_even(surface, &columns, &rows);
                 dark.push(tile);
@@ -505,6 +563,17 @@ impl Arrival {
             rows.for_each(|row| put(&mut self.ambient[row * self.width..][columns.clone()], &values));
             return;
         }
+        if self.is_spacious[tile] {
+            let corner = |index: usize| {
+                let (column, row) = (columns.start / 2 + index % 3 * 2, rows.start / 2 + index / 3 * 2);
+                self.half[row * self.half_width + column]
+            };
+            let spread = spread_tile(&std::array::from_fn(corner));
+            for (row, line) in rows.zip(&spread) {
+                put(&mut self.ambient[row * self.width..][columns.clone()], line);
+            }
+            return;
+        }
         let refined = refine_tile(&self.refine_window(columns.start, rows.start));
         for (row, line) in rows.zip(&refined) {
             put(&mut self.ambient[row * self.width..][columns.clone()], line);
@@ -530,9 +599,14 @@ impl Bins {
 
     /// Adds the pixels at even rows and columns of a tile that shows one surface.
     fn push_even(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
+        self.push_steps(surface, columns, rows, 2);
+    }
+
+    /// The same of every so many rows and columns.
+    fn push_steps(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>, step: usize) {
         let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
-        for row in rows.clone().step_by(2) {
-            bin.pixels.extend(columns.clone().step_by(2).map(|column| packed(column, row)));
+        for row in rows.clone().step_by(step) {
+            bin.pixels.extend(columns.clone().step_by(step).map(|column| packed(column, row)));
         }
     }
 

@@ -92,6 +92,7 @@ impl Canvas {
         self.occluders.clone_from(scene.occluders);
         self.shadow_version = scene.shadow.version();
         self.arrival.find_plain(assets, scene.variation);
+        self.arrival.find_spacious(scene.occluders, &self.view.lens);
         self.shaded.clone_from(&self.stale);
         self.arrival.widen(&mut self.shaded);
         self.finished.clone_from(&self.shaded);

@@ -33,6 +33,24 @@ impl Default for RefineWindow {
     }
 }
 
+/// At every pixel of a tile what is linear between the values at every fourth row and column, three by three.
+#[multiversion(targets("x86_64+avx2"))]
+pub(crate) fn spread_tile(values: &[f32; 9]) -> [[f32; TILE]; TILE] {
+    const SHARE: f32 = 1.0 / HALF as f32;
+    let mut out = [[0.0; TILE]; TILE];
+    for row in 0..TILE {
+        let (upper, down) = (row / HALF * 3, (row % HALF) as i32 as f32 * SHARE);
+        let mixed =
+            |column: usize| values[upper + column] + (values[upper + 3 + column] - values[upper + column]) * down;
+        let line = [mixed(0), mixed(1), mixed(2)];
+        for column in 0..TILE {
+            let (left, across) = (column / HALF, (column % HALF) as i32 as f32 * SHARE);
+            out[row][column] = line[left] + (line[left + 1] - line[left]) * across;
+        }
+    }
+    out
+}
+
 /// At every pixel the mean of the coarse estimates around it that belong to the same surface.
 #[multiversion(targets("x86_64+avx2"))]
 pub(crate) fn refine_tile(window: &RefineWindow) -> [[f32; TILE]; TILE] {

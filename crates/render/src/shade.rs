@@ -230,7 +230,8 @@ impl Shading {
         let first = spots.triangle[0];
         let is_one = spots.triangle[..spots.count].iter().fold(0, |differ, &other| differ | (other ^ first)) == 0;
         let is_dull = surface.metallic == 0.0 && surface.opacity >= 1.0 && surface.roughness >= SMOOTH;
-        let is_flat = is_one && is_dull && spots.is_tile && lens.focal.min_element() >= NARROW_PX && corners.span(spots);
+        let is_flat =
+            is_one && is_dull && spots.is_tile && lens.focal.min_element() >= NARROW_PX && corners.span(spots);
         let texture = surface.texture.as_deref();
         // Texels per pixel where they are much the same all over the tile.
         let mut even_texels = None;
@@ -392,4 +393,3 @@ fn find_footprints<const LANES: usize>(spots: &mut Spots, placed: &PartView, len
         spots.texels[i] = (spots.texels[i] * texels).sqrt() * spots.depth[i] * inverse_focal / facing;
     }
 }
-
