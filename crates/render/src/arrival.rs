@@ -205,6 +205,11 @@ impl Arrival {
         [column..(column + TILE).min(self.width), row..(row + TILE).min(self.height)]
     }
 
+    /// The tile of a pixel.
+    pub fn tile_of(&self, pixel: u32) -> usize {
+        pixel as usize / self.width / TILE * self.columns + pixel as usize % self.width / TILE
+    }
+
     /// Where a pixel comes when tiles are gone through one after the other.
     pub fn order_of(&self, pixel: usize) -> usize {
         let (column, row) = (pixel % self.width, pixel / self.width);

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3A};
 
 use crate::arrival::{Arrival, Bins};
-use crate::assets::RenderAssets;
+use crate::assets::{Part, RenderAssets};
 use crate::edges::Edges;
 use crate::glass::Glass;
 use crate::job::{Channels, FrameBuffers, FrameState};
@@ -28,7 +28,7 @@ pub(crate) struct Canvas {
     arrival: Arrival,
     shadow_version: u64,
     occluders: Occluders,
-    /// Linear display colours at pixel centres, without what is transparent.
+    /// Linear display colours at pixel centres, without what is transparent; only where edges or glass may read them.
     colors: Vec<Vec3A>,
     rgb: Vec<u8>,
     changed: Vec<bool>,
@@ -158,6 +158,7 @@ impl Canvas {
         self.bins.fill(&self.arrival, scene.assets.parts.len(), tiles);
         let (arrival, colors, rgb, shaded) = (&self.arrival, &mut self.colors, &mut self.rgb, &mut self.shaded_pixels);
         let Work { pixels, shading } = &mut *self.work;
+        let has_glass = scene.assets.parts.iter().any(Part::is_transparent);
         self.bins.for_each(pixels, arrival.centers(), |part, pixels| {
             *shaded += pixels.count;
             shading.take(pixels, &arrival.key, &arrival.ambient);
@@ -168,7 +169,8 @@ impl Canvas {
                 lens,
                 scene.lighting,
             );
-            shading.write(pixels, colors, rgb);
+            let is_inner = pixels.is_tile && !has_glass && arrival.shows_one(arrival.tile_of(pixels.pixel[0]));
+            shading.write(pixels, if is_inner { &mut [] } else { colors }, rgb);
         });
     }
 
@@ -188,7 +190,7 @@ impl Canvas {
     /// Writes the bytes of the colours of tiles that were not shaded, whose edges are to be drawn again.
     fn encode(&mut self, tiles: &[usize]) {
         let width = self.view.lens.width;
-        for &tile in tiles.iter().filter(|&&tile| !self.shaded[tile]) {
+        for &tile in tiles.iter().filter(|&&tile| !self.shaded[tile] && !self.arrival.shows_one(tile)) {
             let [columns, rows] = self.arrival.pixels_of(tile);
             for row in rows {
                 let pixels = row * width + columns.start..row * width + columns.end;

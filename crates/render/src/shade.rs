@@ -180,7 +180,8 @@ impl Shading {
         }
     }
 
-    /// Writes the spots, which are those pixels, into an image: linear display colours, and bytes.
+    /// Writes the spots, which are those pixels, into an image: linear display colours, unless they are an empty list, which
+    /// only the pixels of a tile may get, and bytes.
     pub fn write(&mut self, pixels: &Pixels, colors: &mut [Vec3A], rgb: &mut [u8]) {
         find_codes(&self.reflected.color, &mut self.codes);
         let table = srgb_table();
@@ -188,8 +189,10 @@ impl Shading {
         if pixels.is_tile {
             for (step, &first) in pixels.pixel.iter().step_by(TILE).enumerate() {
                 let (from, to) = (step * TILE, first as usize);
-                for (x, color) in colors[to..to + TILE].iter_mut().enumerate() {
-                    *color = self.color_of(from + x);
+                if !colors.is_empty() {
+                    for (x, color) in colors[to..to + TILE].iter_mut().enumerate() {
+                        *color = self.color_of(from + x);
+                    }
                 }
                 for (x, bytes) in rgb[to * 3..(to + TILE) * 3].chunks_exact_mut(3).enumerate() {
                     bytes.copy_from_slice(&std::array::from_fn::<u8, 3, _>(|channel| code(channel, from + x)));
