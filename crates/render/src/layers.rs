@@ -112,10 +112,13 @@ impl Layers {
         }
         for row in 0..self.tile_rows {
             let rows = row * TILE * scale..((row + 1) * TILE).min(height) * scale;
-            let marks = &self.changed[row * self.tile_columns..][..self.tile_columns];
+            let tiles = row * self.tile_columns..(row + 1) * self.tile_columns;
+            let (marks, over) = (&self.changed[tiles.clone()], &self.over[tiles]);
             let mut column = 0;
             while column < marks.len() {
-                let run = marks[column..].iter().take_while(|&&mark| mark).count();
+                // A tile with nothing drawn over it still shows the layer.
+                let is_other = |(&mark, &is_over): (&bool, &bool)| mark && (is_new || is_over);
+                let run = marks[column..].iter().zip(&over[column..]).take_while(|&tile| is_other(tile)).count();
                 if run > 0 {
                     let columns = column * TILE * scale..((column + run) * TILE).min(width) * scale;
                     self.target.copy_rectangle(&self.layer, columns, rows.clone());

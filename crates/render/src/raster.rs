@@ -11,6 +11,12 @@
 
 use crate::lanes::within;
 
+mod outline;
+mod row;
+
+use outline::{Corners, Outlines};
+use row::{Row, Slant};
+
 /// A corner on the image plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Corner {
@@ -22,10 +28,8 @@ pub(crate) struct Corner {
     pub nearness: f32,
 }
 
-/// Rows of a triangle whose ends are found at once.
+/// Rows of a triangle whose ends are found at once: few triangles have more.
 const ROWS: usize = 8;
-/// Samples of a row that are drawn one by one.
-const SHORT: usize = 4;
 
 impl Corner {
     /// With so many samples per pixel: a pixel's centre is its first sample.
@@ -115,58 +119,43 @@ pub(crate) fn draw_mesh<const IDS: bool>(
         while facing != 0 {
             let i = facing.trailing_zeros() as usize;
             facing &= facing - 1;
-            block.put((index * BLOCK + i) as u32, triangles_of_block[i].map(|corner| &corners[corner as usize]));
+            let id = first_id + (index * BLOCK + i) as u32;
+            block.put(id, triangles_of_block[i].map(|corner| &corners[corner as usize]));
             if block.count == BLOCK {
-                block.draw::<IDS>(triangles, corners, sides, first_id, target);
+                block.draw::<IDS>(sides, target);
             }
         }
     }
-    block.draw::<IDS>(triangles, corners, sides, first_id, target);
+    block.draw::<IDS>(sides, target);
 }
 
-/// Corners of triangles at one sample per pixel, component by component.
+/// Triangles to be drawn at once.
+#[derive(Default)]
 struct Block {
     count: usize,
-    triangle: [u32; BLOCK],
-    x: [[f32; BLOCK]; 3],
-    y: [[f32; BLOCK]; 3],
-}
-
-impl Default for Block {
-    fn default() -> Self {
-        Self { count: 0, triangle: [0; BLOCK], x: [[0.0; BLOCK]; 3], y: [[0.0; BLOCK]; 3] }
-    }
+    ids: [u32; BLOCK],
+    /// At one sample per pixel.
+    corners: Corners<BLOCK>,
 }
 
 impl Block {
     #[inline(always)]
-    fn put(&mut self, triangle: u32, corners: [&Corner; 3]) {
+    fn put(&mut self, id: u32, corners: [&Corner; 3]) {
         let at = self.count & (BLOCK - 1);
-        self.triangle[at] = triangle;
-        for (index, corner) in corners.into_iter().enumerate() {
-            self.x[index][at] = corner.x;
-            self.y[index][at] = corner.y;
-        }
+        self.ids[at] = id;
+        self.corners.put(at, corners);
         self.count += 1;
     }
 
     /// Draws its triangles and becomes empty.
     #[inline(always)]
-    fn draw<const IDS: bool>(
-        &mut self,
-        triangles: &[[u32; 3]],
-        corners: &[Corner],
-        sides: Sides,
-        first_id: u32,
-        target: &mut Target,
-    ) {
+    fn draw<const IDS: bool>(&mut self, sides: Sides, target: &mut Target) {
         let mut visible = self.visible(sides, target);
-        let scale = target.scale as f32;
+        let outlines = self.corners.outlines(target.scale as i32 as f32, target.height);
         while visible != 0 {
-            let triangle = self.triangle[visible.trailing_zeros() as usize];
+            let i = visible.trailing_zeros() as usize & (BLOCK - 1);
             visible &= visible - 1;
-            let corners = triangles[triangle as usize].map(|corner| corners[corner as usize].scaled(scale));
-            target.draw::<IDS>(corners, first_id + triangle);
+            target.scan::<IDS, BLOCK>(&outlines, i, self.ids[i]);
         }
         self.count = 0;
     }
@@ -178,8 +167,8 @@ impl Block {
         let (columns, rows) = (target.width as i32 as f32, target.height as i32 as f32);
         let (front, back) = (u32::from(sides[0]), u32::from(sides[1]));
         let mut seen = [0_u32; BLOCK];
-        let [ax, bx, cx] = &self.x;
-        let [ay, by, cy] = &self.y;
+        let [ax, bx, cx] = &self.corners.x;
+        let [ay, by, cy] = &self.corners.y;
         for i in 0..BLOCK {
             let area = area_of([ax[i], ay[i]], [bx[i], by[i]], [cx[i], cy[i]]);
             let (left, right) = extremes(ax[i], bx[i], cx[i]);
@@ -268,129 +257,57 @@ impl Target {
     /// Draws a triangle of either orientation; corners must be finite.
     #[inline(always)]
     pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {
-        let [mut a, mut b, mut c] = corners;
-        let mut area = area_of([a.x, a.y], [b.x, b.y], [c.x, c.y]);
-        if b.y < a.y {
-            std::mem::swap(&mut a, &mut b);
-            area = -area;
-        }
-        if c.y < a.y {
-            std::mem::swap(&mut a, &mut c);
-            area = -area;
-        }
-        if c.y < b.y {
-            std::mem::swap(&mut b, &mut c);
-            area = -area;
-        }
-        let (first_row, end_row) = (first_sample(a.y, self.height), first_sample(c.y, self.height));
-        if first_row >= end_row || area == 0.0 {
-            return;
-        }
-        let middle_row = first_sample(b.y, self.height);
-        let slope = |from: Corner, to: Corner| (to.x - from.x) / (to.y - from.y);
-        let (long_slope, upper_slope, lower_slope) = (slope(a, c), slope(a, b), slope(b, c));
-        let gradient = Gradient::new(a, b, c, area);
-        let scale = self.scale as u32;
-        // Eight rows at a time: few triangles have more.
-        for first in (first_row..end_row).step_by(ROWS) {
-            let (mut starts, mut ends, mut nearness) = ([0; ROWS], [0; ROWS], [0.0; ROWS]);
+        let mut one = Corners::<1>::default();
+        one.put(0, corners.each_ref());
+        self.scan::<IDS, 1>(&one.outlines(1.0, self.height), 0, id);
+    }
+
+    /// Draws one of some triangles.
+    #[inline(always)]
+    fn scan<const IDS: bool, const N: usize>(&mut self, outlines: &Outlines<N>, i: usize, id: u32) {
+        let (width, scale) = (self.width, self.scale as u32);
+        let [top_x, top_y] = outlines.top.each_ref().map(|list| list[i]);
+        let [middle_x, middle_y] = outlines.middle.each_ref().map(|list| list[i]);
+        let [long_slope, upper_slope, lower_slope] = outlines.slopes.each_ref().map(|list| list[i]);
+        let [first_row, middle_row, end_row] = outlines.rows.each_ref().map(|list| list[i]);
+        let long_is_left = outlines.long_is_left[i];
+        let (constant, dx, dy) = (outlines.constant[i], f64::from(outlines.dx[i]), f64::from(outlines.dy[i]));
+        let slant = Slant { dx: outlines.dx[i], low: outlines.low[i], high: outlines.high[i] };
+        let (nearness, ids) = (&mut self.nearness[..], &mut self.ids[..]);
+        let mut first = first_row;
+        while first < end_row {
+            let (mut starts, mut counts, mut offsets, mut values) = ([0; ROWS], [0; ROWS], [0.0; ROWS], [0.0; ROWS]);
             for i in 0..ROWS {
                 let row = first + i as u32;
                 let y = row as i32 as f32;
-                let long_x = a.x + (y - a.y) * long_slope;
-                let upper_x = a.x + (y - a.y) * upper_slope;
-                let lower_x = b.x + (y - b.y) * lower_slope;
+                let long_x = top_x + (y - top_y) * long_slope;
+                let upper_x = top_x + (y - top_y) * upper_slope;
+                let lower_x = middle_x + (y - middle_y) * lower_slope;
                 let short_x = if row < middle_row { upper_x } else { lower_x };
-                let (left, right) = if area > 0.0 { (long_x, short_x) } else { (short_x, long_x) };
-                starts[i] = first_sample(left, self.width);
-                ends[i] = first_sample(right, self.width);
+                // Exchanged bit by bit: a branch would be taken for every other triangle.
+                let exchanged = (long_x.to_bits() ^ short_x.to_bits()) & long_is_left;
+                let left = f32::from_bits(short_x.to_bits() ^ exchanged);
+                let right = f32::from_bits(long_x.to_bits() ^ exchanged);
+                starts[i] = first_sample(left, width);
+                counts[i] = first_sample(right, width).max(starts[i]) - starts[i];
                 // Counted from the same pixel whatever the number of samples.
                 let pixel = (starts[i] + scale - 1) & !(scale - 1);
-                nearness[i] = gradient.at(f64::from(pixel as i32), f64::from(row as i32));
+                offsets[i] = (starts[i] as i32 - pixel as i32) as f32;
+                values[i] = (constant + f64::from(pixel as i32) * dx + f64::from(row as i32) * dy) as f32;
             }
+            let mut at = first as usize * width;
             for i in 0..ROWS.min((end_row - first) as usize) {
-                let (start, end) = (starts[i], ends[i]);
-                if start < end {
-                    let offset = start as i32 - ((start + scale - 1) & !(scale - 1)) as i32;
-                    let at = (first as usize + i) * self.width + start as usize;
-                    self.fill::<IDS>(at, (end - start) as usize, offset, nearness[i], &gradient, id);
-                }
+                let row = Row {
+                    first: at + starts[i] as usize,
+                    count: counts[i] as usize,
+                    offset: offsets[i],
+                    value: values[i],
+                };
+                row.draw::<IDS>(&slant, id, nearness, ids);
+                at += width;
             }
+            first += ROWS as u32;
         }
-    }
-
-    /// One row of a triangle.
-    #[inline(always)]
-    fn fill<const IDS: bool>(
-        &mut self,
-        first: usize,
-        count: usize,
-        offset: i32,
-        start: f32,
-        gradient: &Gradient,
-        id: u32,
-    ) {
-        let (dx, low, high) = (gradient.dx, gradient.low, gradient.high);
-        let nearness = &mut self.nearness[first..first + count];
-        if IDS {
-            let ids = &mut self.ids[first..first + count];
-            let mut draw = |column: usize| {
-                let value = within(start + (column as i32 + offset) as f32 * dx, low, high);
-                let (nearest, nearest_id) = (nearness[column], ids[column]);
-                let closer = (value > nearest) | ((value == nearest) & (id < nearest_id));
-                // Positive numbers are in the order of their bits. Where a choice is stored over what was read, the compiler
-                // makes it a masked store, at which some processors are slow.
-                nearness[column] = f32::from_bits(value.to_bits().max(nearest.to_bits()));
-                ids[column] = nearest_id.wrapping_add(if closer { id.wrapping_sub(nearest_id) } else { 0 });
-            };
-            // Most rows are too short for wide registers.
-            if count <= SHORT {
-                (0..SHORT).take_while(|&column| column < count).for_each(draw);
-            } else {
-                (0..count).for_each(&mut draw);
-            }
-        } else {
-            let mut draw = |column: usize| {
-                // A map of shadows keeps its last bit for what is transparent.
-                let value = within(start + (column as i32 + offset) as f32 * dx, low, high);
-                let value = f32::from_bits(value.to_bits() & !1);
-                nearness[column] = if value > nearness[column] { value } else { nearness[column] };
-            };
-            if count <= SHORT {
-                (0..SHORT).take_while(|&column| column < count).for_each(draw);
-            } else {
-                (0..count).for_each(&mut draw);
-            }
-        }
-    }
-}
-
-/// Nearness over a triangle.
-struct Gradient {
-    /// At the origin of the image, in double precision: corners may lie far outside it.
-    constant: f64,
-    dx: f32,
-    dy: f32,
-    /// Bounds over the corners: rounding on a sliver must not leave them.
-    low: f32,
-    high: f32,
-}
-
-impl Gradient {
-    #[inline(always)]
-    fn new(a: Corner, b: Corner, c: Corner, area: f32) -> Self {
-        let inverse = 1.0 / area;
-        let (ab, ac) = (b.nearness - a.nearness, c.nearness - a.nearness);
-        let (low, high) = extremes(a.nearness, b.nearness, c.nearness);
-        let dx = (ab * (c.y - a.y) - ac * (b.y - a.y)) * inverse;
-        let dy = (ac * (b.x - a.x) - ab * (c.x - a.x)) * inverse;
-        let constant = f64::from(a.nearness) - f64::from(a.x) * f64::from(dx) - f64::from(a.y) * f64::from(dy);
-        Self { constant, dx, dy, low, high }
-    }
-
-    #[inline(always)]
-    fn at(&self, x: f64, y: f64) -> f32 {
-        (self.constant + x * f64::from(self.dx) + y * f64::from(self.dy)) as f32
     }
 }
 

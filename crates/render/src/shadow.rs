@@ -585,23 +585,20 @@ fn summarise_tiles(target: &Target, changed: &[bool], low: &mut [f32], high: &mu
 
 /// The extreme within so many tiles of each tile, along rows and then along columns.
 fn spread(own: &[f32], tiles: usize, reach: usize, out: &mut Vec<f32>, join: impl Fn(f32, f32) -> f32 + Copy) {
+    // Each value of one list with the one beside it in the other.
+    let widen = |list: &mut [f32], others: &[f32]| {
+        list.iter_mut().zip(others).for_each(|(value, &other)| *value = join(*value, other));
+    };
     let mut rows = own.to_vec();
-    for step in 1..=reach {
+    for step in (1..=reach).filter(|&step| step < tiles) {
         for (row, own) in rows.chunks_exact_mut(tiles).zip(own.chunks_exact(tiles)) {
-            for column in 0..tiles.saturating_sub(step) {
-                row[column] = join(row[column], own[column + step]);
-                row[column + step] = join(row[column + step], own[column]);
-            }
+            widen(row, &own[step..]);
+            widen(&mut row[step..], own);
         }
     }
     out.clone_from(&rows);
-    for step in 1..=reach {
-        for first in 0..tiles.saturating_sub(step) {
-            for column in 0..tiles {
-                let (upper, lower) = (first * tiles + column, (first + step) * tiles + column);
-                out[upper] = join(out[upper], rows[lower]);
-                out[lower] = join(out[lower], rows[upper]);
-            }
-        }
+    for step in (1..=reach).filter(|&step| step < tiles) {
+        widen(out, &rows[step * tiles..]);
+        widen(&mut out[step * tiles..], &rows);
     }
 }

@@ -112,16 +112,16 @@ fn see_tile(
     let scale = opaque.scale;
     let (mut low, mut high, mut differ) = ([f32::INFINITY; TILE], [0.0_f32; TILE], [0_u32; TILE]);
     let mut differ_all = [0_u32; 2 * TILE];
-    for row in rows.start * scale..rows.end * scale {
-        let samples = row * opaque.width + columns.start * scale..row * opaque.width + columns.end * scale;
-        for ids in opaque.ids[samples].chunks(2 * TILE) {
-            match ids.first_chunk::<{ 2 * TILE }>() {
-                Some(ids) => (0..2 * TILE).for_each(|sample| differ_all[sample] |= ids[sample] ^ first),
-                None => ids.iter().for_each(|id| differ_all[0] |= id ^ first),
+    for row in rows {
+        for row in row * scale..(row + 1) * scale {
+            let samples = row * opaque.width + columns.start * scale..row * opaque.width + columns.end * scale;
+            for ids in opaque.ids[samples].chunks(2 * TILE) {
+                match ids.first_chunk::<{ 2 * TILE }>() {
+                    Some(ids) => (0..2 * TILE).for_each(|sample| differ_all[sample] |= ids[sample] ^ first),
+                    None => ids.iter().for_each(|id| differ_all[0] |= id ^ first),
+                }
             }
         }
-    }
-    for row in rows {
         let at = row * scale * opaque.width + columns.start * scale;
         let (mut near, mut ids) = ([0.0; TILE], [first; TILE]);
         let spans = (opaque.nearness[at..].first_chunk::<SPAN>(), opaque.ids[at..].first_chunk::<SPAN>());
