@@ -12,6 +12,7 @@ use glam::{Vec2, Vec3A};
 use crate::arrival::Arrival;
 use crate::assets::RenderAssets;
 use crate::glass::Glass;
+use crate::layers::TILE;
 use crate::panes::{Pane, bent, refracted, seen_through};
 use crate::raster::Target;
 use crate::scene::Scene;
@@ -33,6 +34,8 @@ pub(crate) struct Edges {
     /// Sides of transparent surfaces, two per pixel at most, the farther one first.
     panes: Vec<Pane>,
     order: Vec<u32>,
+    /// By tile: the pixels, in bits, row by row, whose bytes are not those of their colour alone.
+    rewritten: Vec<u64>,
     keys: TileKeys,
     directions: Directions,
 }
@@ -54,7 +57,8 @@ const APART: f32 = 1e-4;
 
 impl Edges {
     /// Looks at all parts as they are seen; to be called before [`Edges::find`].
-    pub fn begin(&mut self, assets: &RenderAssets, view: &View) {
+    pub fn begin(&mut self, assets: &RenderAssets, view: &View, tiles: usize) {
+        self.rewritten.resize(tiles, 0);
         self.mixed.clear();
         self.extras.clear();
         self.panes.clear();
@@ -77,19 +81,30 @@ impl Edges {
         let around = Around { opaque, directions: &directions, arrival, n };
         for &tile in tiles {
             let [columns, rows] = arrival.pixels_of(tile);
-            if n > 1 && !arrival.shows_one(tile) && keys.load(&around, columns.start, rows.start) {
-                self.mix_tile(&around, &keys, [&columns, &rows], colors);
-            }
+            let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, columns.start, rows.start);
+            let mut rewritten = if is_mixed { self.mix_tile(&around, &keys, [&columns, &rows], colors) } else { 0 };
             let glass = glass.filter(|glass| glass.reaches(tile)).map(|glass| &glass.layers);
             if let Some(glass) = glass.filter(|layers| layers.iter().any(|layer| has_any(layer, &columns, &rows))) {
-                for row in rows {
-                    for column in columns.clone() {
-                        self.find_panes(&around, glass, [column, row], row * view.lens.width + column);
+                for (y, row) in rows.enumerate() {
+                    for (x, column) in columns.clone().enumerate() {
+                        let found = self.find_panes(&around, glass, [column, row], row * view.lens.width + column);
+                        rewritten |= u64::from(found) << (y * TILE + x);
                     }
                 }
             }
+            self.rewritten[tile] = rewritten;
         }
         (self.keys, self.directions) = (keys, directions);
+    }
+
+    /// The places within a tile of the pixels whose bytes were not those of their colour alone when it was last looked at.
+    pub fn rewritten(&self, tile: usize) -> impl Iterator<Item = usize> {
+        let mut left = self.rewritten[tile];
+        std::iter::from_fn(move || {
+            let place = (left != 0).then_some(left.trailing_zeros() as usize)?;
+            left &= left - 1;
+            Some(place)
+        })
     }
 
     /// Shades what no pixel's centre shows and rewrites the bytes of all pixels that were found.
@@ -148,8 +163,8 @@ impl Edges {
         }
     }
 
-    /// The sides of transparent surfaces before a pixel.
-    fn find_panes(&mut self, around: &Around<'_>, glass: &[Target; 2], [x, y]: [usize; 2], pixel: usize) {
+    /// Lists the sides of transparent surfaces before a pixel; says whether there are any.
+    fn find_panes(&mut self, around: &Around<'_>, glass: &[Target; 2], [x, y]: [usize; 2], pixel: usize) -> bool {
         let n = around.n;
         let (x, y) = (x as isize, y as isize);
         let first = self.panes.len();
@@ -191,6 +206,7 @@ impl Edges {
         {
             std::mem::swap(a, b);
         }
+        self.panes.len() > first
     }
 
     fn shade_panes(&mut self, scene: &Scene<'_>, view: &View) {

@@ -20,23 +20,25 @@ const FIRST: [u32; BESIDE.len()] = [0b0101, 0, 0b0110, 0, 0, 0b1001, 0, 0b1010];
 type Sums = [Vec3A; TILE * TILE];
 
 impl Edges {
-    /// Sums the colours of the samples of a tile's mixed pixels as far as they are known.
+    /// Sums the colours of the samples of a tile's mixed pixels as far as they are known; returns the places of these
+    /// pixels, in bits.
     pub(super) fn mix_tile(
         &mut self,
         around: &Around<'_>,
         keys: &TileKeys,
         [columns, rows]: [&Range<usize>; 2],
         colors: &[Vec3A],
-    ) {
+    ) -> u64 {
         let (width, height) = (around.opaque.width / around.opaque.scale, around.opaque.height / around.opaque.scale);
         let mut kinds = Kinds::default();
-        let mut mixed = keys.compare(&mut kinds) & places(columns, rows, 0..width, 0..height);
+        let found = keys.compare(&mut kinds) & places(columns, rows, 0..width, 0..height);
         let mut sums = [Vec3A::ZERO; TILE * TILE];
         let mut inner = 0;
         if around.n == 2 {
-            inner = mixed & places(columns, rows, 1..width - 1, 1..height - 1);
+            inner = found & places(columns, rows, 1..width - 1, 1..height - 1);
             sum_leaning(&kinds, inner, colors, rows.start * width + columns.start, width, &mut sums);
         }
+        let mut mixed = found;
         while mixed != 0 {
             let place = mixed.trailing_zeros() as usize;
             let [x, y] = [columns.start + place % TILE, rows.start + place / TILE];
@@ -54,6 +56,7 @@ impl Edges {
             self.mixed.push((pixel as u32, color));
             mixed &= mixed - 1;
         }
+        found
     }
 
     /// Adds to a pixel's sum the samples that are left: with the colour of any pixel next to it that shows the same, or
