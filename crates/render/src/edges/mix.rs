@@ -192,7 +192,8 @@ fn sum_leaning(kinds: &Kinds, mut mixed: u64, colors: &[Vec3A], first: usize, wi
         mixed &= mixed - 1;
         let shares = kinds.leaning(place);
         let pixel = first + place / TILE * width + place % TILE;
-        let rows = [pixel - width, pixel, pixel + width].map(|pixel| &colors[pixel - 1..][..3]);
+        let row = |first: usize| &colors[first..][..3];
+        let rows = [row(pixel - width - 1), row(pixel - 1), row(pixel + width - 1)];
         let mut sum = Vec3A::ZERO;
         for (&([dx, dy], _), share) in BESIDE.iter().zip(shares) {
             sum += rows[(dy + 1) as usize][(dx + 1) as usize] * share;
