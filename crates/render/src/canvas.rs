@@ -110,7 +110,7 @@ impl Canvas {
             self.opaque.tile_columns * (STRIP_PIXELS / (TILE * TILE) / self.opaque.tile_columns).max(1);
         let strips = self.stale.len().div_ceil(tiles_in_strip);
         self.shaded_pixels = 0;
-        self.edges.begin(scene.assets, &self.view);
+        self.edges.begin(scene.assets, &self.view, self.stale.len());
         let mut tiles = Vec::with_capacity(tiles_in_strip);
         for step in 0..strips + 3 {
             let select = |marks: &[bool], behind: usize, tiles: &mut Vec<usize>| {
@@ -187,17 +187,13 @@ impl Canvas {
         }
     }
 
-    /// Writes the bytes of the colours of tiles that were not shaded, whose edges are to be drawn again.
+    /// Writes the bytes of the colours of tiles that were not shaded, whose edges are to be drawn again; most have them.
     fn encode(&mut self, tiles: &[usize]) {
-        let width = self.view.lens.width;
-        for &tile in tiles.iter().filter(|&&tile| !self.shaded[tile] && !self.arrival.shows_one(tile)) {
+        for &tile in tiles.iter().filter(|&&tile| !self.shaded[tile]) {
             let [columns, rows] = self.arrival.pixels_of(tile);
-            for row in rows {
-                let pixels = row * width + columns.start..row * width + columns.end;
-                let bytes = self.rgb[pixels.start * 3..pixels.end * 3].chunks_exact_mut(3);
-                for (bytes, &color) in bytes.zip(&self.colors[pixels]) {
-                    bytes.copy_from_slice(&srgb8_from_linear(color));
-                }
+            for place in self.edges.rewritten(tile) {
+                let pixel = (rows.start + place / TILE) * self.view.lens.width + columns.start + place % TILE;
+                self.rgb[pixel * 3..][..3].copy_from_slice(&srgb8_from_linear(self.colors[pixel]));
             }
         }
     }
