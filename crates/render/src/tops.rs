@@ -61,6 +61,8 @@ pub(crate) struct Top {
     share: Vec<f32>,
     /// Extremes by block.
     range: Vec<[f32; 2]>,
+    /// Cells beside each block on which it depends.
+    reach: Vec<usize>,
     /// Version of the shadow map in which each block changed last.
     changed_in: Vec<u64>,
 }
@@ -159,6 +161,7 @@ impl Top {
             blocks,
             share: vec![UNKNOWN; count * TILE * TILE],
             range: vec![[UNKNOWN; 2]; count],
+            reach: vec![0; count],
             changed_in: vec![0; count],
         })
     }
@@ -171,14 +174,11 @@ impl Top {
     fn follow(&mut self, changes: &MarkCount, version: u64) {
         // In tiles of the map: a block is one, or two along each axis.
         let step = self.cells.step as isize;
-        let reach = |texels: f32| (texels / TILE as f32).ceil() as isize;
-        let (far, near) = (reach(MAX_RADIUS), reach(((self.cells.search + 1) * self.cells.step) as f32));
         for block in 0..self.range.len() {
             let [column, row] = [self.first[0] + block % self.blocks[0], self.first[1] + block / self.blocks[0]];
             let from = [column as isize * step, row as isize * step];
             let to = from.map(|tile| tile + step - 1);
-            // Where nothing is between all points and the light, only what is looked for may change that.
-            let reach = if self.range[block] == [1.0; 2] { near } else { far };
+            let reach = (self.reach[block] * self.cells.step).div_ceil(TILE) as isize;
             if version == 1 || changes.any(from.map(|tile| tile - reach), to.map(|tile| tile + reach)) {
                 self.estimate(block, version);
             }
@@ -189,7 +189,8 @@ impl Top {
     fn estimate(&mut self, block: usize, version: u64) {
         let width = self.width();
         let [column, row] = [block % self.blocks[0] * TILE, block / self.blocks[0] * TILE];
-        let shares = self.cells.shares(column, row);
+        let (shares, reach) = self.cells.shares(column, row);
+        self.reach[block] = reach;
         let mut differs = false;
         for (step, line) in shares.iter().enumerate() {
             let out = &mut self.share[(row + step) * width + column..][..TILE];
@@ -387,46 +388,45 @@ impl Cells {
         self.sums[bottom + side] + self.sums[top] - self.sums[bottom] - self.sums[top + side]
     }
 
-    /// Shares of the key light that reach the middles of the cells of a block of the top.
-    fn shares(&self, column: usize, row: usize) -> [[f32; TILE]; TILE] {
+    /// Shares of the key light that reach the middles of the cells of a block of the top, and how many cells beside it were
+    /// looked at.
+    fn shares(&self, column: usize, row: usize) -> ([[f32; TILE]; TILE], usize) {
         let [x, y] = [column + self.margin, row + self.margin];
         let around = |half: usize| unpack(self.within([x - half, y - half], TILE + 2 * half)).0;
         if around(self.search) == 0 {
-            return [[1.0; TILE]; TILE];
+            return ([[1.0; TILE]; TILE], self.search);
         }
         let widest = self.inverse_full.len() - 1;
         let texels = ((TILE + 2 * widest) * self.step) as u32;
         if around(widest) == texels * texels * FULL {
-            return [[0.0; TILE]; TILE];
+            return ([[0.0; TILE]; TILE], widest);
         }
         let (width, half) = (self.columns + 1, self.search);
         let first = (y - half) * width + x - half;
         let found = search_block(&self.sums[first..], width, 2 * half + 1);
-        let mut shares = [[1.0; TILE]; TILE];
+        let (mut shares, mut reach) = ([[1.0; TILE]; TILE], self.search);
         for (dy, line) in found.iter().enumerate() {
-            for (dx, &sum) in line.iter().enumerate() {
-                if sum > 0 {
-                    shares[dy][dx] = self.share(x + dx, y + dy, sum);
-                }
+            for (dx, &sum) in line.iter().enumerate().filter(|(_, sum)| **sum > 0) {
+                let half = self.half_width(sum);
+                let whole = nearest_integer(floor(half)) as usize;
+                let lit = |half: usize| {
+                    let (cover, _) = unpack(self.within([x + dx - half, y + dy - half], 2 * half + 1));
+                    1.0 - cover as f32 * self.inverse_full[half]
+                };
+                let (inner, outer) = (lit(whole), lit(whole + 1));
+                shares[dy][dx] = inner + (outer - inner) * (half - whole as f32);
+                reach = reach.max(whole + 1);
             }
         }
-        shares
+        (shares, reach)
     }
 
-    /// Share of the key light that reaches the middle of a cell, before which something was found.
+    /// Half the side of the square over which a cell takes the mean, cells, after what was found between it and the light.
     #[inline(always)]
-    fn share(&self, x: usize, y: usize, found: u64) -> f32 {
+    fn half_width(&self, found: u64) -> f32 {
         let (cover, distance) = unpack(found);
         let mean = distance as f32 / (cover as f32 * STEPS_PER_M);
-        let half = half_side(within(mean * self.radius_per_m, 1.2, MAX_RADIUS) / self.step as f32);
-        let half = if half > 0.0 { half } else { 0.0 };
-        let whole = nearest_integer(floor(half)) as usize;
-        let lit = |half: usize| {
-            let (cover, _) = unpack(self.within([x - half, y - half], 2 * half + 1));
-            1.0 - cover as f32 * self.inverse_full[half]
-        };
-        let (inner, outer) = (lit(whole), lit(whole + 1));
-        inner + (outer - inner) * (half - whole as f32)
+        within(half_side(within(mean * self.radius_per_m, 1.2, MAX_RADIUS) / self.step as f32), 0.0, MAX_RADIUS)
     }
 }
 
