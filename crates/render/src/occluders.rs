@@ -134,13 +134,14 @@ fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
         let away = stretched.sqrt();
         // Partly below the horizon: a smooth step between none and all of it.
         let rise = within(cosine * away * 0.5 + 0.5, 0.0, 1.0);
-        let edge = rise * rise / (away + 1.0);
-        let facing = if cosine > edge { cosine } else { edge };
+        let around = away + 1.0;
+        let (above, edge) = (cosine * around, rise * rise);
+        let facing = if above > edge { above } else { edge };
         // Area over π of its outline seen from the point, over the square distance to the unit sphere's centre.
         let per_radius = away * inverse;
         let section = volume * per_radius * per_radius * per_radius;
         let beyond = if stretched > 1.0 { stretched - 1.0 } else { 0.0 };
-        let cover = facing * section / (beyond + section);
+        let cover = facing * section / ((beyond + section) * around);
         // Boxes are fuller than ellipsoids, and hollow: inside one nothing is known.
         let outside = within(stretched * 2.0 - 1.0, 0.0, 1.0);
         share[i] *= 1.0 - STRENGTH * within(cover * outside, 0.0, 0.95);
