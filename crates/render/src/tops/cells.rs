@@ -97,7 +97,7 @@ impl Cells {
         let [at, per_column, per_row] = self.nearness;
         let (x, y) = (tile_column * TILE, tile_row * TILE);
         let plane = [at + per_column * x as f32 + per_row * y as f32, per_column, per_row];
-        let cells = cover_tile(&map.nearness[y * map.width + x..], map.width, plane, self.step);
+        let cells = cover_tile(&map.nearness[y * map.stride + x..], map.stride, plane, self.step);
         let in_tile = TILE / self.step;
         for (dy, line) in cells.chunks_exact(in_tile).take(in_tile).enumerate() {
             let row = (tile_row * in_tile + dy) as isize - self.first[1];
@@ -204,11 +204,11 @@ fn unpack(sum: u64) -> (u32, u32) {
 /// Covered texels, [`FULL`] for each opaque one, in the lowest [`CELL_BITS`] of the cells of a tile of the map, row by row;
 /// above them their distances in [`STEPS_PER_M`], each as many times as its texel counts.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn cover_tile(map: &[f32], width: usize, [at, per_column, per_row]: [f32; 3], step: usize) -> [u32; TILE * TILE] {
+fn cover_tile(map: &[f32], stride: usize, [at, per_column, per_row]: [f32; 3], step: usize) -> [u32; TILE * TILE] {
     const GLASS: u32 = (GLASS_SHADE * FULL as f32) as u32;
     let mut texels = [[0_u32; TILE]; TILE];
     for (row, line) in texels.iter_mut().enumerate() {
-        let stored = &map[row * width..][..TILE];
+        let stored = &map[row * stride..][..TILE];
         let first = at + per_row * row as i32 as f32;
         for column in 0..TILE {
             let ahead = stored[column] - (first + per_column * column as i32 as f32);
@@ -261,7 +261,7 @@ mod tests {
         map.reset::<false>(SIDE, SIDE, 1);
         for row in 0..SIDE {
             for column in 0..SIDE {
-                map.nearness[row * SIDE + column] = f32::from_bits(nearness(column, row).to_bits() & !1);
+                map.nearness[row * map.stride + column] = f32::from_bits(nearness(column, row).to_bits() & !1);
             }
         }
         cells.follow(&map, &[true; (SIDE / TILE) * (SIDE / TILE)]);
@@ -323,11 +323,11 @@ mod tests {
             let mut changed = vec![false; tiles * tiles];
             changed[row * tiles + column] = true;
             for y in 0..TILE {
-                let first = (row * TILE + y) * SIDE + column * TILE;
+                let first = (row * TILE + y) * map.stride + column * TILE;
                 map.nearness[first..first + TILE].fill(f32::from_bits((1.1 + 0.1 * step as f32).to_bits() & !1));
             }
             followed.follow(&map, &changed);
-            let anew = cells(|column, row| map.nearness[row * SIDE + column]);
+            let anew = cells(|column, row| map.nearness[row * map.stride + column]);
             assert_eq!(followed.sums, anew.sums, "step {step}");
         }
     }
