@@ -14,7 +14,7 @@ use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::Shading;
 use crate::texture::srgb8_from_linear;
-use crate::view::{Lens, View, part_and_triangle, surface_of};
+use crate::view::{Lens, View, surface_of};
 
 /// Pixels of a strip of tiles that is drawn at a time: what all stages hold of it fits the second cache.
 const STRIP_PIXELS: usize = 8192;
@@ -202,31 +202,17 @@ impl Canvas {
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
         out.rgb.clone_from(&self.rgb);
         let wants_geometry = channels.depth || channels.instance || channels.normal || channels.parts;
-        let sees_glass = self.view.has_transparent && wants_geometry;
-        if sees_glass || channels.normal || channels.parts {
+        if (self.view.has_transparent && wants_geometry) || channels.normal || channels.parts {
             self.see(assets);
+            write_geometry(assets, &self.view, &self.seen, channels, out);
+            return;
         }
         if channels.depth {
-            if sees_glass {
-                out.depth_m.extend(self.seen.nearness.iter().map(depth_of));
-            } else {
-                out.depth_m.clone_from(&self.arrival.depth);
-            }
+            out.depth_m.clone_from(&self.arrival.depth);
         }
         if channels.instance {
-            let mut instances = vec![0; assets.parts.len() + 1];
-            instances.iter_mut().skip(1).zip(&assets.parts).for_each(|(instance, part)| *instance = part.instance);
-            if sees_glass {
-                out.instance.extend(self.seen.ids.iter().map(|&id| instances[surface_of(id) as usize]));
-            } else {
-                out.instance.extend(self.arrival.surface.iter().map(|&surface| instances[surface as usize]));
-            }
-        }
-        if channels.parts {
-            out.parts.extend(self.seen.ids.iter().map(|&id| surface_of(id) as u16));
-        }
-        if channels.normal {
-            crate::normals::write(assets, &self.view, &self.seen, &mut out.normal);
+            let instances = instances_of(assets);
+            out.instance.extend(self.arrival.surface.iter().map(|&surface| instances[surface as usize]));
         }
     }
 
@@ -235,15 +221,22 @@ impl Canvas {
         let (lens, opaque) = (&self.view.lens, &self.opaque.target);
         let scale = opaque.scale;
         self.seen.reset::<true>(lens.width, lens.height, 1);
-        let pixels = self.seen.nearness.chunks_exact_mut(lens.width).zip(self.seen.ids.chunks_exact_mut(lens.width));
+        let stride = self.seen.stride;
+        let pixels = self.seen.nearness.chunks_exact_mut(stride).zip(self.seen.ids.chunks_exact_mut(stride));
         for (row, (nearness, ids)) in pixels.enumerate() {
-            let samples = row * scale * opaque.width..(row * scale + 1) * opaque.width;
+            let first = row * scale * opaque.stride;
+            let samples = first..first + opaque.width;
             let values = opaque.nearness[samples.clone()].iter().step_by(scale);
             nearness.iter_mut().zip(values).for_each(|(nearness, &value)| *nearness = value);
             ids.iter_mut().zip(opaque.ids[samples].iter().step_by(scale)).for_each(|(id, &value)| *id = value);
         }
         self.view.draw_transparent(assets, [true, true], &mut self.seen);
     }
+}
+
+/// The instance of each surface; nothing comes first.
+fn instances_of(assets: &RenderAssets) -> Vec<u16> {
+    std::iter::once(0).chain(assets.parts.iter().map(|part| part.instance)).collect()
 }
 
 fn depth_of(nearness: &f32) -> f32 {
@@ -258,15 +251,17 @@ pub(crate) fn write_geometry(
     channels: Channels,
     out: &mut FrameBuffers,
 ) {
-    if channels.depth {
-        out.depth_m.extend(seen.nearness.iter().map(depth_of));
-    }
-    if channels.instance {
-        let instance = |&id: &u32| part_and_triangle(id).map_or(0, |(part, _)| assets.parts[part].instance);
-        out.instance.extend(seen.ids.iter().map(instance));
-    }
-    if channels.parts {
-        out.parts.extend(seen.ids.iter().map(|&id| surface_of(id) as u16));
+    let instances = instances_of(assets);
+    for (nearness, ids) in seen.rows() {
+        if channels.depth {
+            out.depth_m.extend(nearness.iter().map(depth_of));
+        }
+        if channels.instance {
+            out.instance.extend(ids.iter().map(|&id| instances[surface_of(id) as usize]));
+        }
+        if channels.parts {
+            out.parts.extend(ids.iter().map(|&id| surface_of(id) as u16));
+        }
     }
     if channels.normal {
         crate::normals::write(assets, view, seen, &mut out.normal);

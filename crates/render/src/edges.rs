@@ -177,7 +177,7 @@ impl Edges {
             for dy in 1 - n..n {
                 for dx in 1 - n..n {
                     let (column, row) = around.cut(x * n + dx, y * n + dy);
-                    let sample = row as usize * layer.width + column as usize;
+                    let sample = row as usize * layer.stride + column as usize;
                     if nearness(sample) > around.opaque.nearness[sample] * (1.0 + APART) {
                         let weight = ((n - dx.abs()) * (n - dy.abs())) as f32 / (n * n * n * n) as f32;
                         coverage += weight;
@@ -249,5 +249,5 @@ fn has_any(layer: &Target, columns: &Range<usize>, rows: &Range<usize>) -> bool 
     let span = |range: &Range<usize>, limit: usize| (range.start * n).saturating_sub(n - 1)..(range.end * n).min(limit);
     let columns = span(columns, layer.width);
     let mut rows = span(rows, layer.height);
-    rows.any(|row| layer.ids[row * layer.width..][columns.clone()].iter().fold(0, |any, &id| any | id) != 0)
+    rows.any(|row| layer.ids[row * layer.stride..][columns.clone()].iter().fold(0, |any, &id| any | id) != 0)
 }

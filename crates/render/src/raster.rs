@@ -203,6 +203,8 @@ fn ceiling(value: f32, limit: f32) -> f32 {
 pub(crate) struct Target {
     /// Samples per row.
     pub width: usize,
+    /// Samples from one row to the next.
+    pub stride: usize,
     /// Rows.
     pub height: usize,
     /// Samples per pixel along each axis, a power of two; a pixel's centre is its first sample.
@@ -214,10 +216,17 @@ pub(crate) struct Target {
 }
 
 impl Target {
+    /// The nearness and the ids of each row.
+    pub fn rows(&self) -> impl Iterator<Item = (&[f32], &[u32])> {
+        let row = |row: usize| row * self.stride..row * self.stride + self.width;
+        (0..self.height).map(move |index| (&self.nearness[row(index)], &self.ids[row(index)]))
+    }
+
     /// Clears to nothing at a size in pixels.
     pub fn reset<const IDS: bool>(&mut self, width: usize, height: usize, scale: usize) {
         (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
-        let samples = self.width * self.height;
+        self.stride = stride_of(self.width);
+        let samples = self.stride * self.height;
         self.nearness.clear();
         self.nearness.resize(samples, 0.0);
         self.ids.clear();
@@ -228,7 +237,7 @@ impl Target {
 
     /// Clears rows of samples to nothing.
     pub fn clear_rows(&mut self, rows: std::ops::Range<usize>) {
-        let samples = rows.start * self.width..rows.end * self.width;
+        let samples = rows.start * self.stride..rows.end * self.stride;
         self.nearness[samples.clone()].fill(0.0);
         self.ids[samples].fill(0);
     }
@@ -236,7 +245,7 @@ impl Target {
     /// Takes a rectangle of samples, ends excluded, from a target of the same size.
     pub fn copy_rectangle(&mut self, other: &Self, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) {
         for row in rows {
-            let range = row * self.width + columns.start..row * self.width + columns.end;
+            let range = row * self.stride + columns.start..row * self.stride + columns.end;
             self.nearness[range.clone()].copy_from_slice(&other.nearness[range.clone()]);
             if !self.ids.is_empty() {
                 self.ids[range.clone()].copy_from_slice(&other.ids[range]);
@@ -247,7 +256,7 @@ impl Target {
     /// Whether a rectangle of samples, ends excluded, is not that of a target of the same size, to the bit.
     pub fn differs(&self, other: &Self, columns: std::ops::Range<usize>, mut rows: std::ops::Range<usize>) -> bool {
         rows.any(|row| {
-            let range = row * self.width + columns.start..row * self.width + columns.end;
+            let range = row * self.stride + columns.start..row * self.stride + columns.end;
             // Equal nearness of another triangle is told by the ids; nearness is positive, so equal is the same bits.
             self.nearness[range.clone()] != other.nearness[range.clone()]
                 || (!self.ids.is_empty() && self.ids[range.clone()] != other.ids[range])
@@ -265,7 +274,7 @@ impl Target {
     /// Draws one of some triangles.
     #[inline(always)]
     fn scan<const IDS: bool, const N: usize>(&mut self, outlines: &Outlines<N>, i: usize, id: u32) {
-        let (width, scale) = (self.width, self.scale as u32);
+        let (width, stride, scale) = (self.width, self.stride, self.scale as u32);
         let [top_x, top_y] = outlines.top.each_ref().map(|list| list[i]);
         let [middle_x, middle_y] = outlines.middle.each_ref().map(|list| list[i]);
         let [long_slope, upper_slope, lower_slope] = outlines.slopes.each_ref().map(|list| list[i]);
@@ -295,7 +304,7 @@ impl Target {
                 offsets[i] = (starts[i] as i32 - pixel as i32) as f32;
                 values[i] = (constant + f64::from(pixel as i32) * dx + f64::from(row as i32) * dy) as f32;
             }
-            let mut at = first as usize * width;
+            let mut at = first as usize * stride;
             for i in 0..ROWS.min((end_row - first) as usize) {
                 let row = Row {
                     first: at + starts[i] as usize,
@@ -304,11 +313,20 @@ impl Target {
                     value: values[i],
                 };
                 row.draw::<IDS>(&slant, id, nearness, ids);
-                at += width;
+                at += stride;
             }
             first += ROWS as u32;
         }
     }
+}
+
+/// Samples from one row of so many to the next.
+fn stride_of(width: usize) -> usize {
+    /// Samples after which the first cache, of 64 lines of 64 bytes per way, puts a line into the same set again.
+    const SAME_SET: usize = 1024;
+    /// Two lines of the cache.
+    const APART: usize = 32;
+    if width > 0 && width.is_multiple_of(SAME_SET) { width + APART } else { width }
 }
 
 /// First sample at or beyond a coordinate, within `0..=limit`.

@@ -275,7 +275,7 @@ impl Shading {
         }
         let glossy = lighting.sky.glossy(surface.roughness);
         if is_flat {
-            reflect_flat(spots, corners, surface, placed, lens, lighting, &glossy, reflected);
+            reflect_flat([spots, corners], surface, placed, lens, lighting, &glossy, reflected);
         } else {
             reflect(spots, surface, placed, lens, lighting, &glossy, reflected);
         }

@@ -338,7 +338,7 @@ impl ShadowMap {
     fn search(&self, search: &mut Queue, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
         let widest = self.search_radius();
         search.radius = [widest; CHUNK];
-        tap(search, &self.layers.target.nearness, self.light.size, taps);
+        tap(search, &self.layers.target, taps);
         let (blockers, distance) = (taps.blockers, taps.distance);
         for i in 0..search.count {
             let found = blockers[i];
@@ -359,7 +359,7 @@ impl ShadowMap {
 
     /// The share of a disc around points, as wide as their distance to the blockers asks for, that is not covered.
     fn filter(&self, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
-        tap(filter, &self.layers.target.nearness, self.light.size, taps);
+        tap(filter, &self.layers.target, taps);
         for i in 0..filter.count {
             share[filter.pixel[i] as usize] = 1.0 - taps.blockers[i] / TAPS as f32;
         }
@@ -486,7 +486,7 @@ impl Clear {
         }
         draw_caster(mesh, caster, &mut self.target);
         for row in covered.rows.clone() {
-            let texels = row * map.width + covered.columns.start..row * map.width + covered.columns.end;
+            let texels = row * map.stride + covered.columns.start..row * map.stride + covered.columns.end;
             for (own, texel) in self.target.nearness[texels.clone()].iter_mut().zip(&mut map.nearness[texels]) {
                 let nearness = f32::from_bits(std::mem::take(own).to_bits() | 1);
                 *texel = if nearness > 1e-3 && nearness > *texel { nearness } else { *texel };
@@ -568,7 +568,7 @@ fn summarise_tiles(target: &Target, changed: &[bool], low: &mut [f32], high: &mu
         // One pair of extremes per column of the tile: columns are independent, so this runs in vectors.
         let (mut lows, mut highs) = ([f32::INFINITY; TILE], [0.0_f32; TILE]);
         for row in 0..TILE {
-            let first = (tile / tiles * TILE + row) * target.width + tile % tiles * TILE;
+            let first = (tile / tiles * TILE + row) * target.stride + tile % tiles * TILE;
             let texels = &target.nearness[first..first + TILE];
             for column in 0..TILE {
                 let value = texels[column];

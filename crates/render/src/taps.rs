@@ -6,6 +6,7 @@ use glam::Vec2;
 use multiversion::multiversion;
 
 use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, within};
+use crate::raster::Target;
 
 /// Taps of the search for blockers and of the filter.
 pub(crate) const TAPS: usize = 8;
@@ -63,11 +64,11 @@ impl Queue {
 }
 
 /// How many taps on a square map are nearer to the light than the receiving plane, and by how much together.
-pub(crate) fn tap(queue: &Queue, map: &[f32], size: usize, taps: &mut Taps) {
-    place_taps(queue, size, taps);
+pub(crate) fn tap(queue: &Queue, map: &Target, taps: &mut Taps) {
+    place_taps(queue, [map.width, map.stride], taps);
     for (index, stored) in taps.index.iter().zip(&mut taps.stored) {
         for i in 0..queue.count {
-            stored[i] = map[index[i] as usize];
+            stored[i] = map.nearness[index[i] as usize];
         }
     }
     add_taps(taps);
@@ -92,9 +93,9 @@ impl Default for Taps {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_taps(queue: &Queue, size: usize, taps: &mut Taps) {
-    let limit = (size - 1) as i32 as f32;
-    let width = size as u32;
+fn place_taps(queue: &Queue, [width, stride]: [usize; 2], taps: &mut Taps) {
+    let limit = (width - 1) as i32 as f32;
+    let stride = stride as u32;
     for ((offset, index), plane) in spiral().iter().zip(&mut taps.index).zip(&mut taps.plane) {
         for i in 0..CHUNK {
             let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
@@ -102,7 +103,7 @@ fn place_taps(queue: &Queue, size: usize, taps: &mut Taps) {
             let dy = (offset[0] * sine + offset[1] * cosine) * radius;
             let column = nearest_integer(within(queue.x[i] + dx, 0.0, limit));
             let row = nearest_integer(within(queue.y[i] + dy, 0.0, limit));
-            index[i] = row * width + column;
+            index[i] = row * stride + column;
             plane[i] = dx * queue.tilt_x[i] + dy * queue.tilt_y[i] + queue.nearness[i];
         }
     }

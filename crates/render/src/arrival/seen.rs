@@ -30,7 +30,7 @@ impl Arrival {
     ) {
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
-            let first = opaque.ids[(rows.start * opaque.width + columns.start) * opaque.scale];
+            let first = opaque.ids[(rows.start * opaque.stride + columns.start) * opaque.scale];
             let seen = Seen { depth: &mut self.depth, ids: &mut self.ids, surface: &mut self.surface };
             let ([low, high], differ, differ_all) =
                 see_tile(opaque, columns.clone(), rows.clone(), first, self.width, seen);
@@ -114,7 +114,7 @@ fn see_tile(
     let mut differ_all = [0_u32; 2 * TILE];
     for row in rows {
         for row in row * scale..(row + 1) * scale {
-            let samples = row * opaque.width + columns.start * scale..row * opaque.width + columns.end * scale;
+            let samples = row * opaque.stride + columns.start * scale..row * opaque.stride + columns.end * scale;
             for ids in opaque.ids[samples].chunks(2 * TILE) {
                 match ids.first_chunk::<{ 2 * TILE }>() {
                     Some(ids) => (0..2 * TILE).for_each(|sample| differ_all[sample] |= ids[sample] ^ first),
@@ -122,7 +122,7 @@ fn see_tile(
                 }
             }
         }
-        let at = row * scale * opaque.width + columns.start * scale;
+        let at = row * scale * opaque.stride + columns.start * scale;
         let (mut near, mut ids) = ([0.0; TILE], [first; TILE]);
         let spans = (opaque.nearness[at..].first_chunk::<SPAN>(), opaque.ids[at..].first_chunk::<SPAN>());
         if let (Some(nearness), Some(span), TILE, 2) = (spans.0, spans.1, columns.len(), scale) {

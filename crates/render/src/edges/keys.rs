@@ -98,10 +98,10 @@ impl TileKeys {
         if let (2, true, Some(keys)) =
             (n, [from, top, to, bottom] == [first_column, first_row, last[0], last[1]], self.keys.first_chunk_mut())
         {
-            let ids = &ids[top as usize * around.opaque.width + from as usize..];
-            return load_of_two(ids, around.opaque.width, around.directions, keys);
+            let ids = &ids[top as usize * around.opaque.stride + from as usize..];
+            return load_of_two(ids, around.opaque.stride, around.directions, keys);
         }
-        let line = |row: isize| &ids[row as usize * around.opaque.width..][from as usize..=to as usize];
+        let line = |row: isize| &ids[row as usize * around.opaque.stride..][from as usize..=to as usize];
         let first = line(top)[0];
         if (top..=bottom).all(|row| line(row).iter().fold(0, |differ, &id| differ | (id ^ first)) == 0) {
             return false;
@@ -166,9 +166,9 @@ impl TileKeys {
 
 /// [`TileKeys::load`] within the image, for two samples per pixel along each axis, from the first id on.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn load_of_two(ids: &[u32], width: usize, directions: &Directions, keys: &mut [u32; SIDE * SIDE]) -> bool {
+fn load_of_two(ids: &[u32], stride: usize, directions: &Directions, keys: &mut [u32; SIDE * SIDE]) -> bool {
     let first = ids[0];
-    let line = |row: usize| ids[row * width..].first_chunk::<SIDE>().expect("the tile lies within the image");
+    let line = |row: usize| ids[row * stride..].first_chunk::<SIDE>().expect("the tile lies within the image");
     if (0..SIDE).all(|row| line(row).iter().fold(0, |differ, &id| differ | (id ^ first)) == 0) {
         return false;
     }

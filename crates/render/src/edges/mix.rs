@@ -162,7 +162,7 @@ impl Edges {
             extra.share += weight;
             return;
         }
-        let sample = row as usize * around.opaque.width + column as usize;
+        let sample = row as usize * around.opaque.stride + column as usize;
         let spot = Spot {
             id: around.opaque.ids[sample],
             x: column as f32 / around.n as f32,

@@ -119,8 +119,7 @@ fn reflect_chunk(
 /// `corners` are the pixels at its first row and column and [`TILE`] beyond, in the first four lanes.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 pub(super) fn reflect_flat(
-    spots: &Spots,
-    corners: &Spots,
+    [spots, corners]: [&Spots; 2],
     surface: &Surface,
     placed: &PartView,
     lens: &Lens,
