@@ -27,9 +27,9 @@ use crate::view::{Lens, View};
 /// Where a pixel covers less than this many texels of the shadow map, four pixels share an estimate of the key light:
 /// the softest edges that the map can show are three times as wide.
 const COARSE_TEXELS: f32 = 0.75;
-/// Distance of four pixels on a top, metres, up to which the light held back by bodies is taken to be linear between them.
-/// Chosen: a step that is not seen.
-const SPACIOUS_STEP_M: f32 = 0.012;
+/// Side of a tile on a top, metres, up to which the light held back by bodies is taken to be linear over it. Chosen: a step
+/// that is not seen.
+const SPACIOUS_M: f32 = 0.024;
 /// Pixels of one surface whose depths differ by less than this share lie on one piece of it.
 const LEVEL: f32 = 0.02;
 /// Estimate of a pixel whose share of the key light is read from a level top.
@@ -64,7 +64,7 @@ pub(crate) struct Arrival {
     tiles: Vec<TileSummary>,
     /// Where nothing can be darkened.
     is_plain: Vec<bool>,
-    /// Where all around is the same level top, whose ambient light is that of four pixels and linear between them.
+    /// Where all around is the same level top, whose ambient light is that of the tiles' first pixels and linear between them.
     is_spacious: Vec<bool>,
     seams: MarkCount,
     changes: MarkCount,
@@ -89,7 +89,7 @@ struct Work {
     dark: Vec<usize>,
     /// Pixels of tiles that only what is not in the picture may darken.
     open: Bins,
-    /// Every fourth row and column of spacious tiles.
+    /// First pixels of spacious tiles.
     spacious: Bins,
 }
 
@@ -275,7 +275,7 @@ impl Arrival {
         self.is_plain = is_plain;
     }
 
-    /// Finds the tiles far enough from anything else that the light held back by bodies changes little over four pixels.
+    /// Finds the tiles far enough from anything else that the light held back by bodies changes little over them.
     pub fn find_spacious(&mut self, occluders: &Occluders, lens: &Lens) {
         self.is_spacious.clear();
         self.is_spacious.resize(self.tiles.len(), false);
@@ -289,7 +289,7 @@ impl Arrival {
                 let tile = row * self.columns + column;
                 let depth = self.depth[row * TILE * self.width + column * TILE];
                 let own = self.tiles[tile].surface;
-                self.is_spacious[tile] = depth * (HALF as f32) < SPACIOUS_STEP_M * lens.focal.x
+                self.is_spacious[tile] = depth * (TILE as f32) < SPACIOUS_M * lens.focal.x
                     && !self
                         .seams
                         .any([column as isize - 1, row as isize - 1], [column as isize + 1, row as isize + 1])
@@ -349,8 +349,8 @@ impl Arrival {
             scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
             for (&share, &pixel) in taps.share.iter().zip(&points.pixel).take(points.count) {
                 let (column, row) = (pixel as usize % self.width / 2, pixel as usize / self.width / 2);
-                for row in row..row + 2 {
-                    let places = row * self.half_width + column..row * self.half_width + column + 2;
+                for row in row..row + HALF {
+                    let places = row * self.half_width + column..row * self.half_width + column + HALF;
                     self.raw_half[places.clone()].fill(share);
                     self.half[places].fill(share);
                 }
@@ -513,7 +513,7 @@ impl Arrival {
             let [columns, rows] = self.pixels_of(tile);
             let (surface, is_plain) = (self.tiles[tile].surface, self.is_plain[tile]);
             if self.is_spacious[tile] {
-                spacious.push_steps(surface, &columns, &rows, HALF);
+                spacious.push(surface, packed(columns.start, rows.start));
                 dark.push(tile);
                 continue;
             }
@@ -570,7 +570,7 @@ impl Arrival {
         }
         if self.is_spacious[tile] {
             let corner = |index: usize| {
-                let (column, row) = (columns.start / 2 + index % 3 * 2, rows.start / 2 + index / 3 * 2);
+                let (column, row) = (columns.start / 2 + index % 2 * HALF, rows.start / 2 + index / 2 * HALF);
                 self.half[row * self.half_width + column]
             };
             let spread = spread_tile(&std::array::from_fn(corner));
@@ -604,14 +604,9 @@ impl Bins {
 
     /// Adds the pixels at even rows and columns of a tile that shows one surface.
     fn push_even(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
-        self.push_steps(surface, columns, rows, 2);
-    }
-
-    /// The same of every so many rows and columns.
-    fn push_steps(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>, step: usize) {
         let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
-        for row in rows.clone().step_by(step) {
-            bin.pixels.extend(columns.clone().step_by(step).map(|column| packed(column, row)));
+        for row in rows.clone().step_by(2) {
+            bin.pixels.extend(columns.clone().step_by(2).map(|column| packed(column, row)));
         }
     }
 

@@ -33,19 +33,16 @@ impl Default for RefineWindow {
     }
 }
 
-/// At every pixel of a tile what is linear between the values at every fourth row and column, three by three.
+/// At every pixel of a tile what is linear between the values at its first pixel and at those a tile beyond.
 #[multiversion(targets("x86_64+avx2"))]
-pub(crate) fn spread_tile(values: &[f32; 9]) -> [[f32; TILE]; TILE] {
-    const SHARE: f32 = 1.0 / HALF as f32;
+pub(crate) fn spread_tile([first, right, down, across]: &[f32; 4]) -> [[f32; TILE]; TILE] {
+    const SHARE: f32 = 1.0 / TILE as f32;
     let mut out = [[0.0; TILE]; TILE];
     for row in 0..TILE {
-        let (upper, down) = (row / HALF * 3, (row % HALF) as i32 as f32 * SHARE);
-        let mixed =
-            |column: usize| values[upper + column] + (values[upper + 3 + column] - values[upper + column]) * down;
-        let line = [mixed(0), mixed(1), mixed(2)];
+        let below = row as i32 as f32 * SHARE;
+        let (left, right) = (first + (down - first) * below, right + (across - right) * below);
         for column in 0..TILE {
-            let (left, across) = (column / HALF, (column % HALF) as i32 as f32 * SHARE);
-            out[row][column] = line[left] + (line[left + 1] - line[left]) * across;
+            out[row][column] = left + (right - left) * (column as i32 as f32 * SHARE);
         }
     }
     out
