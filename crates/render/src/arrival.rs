@@ -20,7 +20,7 @@ use crate::points::{Centers, Pixels, Points, packed};
 use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile, spread_tile};
 use crate::scene::Scene;
 use crate::shadow::{Doubts, ShadowMap, Span};
-use crate::tops::{Blocks, Reading, Tops};
+use crate::tops::{Blocks, Reading};
 use crate::variation::RenderVariation;
 use crate::view::{Lens, View};
 
@@ -37,8 +37,12 @@ const ON_TOP: f32 = -2.0;
 /// Tiles beyond the reach of the taps on which a blurred pixel depends.
 const BLUR_TILES: isize = 1;
 
+mod bins;
 mod blur;
+mod key;
 mod seen;
+
+pub(crate) use bins::Bins;
 
 /// Arriving light per pixel, kept from frame to frame.
 #[derive(Debug, Default)]
@@ -91,21 +95,6 @@ struct Work {
     open: Bins,
     /// First pixels of spacious tiles.
     spacious: Bins,
-}
-
-/// Pixels by the part they show, [`packed`].
-#[derive(Debug, Default)]
-pub(crate) struct Bins {
-    parts: Vec<Bin>,
-}
-
-/// Pixels of a part.
-#[derive(Debug, Default)]
-struct Bin {
-    /// First pixels of tiles that show nothing else.
-    tiles: Vec<u32>,
-    /// The others.
-    pixels: Vec<u32>,
 }
 
 /// What a tile shows.
@@ -368,134 +357,6 @@ impl Arrival {
         self.work = work;
     }
 
-    /// Writes the share of the key light of tiles for which one is certain, and lists the pixels of the others; of
-    /// coarse tiles, which are listed too, only those that do not share the estimate of another.
-    fn find_key(
-        &mut self,
-        shadow: &ShadowMap,
-        lens: &Lens,
-        tiles: &[usize],
-        bins: &mut Bins,
-        parts: usize,
-        Work { tops, coarse, doubtful, .. }: &mut Work,
-    ) {
-        bins.clear(parts);
-        tops.clear(parts);
-        coarse.clear();
-        doubtful.clear();
-        for &tile in tiles {
-            let summary = &self.tiles[tile];
-            let [columns, rows] = self.pixels_of(tile);
-            if let (Some(blocks), Some(top)) = (summary.top, shadow.tops().of(summary.surface)) {
-                let certain = top.certain_share(blocks);
-                let values = [certain.unwrap_or(UNKNOWN); TILE];
-                for row in rows {
-                    put(&mut self.raw_key[row * self.width..][columns.clone()], &[ON_TOP; TILE]);
-                    put(&mut self.key[row * self.width..][columns.clone()], &values);
-                }
-                self.tiles[tile].key = NO_RANGE;
-                if certain.is_none() {
-                    tops.push_tile(self, tile);
-                }
-                continue;
-            }
-            let share = match summary.surface {
-                0 => Some(UNKNOWN),
-                _ if shadow.is_on() => shadow.certain_share(&summary.span),
-                _ => Some(1.0),
-            };
-            let values = [share.unwrap_or(UNKNOWN); TILE];
-            for row in rows.clone() {
-                put(&mut self.raw_key[row * self.width..][columns.clone()], &values);
-            }
-            if summary.has_top {
-                self.find_tops(shadow.tops(), lens, tile, tops);
-            }
-            let summary = &self.tiles[tile];
-            if share.is_none() && summary.is_coarse && summary.is_level {
-                bins.push_even(summary.surface, &columns, &rows);
-                coarse.push(tile);
-            } else if share.is_none() && summary.is_coarse {
-                for row in rows {
-                    for column in columns.clone() {
-                        if self.raw_key[row * self.width + column] > ON_TOP && self.giver_of(column, row).is_none() {
-                            bins.push(self.surface[row * self.width + column], packed(column, row));
-                        }
-                    }
-                }
-                coarse.push(tile);
-            } else if share.is_none() && summary.has_top {
-                for row in rows {
-                    for pixel in row * self.width + columns.start..row * self.width + columns.end {
-                        if self.raw_key[pixel] > ON_TOP {
-                            bins.push(self.surface[pixel], packed(pixel - row * self.width, row));
-                        }
-                    }
-                }
-            } else if share.is_none() {
-                bins.push_tile(self, tile);
-            }
-            match share {
-                Some(share) => self.tiles[tile].key = if share >= 0.0 { [share; 2] } else { NO_RANGE },
-                None => doubtful.push(tile),
-            }
-        }
-    }
-
-    /// Lists the pixels of a tile that show level tops.
-    fn find_tops(&mut self, known: &Tops, lens: &Lens, tile: usize, tops: &mut Bins) {
-        let [columns, rows] = self.pixels_of(tile);
-        for row in rows {
-            for column in columns.clone() {
-                let pixel = row * self.width + column;
-                let surface = self.surface[pixel];
-                if let Some(top) = known.of(surface)
-                    && top.holds(lens.height_at(column, row, self.depth[pixel]))
-                {
-                    self.raw_key[pixel] = ON_TOP;
-                    tops.push(surface, packed(column, row));
-                }
-            }
-        }
-    }
-
-    /// The pixel at an even row and column whose estimate of the key light another pixel of a coarse tile shares: it must
-    /// show the same surface.
-    #[inline(always)]
-    fn giver_of(&self, column: usize, row: usize) -> Option<usize> {
-        let (pixel, giver) = (row * self.width + column, (row & !1) * self.width + (column & !1));
-        let is_same = (self.surface[giver] == self.surface[pixel])
-            & ((self.depth[giver] - self.depth[pixel]).abs() < LEVEL * self.depth[pixel])
-            & (self.raw_key[giver] > ON_TOP)
-            & (self.raw_key[pixel] > ON_TOP);
-        (pixel != giver && is_same).then_some(giver)
-    }
-
-    fn share_key(&mut self, tile: usize) {
-        let [columns, rows] = self.pixels_of(tile);
-        if self.tiles[tile].is_level {
-            for row in rows {
-                let (giver, first) = ((row & !1) * self.width, row * self.width);
-                let mut given = [0.0; TILE];
-                let from = &self.raw_key[giver..][columns.clone()];
-                match from.first_chunk() {
-                    Some(whole) => given = *whole,
-                    None => given[..from.len()].copy_from_slice(from),
-                }
-                let shared = std::array::from_fn(|step| given[step & !1]);
-                put(&mut self.raw_key[first..][columns.clone()], &shared);
-            }
-            return;
-        }
-        for row in rows {
-            for column in columns.clone() {
-                if let Some(giver) = self.giver_of(column, row) {
-                    self.raw_key[row * self.width + column] = self.raw_key[giver];
-                }
-            }
-        }
-    }
-
     /// Writes the ambient light of tiles where nothing can be darkened, and lists every other row and column of the
     /// others; the former are listed elsewhere if anything that is not in the picture may darken them.
     fn find_ambient(
@@ -582,67 +443,6 @@ impl Arrival {
         let refined = refine_tile(&self.refine_window(columns.start, rows.start));
         for (row, line) in rows.zip(&refined) {
             put(&mut self.ambient[row * self.width..][columns.clone()], line);
-        }
-    }
-}
-
-impl Bins {
-    fn clear(&mut self, parts: usize) {
-        self.parts.resize_with(parts, Bin::default);
-        for bin in &mut self.parts {
-            bin.tiles.clear();
-            bin.pixels.clear();
-        }
-    }
-
-    /// Adds a pixel that shows a surface; 0 is none.
-    fn push(&mut self, surface: u16, place: u32) {
-        if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
-            bin.pixels.push(place);
-        }
-    }
-
-    /// Adds the pixels at even rows and columns of a tile that shows one surface.
-    fn push_even(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
-        let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
-        for row in rows.clone().step_by(2) {
-            bin.pixels.extend(columns.clone().step_by(2).map(|column| packed(column, row)));
-        }
-    }
-
-    /// Adds the pixels of a tile.
-    fn push_tile(&mut self, arrival: &Arrival, tile: usize) {
-        let [columns, rows] = arrival.pixels_of(tile);
-        let surface = arrival.tiles[tile].surface;
-        let is_whole = surface != SEVERAL && columns.len() * rows.len() == TILE * TILE;
-        if surface > 0 && is_whole {
-            self.parts[surface as usize - 1].tiles.push(packed(columns.start, rows.start));
-        } else if surface > 0 {
-            for row in rows {
-                for column in columns.clone() {
-                    self.push(arrival.surface[row * arrival.width + column], packed(column, row));
-                }
-            }
-        }
-    }
-
-    /// Lists the pixels of some tiles.
-    pub fn fill(&mut self, arrival: &Arrival, parts: usize, tiles: &[usize]) {
-        self.clear(parts);
-        tiles.iter().for_each(|&tile| self.push_tile(arrival, tile));
-    }
-
-    /// Calls with each part that is seen and some of its pixels, until all had their turn.
-    pub fn for_each(&self, pixels: &mut Pixels, centers: Centers<'_>, mut call: impl FnMut(usize, &Pixels)) {
-        for (part, bin) in self.parts.iter().enumerate() {
-            for &place in &bin.tiles {
-                pixels.tile(place, centers);
-                call(part, pixels);
-            }
-            for places in bin.pixels.chunks(CHUNK) {
-                pixels.list(places, centers);
-                call(part, pixels);
-            }
         }
     }
 }

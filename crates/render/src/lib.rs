@@ -35,6 +35,7 @@ mod canvas;
 mod develop;
 mod edges;
 mod glass;
+mod key_light;
 mod lanes;
 mod layers;
 mod mesh;

@@ -4,11 +4,12 @@
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
 use genmanip_core::Pose;
-use glam::{Mat3A, Vec3A};
+use glam::Vec3A;
 use multiversion::multiversion;
 
 use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
+use crate::key_light::{KeyLight, MAX_RADIUS};
 use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
 use crate::layers::{Layers, Motion, Rectangle, TILE};
 use crate::mesh::{CELLS_M, Mesh};
@@ -20,8 +21,6 @@ use crate::tops::Tops;
 use crate::variation::RenderVariation;
 use crate::view::rotation;
 
-/// Largest radius of a soft edge, texels.
-pub(crate) const MAX_RADIUS: f32 = 30.0;
 /// What the key light sees.
 #[derive(Debug, Default)]
 pub(crate) struct ShadowMap {
@@ -37,32 +36,10 @@ pub(crate) struct ShadowMap {
     version: u64,
     /// The version in which each tile changed last.
     changed_in: Vec<u64>,
-    light: Light,
+    light: KeyLight,
     clear: Clear,
     /// What arrives on level tops.
     tops: Tops,
-}
-
-/// A level plane of the world on the map.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Plane {
-    /// From x and y in the world, metres, and 1 to a column and to a row.
-    pub x: [f32; 3],
-    pub y: [f32; 3],
-    /// Nearness at the first texel, and what a column and a row add.
-    pub nearness: [f32; 3],
-}
-
-/// The light's axes and the scale of the map.
-#[derive(Clone, Copy, Debug, Default)]
-struct Light {
-    size: usize,
-    /// Rows: the light's right, down and forward axes in the world.
-    light_from_world: Mat3A,
-    center: Vec3A,
-    radius: f32,
-    texels_per_m: f32,
-    spread: f32,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -122,7 +99,7 @@ impl ShadowMap {
 
     /// Size of a texel, metres.
     pub fn texel_m(&self) -> f32 {
-        1.0 / self.light.texels_per_m
+        self.light.texel_m()
     }
 
     /// Counts the updates so far.
@@ -142,7 +119,7 @@ impl ShadowMap {
         self.version += 1;
         let size = size / TILE * TILE;
         let is_new = self.version == 1;
-        self.light = Light::new(variation, size);
+        self.light = KeyLight::new(variation, size);
         if size == 0 {
             return;
         }
@@ -183,7 +160,7 @@ impl ShadowMap {
             }
             self.summarise();
             if is_new {
-                self.tops = Tops::new(assets, self);
+                self.tops = Tops::new(assets, &self.light);
             }
             self.tops.update(&self.layers.target, &self.layers.changed, self.version);
         }
@@ -192,37 +169,6 @@ impl ShadowMap {
     /// The level tops and the light that arrives there.
     pub fn tops(&self) -> &Tops {
         &self.tops
-    }
-
-    /// A level plane at a height, metres, as the map sees it; `None` where it is not lit.
-    pub fn plane(&self, height: f32) -> Option<Plane> {
-        let light = &self.light;
-        let slope = light.light_from_world * Vec3A::Z;
-        if slope.z > -0.01 {
-            return None;
-        }
-        let (lift, _) = light.lift_and_tilt(slope.to_array());
-        let at = |x: f32, y: f32| light.on_map(light.light_from_world * Vec3A::new(x, y, height + lift));
-        let (origin, right, up) = (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0));
-        let step = |to: Corner| [to.x - origin.x, to.y - origin.y, to.nearness - origin.nearness];
-        let ([a, b, e], [c, d, f]) = (step(right), step(up));
-        let area = a * d - b * c;
-        let (tilt_x, tilt_y) = ((e * d - f * b) / area, (a * f - c * e) / area);
-        Some(Plane {
-            x: [right.x - origin.x, up.x - origin.x, origin.x],
-            y: [right.y - origin.y, up.y - origin.y, origin.y],
-            nearness: [origin.nearness - origin.x * tilt_x - origin.y * tilt_y, tilt_x, tilt_y],
-        })
-    }
-
-    /// Texels per side.
-    pub fn size(&self) -> usize {
-        self.light.size
-    }
-
-    /// Radius of a soft edge per metre between what casts it and what it falls on, texels.
-    pub fn radius_per_m(&self) -> f32 {
-        self.light.spread * self.light.texels_per_m
     }
 
     /// Tiles that changed after a version, row by row, and the number of tiles per row.
@@ -329,14 +275,9 @@ impl ShadowMap {
         self.filter(filter, taps, share);
     }
 
-    /// Texels around a point within which it looks for blockers.
-    pub fn search_radius(&self) -> f32 {
-        (self.light.spread * 0.5 * self.light.texels_per_m).clamp(2.0, MAX_RADIUS)
-    }
-
     /// Looks for what is between points and the light.
     fn search(&self, search: &mut Queue, filter: &mut Queue, taps: &mut Taps, share: &mut [f32]) {
-        let widest = self.search_radius();
+        let widest = self.light.search_radius();
         search.radius = [widest; CHUNK];
         tap(search, &self.layers.target, taps);
         let (blockers, distance) = (taps.blockers, taps.distance);
@@ -370,7 +311,7 @@ impl ShadowMap {
     fn summarise(&mut self) {
         let tiles = self.layers.tile_columns;
         // A point looks for blockers within half the light's spread, and filters within the largest radius.
-        let search = self.search_radius();
+        let search = self.light.search_radius();
         let [low, high] = &mut self.own;
         low.resize(tiles * tiles, 0.0);
         high.resize(tiles * tiles, 0.0);
@@ -381,51 +322,9 @@ impl ShadowMap {
     }
 }
 
-impl Light {
-    fn new(variation: &RenderVariation, size: usize) -> Self {
-        let forward = -Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z);
-        let hint = if forward.z.abs() > 0.99 { Vec3A::X } else { Vec3A::Z };
-        let right = forward.cross(hint).normalize();
-        let light_from_world = Mat3A::from_cols(right, forward.cross(right), forward).transpose();
-        let radius = variation.shadow_radius_m.max(0.01);
-        Self {
-            size,
-            light_from_world,
-            center: light_from_world * Vec3A::from_array(variation.shadow_center),
-            radius,
-            texels_per_m: size as f32 / (2.0 * radius),
-            spread: variation.light_angular_radius.clamp(0.0, 1.0).tan(),
-        }
-    }
-
-    /// How far points of a surface are lifted along its normal, metres, so that the steps of the map do not show, and how
-    /// much nearer to the light the surface is per texel along both axes; from its normal in the light's axes.
-    #[inline(always)]
-    fn lift_and_tilt(&self, [slope_x, slope_y, slope_z]: [f32; 3]) -> (f32, [f32; 2]) {
-        let texel = 1.0 / self.texels_per_m;
-        let longest = 2.0 * texel;
-        let facing = if -slope_z > 0.05 { -slope_z } else { 0.05 };
-        // More where the light grazes the surface.
-        let lift = texel * (0.6 + 1.4 * (1.0 - facing));
-        let (tilt_x, tilt_y) = (slope_x / -facing * texel, slope_y / -facing * texel);
-        let length = (tilt_x * tilt_x + tilt_y * tilt_y).sqrt();
-        let shrink = if length > longest { longest / length } else { 1.0 };
-        (lift, [tilt_x * shrink, tilt_y * shrink])
-    }
-
-    fn on_map(&self, in_light: Vec3A) -> Corner {
-        let local = in_light - self.center;
-        Corner {
-            x: (local.x + self.radius) * self.texels_per_m - 0.5,
-            y: (local.y + self.radius) * self.texels_per_m - 0.5,
-            nearness: 3.0 * self.radius - local.z,
-        }
-    }
-}
-
 impl Caster {
     /// Moves to a pose; returns the texels that it may cover.
-    fn place(&mut self, mesh: &Mesh, pose: Pose, light: &Light) -> Rectangle {
+    fn place(&mut self, mesh: &Mesh, pose: Pose, light: &KeyLight) -> Rectangle {
         self.pose = pose;
         self.corners.clear();
         let turn = light.light_from_world * rotation(&pose);
@@ -531,7 +430,7 @@ impl Default for Places {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_points(light: &Light, points: &Points, places: &mut Places) {
+fn place_points(light: &KeyLight, points: &Points, places: &mut Places) {
     let axes = [light.light_from_world.x_axis, light.light_from_world.y_axis, light.light_from_world.z_axis]
         .map(|axis| axis.to_array());
     let center = light.center.to_array();

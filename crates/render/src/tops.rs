@@ -11,12 +11,12 @@ use glam::{Vec2, Vec3};
 use multiversion::multiversion;
 
 use crate::assets::{Part, RenderAssets};
+use crate::key_light::KeyLight;
 use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
 use crate::layers::{MarkCount, TILE};
 use crate::points::Pixels;
 use crate::raster::Target;
 use crate::refine::UNKNOWN;
-use crate::shadow::ShadowMap;
 use crate::view::Lens;
 
 mod cells;
@@ -65,11 +65,11 @@ pub(crate) type Blocks = [[isize; 2]; 2];
 
 impl Tops {
     /// The tops of the fixed parts that a map covers.
-    pub fn new(assets: &RenderAssets, shadow: &ShadowMap) -> Self {
+    pub fn new(assets: &RenderAssets, light: &KeyLight) -> Self {
         let mut own = Self { of_surface: vec![0; assets.parts.len() + 1], ..Self::default() };
         for (index, part) in assets.parts.iter().enumerate() {
             let known = u8::try_from(own.tops.len() + 1).ok();
-            if let (Some(number), Some(top)) = (known, Top::new(part, shadow)) {
+            if let (Some(number), Some(top)) = (known, Top::new(part, light)) {
                 own.tops.push(top);
                 own.of_surface[index + 1] = number;
             }
@@ -95,17 +95,17 @@ impl Tops {
 }
 
 impl Top {
-    fn new(part: &Part, shadow: &ShadowMap) -> Option<Self> {
+    fn new(part: &Part, light: &KeyLight) -> Option<Self> {
         let (height, low, high) = level_top(part)?;
-        let plane = shadow.plane(height)?;
-        let step = if shadow.size() < LARGE_MAP { 1 } else { 2 };
+        let plane = light.plane(height)?;
+        let step = if light.size < LARGE_MAP { 1 } else { 2 };
         // The middle of a cell of two texels is half a texel beyond the first one's.
         let cell = |[x, y, one]: [f32; 3]| {
             let step = step as f32;
             [x / step, y / step, (one - 0.5 * (step - 1.0)) / step]
         };
         let cell_from_world = [cell(plane.x), cell(plane.y)];
-        let side = shadow.size() / step;
+        let side = light.size / step;
         let corners =
             [low, Vec2::new(low.x, high.y), Vec2::new(high.x, low.y), high].map(|at| on_cells(&cell_from_world, at));
         let mut first = [0; 2];
@@ -119,7 +119,7 @@ impl Top {
             blocks[axis] = to.saturating_sub(from);
         }
         let count = blocks[0] * blocks[1];
-        let cells = Cells::new(step, plane.nearness, shadow, first, blocks);
+        let cells = Cells::new(step, plane.nearness, light, first, blocks);
         (count > 0).then(|| Self {
             height,
             cell_from_world,

@@ -4,10 +4,10 @@
 
 use multiversion::multiversion;
 
+use crate::key_light::{KeyLight, MAX_RADIUS};
 use crate::lanes::{floor, nearest_integer, within};
 use crate::layers::TILE;
 use crate::raster::Target;
-use crate::shadow::{MAX_RADIUS, ShadowMap};
 use crate::taps::GLASS_SHADE;
 
 /// Half the side of the square with the area of a disc, over its radius.
@@ -47,15 +47,15 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    pub fn new(step: usize, nearness: [f32; 3], shadow: &ShadowMap, first: [usize; 2], blocks: [usize; 2]) -> Self {
-        let search = half_side(shadow.search_radius() / step as f32).round() as usize;
+    pub fn new(step: usize, nearness: [f32; 3], light: &KeyLight, first: [usize; 2], blocks: [usize; 2]) -> Self {
+        let search = half_side(light.search_radius() / step as f32).round() as usize;
         let widest = half_side(MAX_RADIUS / step as f32) as usize + 1;
         let margin = widest.max(search).next_multiple_of(TILE);
         let [columns, rows] = blocks.map(|blocks| blocks * TILE + 2 * margin);
         let full = |half: usize| ((2 * half + 1) * (2 * half + 1) * step * step) as f32 * FULL as f32;
         Self {
             step,
-            side: shadow.size() / step,
+            side: light.size / step,
             nearness,
             margin,
             first: first.map(|block| (block * TILE) as isize - margin as isize),
@@ -64,7 +64,7 @@ impl Cells {
             columns,
             rows,
             search,
-            radius_per_m: shadow.radius_per_m(),
+            radius_per_m: light.radius_per_m(),
             inverse_full: (0..=widest.max(search)).map(|half| 1.0 / full(half)).collect(),
         }
     }

@@ -1,0 +1,84 @@
+//! Pixels by the part they show.
+
+use std::ops::Range;
+
+use super::{Arrival, SEVERAL};
+use crate::lanes::CHUNK;
+use crate::layers::TILE;
+use crate::points::{Centers, Pixels, packed};
+
+/// Pixels by the part they show, [`packed`].
+#[derive(Debug, Default)]
+pub(crate) struct Bins {
+    parts: Vec<Bin>,
+}
+
+/// Pixels of a part.
+#[derive(Debug, Default)]
+struct Bin {
+    /// First pixels of tiles that show nothing else.
+    tiles: Vec<u32>,
+    /// The others.
+    pixels: Vec<u32>,
+}
+
+impl Bins {
+    pub fn clear(&mut self, parts: usize) {
+        self.parts.resize_with(parts, Bin::default);
+        for bin in &mut self.parts {
+            bin.tiles.clear();
+            bin.pixels.clear();
+        }
+    }
+
+    /// Adds a pixel that shows a surface; 0 is none.
+    pub fn push(&mut self, surface: u16, place: u32) {
+        if let Some(bin) = (surface as usize).checked_sub(1).and_then(|part| self.parts.get_mut(part)) {
+            bin.pixels.push(place);
+        }
+    }
+
+    /// Adds the pixels at even rows and columns of a tile that shows one surface.
+    pub fn push_even(&mut self, surface: u16, columns: &Range<usize>, rows: &Range<usize>) {
+        let Some(bin) = self.parts.get_mut((surface as usize).wrapping_sub(1)) else { return };
+        for row in rows.clone().step_by(2) {
+            bin.pixels.extend(columns.clone().step_by(2).map(|column| packed(column, row)));
+        }
+    }
+
+    /// Adds the pixels of a tile.
+    pub fn push_tile(&mut self, arrival: &Arrival, tile: usize) {
+        let [columns, rows] = arrival.pixels_of(tile);
+        let surface = arrival.tiles[tile].surface;
+        let is_whole = surface != SEVERAL && columns.len() * rows.len() == TILE * TILE;
+        if surface > 0 && is_whole {
+            self.parts[surface as usize - 1].tiles.push(packed(columns.start, rows.start));
+        } else if surface > 0 {
+            for row in rows {
+                for column in columns.clone() {
+                    self.push(arrival.surface[row * arrival.width + column], packed(column, row));
+                }
+            }
+        }
+    }
+
+    /// Lists the pixels of some tiles.
+    pub fn fill(&mut self, arrival: &Arrival, parts: usize, tiles: &[usize]) {
+        self.clear(parts);
+        tiles.iter().for_each(|&tile| self.push_tile(arrival, tile));
+    }
+
+    /// Calls with each part that is seen and some of its pixels, until all had their turn.
+    pub fn for_each(&self, pixels: &mut Pixels, centers: Centers<'_>, mut call: impl FnMut(usize, &Pixels)) {
+        for (part, bin) in self.parts.iter().enumerate() {
+            for &place in &bin.tiles {
+                pixels.tile(place, centers);
+                call(part, pixels);
+            }
+            for places in bin.pixels.chunks(CHUNK) {
+                pixels.list(places, centers);
+                call(part, pixels);
+            }
+        }
+    }
+}
