@@ -30,6 +30,7 @@ const LEAST_COVER: f32 = 0.5;
 /// Maps with fewer texels per side have a cell per texel, others per 2 × 2. Chosen: a cell is as large as a pixel of the
 /// default static camera.
 const LARGE_MAP: usize = 512;
+
 /// The tops of a scene.
 #[derive(Debug, Default)]
 pub(crate) struct Tops {

@@ -299,13 +299,6 @@ impl Lens {
         self.eye + self.turn * (Vec3A::from(flat.extend(1.0)) * depth)
     }
 
-    /// Height in the world, metres, of what is seen at a pixel at a depth.
-    #[inline(always)]
-    pub fn height_at(&self, column: usize, row: usize, depth: f32) -> f32 {
-        let ray = (Vec2::new(column as f32, row as f32) - self.center) / self.focal;
-        (self.turn.x_axis.z * ray.x + self.turn.y_axis.z * ray.y + self.turn.z_axis.z) * depth + self.eye.z
-    }
-
     /// Where a point of the world that lies before the camera is seen, pixels.
     pub fn pixel_of(&self, point: Vec3A) -> Vec2 {
         let Corner { x, y, .. } = self.project(self.turn.transpose() * (point - self.eye));

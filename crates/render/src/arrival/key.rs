@@ -1,5 +1,7 @@
 //! Which pixels' share of the key light is certain, which is read from level tops, and which is estimated.
 
+use glam::Vec2;
+
 use super::bins::Bins;
 use super::{Arrival, LEVEL, NO_RANGE, ON_TOP, Work, put};
 use crate::layers::TILE;
@@ -92,7 +94,7 @@ impl Arrival {
                 let pixel = row * self.width + column;
                 let surface = self.surface[pixel];
                 if let Some(top) = known.of(surface)
-                    && top.holds(lens.height_at(column, row, self.depth[pixel]))
+                    && top.holds(lens.point_at(Vec2::new(column as f32, row as f32), self.depth[pixel]).z)
                 {
                     self.raw_key[pixel] = ON_TOP;
                     tops.push(surface, packed(column, row));

@@ -271,50 +271,57 @@ fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Refle
             let f0 = reflectance + (base - reflectance) * metallic;
             let albedo = base * (1.0 - metallic);
             let arriving = lamp * out.strength[i];
-            let ambient = f0 * out.scale[i] + out.bias[i];
-            let ambient = if ambient > 0.0 { ambient } else { 0.0 };
-            let direct = (f0 + (1.0 - f0) * out.weight[i]) * out.lobe[i];
-            let direct = if direct < 12.0 { direct } else { 12.0 };
-            let enclosed = (1.0 - ambient_share) * within(ambient_share * CORNER_OPEN, 0.0, 1.0);
-            let corner = enclosed * out.corner[i] * albedo * albedo * albedo * lamp * CORNER_KEY;
-            let diffuse = albedo * (around * between(ambient_share, albedo) + corner + arriving);
+            let [ambient, direct] = mirrored_shares(f0, out, i);
+            let diffuse = scattered(albedo, ambient_share, around, arriving, [out.corner[i], lamp]);
             let specular = out.mirrored[channel][i] * ambient * glossy_share + arriving * direct;
             out.color[channel][i] = (diffuse * side + specular) * exposure;
         }
     }
 }
 
-/// What a dielectric mirrors, by share of the light that arrives: of the surroundings, over `mirrored`, and of the lamp,
-/// over `lobe`. It does not depend on the colour.
+/// What a surface with a reflectance head-on mirrors of the surroundings and of the lamp, as shares of the light that
+/// arrives from there.
+#[inline(always)]
+fn mirrored_shares(f0: f32, out: &Reflected, i: usize) -> [f32; 2] {
+    let ambient = f0 * out.scale[i] + out.bias[i];
+    let direct = (f0 + (1.0 - f0) * out.weight[i]) * out.lobe[i];
+    [if ambient > 0.0 { ambient } else { 0.0 }, if direct < 12.0 { direct } else { 12.0 }]
+}
+
+/// Light that a surface of an albedo scatters: of the surroundings, of which a share is open, of the lamp as it arrives, and
+/// of the lamp, by the share that is there in a corner, as its sides throw it on each other.
+#[inline(always)]
+fn scattered(albedo: f32, open: f32, around: f32, arriving: f32, [corner, lamp]: [f32; 2]) -> f32 {
+    let enclosed = (1.0 - open) * within(open * CORNER_OPEN, 0.0, 1.0);
+    let corner = enclosed * corner * albedo * albedo * albedo * lamp * CORNER_KEY;
+    albedo * (around * between(open, albedo) + corner + arriving)
+}
+
+/// What a dielectric mirrors, over `mirrored` and, of the lamp, over `lobe`: it does not depend on the colour.
 #[inline(always)]
 fn mirror<const LANES: usize>(reflectance: f32, out: &mut Reflected) {
     for i in 0..LANES {
-        let ambient = reflectance * out.scale[i] + out.bias[i];
-        let ambient = if ambient > 0.0 { ambient } else { 0.0 };
-        let direct = (reflectance + (1.0 - reflectance) * out.weight[i]) * out.lobe[i];
-        out.lobe[i] = if direct < 12.0 { direct } else { 12.0 };
+        let [ambient, direct] = mirrored_shares(reflectance, out, i);
+        out.lobe[i] = direct;
         for channel in 0..3 {
             out.mirrored[channel][i] *= ambient;
         }
     }
 }
 
-/// [`add_up`] of what is no metal.
+/// [`add_up`] of a dielectric, after [`mirror`].
 #[inline(always)]
 fn add_up_dielectric(spots: &Spots, side: f32, lighting: &Lighting, out: &mut Reflected) {
-    let exposure = lighting.exposure;
     let key = lighting.key.to_array();
     for channel in 0..3 {
         let lamp = key[channel];
         for i in 0..CHUNK {
-            let (albedo, ambient_share) = (spots.base[channel][i], spots.ambient[i]);
+            let ambient_share = spots.ambient[i];
             let around = out.around[channel][i] * (1.0 - out.veiled[i]);
             let arriving = lamp * out.strength[i];
-            let enclosed = (1.0 - ambient_share) * within(ambient_share * CORNER_OPEN, 0.0, 1.0);
-            let corner = enclosed * out.corner[i] * albedo * albedo * albedo * lamp * CORNER_KEY;
-            let diffuse = albedo * (around * between(ambient_share, albedo) + corner + arriving);
+            let diffuse = scattered(spots.base[channel][i], ambient_share, around, arriving, [out.corner[i], lamp]);
             let specular = out.mirrored[channel][i] * ambient_share + arriving * out.lobe[i];
-            out.color[channel][i] = (diffuse * side + specular) * exposure;
+            out.color[channel][i] = (diffuse * side + specular) * lighting.exposure;
         }
     }
 }
