@@ -9,17 +9,18 @@
 
 use std::ops::Range;
 
+use glam::Vec2;
 use multiversion::multiversion;
 
 use crate::assets::RenderAssets;
 use crate::lanes::{CHUNK, Lane, nearest_integer};
 use crate::layers::{MarkCount, TILE};
-use crate::occluders::Occluders;
 use crate::occlusion::{Taps, occlude};
 use crate::points::{Centers, Pixels, Points, packed};
-use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile, spread_tile};
+use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
 use crate::scene::Scene;
 use crate::shadow::{Doubts, ShadowMap, Span};
+use crate::table_light::TableLight;
 use crate::tops::{Blocks, Reading};
 use crate::variation::RenderVariation;
 use crate::view::{Lens, View};
@@ -27,9 +28,9 @@ use crate::view::{Lens, View};
 /// Where a pixel covers less than this many texels of the shadow map, four pixels share an estimate of the key light:
 /// the softest edges that the map can show are three times as wide.
 const COARSE_TEXELS: f32 = 0.75;
-/// Side of a tile on a top, metres, up to which the light held back by bodies is taken to be linear over it. Chosen: a step
-/// that is not seen.
-const SPACIOUS_M: f32 = 0.024;
+/// Pixels beyond a tile up to which the light on the table is read: a tile on one plane ends a pixel beyond its last one,
+/// and rounding.
+const EDGE_PX: f32 = 1.5;
 /// Pixels of one surface whose depths differ by less than this share lie on one piece of it.
 const LEVEL: f32 = 0.02;
 /// Estimate of a pixel whose share of the key light is read from a level top.
@@ -68,8 +69,8 @@ pub(crate) struct Arrival {
     tiles: Vec<TileSummary>,
     /// Where nothing can be darkened.
     is_plain: Vec<bool>,
-    /// Where all around is the same level top, whose ambient light is that of the tiles' first pixels and linear between them.
-    is_spacious: Vec<bool>,
+    /// Where no fixed thing but the table is near.
+    is_far: Vec<bool>,
     seams: MarkCount,
     changes: MarkCount,
     shadow_changes: MarkCount,
@@ -93,8 +94,6 @@ struct Work {
     dark: Vec<usize>,
     /// Pixels of tiles that only what is not in the picture may darken.
     open: Bins,
-    /// First pixels of spacious tiles.
-    spacious: Bins,
 }
 
 /// What a tile shows.
@@ -112,6 +111,8 @@ struct TileSummary {
     top: Option<Blocks>,
     /// Whether only some of its pixels may show one.
     has_top: bool,
+    /// Whether any shows a fixed thing other than the table.
+    has_fixed: bool,
     /// Whether its pixels are much smaller than the shadow map's texels.
     is_coarse: bool,
     /// Whether all its pixels show one surface at about one depth.
@@ -155,6 +156,7 @@ impl Arrival {
             span: Span::default(),
             top: None,
             has_top: false,
+            has_fixed: false,
             is_coarse: false,
             is_level: false,
             key: NO_RANGE,
@@ -243,56 +245,65 @@ impl Arrival {
         }
     }
 
-    /// Finds the tiles where nothing can be darkened.
-    pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation) {
+    /// Finds the tiles where nothing can be darkened by what is near on the picture; on the table, which has a light of its
+    /// own, only fixed things do.
+    pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation, table: u16) {
+        let is_on = variation.occlusion_radius_m > 0.0;
+        let Self { columns, rows, .. } = *self;
+        let (mut is_plain, mut is_far) = (std::mem::take(&mut self.is_plain), std::mem::take(&mut self.is_far));
+        self.seams.count(self.tiles.iter().map(|tile| tile.has_fixed), columns, rows);
+        is_far.clear();
+        is_far.extend(self.tiles.iter().enumerate().map(|(tile, summary)| {
+            let [from, to] = self.around(tile, summary.reach);
+            !self.seams.any(from, to)
+        }));
         let is_seam = |tile: usize| {
             let own = self.tiles[tile].surface;
-            let (column, row) = (tile % self.columns, tile / self.columns);
+            let (column, row) = (tile % columns, tile / columns);
             own == SEVERAL
-                || (column + 1 < self.columns && self.tiles[tile + 1].surface != own)
-                || (row + 1 < self.rows && self.tiles[tile + self.columns].surface != own)
+                || (column + 1 < columns && self.tiles[tile + 1].surface != own)
+                || (row + 1 < rows && self.tiles[tile + columns].surface != own)
         };
-        self.seams.count((0..self.tiles.len()).map(is_seam), self.columns, self.rows);
-        let mut is_plain = std::mem::take(&mut self.is_plain);
+        self.seams.count((0..self.tiles.len()).map(is_seam), columns, rows);
         is_plain.clear();
-        is_plain.extend((0..self.tiles.len()).map(|tile| {
-            let part = assets.parts.get((self.tiles[tile].surface as usize).wrapping_sub(1));
-            let [from, to] = self.around(tile, self.tiles[tile].reach);
+        is_plain.extend(self.tiles.iter().enumerate().map(|(tile, summary)| {
+            let part = assets.parts.get((summary.surface as usize).wrapping_sub(1));
+            let [from, to] = self.around(tile, summary.reach);
             // Only one convex part is seen all around.
-            variation.occlusion_radius_m <= 0.0 || part.is_none_or(|part| part.convex) && !self.seams.any(from, to)
+            let is_alone = || part.is_none_or(|part| part.convex) && !self.seams.any(from, to);
+            !is_on || is_far[tile] && summary.surface == table && table > 0 || is_alone()
         }));
-        self.is_plain = is_plain;
+        (self.is_plain, self.is_far) = (is_plain, is_far);
     }
 
-    /// Finds the tiles far enough from anything else that the light held back by bodies changes little over them.
-    pub fn find_spacious(&mut self, occluders: &Occluders, lens: &Lens) {
-        self.is_spacious.clear();
-        self.is_spacious.resize(self.tiles.len(), false);
-        if !occluders.count() {
-            return;
-        }
-        self.seams.count(self.tiles.iter().map(|tile| tile.top.is_none()), self.columns, self.rows);
-        let (columns, rows) = (self.width / TILE, self.height / TILE);
-        for row in 1..rows.saturating_sub(1) {
-            for column in 1..columns.saturating_sub(1) {
-                let tile = row * self.columns + column;
-                let depth = self.depth[row * TILE * self.width + column * TILE];
-                let own = self.tiles[tile].surface;
-                self.is_spacious[tile] = depth * (TILE as f32) < SPACIOUS_M * lens.focal.x
-                    && !self
-                        .seams
-                        .any([column as isize - 1, row as isize - 1], [column as isize + 1, row as isize + 1])
-                    && self.neighbours(tile).all(|tile| tile.surface == own);
+    /// Marks the tiles that may show the table where its ambient light changed after a version.
+    pub fn mark_table(&self, table_light: &TableLight, version: u64, lens: &Lens, marks: &mut [bool]) {
+        for (tile, mark) in marks.iter_mut().enumerate().filter(|(_, mark)| !**mark) {
+            let summary = &self.tiles[tile];
+            if summary.only.is_some() && summary.surface != table_light.surface() {
+                continue;
             }
+            let is_whole = summary.only.is_some() && summary.top.is_some();
+            let [columns, rows] = self.pixels_of(tile);
+            let depth = |x: usize, y: usize| self.depth[y * self.width + x];
+            let corners = [columns.start, columns.end - 1]
+                .map(|x| [rows.start, rows.end - 1].map(|y| (Vec2::new(x as f32, y as f32), depth(x, y))));
+            let middle = Vec2::new((columns.start + columns.end - 1) as f32, (rows.start + rows.end - 1) as f32) * 0.5;
+            // The light is read up to a pixel beyond a tile.
+            let places = corners.as_flattened().iter().map(|&(at, depth)| {
+                lens.point_at(at + (at - middle).signum() * EDGE_PX, depth).truncate()
+            });
+            *mark = !is_whole || table_light.changed_after(version, places);
         }
     }
 
     /// Estimates both shares of the pixels of stale tiles among some.
     pub fn estimate(&mut self, scene: &Scene<'_>, view: &View, tiles: &[usize], bins: &mut Bins) {
         let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
+        let table = scene.table_light.surface();
         let mut work = std::mem::take(&mut self.work);
         self.find_key(shadow, &view.lens, tiles, bins, assets.parts.len(), &mut work);
-        let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, open, spacious, .. } = &mut *work;
+        let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, open, .. } = &mut *work;
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
@@ -309,21 +320,23 @@ impl Arrival {
             }
         });
         open.clear(assets.parts.len());
-        spacious.clear(assets.parts.len());
         self.find_ambient(
             tiles,
             bins,
             assets.parts.len(),
             dark,
-            spacious,
+            table,
             scene.occluders.count().then_some(&mut *open),
         );
         let strength = variation.occlusion_strength * scene.occluders.left_to_depth();
+        let is_table = |part: usize| part + 1 == usize::from(table);
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
             occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, strength, taps);
-            scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
+            if !is_table(part) {
+                scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
+            }
             put_half(points, &taps.share, &mut self.raw_half, self.half_width);
         });
         open.for_each(pixels, centers, |part, pixels| {
@@ -331,19 +344,6 @@ impl Arrival {
             taps.share = [1.0; CHUNK];
             scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
             put_half(points, &taps.share, &mut self.raw_half, self.half_width);
-        });
-        spacious.for_each(pixels, centers, |part, pixels| {
-            points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
-            taps.share = [1.0; CHUNK];
-            scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
-            for (&share, &pixel) in taps.share.iter().zip(&points.pixel).take(points.count) {
-                let (column, row) = (pixel as usize % self.width / 2, pixel as usize / self.width / 2);
-                for row in row..row + HALF {
-                    let places = row * self.half_width + column..row * self.half_width + column + HALF;
-                    self.raw_half[places.clone()].fill(share);
-                    self.half[places].fill(share);
-                }
-            }
         });
         for &tile in &work.doubtful {
             let [columns, rows] = self.pixels_of(tile);
@@ -365,7 +365,7 @@ impl Arrival {
         bins: &mut Bins,
         parts: usize,
         dark: &mut Vec<usize>,
-        spacious: &mut Bins,
+        table: u16,
         mut open: Option<&mut Bins>,
     ) {
         bins.clear(parts);
@@ -373,12 +373,8 @@ impl Arrival {
         for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
             let (surface, is_plain) = (self.tiles[tile].surface, self.is_plain[tile]);
-            if self.is_spacious[tile] {
-                spacious.push(surface, packed(columns.start, rows.start));
-                dark.push(tile);
-                continue;
-            }
-            if let (Some(open), true, true) = (open.as_deref_mut(), is_plain, surface > 0 && surface != SEVERAL) {
+            let is_body = surface > 0 && surface != SEVERAL && surface != table;
+            if let (Some(open), true, true) = (open.as_deref_mut(), is_plain, is_body) {
                 open.push_even(surface, &columns, &rows);
                 dark.push(tile);
                 continue;
@@ -403,7 +399,7 @@ impl Arrival {
                 let first = row / 2 * self.half_width;
                 for column in columns.clone().step_by(2) {
                     let surface = self.surface[row * self.width + column];
-                    let is_lit = surface > 0 && is_plain;
+                    let is_lit = surface > 0 && (is_plain || surface == table && self.is_far[tile]);
                     self.raw_half[first + column / 2] = if is_lit { 1.0 } else { UNKNOWN };
                     if !is_lit {
                         bins.push(surface, packed(column, row));
@@ -427,17 +423,6 @@ impl Arrival {
             // One value all around; where nothing was estimated, nothing is darkened.
             let values = [if low == high { low } else { 1.0 }; TILE];
             rows.for_each(|row| put(&mut self.ambient[row * self.width..][columns.clone()], &values));
-            return;
-        }
-        if self.is_spacious[tile] {
-            let corner = |index: usize| {
-                let (column, row) = (columns.start / 2 + index % 2 * HALF, rows.start / 2 + index / 2 * HALF);
-                self.half[row * self.half_width + column]
-            };
-            let spread = spread_tile(&std::array::from_fn(corner));
-            for (row, line) in rows.zip(&spread) {
-                put(&mut self.ambient[row * self.width..][columns.clone()], line);
-            }
             return;
         }
         let refined = refine_tile(&self.refine_window(columns.start, rows.start));

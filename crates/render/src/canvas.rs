@@ -28,6 +28,7 @@ pub(crate) struct Canvas {
     arrival: Arrival,
     shadow_version: u64,
     occluders: Occluders,
+    table_version: u64,
     /// Linear display colours at pixel centres, without what is transparent; only where edges or glass may read them.
     colors: Vec<Vec3A>,
     rgb: Vec<u8>,
@@ -80,7 +81,7 @@ impl Canvas {
             self.glass.draw(assets, view, scale);
         }
         let opaque = &self.opaque.target;
-        self.arrival.see(assets, opaque, &self.changed, view, scene.shadow, scene.variation);
+        self.arrival.see(scene, opaque, &self.changed, view);
         if follows {
             self.arrival.mark_stale(&self.changed, scene.shadow, self.shadow_version, &mut self.stale);
         } else {
@@ -91,10 +92,13 @@ impl Canvas {
         }
         self.occluders.clone_from(scene.occluders);
         self.shadow_version = scene.shadow.version();
-        self.arrival.find_plain(assets, scene.variation);
-        self.arrival.find_spacious(scene.occluders, &self.view.lens);
+        self.arrival.find_plain(assets, scene.variation, scene.table_light.surface());
         self.shaded.clone_from(&self.stale);
         self.arrival.widen(&mut self.shaded);
+        if scene.table_light.version() != self.table_version {
+            self.arrival.mark_table(scene.table_light, self.table_version, &self.view.lens, &mut self.shaded);
+        }
+        self.table_version = scene.table_light.version();
         self.finished.clone_from(&self.shaded);
         self.arrival.widen(&mut self.finished);
         if glass_moved {
@@ -168,6 +172,7 @@ impl Canvas {
                 &self.view.parts[part],
                 lens,
                 scene.lighting,
+                scene.table_light,
             );
             let is_inner = pixels.is_tile && !has_glass && arrival.shows_one(arrival.tile_of(pixels.pixel[0]));
             shading.write(pixels, if is_inner { &mut [] } else { colors }, rgb);

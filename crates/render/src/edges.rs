@@ -154,6 +154,7 @@ impl Edges {
                     &view.parts[part],
                     &view.lens,
                     scene.lighting,
+                    scene.table_light,
                 );
                 for (spot, &extra) in chunk.iter().enumerate() {
                     let Extra { mixed, share, .. } = extras[extra as usize];
@@ -227,7 +228,7 @@ impl Edges {
             }
             let index = surface as usize - 1;
             let (part, material) = (&scene.assets.parts[index], &scene.surfaces[index]);
-            shading.shade(part, material, &view.parts[index], &view.lens, scene.lighting);
+            shading.shade(part, material, &view.parts[index], &view.lens, scene.lighting, scene.table_light);
             let ratio = 1.0 / material.index_of_refraction();
             for (spot, &pane) in chunk.iter().enumerate() {
                 let pane = &mut panes[pane as usize];

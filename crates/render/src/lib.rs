@@ -53,6 +53,7 @@ mod shade;
 mod shadow;
 mod sky;
 mod surroundings;
+mod table_light;
 mod table_tops;
 mod taps;
 mod texture;

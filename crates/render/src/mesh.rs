@@ -44,6 +44,15 @@ pub(crate) struct Face {
 }
 
 impl Mesh {
+    /// Area of all triangles, square metres.
+    pub fn area(&self) -> f32 {
+        let area = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|corner| self.positions[corner as usize]);
+            0.5 * (b - a).cross(c - a).length()
+        };
+        self.triangles.iter().map(area).sum()
+    }
+
     /// The mesh of a part, made once per process while its source lives; indices must be valid and places finite.
     pub fn shared(source: &Arc<TriMesh>, body_from_part: &Pose) -> Arc<Self> {
         type Key = (usize, [u64; 7]);

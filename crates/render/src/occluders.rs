@@ -9,7 +9,7 @@ use genmanip_core::CameraMount;
 use glam::{Vec3, Vec3A};
 use multiversion::multiversion;
 
-use crate::assets::RenderAssets;
+use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
 use crate::lanes::{CHUNK, Lane, within};
 use crate::points::Points;
@@ -39,7 +39,7 @@ pub(crate) struct Occluders {
 
 /// An ellipsoid.
 #[derive(Clone, Debug, PartialEq)]
-struct Occluder {
+pub(crate) struct Occluder {
     /// Index into the frame's body poses.
     body: usize,
     /// World frame, metres.
@@ -48,13 +48,15 @@ struct Occluder {
     axes: [[f32; 3]; 3],
     /// Product of the half axes.
     volume: f32,
+    /// Linear colour on average.
+    color: [f32; 3],
     /// Distance of the centre beyond which it does not count, metres.
     reach: f32,
 }
 
 impl Occluders {
     /// Becomes the bodies of a frame that is seen by a camera; transparent ones hold nothing back.
-    pub fn place(&mut self, assets: &RenderAssets, frame: &FrameState, mount: CameraMount) {
+    pub fn place(&mut self, assets: &RenderAssets, colors: &[Vec3A], frame: &FrameState, mount: CameraMount) {
         self.count = mount == CameraMount::Hand;
         self.bodies.clear();
         for (body, pose) in frame.body_poses.iter().enumerate() {
@@ -66,8 +68,14 @@ impl Occluders {
             let volume = half.x * half.y * half.z;
             // From far away it covers no more than its largest section does.
             let reach = (volume / half.min_element() / LEAST).sqrt();
-            self.bodies.push(Occluder { body, center: center.to_array(), axes, volume, reach });
+            let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
+            self.bodies.push(Occluder { body, center: center.to_array(), axes, volume, color, reach });
         }
+    }
+
+    /// All of them.
+    pub fn bodies(&self) -> &[Occluder] {
+        &self.bodies
     }
 
     /// Whether bodies hold back each other's light.
@@ -108,44 +116,87 @@ impl Occluders {
     }
 }
 
+impl Occluder {
+    /// World frame, metres.
+    pub fn center(&self) -> [f32; 3] {
+        self.center
+    }
+
+    /// Height of its lowest point, metres.
+    pub fn lowest(&self) -> f32 {
+        let half = |[x, y, z]: [f32; 3]| z / (x * x + y * y + z * z);
+        self.center[2] - self.axes.into_iter().map(|axis| half(axis) * half(axis)).sum::<f32>().sqrt()
+    }
+
+    /// Linear colour on average.
+    pub fn color(&self) -> Vec3A {
+        Vec3A::from_array(self.color)
+    }
+
+    /// Whether it counts at a distance, square metres, of its centre.
+    pub fn reaches(&self, square: f32) -> bool {
+        square < self.reach * self.reach
+    }
+}
+
+/// Linear colours of bodies on average over the surfaces of their opaque parts.
+pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Surface]) -> Vec<Vec3A> {
+    let mut sums = vec![(Vec3A::ZERO, 1e-12); assets.body_count()];
+    for (part, surface) in assets.parts.iter().zip(surfaces) {
+        let Some((color, area)) = part.body.and_then(|body| sums.get_mut(body)) else { continue };
+        if surface.opacity >= 1.0 {
+            let own = part.mesh.area();
+            *color += surface.mean_color() * own;
+            *area += own;
+        }
+    }
+    sums.into_iter().map(|(color, area)| color / area).collect()
+}
+
 /// So many points, rounded up to the widest registers.
 #[inline(always)]
 fn whole_registers(count: usize) -> usize {
     count.next_multiple_of(16).min(CHUNK)
 }
 
-/// The share of the sky above points, weighted with the cosine to their normals, that an ellipsoid covers: exact for
-/// small and distant ones above the horizon, and all of it where one touches the point from above.
+/// What ellipsoids let pass to points.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
-    let (center, axes, volume) = (occluder.center, occluder.axes, occluder.volume);
+    let center = occluder.center;
     for i in 0..whole_registers(points.count) {
         let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
-        let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2] + 1e-12;
-        let inverse = 1.0 / square.sqrt();
-        let cosine = (normal[0] * toward[0] + normal[1] * toward[1] + normal[2] * toward[2]) * inverse;
-        // Where the ellipsoid is the unit sphere.
-        let mut stretched = 0.0;
-        for axis in axes {
-            let along = axis[0] * toward[0] + axis[1] * toward[1] + axis[2] * toward[2];
-            stretched += along * along;
-        }
-        let away = stretched.sqrt();
-        // Partly below the horizon: a smooth step between none and all of it.
-        let rise = within(cosine * away * 0.5 + 0.5, 0.0, 1.0);
-        let around = away + 1.0;
-        let (above, edge) = (cosine * around, rise * rise);
-        let facing = if above > edge { above } else { edge };
-        // Area over π of its outline seen from the point, over the square distance to the unit sphere's centre.
-        let per_radius = away * inverse;
-        let section = volume * per_radius * per_radius * per_radius;
-        let beyond = if stretched > 1.0 { stretched - 1.0 } else { 0.0 };
-        let cover = facing * section / ((beyond + section) * around);
-        // Boxes are fuller than ellipsoids, and hollow: inside one nothing is known.
-        let outside = within(stretched * 2.0 - 1.0, 0.0, 1.0);
-        share[i] *= 1.0 - STRENGTH * within(cover * outside, 0.0, 0.95);
+        share[i] *= 1.0 - STRENGTH * covered(occluder, toward, normal);
     }
+}
+
+/// The share of the sky above a point, weighted with the cosine to its normal, that an ellipsoid in a direction covers:
+/// exact for small and distant ones above the horizon, and nearly all of it where one touches the point from above.
+#[inline(always)]
+pub(crate) fn covered(occluder: &Occluder, toward: [f32; 3], normal: [f32; 3]) -> f32 {
+    let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2] + 1e-12;
+    let inverse = 1.0 / square.sqrt();
+    let cosine = (normal[0] * toward[0] + normal[1] * toward[1] + normal[2] * toward[2]) * inverse;
+    // Where the ellipsoid is the unit sphere.
+    let mut stretched = 0.0;
+    for axis in occluder.axes {
+        let along = axis[0] * toward[0] + axis[1] * toward[1] + axis[2] * toward[2];
+        stretched += along * along;
+    }
+    let away = stretched.sqrt();
+    // Partly below the horizon: a smooth step between none and all of it.
+    let rise = within(cosine * away * 0.5 + 0.5, 0.0, 1.0);
+    let around = away + 1.0;
+    let (above, edge) = (cosine * around, rise * rise);
+    let facing = if above > edge { above } else { edge };
+    // Area over π of its outline seen from the point, over the square distance to the unit sphere's centre.
+    let per_radius = away * inverse;
+    let section = occluder.volume * per_radius * per_radius * per_radius;
+    let beyond = if stretched > 1.0 { stretched - 1.0 } else { 0.0 };
+    let cover = facing * section / ((beyond + section) * around);
+    // Boxes are fuller than ellipsoids, and hollow: inside one nothing is known.
+    let outside = within(stretched * 2.0 - 1.0, 0.0, 1.0);
+    within(cover * outside, 0.0, 0.95)
 }
 
 /// What a body's own walls let pass of the light of the sky to points that face its middle, as into a box that is open
@@ -189,7 +240,7 @@ mod tests {
 
     fn ball(place: [f32; 3], half: [f32; 3]) -> Occluder {
         let axes = std::array::from_fn(|row| std::array::from_fn(|axis| f32::from(u8::from(row == axis)) / half[row]));
-        Occluder { body: 0, center: place, axes, volume: half.iter().product(), reach: f32::INFINITY }
+        Occluder { body: 0, color: [0.0; 3], center: place, axes, volume: half.iter().product(), reach: f32::INFINITY }
     }
 
     /// A point of the plane z = 0 that looks up.

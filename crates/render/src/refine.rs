@@ -33,21 +33,6 @@ impl Default for RefineWindow {
     }
 }
 
-/// At every pixel of a tile what is linear between the values at its first pixel and at those a tile beyond.
-#[multiversion(targets("x86_64+avx2"))]
-pub(crate) fn spread_tile([first, right, down, across]: &[f32; 4]) -> [[f32; TILE]; TILE] {
-    const SHARE: f32 = 1.0 / TILE as f32;
-    let mut out = [[0.0; TILE]; TILE];
-    for row in 0..TILE {
-        let below = row as i32 as f32 * SHARE;
-        let (left, right) = (first + (down - first) * below, right + (across - right) * below);
-        for column in 0..TILE {
-            out[row][column] = left + (right - left) * (column as i32 as f32 * SHARE);
-        }
-    }
-    out
-}
-
 /// At every pixel the mean of the coarse estimates around it that belong to the same surface.
 #[multiversion(targets("x86_64+avx2"))]
 pub(crate) fn refine_tile(window: &RefineWindow) -> [[f32; TILE]; TILE] {

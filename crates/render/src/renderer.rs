@@ -3,18 +3,19 @@
 use std::sync::Arc;
 
 use genmanip_core::{CameraMount, Intrinsics, Pose};
-use glam::DQuat;
+use glam::{DQuat, Vec3A};
 
 use crate::assets::{RenderAssets, Surface};
 use crate::backdrop::Backdrop;
 use crate::canvas::{Canvas, write_geometry};
 use crate::error::RenderError;
 use crate::job::{Channels, FIRST_OBJECT, FrameBuffers, FrameState, ViewJob};
-use crate::occluders::Occluders;
+use crate::occluders::{Occluders, colors_of};
 use crate::raster::Target;
 use crate::scene::Scene;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
+use crate::table_light::TableLight;
 use crate::variation::RenderVariation;
 use crate::view::{Lens, View};
 
@@ -41,6 +42,10 @@ pub struct Renderer {
     shadows: [(ShadowMap, Option<FrameState>); 2],
     /// What holds back ambient light in the last job.
     occluders: Occluders,
+    /// Linear colours of the bodies on average.
+    body_colors: Vec<Vec3A>,
+    /// Ambient light on the table for fixed cameras and for the hand's.
+    table_lights: [TableLight; 2],
     /// Pictures by camera, the one drawn last at the end.
     kept: Vec<(Seat, Canvas)>,
     /// Depth and ids without colour.
@@ -63,6 +68,8 @@ impl Renderer {
     pub fn new(assets: Arc<RenderAssets>, variation: RenderVariation) -> Self {
         let surfaces = variation.surfaces(&assets);
         let lighting = Lighting::new(&variation, &surfaces);
+        let body_colors = colors_of(&assets, &surfaces);
+        let table_lights = std::array::from_fn(|_| TableLight::new(&assets, &variation));
         Self {
             assets,
             backdrop: Backdrop::new(&variation, &lighting),
@@ -71,6 +78,8 @@ impl Renderer {
             variation,
             shadows: Default::default(),
             occluders: Occluders::default(),
+            body_colors,
+            table_lights,
             kept: Vec::new(),
             view: View::default(),
             solid: Target::default(),
@@ -96,6 +105,7 @@ impl Renderer {
     /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
     pub fn forget(&mut self) {
         self.shadows = Default::default();
+        self.table_lights = std::array::from_fn(|_| TableLight::new(&self.assets, &self.variation));
         self.kept.clear();
     }
 
@@ -182,7 +192,9 @@ impl Renderer {
             shadow.update(&self.assets, frame, &self.variation, size, is_small);
             shadow_of.get_or_insert_with(|| frame.clone()).clone_from(frame);
         }
-        self.occluders.place(&self.assets, frame, job.camera.mount);
+        self.occluders.place(&self.assets, &self.body_colors, frame, job.camera.mount);
+        let table_light = &mut self.table_lights[usize::from(job.camera.mount == CameraMount::Hand)];
+        table_light.update(&self.occluders, &self.variation, &self.lighting, &lens);
         let seat = Seat {
             mount: job.camera.mount,
             mount_from_camera: job.camera.mount_from_camera,
@@ -200,8 +212,8 @@ impl Renderer {
         };
         let (assets, surfaces) = (&*self.assets, &*self.surfaces);
         let (variation, lighting, backdrop) = (&self.variation, &self.lighting, &self.backdrop);
-        let occluders = &self.occluders;
-        let scene = Scene { assets, surfaces, variation, lighting, backdrop, shadow, occluders };
+        let (occluders, table_light) = (&self.occluders, &*table_light);
+        let scene = Scene { assets, surfaces, variation, lighting, backdrop, shadow, occluders, table_light };
         canvas.draw(&scene, frame, lens, scale);
         canvas.write(&self.assets, job.channels, out);
         self.shaded_pixels = canvas.shaded_pixels;

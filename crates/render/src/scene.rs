@@ -5,6 +5,7 @@ use crate::backdrop::Backdrop;
 use crate::occluders::Occluders;
 use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
+use crate::table_light::TableLight;
 use crate::variation::RenderVariation;
 
 /// What is drawn and under which light.
@@ -18,4 +19,6 @@ pub(crate) struct Scene<'a> {
     pub shadow: &'a ShadowMap,
     /// What holds back ambient light and is not told by the picture.
     pub occluders: &'a Occluders,
+    /// The ambient light on the table.
+    pub table_light: &'a TableLight,
 }

@@ -16,6 +16,7 @@ use crate::layers::TILE;
 use crate::mesh::Face;
 use crate::points::Pixels;
 use crate::sky::Sky;
+use crate::table_light::TableLight;
 use crate::texture::{Samples, find_codes, linear_from_srgb, octave, srgb_table};
 use crate::variation::RenderVariation;
 use crate::view::{Lens, PartView};
@@ -226,7 +227,15 @@ impl Shading {
     }
 
     /// Shades the spots, which show one part made of `surface`.
-    pub fn shade(&mut self, part: &Part, surface: &Surface, placed: &PartView, lens: &Lens, lighting: &Lighting) {
+    pub fn shade(
+        &mut self,
+        part: &Part,
+        surface: &Surface,
+        placed: &PartView,
+        lens: &Lens,
+        lighting: &Lighting,
+        table_light: &TableLight,
+    ) {
         let Self { spots, corners, samples, reflected, .. } = self;
         let mesh = placed.mesh(part);
         let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
@@ -274,10 +283,11 @@ impl Shading {
             spots.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
         }
         let glossy = lighting.sky.glossy(surface.roughness);
+        let table_light = surface.is_table.then_some(table_light);
         if is_flat {
-            reflect_flat([spots, corners], surface, placed, lens, lighting, &glossy, reflected);
+            reflect_flat([spots, corners], surface, placed, lens, lighting, &glossy, table_light, reflected);
         } else {
-            reflect(spots, surface, placed, lens, lighting, &glossy, reflected);
+            reflect(spots, surface, placed, lens, lighting, &glossy, table_light, reflected);
         }
     }
 }

@@ -241,7 +241,7 @@ impl Top {
 }
 
 /// Height, and low and high corner of the level top of a fixed part, world frame.
-fn level_top(part: &Part) -> Option<(f32, Vec2, Vec2)> {
+pub(crate) fn level_top(part: &Part) -> Option<(f32, Vec2, Vec2)> {
     let mesh = &*part.mesh;
     let height = mesh.positions.iter().map(|place| place.z).reduce(f32::max)?;
     let (mut low, mut high, mut area) = (Vec2::INFINITY, Vec2::NEG_INFINITY, 0.0);

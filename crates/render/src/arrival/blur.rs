@@ -59,9 +59,6 @@ impl Arrival {
 
     fn blur_half(&mut self, tile: usize) {
         let [columns, rows] = self.pixels_of(tile);
-        if self.is_spacious[tile] {
-            return;
-        }
         let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
         if low >= high {

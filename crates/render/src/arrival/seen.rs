@@ -8,26 +8,24 @@ use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
 use super::{Arrival, COARSE_TEXELS, LEVEL, NO_RANGE, SEVERAL, TileSummary, put};
-use crate::assets::{RenderAssets, TRIANGLE_BITS};
+use crate::assets::TRIANGLE_BITS;
 use crate::layers::TILE;
 use crate::occlusion::MAX_REACH;
 use crate::raster::Target;
-use crate::shadow::{ShadowMap, Span};
-use crate::tops::Tops;
-use crate::variation::RenderVariation;
+use crate::scene::Scene;
+use crate::shadow::Span;
 use crate::view::View;
 
 impl Arrival {
     /// Takes over what is seen in the tiles that changed.
     pub fn see(
         &mut self,
-        assets: &RenderAssets,
+        scene: &Scene<'_>,
         opaque: &Target,
         changed: &[bool],
         view: &View,
-        shadow: &ShadowMap,
-        variation: &RenderVariation,
     ) {
+        let Scene { assets, shadow, variation, table_light, .. } = *scene;
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
             let first = opaque.ids[(rows.start * opaque.stride + columns.start) * opaque.scale];
@@ -65,27 +63,31 @@ impl Arrival {
                 let is_whole = places.iter().all(|place| top.holds(place.z));
                 is_whole.then(|| top.blocks_of(places.iter().map(|place| place.truncate())))
             });
-            let has_top = top.is_none() && self.shows_top(shadow.tops(), surface, columns.clone(), rows.clone());
+            let is_top = |surface| shadow.tops().of(surface).is_some();
+            let has_top = top.is_none()
+                && match surface {
+                    SEVERAL => self.shows(is_top, columns.clone(), rows.clone()),
+                    _ => is_top(surface),
+                };
+            let has_fixed = match surface {
+                SEVERAL => self.shows(|surface| table_light.is_fixed(surface), columns.clone(), rows.clone()),
+                _ => table_light.is_fixed(surface),
+            };
             let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
             let reach = reach as isize + 2;
             let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
             let only = (differ_all == 0).then_some(first);
             let (key, ambient) = (NO_RANGE, NO_RANGE);
             self.tiles[tile] =
-                TileSummary { surface, only, reach, span, top, has_top, is_coarse, is_level, key, ambient };
+                TileSummary { surface, only, reach, span, top, has_top, has_fixed, is_coarse, is_level, key, ambient };
         }
     }
 }
 
 impl Arrival {
-    /// Whether any pixel of a tile shows a part with a level top.
-    fn shows_top(&self, tops: &Tops, surface: u16, columns: Range<usize>, mut rows: Range<usize>) -> bool {
-        if surface != SEVERAL {
-            return tops.of(surface).is_some();
-        }
-        rows.any(|row| {
-            self.surface[row * self.width..][columns.clone()].iter().any(|&surface| tops.of(surface).is_some())
-        })
+    /// Whether any of some pixels shows a surface of a kind.
+    fn shows(&self, is_kind: impl Fn(u16) -> bool, columns: Range<usize>, mut rows: Range<usize>) -> bool {
+        rows.any(|row| self.surface[row * self.width..][columns.clone()].iter().any(|&surface| is_kind(surface)))
     }
 }
 

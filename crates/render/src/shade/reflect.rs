@@ -11,6 +11,7 @@ use crate::lanes::{CHUNK, Lane, ZERO, within};
 use crate::layers::TILE;
 use crate::reflectance::{ambient_fresnel, between, schlick_weight};
 use crate::sky::{Glossy, Sky, dot};
+use crate::table_light::TableLight;
 use crate::view::{Lens, PartView};
 
 /// What is computed between the loops of [`reflect`], and its result.
@@ -86,9 +87,10 @@ pub(super) fn reflect(
     lens: &Lens,
     lighting: &Lighting,
     glossy: &Glossy,
+    table_light: Option<&TableLight>,
     out: &mut Reflected,
 ) {
-    reflect_chunk(spots, surface, placed, lens, lighting, glossy, out);
+    reflect_chunk(spots, surface, placed, lens, lighting, glossy, table_light, out);
 }
 
 /// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
@@ -100,10 +102,14 @@ fn reflect_chunk(
     lens: &Lens,
     lighting: &Lighting,
     glossy: &Glossy,
+    table_light: Option<&TableLight>,
     out: &mut Reflected,
 ) {
     face_viewer::<CHUNK>(spots, placed, lens, out);
     look_around::<CHUNK>(&lighting.sky, glossy, out);
+    if let Some(table_light) = table_light {
+        dim_table(table_light, spots.count, &spots.place, &mut out.around);
+    }
     find_highlights::<CHUNK>(surface.roughness, lighting.to_light.to_array(), out);
     hold_back_key(&spots.key, out);
     if surface.metallic > 0.0 {
@@ -125,10 +131,14 @@ pub(super) fn reflect_flat(
     lens: &Lens,
     lighting: &Lighting,
     glossy: &Glossy,
+    table_light: Option<&TableLight>,
     out: &mut Reflected,
 ) {
     face_viewer::<CORNERS>(corners, placed, lens, out);
     look_around::<CORNERS>(&lighting.sky, glossy, out);
+    if let Some(table_light) = table_light {
+        dim_table(table_light, 4, &corners.place, &mut out.around);
+    }
     find_highlights::<CORNERS>(surface.roughness, lighting.to_light.to_array(), out);
     mirror::<CORNERS>(surface.reflectance, out);
     for lane in out.around.iter_mut().chain(&mut out.mirrored) {
@@ -213,6 +223,17 @@ fn look_around<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Reflect
         out.mirrored[0][i] = light[0];
         out.mirrored[1][i] = light[1];
         out.mirrored[2][i] = light[2];
+    }
+}
+
+/// The light of the surroundings at some places on the table among bodies.
+#[inline(always)]
+fn dim_table(table_light: &TableLight, count: usize, place: &[Lane; 3], around: &mut [Lane; 3]) {
+    for i in 0..count.min(CHUNK) {
+        let [r, g, b, _] = table_light.at(place[0][i], place[1][i]).to_array();
+        around[0][i] *= r;
+        around[1][i] *= g;
+        around[2][i] *= b;
     }
 }
 
@@ -384,8 +405,8 @@ mod tests {
             };
             let (placed, glossy) = (PartView::default(), lighting.sky.glossy(surface.roughness));
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
-            reflect(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut wide);
-            reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, &mut plain);
+            reflect(&shading, &surface, &placed, &lens, &lighting, &glossy, None, &mut wide);
+            reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, None, &mut plain);
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             assert_eq!(bits(&wide.color), bits(&plain.color));
         }

@@ -1,0 +1,272 @@
+//! Ambient light on the table: what bodies keep from it, and what they throw on it in their own colour.
+//!
+//! Every body is the ellipsoid of [`crate::occluders`], lit like its surroundings and by the key light on the side that
+//! faces it. The table's top has a grid of points, and a place on it takes what is linear between the four around it: the
+//! light varies slowly, and its sum does not depend on who looks.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use std::ops::Range;
+
+use glam::{Vec2, Vec3A, Vec4};
+use multiversion::multiversion;
+
+use crate::assets::RenderAssets;
+use crate::lanes::within;
+use crate::occluders::{Occluder, Occluders, covered};
+use crate::shade::Lighting;
+use crate::tops::level_top;
+use crate::variation::RenderVariation;
+use crate::view::Lens;
+
+/// Between points of the grid, metres. Chosen: a sixth of the width of a small thing.
+const STEP_M: f32 = 0.01;
+/// Points of a row that are computed at once, and kept or changed together.
+const RUN: usize = 16;
+/// Ambient light that a body takes away, of its part of the sky. Fitted to traced pictures.
+const STRENGTH: f32 = 1.7;
+/// What a white body throws back of the ambient light on the table, and of the key light on its bright side. Fitted
+/// likewise.
+const AMBIENT_BACK: f32 = 0.9;
+const KEY_BACK: f32 = 1.7;
+/// Height above the table from which a body that is seen by a fixed camera counts less, and over which it comes to nothing,
+/// metres. Chosen: what is carried changes nothing, what stands on the table does.
+const STANDING_M: f32 = 0.01;
+const FADING_M: f32 = 0.03;
+/// Depth of the table beyond which all of it is lit for a camera, metres: larger than any table.
+const LONGEST_M: f32 = 10.0;
+
+/// The light on the table of a scene.
+#[derive(Debug, Default)]
+pub(crate) struct TableLight {
+    grid: Option<Grid>,
+    /// Number of the table's surface; 0 without one.
+    surface: u16,
+    /// By number of a surface: whether it is another fixed thing.
+    is_fixed: Vec<bool>,
+    bodies: Vec<Body>,
+    version: u64,
+}
+
+#[derive(Debug)]
+struct Grid {
+    height: f32,
+    /// World frame, metres.
+    first: Vec2,
+    step: f32,
+    /// Points per row, whole runs.
+    columns: usize,
+    /// Column and row of the last point that has one beyond it.
+    last: Vec2,
+    /// By which the light of the surroundings is multiplied, in three components; row by row.
+    points: Vec<Vec4>,
+    /// Version in which each run of points changed last.
+    changed_in: Vec<u64>,
+}
+
+/// An ellipsoid and the light that it throws back.
+#[derive(Clone, Debug, PartialEq)]
+struct Body {
+    occluder: Occluder,
+    /// How much it counts, 0-1.
+    weight: f32,
+    /// Light that it throws back as it comes from everywhere, and from the key light, over the ambient light on the table.
+    ambient: [f32; 3],
+    key: [f32; 3],
+}
+
+impl TableLight {
+    /// The table among the parts of a scene; without ambient occlusion its light is left as it is.
+    pub fn new(assets: &RenderAssets, variation: &RenderVariation) -> Self {
+        let is_on = variation.occlusion_radius_m > 0.0 && variation.occlusion_strength > 0.0;
+        let table = assets.parts.iter().position(|part| part.surface.is_table && part.body.is_none());
+        let Some((table, (height, low, high))) =
+            table.filter(|_| is_on).and_then(|table| Some((table, level_top(&assets.parts[table])?)))
+        else {
+            return Self::default();
+        };
+        // Larger tables have fewer points per metre.
+        let step = STEP_M.max((high - low).max_element() / 256.0);
+        let [columns, rows] = ((high - low) / step).to_array().map(|steps| steps.ceil() as usize + 2);
+        let columns = columns.next_multiple_of(RUN);
+        let grid = Grid {
+            height,
+            first: low,
+            step,
+            columns,
+            last: Vec2::new((columns - 2) as f32, (rows - 2) as f32) + 0.999,
+            points: vec![Vec4::ONE; columns * rows],
+            changed_in: vec![0; columns / RUN * rows],
+        };
+        let is_fixed = assets.parts.iter().enumerate().map(|(part, own)| own.body.is_none() && part != table);
+        Self {
+            grid: Some(grid),
+            surface: table as u16 + 1,
+            is_fixed: std::iter::once(false).chain(is_fixed).collect(),
+            ..Self::default()
+        }
+    }
+}
+
+impl TableLight {
+    /// Number of the table's surface; 0 where its light is left as it is.
+    pub fn surface(&self) -> u16 {
+        self.surface
+    }
+
+    /// Whether a surface is a fixed thing other than the table.
+    pub fn is_fixed(&self, surface: u16) -> bool {
+        self.is_fixed.get(usize::from(surface)).copied().unwrap_or(false)
+    }
+
+    /// Counts the changes of the light.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Follows the bodies of a frame; for a fixed camera those that stand on the table, and for the hand's, which does not
+    /// continue a picture, all of them where it looks.
+    pub fn update(&mut self, occluders: &Occluders, variation: &RenderVariation, lighting: &Lighting, lens: &Lens) {
+        let Some(grid) = &mut self.grid else { return };
+        let up = lighting.around(Vec3A::Z).max(Vec3A::splat(1e-3));
+        let bodies = occluders.bodies().iter().filter_map(|occluder| {
+            let height = (occluder.lowest() - grid.height - STANDING_M) / FADING_M;
+            let standing = if occluders.count() { 1.0 } else { 1.0 - height.clamp(0.0, 1.0) };
+            let color = occluder.color();
+            let key = (color * lighting.key / up * KEY_BACK).to_array();
+            (standing > 0.0).then(|| Body {
+                occluder: occluder.clone(),
+                weight: standing,
+                ambient: (color * AMBIENT_BACK).to_array(),
+                key,
+            })
+        });
+        let bodies: Vec<Body> = bodies.collect();
+        let seen = if occluders.count() { grid.seen_by(lens) } else { None };
+        if bodies == self.bodies && self.version > 0 && seen.is_none() {
+            return;
+        }
+        self.version += 1;
+        let toward = lighting.to_light.truncate().to_array();
+        // Relative to the default, to which all was fitted.
+        let strength = STRENGTH * variation.occlusion_strength / RenderVariation::default().occlusion_strength;
+        let [runs, rows] = seen.unwrap_or([0..grid.columns / RUN, 0..grid.points.len() / grid.columns]);
+        for run in rows.flat_map(|row| runs.clone().map(move |run| row * (grid.columns / RUN) + run)) {
+            let place = grid.place_of(run);
+            let points = light_run(&bodies, place, toward, strength);
+            let known = &mut grid.points[run * RUN..][..RUN];
+            if known != points {
+                known.copy_from_slice(&points);
+                grid.changed_in[run] = self.version;
+            }
+        }
+        self.bodies = bodies;
+    }
+
+    /// By which the light of the surroundings at a place, metres, is multiplied.
+    #[inline(always)]
+    pub fn at(&self, x: f32, y: f32) -> Vec4 {
+        let Some(grid) = &self.grid else { return Vec4::ONE };
+        let [column, row] = grid.on_grid(Vec2::new(x, y));
+        let (left, top) = (column as usize, row as usize);
+        let index = top * grid.columns + left;
+        let (Some([a, b]), Some([c, d])) =
+            (grid.points[index..].first_chunk::<2>(), grid.points[index + grid.columns..].first_chunk::<2>())
+        else {
+            return Vec4::ONE;
+        };
+        let (x, y) = (column - left as f32, row - top as f32);
+        let (upper, lower) = (*a + (*b - *a) * x, *c + (*d - *c) * x);
+        upper + (lower - upper) * y
+    }
+
+    /// Whether the light anywhere between places, metres, changed after a version.
+    pub fn changed_after(&self, version: u64, places: impl Iterator<Item = Vec2>) -> bool {
+        let Some(grid) = &self.grid else { return false };
+        let (low, high) =
+            places.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+        let ([left, top], [right, bottom]) = (grid.on_grid(low), grid.on_grid(high));
+        let runs = left as usize / RUN..=(right as usize + 1) / RUN;
+        let per_row = grid.columns / RUN;
+        (top as usize..=bottom as usize + 1)
+            .any(|row| runs.clone().any(|run| run < per_row && grid.changed_in[row * per_row + run] > version))
+    }
+}
+
+impl Grid {
+    /// Column and row of a place, metres, moved to where there are points beyond it.
+    #[inline(always)]
+    fn on_grid(&self, place: Vec2) -> [f32; 2] {
+        let at = (place - self.first) / self.step;
+        [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
+    }
+
+    /// Runs and rows of the points that a camera may see; `None` for any, when it sees the horizon.
+    fn seen_by(&self, lens: &Lens) -> Option<[Range<usize>; 2]> {
+        let (width, height) = (lens.width as f32, lens.height as f32);
+        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        for corner in [Vec2::splat(-1.0), Vec2::new(width, -1.0), Vec2::new(-1.0, height), Vec2::new(width, height)] {
+            let ray = lens.point_at(corner, 1.0) - lens.eye;
+            let distance = (self.height - lens.eye.z) / ray.z;
+            if !(0.0..LONGEST_M).contains(&distance) {
+                return None;
+            }
+            let place = (lens.eye + ray * distance).truncate();
+            (low, high) = (low.min(place), high.max(place));
+        }
+        let ([left, top], [right, bottom]) = (self.on_grid(low), self.on_grid(high));
+        let runs = left as usize / RUN..((right as usize + 1) / RUN + 1).min(self.columns / RUN);
+        Some([runs, top as usize..bottom as usize + 2])
+    }
+
+    /// Where a run of points begins, metres, and the way from one to the next along x.
+    fn place_of(&self, run: usize) -> [f32; 4] {
+        let per_row = self.columns / RUN;
+        let (column, row) = (run % per_row * RUN, run / per_row);
+        [
+            self.first.x + column as f32 * self.step,
+            self.first.y + row as f32 * self.step,
+            self.height,
+            self.step,
+        ]
+    }
+}
+
+/// By which the light of the surroundings at points of a level plane beside each other is multiplied.
+fn light_run(bodies: &[Body], [x, y, z, step]: [f32; 4], to_light: [f32; 2], strength: f32) -> [Vec4; RUN] {
+    let (mut share, mut back) = ([1.0; RUN], [[0.0; RUN]; 3]);
+    for body in bodies {
+        let [to_x, to_y, to_z] = body.occluder.center();
+        let beside = within(to_x, x, x + (RUN - 1) as f32 * step) - to_x;
+        let square = beside * beside + (to_y - y) * (to_y - y) + (to_z - z) * (to_z - z);
+        if body.occluder.reaches(square) {
+            add_body(body, [x, y, z, step], to_light, strength, &mut share, &mut back);
+        }
+    }
+    std::array::from_fn(|i| Vec4::new(share[i] + back[0][i], share[i] + back[1][i], share[i] + back[2][i], 0.0))
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn add_body(
+    body: &Body,
+    [x, y, z, step]: [f32; 4],
+    to_light: [f32; 2],
+    strength: f32,
+    share: &mut [f32; RUN],
+    back: &mut [[f32; RUN]; 3],
+) {
+    let center = body.occluder.center();
+    for i in 0..RUN {
+        let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
+        let cover = body.weight * covered(&body.occluder, toward, [0.0, 0.0, 1.0]);
+        // How far the light comes from the side on which the point lies: the sides of most things are upright.
+        let flat = 1.0 / (toward[0] * toward[0] + toward[1] * toward[1] + 1e-12).sqrt();
+        let lit = 0.5 - 0.5 * (to_light[0] * toward[0] + to_light[1] * toward[1]) * flat;
+        let arriving = share[i] * cover;
+        for channel in 0..3 {
+            back[channel][i] += arriving * (body.ambient[channel] + body.key[channel] * lit);
+        }
+        let left = 1.0 - strength * cover;
+        share[i] *= if left > 0.0 { left } else { 0.0 };
+    }
+}
