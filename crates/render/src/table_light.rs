@@ -143,21 +143,23 @@ impl TableLight {
         });
         let bodies: Vec<Body> = bodies.collect();
         let seen = if occluders.count() { grid.seen_by(lens) } else { None };
-        if bodies == self.bodies && self.version > 0 && seen.is_none() {
+        if bodies == self.bodies && self.version > 0 && !occluders.count() {
             return;
         }
-        self.version += 1;
+        let version = self.version + 1;
         let toward = lighting.to_light.truncate().to_array();
         // Relative to the default, to which all was fitted.
         let strength = STRENGTH * variation.occlusion_strength / RenderVariation::default().occlusion_strength;
         let [runs, rows] = seen.unwrap_or([0..grid.columns / RUN, 0..grid.points.len() / grid.columns]);
-        for run in rows.flat_map(|row| runs.clone().map(move |run| row * (grid.columns / RUN) + run)) {
+        let per_row = grid.columns / RUN;
+        for run in rows.flat_map(|row| runs.clone().map(move |run| row * per_row + run)) {
             let place = grid.place_of(run);
             let points = light_run(&bodies, place, toward, strength);
             let known = &mut grid.points[run * RUN..][..RUN];
             if known != points {
                 known.copy_from_slice(&points);
-                grid.changed_in[run] = self.version;
+                grid.changed_in[run] = version;
+                self.version = version;
             }
         }
         self.bodies = bodies;
