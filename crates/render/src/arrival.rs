@@ -290,9 +290,10 @@ impl Arrival {
                 .map(|x| [rows.start, rows.end - 1].map(|y| (Vec2::new(x as f32, y as f32), depth(x, y))));
             let middle = Vec2::new((columns.start + columns.end - 1) as f32, (rows.start + rows.end - 1) as f32) * 0.5;
             // The light is read up to a pixel beyond a tile.
-            let places = corners.as_flattened().iter().map(|&(at, depth)| {
-                lens.point_at(at + (at - middle).signum() * EDGE_PX, depth).truncate()
-            });
+            let places = corners
+                .as_flattened()
+                .iter()
+                .map(|&(at, depth)| lens.point_at(at + (at - middle).signum() * EDGE_PX, depth).truncate());
             *mark = !is_whole || table_light.changed_after(version, places);
         }
     }
@@ -320,20 +321,12 @@ impl Arrival {
             }
         });
         open.clear(assets.parts.len());
-        self.find_ambient(
-            tiles,
-            bins,
-            assets.parts.len(),
-            dark,
-            table,
-            scene.occluders.count().then_some(&mut *open),
-        );
-        let strength = variation.occlusion_strength * scene.occluders.left_to_depth();
+        self.find_ambient(tiles, bins, assets.parts.len(), dark, table, scene.occluders.count().then_some(&mut *open));
         let is_table = |part: usize| part + 1 == usize::from(table);
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
-            occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, strength, taps);
+            occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, taps);
             if !is_table(part) {
                 scene.occluders.darken(points, assets.parts[part].body, &mut taps.share);
             }
@@ -370,12 +363,18 @@ impl Arrival {
     ) {
         bins.clear(parts);
         dark.clear();
+        let has_bodies = open.is_some();
         for &tile in tiles {
             let [columns, rows] = self.pixels_of(tile);
             let (surface, is_plain) = (self.tiles[tile].surface, self.is_plain[tile]);
-            let is_body = surface > 0 && surface != SEVERAL && surface != table;
-            if let (Some(open), true, true) = (open.as_deref_mut(), is_plain, is_body) {
-                open.push_even(surface, &columns, &rows);
+            let is_far = self.is_far[tile];
+            // For the hand's camera bodies tell what the picture does of things near by, except of fixed ones.
+            let list = match &mut open {
+                Some(open) if is_plain || is_far => &mut **open,
+                _ => &mut *bins,
+            };
+            if has_bodies && is_plain && surface > 0 && surface != SEVERAL && surface != table {
+                list.push_even(surface, &columns, &rows);
                 dark.push(tile);
                 continue;
             }
@@ -389,7 +388,7 @@ impl Arrival {
                 if surface == 0 || is_lit {
                     self.tiles[tile].ambient = if is_lit { [1.0; 2] } else { NO_RANGE };
                 } else {
-                    bins.push_even(surface, &columns, &rows);
+                    list.push_even(surface, &columns, &rows);
                     dark.push(tile);
                 }
                 continue;
@@ -399,10 +398,10 @@ impl Arrival {
                 let first = row / 2 * self.half_width;
                 for column in columns.clone().step_by(2) {
                     let surface = self.surface[row * self.width + column];
-                    let is_lit = surface > 0 && (is_plain || surface == table && self.is_far[tile]);
+                    let is_lit = surface > 0 && (is_plain || surface == table && is_far);
                     self.raw_half[first + column / 2] = if is_lit { 1.0 } else { UNKNOWN };
                     if !is_lit {
-                        bins.push(surface, packed(column, row));
+                        list.push(surface, packed(column, row));
                     }
                 }
             }

@@ -166,14 +166,7 @@ impl Canvas {
         self.bins.for_each(pixels, arrival.centers(), |part, pixels| {
             *shaded += pixels.count;
             shading.take(pixels, &arrival.key, &arrival.ambient);
-            shading.shade(
-                &scene.assets.parts[part],
-                &scene.surfaces[part],
-                &self.view.parts[part],
-                lens,
-                scene.lighting,
-                scene.table_light,
-            );
+            shading.shade(&scene.assets.parts[part], &scene.surfaces[part], &self.view.parts[part], lens, scene);
             let is_inner = pixels.is_tile && !has_glass && arrival.shows_one(arrival.tile_of(pixels.pixel[0]));
             shading.write(pixels, if is_inner { &mut [] } else { colors }, rgb);
         });

@@ -148,14 +148,7 @@ impl Edges {
                 for &extra in chunk {
                     shading.push(extras[extra as usize].spot);
                 }
-                shading.shade(
-                    &scene.assets.parts[part],
-                    &scene.surfaces[part],
-                    &view.parts[part],
-                    &view.lens,
-                    scene.lighting,
-                    scene.table_light,
-                );
+                shading.shade(&scene.assets.parts[part], &scene.surfaces[part], &view.parts[part], &view.lens, scene);
                 for (spot, &extra) in chunk.iter().enumerate() {
                     let Extra { mixed, share, .. } = extras[extra as usize];
                     self.mixed[mixed as usize].1 += shading.color_of(spot) * share;
@@ -228,7 +221,7 @@ impl Edges {
             }
             let index = surface as usize - 1;
             let (part, material) = (&scene.assets.parts[index], &scene.surfaces[index]);
-            shading.shade(part, material, &view.parts[index], &view.lens, scene.lighting, scene.table_light);
+            shading.shade(part, material, &view.parts[index], &view.lens, scene);
             let ratio = 1.0 / material.index_of_refraction();
             for (spot, &pane) in chunk.iter().enumerate() {
                 let pane = &mut panes[pane as usize];

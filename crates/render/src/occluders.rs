@@ -16,17 +16,22 @@ use crate::points::Points;
 use crate::view::rotation;
 
 /// Half axes of an ellipsoid over those of the box that it stands for. Fitted to traced pictures.
-const FULLNESS: f32 = 0.9;
+const FULLNESS: f32 = 0.875;
 /// Share of the ambient light in its part of the sky that a body holds back: it throws back some itself. Fitted likewise.
-const STRENGTH: f32 = 0.8;
+const STRENGTH: f32 = 0.68;
 /// The same of the walls of a hollow. Fitted likewise.
-const WALLS: f32 = 0.7;
-/// Share of the darkening from the picture's depth that is left where bodies count. Fitted likewise.
-const LEFT_TO_DEPTH: f32 = 0.25;
+const WALLS: f32 = 0.85;
+/// Key light that enters a hollow over that which arrives on a surface that faces the lamp. Fitted likewise.
+const HOLLOW_KEY: f32 = 0.65;
+/// Cosine to the vertical of the axis of a thing from which light from above enters it; and the share of the sky above its
+/// opening at which nothing enters, and from which all does. Chosen.
+const UPRIGHT: f32 = 0.5;
+const COVERED: f32 = 0.5;
+const HALF_OPEN: f32 = 0.75;
 /// Thinnest half axis, metres. Chosen.
 const THINNEST_M: f32 = 0.005;
 /// Share of the sky above a point below which a body does not count. Chosen: a step that is not seen.
-const LEAST: f32 = 0.01;
+const LEAST: f32 = 0.006;
 
 /// All bodies of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,6 +57,21 @@ pub(crate) struct Occluder {
     color: [f32; 3],
     /// Distance of the centre beyond which it does not count, metres.
     reach: f32,
+    /// Its centre in the body's frame, metres.
+    middle: Vec3,
+    /// How much of the light from above enters on the side of its third axis, 0-1.
+    entering: f32,
+}
+
+/// The inside of a body that light enters.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hollow {
+    /// Its middle in the body's frame, metres.
+    pub middle: Vec3,
+    /// Share of the sky that is seen from its bottom.
+    pub open: f32,
+    /// Key light that enters, over that which arrives on a surface that faces the lamp.
+    pub light: f32,
 }
 
 impl Occluders {
@@ -69,8 +89,38 @@ impl Occluders {
             // From far away it covers no more than its largest section does.
             let reach = (volume / half.min_element() / LEAST).sqrt();
             let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
-            self.bodies.push(Occluder { body, center: center.to_array(), axes, volume, color, reach });
+            let (center, middle) = (center.to_array(), (low + high) * 0.5);
+            self.bodies.push(Occluder { body, center, axes, volume, color, reach, middle, entering: 0.0 });
         }
+        for index in 0..self.bodies.len() {
+            self.bodies[index].entering = self.entering(&self.bodies[index]);
+        }
+    }
+
+    /// The hollow of a body, if light enters it.
+    pub fn hollow_of(&self, body: usize) -> Option<Hollow> {
+        // Bodies are in their order.
+        let index = self.bodies.binary_search_by_key(&body, |occluder| occluder.body).ok()?;
+        let own = &self.bodies[index];
+        (own.entering > 0.0).then(|| {
+            let [x, y, z] = own.axes[2];
+            let half = 1.0 / (x * x + y * y + z * z).sqrt();
+            Hollow { middle: own.middle, open: open_share(own.volume, half), light: own.entering * HOLLOW_KEY }
+        })
+    }
+
+    /// How much of the light from above enters a body on the side of its third axis, on which things are open.
+    fn entering(&self, own: &Occluder) -> f32 {
+        let axis = Vec3A::from_array(own.axes[2]);
+        let (up, half) = (axis.normalize(), axis.length_recip());
+        if up.z < UPRIGHT {
+            return 0.0;
+        }
+        let place = Vec3A::from_array(own.center) + up * half;
+        let others = self.bodies.iter().filter(|other| self.count && other.body != own.body);
+        let pass = |other: &Occluder| 1.0 - covered(other, (other.center() - place).to_array(), up.to_array());
+        let share = others.map(pass).product::<f32>();
+        ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
     }
 
     /// All of them.
@@ -86,11 +136,6 @@ impl Occluders {
     /// Whether the light that reaches points at rest may differ from what it was among others.
     pub fn differ(&self, before: &Self) -> bool {
         (self.count || before.count) && self != before
-    }
-
-    /// By how much the darkening from the picture's depth is multiplied.
-    pub fn left_to_depth(&self) -> f32 {
-        if self.count { LEFT_TO_DEPTH } else { 1.0 }
     }
 
     /// Lowers shares of the ambient light that reach points of a body to what comes past the others, and out of its own
@@ -118,8 +163,8 @@ impl Occluders {
 
 impl Occluder {
     /// World frame, metres.
-    pub fn center(&self) -> [f32; 3] {
-        self.center
+    pub fn center(&self) -> Vec3A {
+        Vec3A::from_array(self.center)
     }
 
     /// Height of its lowest point, metres.
@@ -199,6 +244,21 @@ pub(crate) fn covered(occluder: &Occluder, toward: [f32; 3], normal: [f32; 3]) -
     within(cover * outside, 0.0, 0.95)
 }
 
+/// The share of the sky that is seen from the middle of the bottom of a round hollow, from the product of its half axes and
+/// the half axis along its height.
+#[inline(always)]
+fn open_share(volume: f32, half: f32) -> f32 {
+    let section = volume / half;
+    section / (section + 4.0 * half * half)
+}
+
+/// How far inside a hollow a point is whose normal has a cosine to the direction of the hollow's middle.
+#[inline(always)]
+pub(crate) fn facing_middle(cosine: f32) -> f32 {
+    let t = within((cosine - 0.2) * (1.0 / 0.6), 0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
 /// What a body's own walls let pass of the light of the sky to points that face its middle, as into a box that is open
 /// on that side; no point of a convex body does.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
@@ -223,13 +283,8 @@ fn enclose(own: &Occluder, points: &Points, share: &mut Lane) {
             let along = axis[0] * normal[0] + axis[1] * normal[1] + axis[2] * normal[2];
             stretched += along * along;
         }
-        // Half the height of the box along the normal, and its section across: the share of the sky that is seen from the
-        // middle of the bottom of a round hollow.
-        let half = 1.0 / (stretched.sqrt() + 1e-6);
-        let section = volume / half;
-        let open = section / (section + 4.0 * half * half);
-        let t = within((cosine - 0.2) * (1.0 / 0.6), 0.0, 1.0);
-        let passes = 1.0 - (1.0 - open) * (t * t * (3.0 - 2.0 * t)) * WALLS;
+        let open = open_share(volume, 1.0 / (stretched.sqrt() + 1e-6));
+        let passes = 1.0 - (1.0 - open) * facing_middle(cosine) * WALLS;
         share[i] = if share[i] < passes { share[i] } else { passes };
     }
 }
@@ -240,7 +295,16 @@ mod tests {
 
     fn ball(place: [f32; 3], half: [f32; 3]) -> Occluder {
         let axes = std::array::from_fn(|row| std::array::from_fn(|axis| f32::from(u8::from(row == axis)) / half[row]));
-        Occluder { body: 0, color: [0.0; 3], center: place, axes, volume: half.iter().product(), reach: f32::INFINITY }
+        Occluder {
+            body: 0,
+            color: [0.0; 3],
+            middle: Vec3::ZERO,
+            entering: 0.0,
+            center: place,
+            axes,
+            volume: half.iter().product(),
+            reach: f32::INFINITY,
+        }
     }
 
     /// A point of the plane z = 0 that looks up.

@@ -11,11 +11,11 @@ use crate::points::Points;
 use crate::taps::turn_of;
 use crate::variation::RenderVariation;
 
-/// Taps of the ambient occlusion, and where most of it is told by bodies. Chosen.
+/// Taps of the ambient occlusion. Chosen.
 const TAPS: usize = 8;
-const FEW_TAPS: usize = 4;
 /// Largest radius of the ambient occlusion on the image, pixels.
 pub(crate) const MAX_REACH: f32 = 64.0;
+
 /// Share of the ambient light that reaches points.
 pub(crate) fn occlude(
     points: &Points,
@@ -23,34 +23,18 @@ pub(crate) fn occlude(
     size: [usize; 2],
     focal: f32,
     variation: &RenderVariation,
-    strength: f32,
     taps: &mut Taps,
 ) {
-    taps.begin(points, focal, variation.occlusion_radius_m);
-    if strength < 0.5 * variation.occlusion_strength {
-        darken::<FEW_TAPS>(points, depth, size, focal, variation.occlusion_radius_m, strength, taps);
-    } else {
-        darken::<TAPS>(points, depth, size, focal, variation.occlusion_radius_m, strength, taps);
-    }
-}
-
-fn darken<const COUNT: usize>(
-    points: &Points,
-    depth: &[f32],
-    size: [usize; 2],
-    focal: f32,
-    radius: f32,
-    strength: f32,
-    taps: &mut Taps,
-) {
-    place_taps::<COUNT>(taps, points, size);
-    for (index, seen) in taps.index.iter().zip(&mut taps.depth).take(COUNT) {
+    let radius = variation.occlusion_radius_m;
+    taps.begin(points, focal, radius);
+    place_taps(taps, points, size);
+    for (index, seen) in taps.index.iter().zip(&mut taps.depth) {
         for i in 0..points.count {
             seen[i] = depth[index[i] as usize];
         }
     }
-    add_taps::<COUNT>(taps, points, focal, radius);
-    let scale = 2.5 * strength / (radius.powi(5) * COUNT as f32);
+    add_taps(taps, points, focal, radius);
+    let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
     for i in 0..CHUNK {
         let share = 1.0 - taps.darkening[i] * scale;
         taps.share[i] = if share > 0.15 { share } else { 0.15 };
@@ -103,11 +87,11 @@ impl Taps {
 const TURN: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn place_taps<const COUNT: usize>(taps: &mut Taps, points: &Points, [width, height]: [usize; 2]) {
+fn place_taps(taps: &mut Taps, points: &Points, [width, height]: [usize; 2]) {
     let (last_column, last_row, width) = ((width - 1) as i32 as f32, (height - 1) as i32 as f32, width as u32);
     let (cosines, sines) = (&taps.cosine, &taps.sine);
     let places = taps.dx.iter_mut().zip(&mut taps.dy).zip(&mut taps.index);
-    for (offset, ((dx, dy), index)) in spiral(COUNT).iter().zip(places) {
+    for (offset, ((dx, dy), index)) in spiral().iter().zip(places) {
         for i in 0..CHUNK {
             let column = within(points.column[i] + offset[0] * cosines[i] - offset[1] * sines[i], 0.0, last_column);
             let row = within(points.row[i] + offset[0] * sines[i] + offset[1] * cosines[i], 0.0, last_row);
@@ -120,14 +104,14 @@ fn place_taps<const COUNT: usize>(taps: &mut Taps, points: &Points, [width, heig
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn add_taps<const COUNT: usize>(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
+fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
     let inverse_focal = 1.0 / focal;
     let square_radius = radius * radius;
     for i in 0..CHUNK {
         let (x, y, z) = (points.place_in_camera[0][i], points.place_in_camera[1][i], points.place_in_camera[2][i]);
         let bias = 0.001 + 0.002 * z;
         let mut darkening = 0.0;
-        for tap in 0..COUNT {
+        for tap in 0..TAPS {
             let depth = taps.depth[tap][i];
             // The tap's ray is the pixel's ray moved by whole pixels; nothing (depth 0) lies outside the radius.
             let stretch = depth / z - 1.0;
@@ -146,16 +130,13 @@ fn add_taps<const COUNT: usize>(taps: &mut Taps, points: &Points, focal: f32, ra
     }
 }
 
-/// A spiral of so many taps on the unit disc, [`TAPS`] or [`FEW_TAPS`].
-fn spiral(count: usize) -> &'static [[f32; 2]] {
-    static MANY: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
-    static FEW: std::sync::OnceLock<[[f32; 2]; FEW_TAPS]> = std::sync::OnceLock::new();
-    let place = |tap: usize| {
-        let share = (tap as f32 + 0.5) / count as f32;
-        (Vec2::from_angle(std::f32::consts::TAU * share * 3.0) * share).to_array()
-    };
-    match count {
-        FEW_TAPS => FEW.get_or_init(|| std::array::from_fn(place)),
-        _ => MANY.get_or_init(|| std::array::from_fn(place)),
-    }
+/// A spiral of taps on the unit disc.
+fn spiral() -> &'static [[f32; 2]; TAPS] {
+    static TABLE: std::sync::OnceLock<[[f32; 2]; TAPS]> = std::sync::OnceLock::new();
+    TABLE.get_or_init(|| {
+        std::array::from_fn(|tap| {
+            let share = (tap as f32 + 0.5) / TAPS as f32;
+            (Vec2::from_angle(std::f32::consts::TAU * share * 3.0) * share).to_array()
+        })
+    })
 }

@@ -13,6 +13,13 @@ pub(crate) fn between(open: f32, albedo: f32) -> f32 {
     if share > open { share } else { open }
 }
 
+/// Share of the light which enters a hollow that its walls, of an albedo, scatter out of it; the hollow is open to a share of
+/// what its walls see. Light goes to and fro until a wall absorbs it or it leaves, as in an integrating sphere.
+#[inline(always)]
+pub(crate) fn thrown_back(albedo: f32, open: f32) -> f32 {
+    albedo * albedo * open / (1.0 - albedo * (1.0 - open))
+}
+
 /// What Schlick's approximation adds to the reflectance head-on, as a share of what is missing to all.
 #[inline(always)]
 pub(crate) fn schlick_weight(cosine: f32) -> f32 {
@@ -54,6 +61,15 @@ mod tests {
         {
             let got = between(open, albedo);
             assert!((low..=high).contains(&got), "{got} of a corner open to {open} with an albedo of {albedo}");
+        }
+    }
+
+    /// A black hollow throws nothing back, a white one all that enters, an open place what its albedo scatters once more.
+    #[test]
+    fn hollows_throw_back_what_their_walls_do_not_absorb() {
+        for (albedo, open, expected) in [(0.0, 0.3, 0.0), (1.0, 0.2, 1.0), (0.5, 1.0, 0.25), (0.5, 0.2, 0.05 / 0.6)] {
+            let got = thrown_back(albedo, open);
+            assert!((got - expected).abs() < 1e-6, "{got} with an albedo of {albedo}, open to {open}");
         }
     }
 

@@ -15,15 +15,15 @@ use crate::lanes::{CHUNK, Lane, ZERO};
 use crate::layers::TILE;
 use crate::mesh::Face;
 use crate::points::Pixels;
+use crate::scene::Scene;
 use crate::sky::Sky;
-use crate::table_light::TableLight;
 use crate::texture::{Samples, find_codes, linear_from_srgb, octave, srgb_table};
 use crate::variation::RenderVariation;
 use crate::view::{Lens, PartView};
 
 mod reflect;
 
-use reflect::{CORNERS, Reflected, reflect, reflect_flat};
+use reflect::{Among, CORNERS, Reflected, reflect, reflect_flat};
 
 /// Roughness from which the light on a plane is taken to be linear over a tile, and the focal length, pixels: a tile then
 /// spans less than 2.3 degrees, less than the width of the sharpest highlight.
@@ -227,15 +227,8 @@ impl Shading {
     }
 
     /// Shades the spots, which show one part made of `surface`.
-    pub fn shade(
-        &mut self,
-        part: &Part,
-        surface: &Surface,
-        placed: &PartView,
-        lens: &Lens,
-        lighting: &Lighting,
-        table_light: &TableLight,
-    ) {
+    pub fn shade(&mut self, part: &Part, surface: &Surface, placed: &PartView, lens: &Lens, scene: &Scene<'_>) {
+        let lighting = scene.lighting;
         let Self { spots, corners, samples, reflected, .. } = self;
         let mesh = placed.mesh(part);
         let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
@@ -283,11 +276,14 @@ impl Shading {
             spots.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
         }
         let glossy = lighting.sky.glossy(surface.roughness);
-        let table_light = surface.is_table.then_some(table_light);
+        let among = Among {
+            table_light: surface.is_table.then_some(scene.table_light),
+            hollow: part.body.and_then(|body| scene.occluders.hollow_of(body)),
+        };
         if is_flat {
-            reflect_flat([spots, corners], surface, placed, lens, lighting, &glossy, table_light, reflected);
+            reflect_flat([spots, corners], surface, placed, lens, lighting, &glossy, among, reflected);
         } else {
-            reflect(spots, surface, placed, lens, lighting, &glossy, table_light, reflected);
+            reflect(spots, surface, placed, lens, lighting, &glossy, among, reflected);
         }
     }
 }

@@ -24,11 +24,16 @@ const STEP_M: f32 = 0.01;
 /// Points of a row that are computed at once, and kept or changed together.
 const RUN: usize = 16;
 /// Ambient light that a body takes away, of its part of the sky. Fitted to traced pictures.
-const STRENGTH: f32 = 1.7;
+const STRENGTH: f32 = 1.8;
 /// What a white body throws back of the ambient light on the table, and of the key light on its bright side. Fitted
 /// likewise.
-const AMBIENT_BACK: f32 = 0.9;
-const KEY_BACK: f32 = 1.7;
+const AMBIENT_BACK: f32 = 0.725;
+const KEY_BACK: f32 = 1.8;
+/// Of the light on that side: what arrives on a side across to the lamp's direction, what the lamp's direction along the
+/// table adds to it, and how much of it is lost next to the table. Fitted likewise.
+const KEY_BESIDE: f32 = 0.625;
+const KEY_SIDE: f32 = 0.45;
+const KEY_SHADED: f32 = 0.625;
 /// Height above the table from which a body that is seen by a fixed camera counts less, and over which it comes to nothing,
 /// metres. Chosen: what is carried changes nothing, what stands on the table does.
 const STANDING_M: f32 = 0.01;
@@ -225,12 +230,7 @@ impl Grid {
     fn place_of(&self, run: usize) -> [f32; 4] {
         let per_row = self.columns / RUN;
         let (column, row) = (run % per_row * RUN, run / per_row);
-        [
-            self.first.x + column as f32 * self.step,
-            self.first.y + row as f32 * self.step,
-            self.height,
-            self.step,
-        ]
+        [self.first.x + column as f32 * self.step, self.first.y + row as f32 * self.step, self.height, self.step]
     }
 }
 
@@ -238,7 +238,7 @@ impl Grid {
 fn light_run(bodies: &[Body], [x, y, z, step]: [f32; 4], to_light: [f32; 2], strength: f32) -> [Vec4; RUN] {
     let (mut share, mut back) = ([1.0; RUN], [[0.0; RUN]; 3]);
     for body in bodies {
-        let [to_x, to_y, to_z] = body.occluder.center();
+        let [to_x, to_y, to_z] = body.occluder.center().to_array();
         let beside = within(to_x, x, x + (RUN - 1) as f32 * step) - to_x;
         let square = beside * beside + (to_y - y) * (to_y - y) + (to_z - z) * (to_z - z);
         if body.occluder.reaches(square) {
@@ -257,18 +257,105 @@ fn add_body(
     share: &mut [f32; RUN],
     back: &mut [[f32; RUN]; 3],
 ) {
-    let center = body.occluder.center();
+    let center = body.occluder.center().to_array();
     for i in 0..RUN {
         let toward = [center[0] - (x + i as i32 as f32 * step), center[1] - y, center[2] - z];
         let cover = body.weight * covered(&body.occluder, toward, [0.0, 0.0, 1.0]);
         // How far the light comes from the side on which the point lies: the sides of most things are upright.
         let flat = 1.0 / (toward[0] * toward[0] + toward[1] * toward[1] + 1e-12).sqrt();
-        let lit = 0.5 - 0.5 * (to_light[0] * toward[0] + to_light[1] * toward[1]) * flat;
+        let lit = KEY_BESIDE - KEY_SIDE * (to_light[0] * toward[0] + to_light[1] * toward[1]) * flat;
+        let lit = if lit > 0.0 { lit } else { 0.0 };
+        // Where it touches the table it lies in its own shade.
+        let lit = lit * (1.0 - KEY_SHADED * cover);
         let arriving = share[i] * cover;
         for channel in 0..3 {
             back[channel][i] += arriving * (body.ambient[channel] + body.key[channel] * lit);
         }
         let left = 1.0 - strength * cover;
         share[i] *= if left > 0.0 { left } else { 0.0 };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use genmanip_assets::worlds::default_world;
+    use genmanip_core::glam::{DVec3, Vec3};
+    use genmanip_core::{CameraMount, Material, Pose};
+
+    use super::*;
+    use crate::job::FrameState;
+    use crate::occluders::colors_of;
+    use crate::tests::fixture;
+    use crate::view::View;
+
+    /// A red and a white block above a table without anything else.
+    struct Scene {
+        assets: std::sync::Arc<RenderAssets>,
+        variation: RenderVariation,
+        lighting: Lighting,
+        colors: Vec<Vec3A>,
+    }
+
+    impl Scene {
+        fn new() -> Self {
+            let block =
+                |color| fixture::object("block", fixture::block(Vec3::splat(0.03)), Material::plain(color, 0.6));
+            let objects = [block([0.9, 0.1, 0.1]), block([0.9; 3])];
+            let assets = RenderAssets::without_robot(&objects, Some(&default_world())).unwrap();
+            let variation = RenderVariation::default();
+            let surfaces = variation.surfaces(&assets);
+            let (lighting, colors) = (Lighting::new(&variation, &surfaces), colors_of(&assets, &surfaces));
+            Self { assets, variation, lighting, colors }
+        }
+
+        fn follow(&self, table_light: &mut TableLight, mount: CameraMount, places: [DVec3; 2]) {
+            let mut occluders = Occluders::default();
+            let frame = FrameState { body_poses: places.map(Pose::from_position).to_vec() };
+            occluders.place(&self.assets, &self.colors, &frame, mount);
+            table_light.update(&occluders, &self.variation, &self.lighting, &View::default().lens);
+        }
+
+        fn anew(&self, mount: CameraMount, places: [DVec3; 2]) -> TableLight {
+            let mut table_light = TableLight::new(&self.assets, &self.variation);
+            self.follow(&mut table_light, mount, places);
+            table_light
+        }
+    }
+
+    const FAR: DVec3 = DVec3::new(0.9, -0.4, 0.03);
+
+    /// A red block beside a place makes it redder and darker, less so farther away; what hangs high does so for the hand's
+    /// camera only.
+    #[test]
+    fn bodies_darken_and_colour_the_table_around_them() {
+        let scene = Scene::new();
+        let at = |height: f64, mount| scene.anew(mount, [DVec3::new(0.5, 0.0, height), FAR]);
+        let near = at(0.03, CameraMount::World).at(0.5, 0.05);
+        assert!(near.x > near.y && near.y < 0.9, "{near}");
+        let away = at(0.03, CameraMount::World).at(0.5, 0.3);
+        assert!((away - Vec4::ONE.with_w(0.0)).abs().max_element() < 0.05, "{away}");
+        assert_eq!(
+            at(0.13, CameraMount::World).at(0.5, 0.05),
+            scene.anew(CameraMount::World, [DVec3::Z, FAR]).at(0.5, 0.05)
+        );
+        assert!(at(0.13, CameraMount::Hand).at(0.5, 0.05).y < 0.95);
+    }
+
+    /// What changed is told, what did not is not; a followed light is that of one made anew.
+    #[test]
+    fn following_is_lighting_anew() {
+        let scene = Scene::new();
+        let start = [DVec3::new(0.3, 0.0, 0.03), FAR];
+        let mut followed = scene.anew(CameraMount::World, start);
+        let version = followed.version();
+        scene.follow(&mut followed, CameraMount::World, start);
+        assert_eq!(followed.version(), version);
+        let moved = [DVec3::new(0.35, 0.02, 0.03), FAR];
+        scene.follow(&mut followed, CameraMount::World, moved);
+        let around = |x: f32, y: f32| [Vec2::new(x - 0.02, y), Vec2::new(x + 0.02, y)].into_iter();
+        assert!(followed.changed_after(version, around(0.3, 0.05)));
+        assert!(!followed.changed_after(followed.version(), around(0.3, 0.05)));
+        let anew = scene.anew(CameraMount::World, moved);
+        assert_eq!(followed.grid.map(|grid| grid.points), anew.grid.map(|grid| grid.points));
     }
 }

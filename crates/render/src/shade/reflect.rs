@@ -9,7 +9,8 @@ use crate::assets::Surface;
 use crate::develop::tone_map;
 use crate::lanes::{CHUNK, Lane, ZERO, within};
 use crate::layers::TILE;
-use crate::reflectance::{ambient_fresnel, between, schlick_weight};
+use crate::occluders::{Hollow, facing_middle};
+use crate::reflectance::{ambient_fresnel, between, schlick_weight, thrown_back};
 use crate::sky::{Glossy, Sky, dot};
 use crate::table_light::TableLight;
 use crate::view::{Lens, PartView};
@@ -34,6 +35,8 @@ pub(super) struct Reflected {
     veiled: Lane,
     /// How much of the key light the sides of a corner throw on each other is there.
     corner: Lane,
+    /// Key light that enters the hollow that is seen, over that which arrives on a surface that faces it.
+    hollow: Lane,
     lobe: Lane,
     weight: Lane,
     pub color: [Lane; 3],
@@ -54,6 +57,7 @@ impl Default for Reflected {
             strength: ZERO,
             veiled: ZERO,
             corner: ZERO,
+            hollow: ZERO,
             lobe: ZERO,
             weight: ZERO,
             color: lanes,
@@ -63,17 +67,28 @@ impl Default for Reflected {
 
 /// Share of the key light that the sides of a corner throw on each other twice, of what they would if all faced it. Fitted
 /// to traced pictures.
-const CORNER_KEY: f32 = 0.8;
+const CORNER_KEY: f32 = 0.65;
 /// How much less of it there is where a surface that faces the key light lies in shadow, and how many times the share of
 /// the sky that is seen it is at most: what enters a deep hollow is little. Fitted likewise.
-const CORNER_SHADE: f32 = 0.6;
+const CORNER_SHADE: f32 = 1.0;
 const CORNER_OPEN: f32 = 2.0;
 
 /// Share of the ambient light, for a surface that faces the key light, that comes from around it and is held back with
 /// it. Fitted to traced pictures.
 const WITH_KEY: f32 = 0.15;
-/// How much more of their surroundings metals mirror in corners than other things do. Fitted to traced pictures.
-const METAL_CORNER: f32 = 0.1;
+
+/// What shades a chunk beside the lights: bodies around the table, and walls around a hollow.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Among<'a> {
+    pub table_light: Option<&'a TableLight>,
+    pub hollow: Option<Hollow>,
+}
+
+impl Among<'_> {
+    fn open(&self) -> f32 {
+        self.hollow.map_or(1.0, |hollow| hollow.open)
+    }
+}
 
 /// Lanes for the corners of a tile: one of the widest registers.
 pub(super) const CORNERS: usize = 16;
@@ -87,10 +102,10 @@ pub(super) fn reflect(
     lens: &Lens,
     lighting: &Lighting,
     glossy: &Glossy,
-    table_light: Option<&TableLight>,
+    among: Among<'_>,
     out: &mut Reflected,
 ) {
-    reflect_chunk(spots, surface, placed, lens, lighting, glossy, table_light, out);
+    reflect_chunk(spots, surface, placed, lens, lighting, glossy, among, out);
 }
 
 /// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
@@ -102,12 +117,13 @@ fn reflect_chunk(
     lens: &Lens,
     lighting: &Lighting,
     glossy: &Glossy,
-    table_light: Option<&TableLight>,
+    among: Among<'_>,
     out: &mut Reflected,
 ) {
     face_viewer::<CHUNK>(spots, placed, lens, out);
     look_around::<CHUNK>(&lighting.sky, glossy, out);
-    if let Some(table_light) = table_light {
+    find_hollow::<CHUNK>(among.hollow, spots, out);
+    if let Some(table_light) = among.table_light {
         dim_table(table_light, spots.count, &spots.place, &mut out.around);
     }
     find_highlights::<CHUNK>(surface.roughness, lighting.to_light.to_array(), out);
@@ -116,7 +132,7 @@ fn reflect_chunk(
         add_up(spots, surface, lighting, out);
     } else {
         mirror::<CHUNK>(surface.reflectance, out);
-        add_up_dielectric(spots, surface.scatters(), lighting, out);
+        add_up_dielectric(spots, [surface.scatters(), among.open()], lighting, out);
     }
     develop(surface.opacity < 1.0, out);
 }
@@ -131,12 +147,13 @@ pub(super) fn reflect_flat(
     lens: &Lens,
     lighting: &Lighting,
     glossy: &Glossy,
-    table_light: Option<&TableLight>,
+    among: Among<'_>,
     out: &mut Reflected,
 ) {
     face_viewer::<CORNERS>(corners, placed, lens, out);
     look_around::<CORNERS>(&lighting.sky, glossy, out);
-    if let Some(table_light) = table_light {
+    find_hollow::<CORNERS>(among.hollow, corners, out);
+    if let Some(table_light) = among.table_light {
         dim_table(table_light, 4, &corners.place, &mut out.around);
     }
     find_highlights::<CORNERS>(surface.roughness, lighting.to_light.to_array(), out);
@@ -145,9 +162,10 @@ pub(super) fn reflect_flat(
         spread(lane);
     }
     spread(&mut out.lit);
+    spread(&mut out.hollow);
     spread(&mut out.lobe);
     hold_back_key(&spots.key, out);
-    add_up_dielectric(spots, 1.0, lighting, out);
+    add_up_dielectric(spots, [1.0, among.open()], lighting, out);
     develop(false, out);
 }
 
@@ -226,6 +244,22 @@ fn look_around<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Reflect
     }
 }
 
+/// How much of the key light that enters a hollow reaches places in it.
+#[inline(always)]
+fn find_hollow<const LANES: usize>(hollow: Option<Hollow>, spots: &Spots, out: &mut Reflected) {
+    let Some(hollow) = hollow else {
+        out.hollow = ZERO;
+        return;
+    };
+    let middle = hollow.middle.to_array();
+    for i in 0..LANES {
+        let normal = [spots.normal[0][i], spots.normal[1][i], spots.normal[2][i]];
+        let toward = [middle[0] - spots.place[0][i], middle[1] - spots.place[1][i], middle[2] - spots.place[2][i]];
+        let lengths = dot(normal, normal) * dot(toward, toward) + 1e-20;
+        out.hollow[i] = hollow.light * facing_middle(dot(normal, toward) / lengths.sqrt());
+    }
+}
+
 /// The light of the surroundings at some places on the table among bodies.
 #[inline(always)]
 fn dim_table(table_light: &TableLight, count: usize, place: &[Lane; 3], around: &mut [Lane; 3]) {
@@ -287,14 +321,12 @@ fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Refle
         for i in 0..CHUNK {
             let (base, ambient_share) = (spots.base[channel][i], spots.ambient[i]);
             let around = out.around[channel][i] * (1.0 - out.veiled[i]);
-            // Corners that see little of the sky see little of it in their reflection, unless they are metal.
-            let glossy_share = ambient_share + (1.0 - ambient_share) * (METAL_CORNER * metallic);
             let f0 = reflectance + (base - reflectance) * metallic;
             let albedo = base * (1.0 - metallic);
             let arriving = lamp * out.strength[i];
             let [ambient, direct] = mirrored_shares(f0, out, i);
             let diffuse = scattered(albedo, ambient_share, around, arriving, [out.corner[i], lamp]);
-            let specular = out.mirrored[channel][i] * ambient * glossy_share + arriving * direct;
+            let specular = out.mirrored[channel][i] * ambient * ambient_share + arriving * direct;
             out.color[channel][i] = (diffuse * side + specular) * exposure;
         }
     }
@@ -330,9 +362,9 @@ fn mirror<const LANES: usize>(reflectance: f32, out: &mut Reflected) {
     }
 }
 
-/// [`add_up`] of a dielectric, after [`mirror`].
+/// [`add_up`] of a dielectric, after [`mirror`]: a share of one side scatters, and a share of the sky is seen from its hollow.
 #[inline(always)]
-fn add_up_dielectric(spots: &Spots, side: f32, lighting: &Lighting, out: &mut Reflected) {
+fn add_up_dielectric(spots: &Spots, [side, open]: [f32; 2], lighting: &Lighting, out: &mut Reflected) {
     let key = lighting.key.to_array();
     for channel in 0..3 {
         let lamp = key[channel];
@@ -340,7 +372,9 @@ fn add_up_dielectric(spots: &Spots, side: f32, lighting: &Lighting, out: &mut Re
             let ambient_share = spots.ambient[i];
             let around = out.around[channel][i] * (1.0 - out.veiled[i]);
             let arriving = lamp * out.strength[i];
-            let diffuse = scattered(spots.base[channel][i], ambient_share, around, arriving, [out.corner[i], lamp]);
+            let albedo = spots.base[channel][i];
+            let hollow = thrown_back(albedo, open) * out.hollow[i] * lamp;
+            let diffuse = scattered(albedo, ambient_share, around, arriving, [out.corner[i], lamp]) + hollow;
             let specular = out.mirrored[channel][i] * ambient_share + arriving * out.lobe[i];
             out.color[channel][i] = (diffuse * side + specular) * lighting.exposure;
         }
@@ -405,8 +439,8 @@ mod tests {
             };
             let (placed, glossy) = (PartView::default(), lighting.sky.glossy(surface.roughness));
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
-            reflect(&shading, &surface, &placed, &lens, &lighting, &glossy, None, &mut wide);
-            reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, None, &mut plain);
+            reflect(&shading, &surface, &placed, &lens, &lighting, &glossy, Among::default(), &mut wide);
+            reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, Among::default(), &mut plain);
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             assert_eq!(bits(&wide.color), bits(&plain.color));
         }
