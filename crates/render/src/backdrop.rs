@@ -8,7 +8,7 @@ use genmanip_core::Material;
 use glam::{Vec2, Vec3A};
 
 use crate::develop::tone_map;
-use crate::shade::Lighting;
+use crate::lighting::Lighting;
 use crate::texture::{MipTexture, linear_from_srgb8};
 use crate::variation::RenderVariation;
 use crate::walls::WALL_SIZE_M;

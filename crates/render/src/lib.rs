@@ -38,6 +38,7 @@ mod glass;
 mod key_light;
 mod lanes;
 mod layers;
+mod lighting;
 mod mesh;
 mod normals;
 mod occluders;

@@ -2,8 +2,8 @@
 
 use crate::assets::{RenderAssets, Surface};
 use crate::backdrop::Backdrop;
+use crate::lighting::Lighting;
 use crate::occluders::Occluders;
-use crate::shade::Lighting;
 use crate::shadow::ShadowMap;
 use crate::table_light::TableLight;
 use crate::variation::RenderVariation;

@@ -10,61 +10,22 @@ use glam::Vec3A;
 use multiversion::multiversion;
 
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
-use crate::develop::tone_map;
 use crate::lanes::{CHUNK, Lane, ZERO};
 use crate::layers::TILE;
 use crate::mesh::Face;
 use crate::points::Pixels;
 use crate::scene::Scene;
-use crate::sky::Sky;
-use crate::texture::{Samples, find_codes, linear_from_srgb, octave, srgb_table};
-use crate::variation::RenderVariation;
+use crate::texture::{Samples, find_codes, octave, srgb_table};
 use crate::view::{Lens, PartView};
 
 mod reflect;
 
-use reflect::{Among, CORNERS, Reflected, reflect, reflect_flat};
+use reflect::{CORNERS, Light, Reflected, reflect, reflect_flat};
 
 /// Roughness from which the light on a plane is taken to be linear over a tile, and the focal length, pixels: a tile then
 /// spans less than 2.3 degrees, less than the width of the sharpest highlight.
 const SMOOTH: f32 = 0.25;
 const NARROW_PX: f32 = 200.0;
-
-/// All light of a scene.
-#[derive(Debug)]
-pub(crate) struct Lighting {
-    pub sky: Sky,
-    pub to_light: Vec3A,
-    /// Brightness of a white diffuse surface that faces the light.
-    pub key: Vec3A,
-    exposure: f32,
-}
-
-impl Lighting {
-    /// The light of a variation on things made of some surfaces: the table among them throws light back.
-    pub fn new(variation: &RenderVariation, surfaces: &[Surface]) -> Self {
-        let table = surfaces.iter().find(|surface| surface.is_table).map(Surface::mean_color);
-        Self {
-            sky: Sky::new(variation, table),
-            to_light: Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z),
-            key: linear_from_srgb(variation.light_color) * variation.light_intensity,
-            exposure: variation.exposure,
-        }
-    }
-}
-
-impl Lighting {
-    /// Brightness of a white diffuse surface with a unit normal in the ambient light.
-    pub fn around(&self, normal: Vec3A) -> Vec3A {
-        Vec3A::from_array(self.sky.diffuse(normal.to_array()))
-    }
-
-    /// What is seen of the surroundings in a unit direction, developed.
-    pub fn surroundings(&self, direction: Vec3A) -> Vec3A {
-        let light = Vec3A::from_array(self.sky.glossy(0.0).at(direction.to_array()));
-        Vec3A::from_array(tone_map((light * self.exposure).to_array()))
-    }
-}
 
 /// A place on the image where a surface is shaded.
 #[derive(Clone, Copy, Debug, Default)]
@@ -228,7 +189,6 @@ impl Shading {
 
     /// Shades the spots, which show one part made of `surface`.
     pub fn shade(&mut self, part: &Part, surface: &Surface, placed: &PartView, lens: &Lens, scene: &Scene<'_>) {
-        let lighting = scene.lighting;
         let Self { spots, corners, samples, reflected, .. } = self;
         let mesh = placed.mesh(part);
         let eye = (!part.hides_back(mesh)).then_some(placed.eye_in_body);
@@ -275,15 +235,16 @@ impl Shading {
         } else {
             spots.base = [[tint.x; CHUNK], [tint.y; CHUNK], [tint.z; CHUNK]];
         }
-        let glossy = lighting.sky.glossy(surface.roughness);
-        let among = Among {
+        let light = Light {
+            lighting: scene.lighting,
+            glossy: scene.lighting.sky.glossy(surface.roughness),
             table_light: surface.is_table.then_some(scene.table_light),
             hollow: part.body.and_then(|body| scene.occluders.hollow_of(body)),
         };
         if is_flat {
-            reflect_flat([spots, corners], surface, placed, lens, lighting, &glossy, among, reflected);
+            reflect_flat([spots, corners], surface, placed, lens, &light, reflected);
         } else {
-            reflect(spots, surface, placed, lens, lighting, &glossy, among, reflected);
+            reflect(spots, surface, placed, lens, &light, reflected);
         }
     }
 }

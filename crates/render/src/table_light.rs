@@ -13,8 +13,8 @@ use multiversion::multiversion;
 
 use crate::assets::RenderAssets;
 use crate::lanes::within;
+use crate::lighting::Lighting;
 use crate::occluders::{Occluder, Occluders, covered};
-use crate::shade::Lighting;
 use crate::tops::level_top;
 use crate::variation::RenderVariation;
 use crate::view::Lens;

@@ -4,11 +4,12 @@
 
 use multiversion::multiversion;
 
-use super::{Lighting, Spots};
+use super::Spots;
 use crate::assets::Surface;
 use crate::develop::tone_map;
 use crate::lanes::{CHUNK, Lane, ZERO, within};
 use crate::layers::TILE;
+use crate::lighting::Lighting;
 use crate::occluders::{Hollow, facing_middle};
 use crate::reflectance::{ambient_fresnel, between, schlick_weight, thrown_back};
 use crate::sky::{Glossy, Sky, dot};
@@ -77,14 +78,18 @@ const CORNER_OPEN: f32 = 2.0;
 /// it. Fitted to traced pictures.
 const WITH_KEY: f32 = 0.15;
 
-/// What shades a chunk beside the lights: bodies around the table, and walls around a hollow.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Among<'a> {
+/// The light on a chunk.
+pub(super) struct Light<'a> {
+    pub lighting: &'a Lighting,
+    /// The surroundings for surfaces of its roughness.
+    pub glossy: Glossy,
+    /// Of the table among bodies, and within walls.
     pub table_light: Option<&'a TableLight>,
     pub hollow: Option<Hollow>,
 }
 
-impl Among<'_> {
+impl Light<'_> {
+    /// Share of the sky that is seen from the hollow, if there is one.
     fn open(&self) -> f32 {
         self.hollow.map_or(1.0, |hollow| hollow.open)
     }
@@ -100,12 +105,10 @@ pub(super) fn reflect(
     surface: &Surface,
     placed: &PartView,
     lens: &Lens,
-    lighting: &Lighting,
-    glossy: &Glossy,
-    among: Among<'_>,
+    light: &Light<'_>,
     out: &mut Reflected,
 ) {
-    reflect_chunk(spots, surface, placed, lens, lighting, glossy, among, out);
+    reflect_chunk(spots, surface, placed, lens, light, out);
 }
 
 /// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
@@ -115,24 +118,22 @@ fn reflect_chunk(
     surface: &Surface,
     placed: &PartView,
     lens: &Lens,
-    lighting: &Lighting,
-    glossy: &Glossy,
-    among: Among<'_>,
+    light: &Light<'_>,
     out: &mut Reflected,
 ) {
     face_viewer::<CHUNK>(spots, placed, lens, out);
-    look_around::<CHUNK>(&lighting.sky, glossy, out);
-    find_hollow::<CHUNK>(among.hollow, spots, out);
-    if let Some(table_light) = among.table_light {
+    look_around::<CHUNK>(&light.lighting.sky, &light.glossy, out);
+    find_hollow::<CHUNK>(light.hollow, spots, out);
+    if let Some(table_light) = light.table_light {
         dim_table(table_light, spots.count, &spots.place, &mut out.around);
     }
-    find_highlights::<CHUNK>(surface.roughness, lighting.to_light.to_array(), out);
+    find_highlights::<CHUNK>(surface.roughness, light.lighting.to_light.to_array(), out);
     hold_back_key(&spots.key, out);
     if surface.metallic > 0.0 {
-        add_up(spots, surface, lighting, out);
+        add_up(spots, surface, light.lighting, out);
     } else {
         mirror::<CHUNK>(surface.reflectance, out);
-        add_up_dielectric(spots, [surface.scatters(), among.open()], lighting, out);
+        add_up_dielectric(spots, [surface.scatters(), light.open()], light.lighting, out);
     }
     develop(surface.opacity < 1.0, out);
 }
@@ -145,18 +146,16 @@ pub(super) fn reflect_flat(
     surface: &Surface,
     placed: &PartView,
     lens: &Lens,
-    lighting: &Lighting,
-    glossy: &Glossy,
-    among: Among<'_>,
+    light: &Light<'_>,
     out: &mut Reflected,
 ) {
     face_viewer::<CORNERS>(corners, placed, lens, out);
-    look_around::<CORNERS>(&lighting.sky, glossy, out);
-    find_hollow::<CORNERS>(among.hollow, corners, out);
-    if let Some(table_light) = among.table_light {
+    look_around::<CORNERS>(&light.lighting.sky, &light.glossy, out);
+    find_hollow::<CORNERS>(light.hollow, corners, out);
+    if let Some(table_light) = light.table_light {
         dim_table(table_light, 4, &corners.place, &mut out.around);
     }
-    find_highlights::<CORNERS>(surface.roughness, lighting.to_light.to_array(), out);
+    find_highlights::<CORNERS>(surface.roughness, light.lighting.to_light.to_array(), out);
     mirror::<CORNERS>(surface.reflectance, out);
     for lane in out.around.iter_mut().chain(&mut out.mirrored) {
         spread(lane);
@@ -165,7 +164,7 @@ pub(super) fn reflect_flat(
     spread(&mut out.hollow);
     spread(&mut out.lobe);
     hold_back_key(&spots.key, out);
-    add_up_dielectric(spots, [1.0, among.open()], lighting, out);
+    add_up_dielectric(spots, [1.0, light.open()], light.lighting, out);
     develop(false, out);
 }
 
@@ -437,10 +436,12 @@ mod tests {
                 texture: None,
                 is_table: false,
             };
-            let (placed, glossy) = (PartView::default(), lighting.sky.glossy(surface.roughness));
+            let glossy = lighting.sky.glossy(surface.roughness);
+            let light = Light { lighting: &lighting, glossy, table_light: None, hollow: None };
+            let placed = PartView::default();
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
-            reflect(&shading, &surface, &placed, &lens, &lighting, &glossy, Among::default(), &mut wide);
-            reflect_chunk(&shading, &surface, &placed, &lens, &lighting, &glossy, Among::default(), &mut plain);
+            reflect(&shading, &surface, &placed, &lens, &light, &mut wide);
+            reflect_chunk(&shading, &surface, &placed, &lens, &light, &mut plain);
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
             assert_eq!(bits(&wide.color), bits(&plain.color));
         }

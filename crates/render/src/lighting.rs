@@ -1,0 +1,43 @@
+//! The lights of a scene.
+
+use glam::Vec3A;
+
+use crate::assets::Surface;
+use crate::develop::tone_map;
+use crate::sky::Sky;
+use crate::texture::linear_from_srgb;
+use crate::variation::RenderVariation;
+
+/// All light of a scene.
+#[derive(Debug)]
+pub(crate) struct Lighting {
+    pub sky: Sky,
+    pub to_light: Vec3A,
+    /// Brightness of a white diffuse surface that faces the light.
+    pub key: Vec3A,
+    pub exposure: f32,
+}
+
+impl Lighting {
+    /// The light of a variation on things made of some surfaces: the table among them throws light back.
+    pub fn new(variation: &RenderVariation, surfaces: &[Surface]) -> Self {
+        let table = surfaces.iter().find(|surface| surface.is_table).map(Surface::mean_color);
+        Self {
+            sky: Sky::new(variation, table),
+            to_light: Vec3A::from_array(variation.light_direction).normalize_or(Vec3A::Z),
+            key: linear_from_srgb(variation.light_color) * variation.light_intensity,
+            exposure: variation.exposure,
+        }
+    }
+
+    /// Brightness of a white diffuse surface with a unit normal in the ambient light.
+    pub fn around(&self, normal: Vec3A) -> Vec3A {
+        Vec3A::from_array(self.sky.diffuse(normal.to_array()))
+    }
+
+    /// What is seen of the surroundings in a unit direction, developed.
+    pub fn surroundings(&self, direction: Vec3A) -> Vec3A {
+        let light = Vec3A::from_array(self.sky.glossy(0.0).at(direction.to_array()));
+        Vec3A::from_array(tone_map((light * self.exposure).to_array()))
+    }
+}
