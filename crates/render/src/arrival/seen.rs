@@ -45,15 +45,20 @@ impl Arrival {
                 let ray = (Vec2::new(x as f32, y as f32) - lens.center) / lens.focal;
                 lens.turn * (Vec3A::from(ray.extend(1.0)) * depth) + lens.eye
             };
+            // What the pixels at the corners see.
+            let seen_at = |x: usize, y: usize| point(x, y, self.depth[y * self.width + x]);
+            let (right, bottom) = (columns.end - 1, rows.end - 1);
+            let corners = match is_mixed {
+                true => [Vec3A::ZERO; 4],
+                false => [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
+                    .map(|(x, y)| seen_at(x, y)),
+            };
             let span = if !shadow.is_on() || high == 0.0 {
                 Span::default()
             } else if differ == 0
                 && let Some(normal) = view.normal_of(assets, first)
             {
-                let corners = [columns.start, columns.end - 1]
-                    .into_iter()
-                    .flat_map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
-                shadow.span_of_plane(corners, normal)
+                shadow.span_of_plane(corners.into_iter(), normal)
             } else {
                 let depths = [1.0 / low, 1.0 / high];
                 let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
@@ -63,11 +68,8 @@ impl Arrival {
             };
             let surface = if is_mixed { SEVERAL } else { first_surface };
             let top = shadow.tops().of(surface).and_then(|top| {
-                let places = [columns.start, columns.end - 1]
-                    .map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
-                let places = places.as_flattened();
-                let is_whole = places.iter().all(|place| top.holds(place.z));
-                is_whole.then(|| top.blocks_of(places.iter().map(|place| place.truncate())))
+                let is_whole = corners.iter().all(|place| top.holds(place.z));
+                is_whole.then(|| top.blocks_of(corners.iter().map(|place| place.truncate())))
             });
             let has_top = top.is_none() && self.shows_top(shadow.tops(), surface, columns.clone(), rows.clone());
             let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
