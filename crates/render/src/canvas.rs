@@ -134,7 +134,7 @@ impl Canvas {
             select(&self.finished, 3, &mut tiles);
             self.encode(&tiles);
             let glass = self.view.has_transparent.then_some(&self.glass);
-            self.edges.find(&self.view, &self.opaque.target, glass, &self.arrival, &tiles, &self.colors);
+            self.edges.find(&self.view, &mut self.opaque.target, glass, &self.arrival, &tiles, &self.colors);
         }
         self.edges.finish(scene, &self.view, &self.arrival, &self.colors, &mut self.rgb);
     }
@@ -216,6 +216,7 @@ impl Canvas {
 
     /// What the pixels' centres see, transparent things included.
     fn see(&mut self, assets: &RenderAssets) {
+        self.opaque.target.settle_all();
         let (lens, opaque) = (&self.view.lens, &self.opaque.target);
         let scale = opaque.scale;
         self.seen.reset::<true>(lens.width, lens.height, 1);

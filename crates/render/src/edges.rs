@@ -70,13 +70,16 @@ impl Edges {
     pub fn find(
         &mut self,
         view: &View,
-        opaque: &Target,
+        opaque: &mut Target,
         glass: Option<&Glass>,
         arrival: &Arrival,
         tiles: &[usize],
         colors: &[Vec3A],
     ) {
         let n = opaque.scale as isize;
+        let is_read = |tile: usize| !arrival.shows_one(tile) || glass.is_some_and(|glass| glass.reaches(tile));
+        tiles.iter().filter(|&&tile| is_read(tile)).for_each(|&tile| opaque.settle_around(tile));
+        let opaque = &*opaque;
         let (mut keys, directions) = (std::mem::take(&mut self.keys), std::mem::take(&mut self.directions));
         let around = Around { opaque, directions: &directions, arrival, n };
         for &tile in tiles {

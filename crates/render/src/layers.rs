@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use crate::raster::Target;
+use crate::raster::{SIDE, Target};
 
 /// Pixels per side of the tiles whose changes are tracked.
 pub(crate) const TILE: usize = 8;
@@ -75,7 +75,7 @@ impl Layers {
         parts: usize,
         mut draw: impl FnMut(usize, &mut Target),
     ) {
-        self.target.reset::<IDS>(width, height, scale);
+        reset::<IDS>(&mut self.target, [width, height], scale);
         (self.tile_columns, self.tile_rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
         self.changed.clear();
         self.changed.resize(self.tile_columns * self.tile_rows, true);
@@ -98,34 +98,20 @@ impl Layers {
         if is_new {
             self.in_layer.clear();
             self.in_layer.extend(motions.iter().map(|motion| !motion.moved));
-            self.layer.reset::<IDS>(width, height, scale);
+            reset::<IDS>(&mut self.layer, [width, height], scale);
             self.is_layered = true;
             for part in (0..motions.len()).filter(|&part| self.in_layer[part]) {
                 draw(part, &mut self.layer);
             }
             self.over.clear();
             self.over.resize(self.changed.len(), false);
+            self.target.share_covers(&self.layer);
         }
         for motion in motions.iter().filter(|motion| motion.moved) {
             self.mark(&motion.before);
             self.mark(&motion.now);
         }
-        for row in 0..self.tile_rows {
-            let rows = row * TILE * scale..((row + 1) * TILE).min(height) * scale;
-            let tiles = row * self.tile_columns..(row + 1) * self.tile_columns;
-            let (marks, over) = (&self.changed[tiles.clone()], &self.over[tiles]);
-            let mut column = 0;
-            while column < marks.len() {
-                // A tile with nothing drawn over it still shows the layer.
-                let is_other = |(&mark, &is_over): (&bool, &bool)| mark && (is_new || is_over);
-                let run = marks[column..].iter().zip(&over[column..]).take_while(|&tile| is_other(tile)).count();
-                if run > 0 {
-                    let columns = column * TILE * scale..((column + run) * TILE).min(width) * scale;
-                    self.target.copy_rectangle(&self.layer, columns, rows.clone());
-                }
-                column += run.max(1);
-            }
-        }
+        self.restore(is_new);
         for part in (0..motions.len()).filter(|&part| !self.in_layer[part]) {
             draw(part, &mut self.target);
         }
@@ -137,9 +123,37 @@ impl Layers {
             let (column, row) = (tile % self.tile_columns * TILE, tile / self.tile_columns * TILE);
             let columns = column * scale..(column + TILE).min(width) * scale;
             let rows = row * scale..(row + TILE).min(height) * scale;
-            let is_over = self.target.differs(&self.layer, columns, rows);
+            let differs = || self.target.differs(&self.layer, columns, rows);
+            let is_over = self.target.differs_from_cover(&self.layer, tile).unwrap_or_else(differs);
             self.changed[tile] = is_new || is_over || self.over[tile];
             self.over[tile] = is_over;
+        }
+    }
+
+    /// Takes the tiles that change from the layer; all of a new one, whose covers the others would not know.
+    fn restore(&mut self, is_new: bool) {
+        let scale = self.target.scale;
+        let (width, height) = (self.target.width, self.target.height);
+        for row in 0..self.tile_rows {
+            let rows = row * TILE * scale..((row + 1) * TILE * scale).min(height);
+            let mut column = 0;
+            while column < self.tile_columns {
+                let first = column;
+                // A tile with nothing drawn over it still shows the layer.
+                let mut is_copied = |column: usize| {
+                    let tile = row * self.tile_columns + column;
+                    let is_other = is_new || (self.changed[tile] && self.over[tile]);
+                    is_other && !self.target.take_cover(&self.layer, tile)
+                };
+                while column < self.tile_columns && is_copied(column) {
+                    column += 1;
+                }
+                if first < column {
+                    let columns = first * TILE * scale..(column * TILE * scale).min(width);
+                    self.target.copy_rectangle(&self.layer, columns, rows.clone());
+                }
+                column += 1;
+            }
         }
     }
 
@@ -148,6 +162,18 @@ impl Layers {
         for row in rectangle.tile_rows() {
             self.changed[row * self.tile_columns..][rectangle.tile_columns()].fill(true);
         }
+    }
+}
+
+/// Pixels along the longer side up to which nothing is gained by covers: few tiles show one triangle alone. Measured.
+const SMALL_PX: usize = 128;
+
+/// Clears a target to nothing; one whose tiles are those of covers holds these.
+fn reset<const IDS: bool>(target: &mut Target, [width, height]: [usize; 2], scale: usize) {
+    if IDS && scale * TILE == SIDE && width.max(height) > SMALL_PX {
+        target.reset_covered(width, height);
+    } else {
+        target.reset::<IDS>(width, height, scale);
     }
 }
 

@@ -11,11 +11,13 @@
 
 use crate::lanes::within;
 
+mod cover;
 mod outline;
 mod row;
 
+pub(crate) use cover::{Cover, SIDE};
+use cover::{Covers, draw_covered};
 use outline::{Corners, Outlines};
-use row::{Row, Slant};
 
 /// A corner on the image plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -151,7 +153,7 @@ impl Block {
     #[inline(always)]
     fn draw<const IDS: bool>(&mut self, sides: Sides, target: &mut Target) {
         let mut visible = self.visible(sides, target);
-        let outlines = self.corners.outlines(target.scale as i32 as f32, target.height);
+        let outlines = self.corners.outlines(target.scale as i32 as f32, [target.width, target.height]);
         while visible != 0 {
             let i = visible.trailing_zeros() as usize & (BLOCK - 1);
             visible &= visible - 1;
@@ -213,6 +215,8 @@ pub(crate) struct Target {
     pub nearness: Vec<f32>,
     /// 0 where there is nothing; empty for a target without ids.
     pub ids: Vec<u32>,
+    /// Tiles whose samples are not stored in `nearness` and `ids`.
+    covers: Covers,
 }
 
 impl Target {
@@ -224,8 +228,8 @@ impl Target {
 
     /// Clears to nothing at a size in pixels.
     pub fn reset<const IDS: bool>(&mut self, width: usize, height: usize, scale: usize) {
-        (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
-        self.stride = stride_of(self.width);
+        self.resize(width, height, scale);
+        self.covers.clear();
         let samples = self.stride * self.height;
         self.nearness.clear();
         self.nearness.resize(samples, 0.0);
@@ -233,6 +237,11 @@ impl Target {
         if IDS {
             self.ids.resize(samples, 0);
         }
+    }
+
+    fn resize(&mut self, width: usize, height: usize, scale: usize) {
+        (self.width, self.height, self.scale) = (width * scale, height * scale, scale);
+        self.stride = stride_of(self.width);
     }
 
     /// Clears rows of samples to nothing.
@@ -268,51 +277,25 @@ impl Target {
     pub fn draw<const IDS: bool>(&mut self, corners: [Corner; 3], id: u32) {
         let mut one = Corners::<1>::default();
         one.put(0, corners.each_ref());
-        self.scan::<IDS, 1>(&one.outlines(1.0, self.height), 0, id);
+        self.scan::<IDS, 1>(&one.outlines(1.0, [self.width, self.height]), 0, id);
     }
 
     /// Draws one of some triangles.
     #[inline(always)]
     fn scan<const IDS: bool, const N: usize>(&mut self, outlines: &Outlines<N>, i: usize, id: u32) {
+        let triangle = outlines.triangle(i);
+        // Made again for the call, so that the one that is drawn here is held in registers.
+        if IDS && !self.covers.are_clear_of(&triangle) && !draw_covered(&outlines.triangle(i), id, self) {
+            return;
+        }
         let (width, stride, scale) = (self.width, self.stride, self.scale as u32);
-        let [top_x, top_y] = outlines.top.each_ref().map(|list| list[i]);
-        let [middle_x, middle_y] = outlines.middle.each_ref().map(|list| list[i]);
-        let [long_slope, upper_slope, lower_slope] = outlines.slopes.each_ref().map(|list| list[i]);
-        let [first_row, middle_row, end_row] = outlines.rows.each_ref().map(|list| list[i]);
-        let long_is_left = outlines.long_is_left[i];
-        let (constant, dx, dy) = (outlines.constant[i], f64::from(outlines.dx[i]), f64::from(outlines.dy[i]));
-        let slant = Slant { dx: outlines.dx[i], low: outlines.low[i], high: outlines.high[i] };
+        let [mut first, _, end] = triangle.rows;
         let (nearness, ids) = (&mut self.nearness[..], &mut self.ids[..]);
-        let mut first = first_row;
-        while first < end_row {
-            let (mut starts, mut counts, mut offsets, mut values) = ([0; ROWS], [0; ROWS], [0.0; ROWS], [0.0; ROWS]);
-            for i in 0..ROWS {
-                let row = first + i as u32;
-                let y = row as i32 as f32;
-                let long_x = top_x + (y - top_y) * long_slope;
-                let upper_x = top_x + (y - top_y) * upper_slope;
-                let lower_x = middle_x + (y - middle_y) * lower_slope;
-                let short_x = if row < middle_row { upper_x } else { lower_x };
-                // Exchanged bit by bit: a branch would be taken for every other triangle.
-                let exchanged = (long_x.to_bits() ^ short_x.to_bits()) & long_is_left;
-                let left = f32::from_bits(short_x.to_bits() ^ exchanged);
-                let right = f32::from_bits(long_x.to_bits() ^ exchanged);
-                starts[i] = first_sample(left, width);
-                counts[i] = first_sample(right, width).max(starts[i]) - starts[i];
-                // Counted from the same pixel whatever the number of samples.
-                let pixel = (starts[i] + scale - 1) & !(scale - 1);
-                offsets[i] = (starts[i] as i32 - pixel as i32) as f32;
-                values[i] = (constant + f64::from(pixel as i32) * dx + f64::from(row as i32) * dy) as f32;
-            }
+        while first < end {
+            let rows = triangle.rows_from::<ROWS>(first, width, scale);
             let mut at = first as usize * stride;
-            for i in 0..ROWS.min((end_row - first) as usize) {
-                let row = Row {
-                    first: at + starts[i] as usize,
-                    count: counts[i] as usize,
-                    offset: offsets[i],
-                    value: values[i],
-                };
-                row.draw::<IDS>(&slant, id, nearness, ids);
+            for i in 0..ROWS.min((end - first) as usize) {
+                rows.row(i, at).draw::<IDS>(&triangle.slant, id, nearness, ids);
                 at += stride;
             }
             first += ROWS as u32;

@@ -11,7 +11,7 @@ use super::{Arrival, COARSE_TEXELS, LEVEL, NO_RANGE, SEVERAL, TileSummary, put};
 use crate::assets::TRIANGLE_BITS;
 use crate::layers::TILE;
 use crate::occlusion::MAX_REACH;
-use crate::raster::Target;
+use crate::raster::{Cover, Target};
 use crate::scene::Scene;
 use crate::shadow::Span;
 use crate::view::View;
@@ -22,10 +22,14 @@ impl Arrival {
         let Scene { assets, shadow, variation, table_light, .. } = *scene;
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
-            let first = opaque.ids[(rows.start * opaque.stride + columns.start) * opaque.scale];
+            let cover = opaque.cover(tile);
+            let first = match cover {
+                Some(cover) => cover.id,
+                None => opaque.ids[(rows.start * opaque.stride + columns.start) * opaque.scale],
+            };
             let seen = Seen { depth: &mut self.depth, ids: &mut self.ids, surface: &mut self.surface };
             let ([low, high], differ, differ_all) =
-                see_tile(opaque, columns.clone(), rows.clone(), first, self.width, seen);
+                see_tile(opaque, cover, columns.clone(), rows.clone(), first, self.width, seen);
             let (is_mixed, first_surface) = (differ >> TRIANGLE_BITS != 0, (first >> TRIANGLE_BITS) as u16);
             let reach = (variation.occlusion_radius_m * view.lens.focal.x * high).clamp(3.0, MAX_REACH);
             let lens = &view.lens;
@@ -33,15 +37,20 @@ impl Arrival {
                 let ray = (Vec2::new(x as f32, y as f32) - lens.center) / lens.focal;
                 lens.turn * (Vec3A::from(ray.extend(1.0)) * depth) + lens.eye
             };
+            // What the pixels at the corners see.
+            let seen_at = |x: usize, y: usize| point(x, y, self.depth[y * self.width + x]);
+            let (right, bottom) = (columns.end - 1, rows.end - 1);
+            let corners = match is_mixed {
+                true => [Vec3A::ZERO; 4],
+                false => [(columns.start, rows.start), (columns.start, bottom), (right, rows.start), (right, bottom)]
+                    .map(|(x, y)| seen_at(x, y)),
+            };
             let span = if !shadow.is_on() || high == 0.0 {
                 Span::default()
             } else if differ == 0
                 && let Some(normal) = view.normal_of(assets, first)
             {
-                let corners = [columns.start, columns.end - 1]
-                    .into_iter()
-                    .flat_map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
-                shadow.span_of_plane(corners, normal)
+                shadow.span_of_plane(corners.into_iter(), normal)
             } else {
                 let depths = [1.0 / low, 1.0 / high];
                 let corners = [columns.start, columns.end].into_iter().flat_map(|x| {
@@ -51,11 +60,8 @@ impl Arrival {
             };
             let surface = if is_mixed { SEVERAL } else { first_surface };
             let top = shadow.tops().of(surface).and_then(|top| {
-                let places = [columns.start, columns.end - 1]
-                    .map(|x| [rows.start, rows.end - 1].map(|y| point(x, y, self.depth[y * self.width + x])));
-                let places = places.as_flattened();
-                let is_whole = places.iter().all(|place| top.holds(place.z));
-                is_whole.then(|| top.blocks_of(places.iter().map(|place| place.truncate())))
+                let is_whole = corners.iter().all(|place| top.holds(place.z));
+                is_whole.then(|| top.blocks_of(corners.iter().map(|place| place.truncate())))
             });
             let is_top = |surface| shadow.tops().of(surface).is_some();
             let has_top = top.is_none()
@@ -92,11 +98,34 @@ struct Seen<'a> {
     surface: &'a mut [u16],
 }
 
+/// The bits in which ids of a row of pixels, or those given, differ from a first one.
+#[inline(always)]
+fn differ_from(
+    first: u32,
+    opaque: &Target,
+    columns: &Range<usize>,
+    row: usize,
+    mut differ: [u32; 2 * TILE],
+) -> [u32; 2 * TILE] {
+    let scale = opaque.scale;
+    for row in row * scale..(row + 1) * scale {
+        let samples = row * opaque.stride + columns.start * scale..row * opaque.stride + columns.end * scale;
+        for ids in opaque.ids[samples].chunks(2 * TILE) {
+            match ids.first_chunk::<{ 2 * TILE }>() {
+                Some(ids) => (0..2 * TILE).for_each(|sample| differ[sample] |= ids[sample] ^ first),
+                None => ids.iter().for_each(|id| differ[0] |= id ^ first),
+            }
+        }
+    }
+    differ
+}
+
 /// Takes over what the centres of a tile's pixels see; returns the smallest and largest nearness of what is there, and
 /// the bits in which ids of centres, and of all samples, differ from a first one.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn see_tile(
     opaque: &Target,
+    cover: Option<&Cover>,
     columns: Range<usize>,
     rows: Range<usize>,
     first: u32,
@@ -108,26 +137,24 @@ fn see_tile(
     let scale = opaque.scale;
     let (mut low, mut high, mut differ) = ([f32::INFINITY; TILE], [0.0_f32; TILE], [0_u32; TILE]);
     let mut differ_all = [0_u32; 2 * TILE];
+    let first_row = rows.start;
     for row in rows {
-        for row in row * scale..(row + 1) * scale {
-            let samples = row * opaque.stride + columns.start * scale..row * opaque.stride + columns.end * scale;
-            for ids in opaque.ids[samples].chunks(2 * TILE) {
-                match ids.first_chunk::<{ 2 * TILE }>() {
-                    Some(ids) => (0..2 * TILE).for_each(|sample| differ_all[sample] |= ids[sample] ^ first),
-                    None => ids.iter().for_each(|id| differ_all[0] |= id ^ first),
-                }
-            }
-        }
-        let at = row * scale * opaque.stride + columns.start * scale;
         let (mut near, mut ids) = ([0.0; TILE], [first; TILE]);
-        let spans = (opaque.nearness[at..].first_chunk::<SPAN>(), opaque.ids[at..].first_chunk::<SPAN>());
-        if let (Some(nearness), Some(span), TILE, 2) = (spans.0, spans.1, columns.len(), scale) {
-            for column in 0..TILE {
-                (near[column], ids[column]) = (nearness[2 * column], span[2 * column]);
-            }
+        if let Some(cover) = cover {
+            near = cover.line::<TILE, 2>(2 * (row - first_row), 2 * columns.start);
         } else {
-            for column in 0..columns.len() {
-                (near[column], ids[column]) = (opaque.nearness[at + column * scale], opaque.ids[at + column * scale]);
+            differ_all = differ_from(first, opaque, &columns, row, differ_all);
+            let at = row * scale * opaque.stride + columns.start * scale;
+            let spans = (opaque.nearness[at..].first_chunk::<SPAN>(), opaque.ids[at..].first_chunk::<SPAN>());
+            if let (Some(nearness), Some(span), TILE, 2) = (spans.0, spans.1, columns.len(), scale) {
+                for column in 0..TILE {
+                    (near[column], ids[column]) = (nearness[2 * column], span[2 * column]);
+                }
+            } else {
+                for column in 0..columns.len() {
+                    let sample = at + column * scale;
+                    (near[column], ids[column]) = (opaque.nearness[sample], opaque.ids[sample]);
+                }
             }
         }
         let (mut depth, mut surface) = ([0.0; TILE], [0; TILE]);

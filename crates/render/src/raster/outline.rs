@@ -1,5 +1,8 @@
 //! Triangles made ready for drawing, many at a time.
 
+use std::ops::Range;
+
+use super::row::{Row, Slant};
 use super::{Corner, area_of, extremes, first_sample};
 
 /// Corners of triangles, component by component.
@@ -20,6 +23,8 @@ pub(super) struct Outlines<const N: usize> {
     pub long_is_left: [u32; N],
     /// First row, first row of the lower short side, and the row after the last.
     pub rows: [[u32; N]; 3],
+    /// First column, and the column after the last.
+    pub columns: [[u32; N]; 2],
     /// Nearness at the origin of the image, in double precision: corners may lie far outside it.
     pub constant: [f64; N],
     pub dx: [f32; N],
@@ -45,9 +50,9 @@ impl<const N: usize> Corners<N> {
         }
     }
 
-    /// With so many samples per pixel, on an image of so many rows of samples.
+    /// With so many samples per pixel, on an image of so many columns and rows of samples.
     #[inline(always)]
-    pub fn outlines(&self, scale: f32, height: usize) -> Outlines<N> {
+    pub fn outlines(&self, scale: f32, [width, height]: [usize; 2]) -> Outlines<N> {
         let (none, no_rows) = ([0.0; N], [0; N]);
         let mut out = Outlines {
             top: [none; 2],
@@ -55,6 +60,7 @@ impl<const N: usize> Corners<N> {
             slopes: [none; 3],
             long_is_left: no_rows,
             rows: [no_rows; 3],
+            columns: [no_rows; 2],
             constant: [0.0; N],
             dx: none,
             dy: none,
@@ -81,6 +87,10 @@ impl<const N: usize> Corners<N> {
             out.rows[0][i] = first;
             out.rows[1][i] = first_sample(b.y, height);
             out.rows[2][i] = if area == 0.0 { first } else { end };
+            // The crossing of a side with a row is rounded.
+            let (left, right) = extremes(a.x, b.x, c.x);
+            (out.columns[0][i], out.columns[1][i]) =
+                (first_sample(left - 1.0, width), first_sample(right + 1.0, width));
             let inverse = 1.0 / area;
             let (ab, ac) = (b.nearness - a.nearness, c.nearness - a.nearness);
             (out.low[i], out.high[i]) = extremes(a.nearness, b.nearness, c.nearness);
@@ -101,4 +111,123 @@ fn sorted(a: Corner, b: Corner, area: f32) -> (Corner, Corner, f32) {
     let upper = Corner { x: pick(a.x, b.x), y: pick(a.y, b.y), nearness: pick(a.nearness, b.nearness) };
     let lower = Corner { x: pick(b.x, a.x), y: pick(b.y, a.y), nearness: pick(b.nearness, a.nearness) };
     (upper, lower, pick(area, -area))
+}
+
+/// A triangle ready for drawing.
+pub(super) struct Triangle {
+    top: [f32; 2],
+    middle: [f32; 2],
+    slopes: [f32; 3],
+    long_is_left: u32,
+    /// As of [`Outlines`].
+    pub rows: [u32; 3],
+    pub columns: [u32; 2],
+    pub slant: Slant,
+}
+
+impl<const N: usize> Outlines<N> {
+    /// One of them.
+    #[inline(always)]
+    pub fn triangle(&self, i: usize) -> Triangle {
+        Triangle {
+            top: self.top.each_ref().map(|list| list[i]),
+            middle: self.middle.each_ref().map(|list| list[i]),
+            slopes: self.slopes.each_ref().map(|list| list[i]),
+            long_is_left: self.long_is_left[i],
+            rows: self.rows.each_ref().map(|list| list[i]),
+            columns: self.columns.each_ref().map(|list| list[i]),
+            slant: Slant {
+                constant: self.constant[i],
+                dx: self.dx[i],
+                dy: self.dy[i],
+                low: self.low[i],
+                high: self.high[i],
+            },
+        }
+    }
+}
+
+/// Some rows of a triangle.
+pub(super) struct Rows<const ROWS: usize> {
+    /// Samples.
+    pub starts: [u32; ROWS],
+    counts: [u32; ROWS],
+    /// Samples from where the nearness is that of `values` to the first one.
+    pub offsets: [f32; ROWS],
+    pub values: [f32; ROWS],
+}
+
+impl Triangle {
+    /// Its rows from one on, in a target so many samples wide with so many per pixel along an axis; what lies beyond its
+    /// own rows means nothing.
+    #[inline(always)]
+    pub fn rows_from<const ROWS: usize>(&self, first: u32, width: usize, scale: u32) -> Rows<ROWS> {
+        let (dx, dy) = (f64::from(self.slant.dx), f64::from(self.slant.dy));
+        let ([top_x, top_y], [middle_x, middle_y]) = (self.top, self.middle);
+        let [long_slope, upper_slope, lower_slope] = self.slopes;
+        let (none, zero) = ([0; ROWS], [0.0; ROWS]);
+        let mut rows = Rows { starts: none, counts: none, offsets: zero, values: zero };
+        for i in 0..ROWS {
+            let row = first + i as u32;
+            let y = row as i32 as f32;
+            let long_x = top_x + (y - top_y) * long_slope;
+            let upper_x = top_x + (y - top_y) * upper_slope;
+            let lower_x = middle_x + (y - middle_y) * lower_slope;
+            let short_x = if row < self.rows[1] { upper_x } else { lower_x };
+            // Exchanged bit by bit: a branch would be taken for every other triangle.
+            let exchanged = (long_x.to_bits() ^ short_x.to_bits()) & self.long_is_left;
+            let left = f32::from_bits(short_x.to_bits() ^ exchanged);
+            let right = f32::from_bits(long_x.to_bits() ^ exchanged);
+            let start = first_sample(left, width);
+            rows.starts[i] = start;
+            rows.counts[i] = first_sample(right, width).max(start) - start;
+            // Counted from the same pixel whatever the number of samples.
+            let pixel = (start + scale - 1) & !(scale - 1);
+            rows.offsets[i] = (start as i32 - pixel as i32) as f32;
+            rows.values[i] = (self.slant.constant + f64::from(pixel as i32) * dx + f64::from(row as i32) * dy) as f32;
+        }
+        rows
+    }
+}
+
+impl<const ROWS: usize> Rows<ROWS> {
+    /// One of them, which begins at a sample of the target.
+    #[inline(always)]
+    pub fn row(&self, i: usize, at: usize) -> Row {
+        Row {
+            first: at + self.starts[i] as usize,
+            count: self.counts[i] as usize,
+            offset: self.offsets[i],
+            value: self.values[i],
+        }
+    }
+
+    /// The same between two columns.
+    #[inline(always)]
+    pub fn part(&self, i: usize, at: usize, [left, right]: [u32; 2]) -> Row {
+        let start = self.starts[i].max(left);
+        let end = (self.starts[i] + self.counts[i]).min(right);
+        Row {
+            first: at + start as usize,
+            count: end.saturating_sub(start) as usize,
+            offset: self.offsets[i] + (start - self.starts[i]) as i32 as f32,
+            value: self.values[i],
+        }
+    }
+
+    /// First and last column, the latter excluded, that any of some rows cover, and those that all rows cover.
+    #[inline(always)]
+    pub fn extent(&self, own: &Range<usize>) -> [[u32; 2]; 2] {
+        let (mut outer, mut inner) = ([u32::MAX, 0], [0, u32::MAX]);
+        let own = own.start as u32..own.end as u32;
+        for i in 0..ROWS {
+            let is_own = (i as u32 >= own.start) & ((i as u32) < own.end) & (self.counts[i] > 0);
+            let (start, end) = (self.starts[i], self.starts[i] + self.counts[i]);
+            outer[0] = outer[0].min(if is_own { start } else { u32::MAX });
+            outer[1] = outer[1].max(if is_own { end } else { 0 });
+            inner[0] = inner[0].max(if is_own { start } else { u32::MAX });
+            inner[1] = inner[1].min(if is_own { end } else { 0 });
+        }
+        [outer, inner]
+    }
 }

@@ -7,9 +7,14 @@ use crate::lanes::within;
 /// Samples that are drawn at once: few rows have more.
 const SAMPLES: usize = 8;
 
-/// Nearness along the rows of a triangle.
+/// Nearness of a triangle as a linear function of the place.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Slant {
+    /// At the origin of the image, in double precision: corners may lie far outside it.
+    pub constant: f64,
     pub dx: f32,
+    pub dy: f32,
+    /// Bounds over the corners: rounding on a sliver must not leave them.
     pub low: f32,
     pub high: f32,
 }

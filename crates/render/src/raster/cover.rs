@@ -1,0 +1,395 @@
+//! Tiles of samples that one triangle covers: held as that triangle until anything else is drawn on them.
+//!
+//! Most of a picture is the top of a table and walls, a few large triangles: their samples are neither cleared nor drawn nor
+//! read one by one. Exact: a tile takes part as a triangle only where single samples would have the same bits.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
+
+use std::ops::Range;
+
+use multiversion::multiversion;
+
+use super::Target;
+use super::outline::{Rows, Triangle};
+use super::row::Slant;
+use crate::lanes::within;
+
+/// Samples along the side of a tile: the tiles of a picture with two samples per pixel along each axis.
+pub(crate) const SIDE: usize = 16;
+/// In place of the index of a cover: the samples of the tile are stored.
+const STORED: u32 = u32::MAX;
+/// Tiles along a side of the box around a triangle from which on it may cover some: smaller ones are just drawn. Measured.
+const LARGE: usize = 4;
+/// Index of the cover that shows nothing.
+const NOTHING: u32 = 0;
+
+/// The tiles of a target, and what covers them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Covers {
+    /// Tiles per row.
+    columns: usize,
+    /// By tile: index of its cover; empty for a target that stores all samples.
+    tiles: Vec<u32>,
+    list: Vec<Cover>,
+    /// Whether tiles become covered; else they only stop to be.
+    grow: bool,
+}
+
+/// What all samples of a tile show.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Cover {
+    /// Visibility id.
+    pub id: u32,
+    slant: Slant,
+    /// By row of the tile: the column from which the nearness is counted, and the nearness there.
+    from: [f32; SIDE],
+    value: [f32; SIDE],
+}
+
+impl Cover {
+    fn new(id: u32, slant: &Slant, rows: &Rows<SIDE>) -> Self {
+        let from = std::array::from_fn(|i| rows.starts[i] as i32 as f32 - rows.offsets[i]);
+        Self { id, slant: slant.clone(), from, value: rows.values }
+    }
+
+    /// Nearness of every so many samples in a row of the tile, from a column of the target on: the bits of
+    /// [`super::row::Row::draw`].
+    #[inline(always)]
+    pub fn line<const N: usize, const STEP: usize>(&self, row: usize, column: usize) -> [f32; N] {
+        let Slant { dx, low, high, .. } = self.slant;
+        let (first, value) = (column as i32 as f32 - self.from[row], self.value[row]);
+        let mut line = [0.0; N];
+        for i in 0..N {
+            line[i] = within(value + (first + (i * STEP) as i32 as f32) * dx, low, high);
+        }
+        line
+    }
+}
+
+impl Slant {
+    /// Bounds of the nearness at the samples of a tile of a target so many samples wide.
+    fn bounds(&self, [column, row]: [usize; 2], width: usize) -> [f32; 2] {
+        /// The first value of a row, the way from there and their sum are rounded to single precision, each by a
+        /// 2²⁴th part: a few times as much.
+        const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
+        let (dx, dy) = (f64::from(self.dx), f64::from(self.dy));
+        let first = self.constant + (column * SIDE) as f64 * dx + (row * SIDE) as f64 * dy;
+        let (right, down) = ((SIDE - 1) as f64 * dx, (SIDE - 1) as f64 * dy);
+        let slack = (first.abs() + right.abs() + down.abs() + width as f64 * dx.abs()) * ROUNDING;
+        let low = first + right.min(0.0) + down.min(0.0) - slack;
+        let high = first + right.max(0.0) + down.max(0.0) + slack;
+        [low, high].map(|value| within(value as f32, self.low, self.high))
+    }
+}
+
+impl Covers {
+    /// All tiles show nothing, and may be covered.
+    pub fn reset(&mut self, width: usize, height: usize) {
+        self.columns = width.div_ceil(SIDE);
+        self.grow = true;
+        self.tiles.clear();
+        self.tiles.resize(self.columns * height.div_ceil(SIDE), NOTHING);
+        self.list.clear();
+        self.list.push(Cover::default());
+    }
+
+    /// All samples are stored.
+    pub fn clear(&mut self) {
+        self.tiles.clear();
+    }
+
+    /// What a tile shows whose samples are not stored.
+    #[inline(always)]
+    pub fn of(&self, tile: usize) -> Option<&Cover> {
+        self.list.get(*self.tiles.get(tile)? as usize)
+    }
+
+    /// Whether a triangle may be drawn as if all samples were stored: a small one on tiles that are.
+    #[inline(always)]
+    pub fn are_clear_of(&self, triangle: &Triangle) -> bool {
+        if self.tiles.is_empty() {
+            return true;
+        }
+        let [[left, right], [top, bottom]] = reach(triangle);
+        let at = |column: usize, row: usize| self.tiles.get(row * self.columns + column).copied().unwrap_or(NOTHING);
+        right <= left + 1
+            && bottom <= top + 1
+            && at(left, top) & at(right, top) & at(left, bottom) & at(right, bottom) == STORED
+    }
+
+    /// Whether what covers a tile, whose samples are not stored, is nearer all over it.
+    #[inline(always)]
+    fn hide(&self, slant: &Slant, place: [usize; 2], width: usize) -> bool {
+        let cover = &self.list[self.tiles[place[1] * self.columns + place[0]] as usize];
+        slant.bounds(place, width)[1] < cover.slant.bounds(place, width)[0]
+    }
+}
+
+/// First and last column and row of the tiles that a triangle may reach.
+#[inline(always)]
+fn reach(triangle: &Triangle) -> [[usize; 2]; 2] {
+    let tiles = |[first, end]: [u32; 2]| [first as usize / SIDE, end.saturating_sub(1) as usize / SIDE];
+    [tiles(triangle.columns), tiles([triangle.rows[0], triangle.rows[2]])]
+}
+
+impl Target {
+    /// Becomes a target of a size in pixels that shows nothing and holds what covers whole tiles as triangles, with ids
+    /// and two samples per pixel along each axis.
+    pub fn reset_covered(&mut self, width: usize, height: usize) {
+        self.resize(width, height, 2);
+        let samples = self.stride * self.height;
+        // What is in them does not matter.
+        self.nearness.resize(samples, 0.0);
+        self.ids.resize(samples, 0);
+        self.covers.reset(self.width, self.height);
+    }
+
+    /// What a tile of the picture shows whose samples are not stored.
+    pub fn cover(&self, tile: usize) -> Option<&Cover> {
+        self.covers.of(tile)
+    }
+
+    /// Stores the samples of a tile of the picture.
+    pub fn settle(&mut self, tile: usize) {
+        let Some(cover) = self.covers.of(tile) else { return };
+        let (column, row) = (tile % self.covers.columns * SIDE, tile / self.covers.columns * SIDE);
+        let (columns, rows) = (SIDE.min(self.width - column), SIDE.min(self.height - row));
+        let samples = row * self.stride + column..(row + rows - 1) * self.stride + column + columns;
+        let (nearness, ids) = (&mut self.nearness[samples.clone()], &mut self.ids[samples]);
+        store(cover, column, columns, self.stride, nearness, ids);
+        self.covers.tiles[tile] = STORED;
+    }
+
+    /// Stores the samples of a tile of the picture and of those next to it.
+    pub fn settle_around(&mut self, tile: usize) {
+        let columns = self.covers.columns;
+        if columns == 0 || self.covers.tiles.is_empty() {
+            return;
+        }
+        let (column, row) = (tile % columns, tile / columns);
+        for row in row.saturating_sub(1)..(row + 2).min(self.covers.tiles.len() / columns) {
+            (column.saturating_sub(1)..(column + 2).min(columns))
+                .for_each(|column| self.settle(row * columns + column));
+        }
+    }
+
+    /// Stores all samples.
+    pub fn settle_all(&mut self) {
+        (0..self.covers.tiles.len()).for_each(|tile| self.settle(tile));
+    }
+
+    /// Takes the covers of a layer of the same size; what is drawn from now on only stores samples.
+    pub fn share_covers(&mut self, layer: &Self) {
+        self.covers.clone_from(&layer.covers);
+        self.covers.grow = false;
+    }
+
+    /// Takes a tile of a layer whose covers it shares, if it is covered there; else it must be copied.
+    pub fn take_cover(&mut self, layer: &Self, tile: usize) -> bool {
+        if let Some(index) = layer.covers.tiles.get(tile) {
+            self.covers.tiles[tile] = *index;
+            return *index != STORED;
+        }
+        false
+    }
+
+    /// Whether a tile is not that of a layer whose covers it shares, to the bit, if it is covered in either.
+    pub fn differs_from_cover(&self, layer: &Self, tile: usize) -> Option<bool> {
+        let cover = layer.cover(tile)?;
+        if self.cover(tile).is_some() {
+            return Some(self.covers.tiles[tile] != layer.covers.tiles[tile]);
+        }
+        let (column, row) = (tile % self.covers.columns * SIDE, tile / self.covers.columns * SIDE);
+        let columns = SIDE.min(self.width - column);
+        Some((0..SIDE.min(self.height - row)).any(|step| {
+            let samples = (row + step) * self.stride + column..(row + step) * self.stride + column + columns;
+            self.ids[samples.clone()].iter().any(|&id| id != cover.id)
+                || self.nearness[samples] != cover.line::<SIDE, 1>(step, column)[..columns]
+        }))
+    }
+}
+
+/// Writes the samples of a tile, so many columns from one of the target on.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn store(cover: &Cover, first: usize, columns: usize, stride: usize, nearness: &mut [f32], ids: &mut [u32]) {
+    for (row, (nearness, ids)) in nearness.chunks_mut(stride).zip(ids.chunks_mut(stride)).enumerate() {
+        let line = cover.line::<SIDE, 1>(row, first);
+        if let (SIDE, Some(nearness), Some(ids)) =
+            (columns, nearness.first_chunk_mut::<SIDE>(), ids.first_chunk_mut::<SIDE>())
+        {
+            (*nearness, *ids) = (line, [cover.id; SIDE]);
+        } else {
+            nearness[..columns].copy_from_slice(&line[..columns]);
+            ids[..columns].fill(cover.id);
+        }
+    }
+}
+
+/// Draws a triangle where not all samples are stored; says whether it must still be drawn as if they were.
+#[inline(never)]
+pub(super) fn draw_covered(triangle: &Triangle, id: u32, target: &mut Target) -> bool {
+    let [[left, right], [top, bottom]] = reach(triangle);
+    let (right, columns) = (right.min(target.covers.columns - 1), target.covers.columns);
+    if right >= left + LARGE || bottom >= top + LARGE {
+        let mut rows = target.covers.tiles[top * columns..].chunks(columns).take(bottom + 1 - top);
+        if rows.all(|row| row[left..=right].iter().fold(STORED, |all, index| all & index) == STORED) {
+            return true;
+        }
+        draw_by_tiles(triangle, id, target);
+        return false;
+    }
+    let mut is_seen = false;
+    for row in top..=bottom {
+        for column in left..=right {
+            let tile = row * columns + column;
+            // What is drawn on samples that are not stored has no effect.
+            if target.covers.tiles[tile] == STORED || !target.covers.hide(&triangle.slant, [column, row], target.width)
+            {
+                target.settle(tile);
+                is_seen = true;
+            }
+        }
+    }
+    is_seen
+}
+
+/// Draws a triangle tile by tile: where it hides all that was there, or is hidden, no sample is touched.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+pub(super) fn draw_by_tiles(triangle: &Triangle, id: u32, target: &mut Target) {
+    let [first, _, end] = triangle.rows.map(|row| row as usize);
+    for tile_row in first / SIDE..end.div_ceil(SIDE) {
+        let top = tile_row * SIDE;
+        let rows = triangle.rows_from::<SIDE>(top as u32, target.width, target.scale as u32);
+        let own = first.max(top) - top..end.min(top + SIDE) - top;
+        let [outer, inner] = rows.extent(&own);
+        let band = Band { id, tile_row, outer, inner, own, rows };
+        band.draw(&triangle.slant, target);
+    }
+}
+
+/// Rows of a triangle in a row of tiles.
+struct Band {
+    id: u32,
+    tile_row: usize,
+    /// Columns that any row of the tiles covers, and those that all do.
+    outer: [u32; 2],
+    inner: [u32; 2],
+    /// Rows of the tiles that the triangle has.
+    own: Range<usize>,
+    rows: Rows<SIDE>,
+}
+
+impl Band {
+    #[inline(always)]
+    fn draw(&self, slant: &Slant, target: &mut Target) {
+        let [left, right] = self.outer.map(|column| column as usize);
+        let mut cover = None;
+        let mut column = left / SIDE;
+        while column < right.div_ceil(SIDE) {
+            let first = column;
+            while column < right.div_ceil(SIDE) && self.meets(column, slant, target, &mut cover) {
+                column += 1;
+            }
+            if first < column {
+                for row in self.own.clone() {
+                    let at = (self.tile_row * SIDE + row) * target.stride;
+                    let part = self.rows.part(row, at, [first, column].map(|column| (column * SIDE) as u32));
+                    part.draw::<true>(slant, self.id, &mut target.nearness, &mut target.ids);
+                }
+            }
+            column += 1;
+        }
+    }
+
+    /// Whether samples of a tile must be drawn, which are stored then.
+    #[inline(always)]
+    fn meets(&self, column: usize, slant: &Slant, target: &mut Target, own_cover: &mut Option<u32>) -> bool {
+        let covers = &mut target.covers;
+        let tile = self.tile_row * covers.columns + column;
+        let index = covers.tiles[tile];
+        if index == STORED {
+            return true;
+        }
+        let [first, end] = [column, column + 1].map(|column| (column * SIDE) as u32);
+        let fills = covers.grow && self.inner[0] <= first && end <= self.inner[1];
+        let hides = index == NOTHING || {
+            if covers.hide(slant, [column, self.tile_row], target.width) {
+                return false;
+            }
+            let bounds = |slant: &Slant| slant.bounds([column, self.tile_row], target.width);
+            fills && bounds(slant)[0] > bounds(&covers.list[index as usize].slant)[1]
+        };
+        if fills && hides {
+            covers.tiles[tile] = *own_cover.get_or_insert_with(|| {
+                covers.list.push(Cover::new(self.id, slant, &self.rows));
+                covers.list.len() as u32 - 1
+            });
+            return false;
+        }
+        target.settle(tile);
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::Corner;
+
+    /// Triangles of all sizes, in front of and behind each other: tiles held as triangles give the samples that single
+    /// ones have, on a target and on a layer that it follows.
+    #[test]
+    fn covered_tiles_have_the_bits_of_single_samples() {
+        let mut state = 1_u32;
+        let mut draw = |low: f32, high: f32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            low + (high - low) * (state >> 8) as f32 / 16_777_216.0
+        };
+        let (mut covered_tiles, samples) = (0, |target: &Target| {
+            let bits =
+                |(nearness, ids): (&[f32], &[u32])| (nearness.iter().map(|n| n.to_bits()).collect(), ids.to_vec());
+            target.rows().map(bits).collect::<Vec<(Vec<u32>, Vec<u32>)>>()
+        });
+        for round in 0..60 {
+            let [width, height] = [100 + round % 7, 70 + round % 5];
+            let (mut covered, mut single) = (Target::default(), Target::default());
+            covered.reset_covered(width, height);
+            single.reset::<true>(width, height, 2);
+            let (mut over, mut over_single) = (Target::default(), Target::default());
+            for id in 1..40 {
+                let size = if draw(0.0, 1.0) < 0.4 { 400.0 } else { 30.0 };
+                let (x, y, depth) = (draw(-20.0, 220.0), draw(-20.0, 160.0), draw(0.5, 2.0));
+                // Some are level, some shared by two triangles of the same nearness.
+                let tilt = if id % 3 == 0 { 0.0 } else { 0.4 };
+                let mut corner = || Corner {
+                    x: x + draw(-size, size),
+                    y: y + draw(-size, size),
+                    nearness: 1.0 / depth + draw(0.0, tilt),
+                };
+                let corners = [corner(), corner(), corner()];
+                if id == 20 {
+                    covered_tiles += (0..covered.covers.tiles.len())
+                        .filter(|&tile| covered.cover(tile).is_some_and(|cover| cover.id > 0))
+                        .count();
+                    (over, over_single) = (covered.clone(), single.clone());
+                    over.share_covers(&covered);
+                }
+                let [target, other] = if id < 20 { [&mut covered, &mut single] } else { [&mut over, &mut over_single] };
+                target.draw::<true>(corners, id << 20);
+                other.draw::<true>(corners, id << 20);
+            }
+            for tile in 0..over.covers.tiles.len() {
+                let (column, row) = (tile % over.covers.columns * SIDE, tile / over.covers.columns * SIDE);
+                let area = (column..(column + SIDE).min(over.width), row..(row + SIDE).min(over.height));
+                if let Some(differs) = over.differs_from_cover(&covered, tile) {
+                    assert_eq!(differs, over_single.differs(&single, area.0, area.1), "tile {tile} of round {round}");
+                }
+            }
+            for (mut target, other) in [(covered, single), (over, over_single)] {
+                target.settle_all();
+                assert_eq!(samples(&target), samples(&other), "round {round}");
+            }
+        }
+        assert!(covered_tiles > 500, "{covered_tiles} tiles are held as triangles");
+    }
+}
