@@ -44,8 +44,8 @@ pub struct Renderer {
     occluders: Occluders,
     /// Linear colours of the bodies on average.
     body_colors: Vec<Vec3A>,
-    /// Ambient light on the table for fixed cameras and for the hand's.
-    table_lights: [TableLight; 2],
+    /// Ambient light on the table in large and in small images, for fixed cameras and for the hand's.
+    table_lights: [[TableLight; 2]; 2],
     /// Pictures by camera, the one drawn last at the end.
     kept: Vec<(Seat, Canvas)>,
     /// Depth and ids without colour.
@@ -69,7 +69,7 @@ impl Renderer {
         let surfaces = variation.surfaces(&assets);
         let lighting = Lighting::new(&variation, &surfaces);
         let body_colors = colors_of(&assets, &surfaces);
-        let table_lights = std::array::from_fn(|_| TableLight::new(&assets, &variation));
+        let table_lights = table_lights(&assets, &variation);
         Self {
             assets,
             backdrop: Backdrop::new(&variation, &lighting),
@@ -105,7 +105,7 @@ impl Renderer {
     /// Forgets earlier pictures, so that the next ones are drawn from nothing; they have the same bytes.
     pub fn forget(&mut self) {
         self.shadows = Default::default();
-        self.table_lights = std::array::from_fn(|_| TableLight::new(&self.assets, &self.variation));
+        self.table_lights = table_lights(&self.assets, &self.variation);
         self.kept.clear();
     }
 
@@ -193,7 +193,8 @@ impl Renderer {
             shadow_of.get_or_insert_with(|| frame.clone()).clone_from(frame);
         }
         self.occluders.place(&self.assets, &self.body_colors, frame, job.camera.mount);
-        let table_light = &mut self.table_lights[usize::from(job.camera.mount == CameraMount::Hand)];
+        let table_light =
+            &mut self.table_lights[usize::from(is_small)][usize::from(job.camera.mount == CameraMount::Hand)];
         table_light.update(&self.occluders, &self.variation, &self.lighting, &lens);
         let seat = Seat {
             mount: job.camera.mount,
@@ -222,6 +223,10 @@ impl Renderer {
             self.kept.remove(0);
         }
     }
+}
+
+fn table_lights(assets: &RenderAssets, variation: &RenderVariation) -> [[TableLight; 2]; 2] {
+    [false, true].map(|is_small| std::array::from_fn(|_| TableLight::new(assets, variation, is_small)))
 }
 
 /// A frame whose poses lie on a fine grid, so that the trembling of things at rest in a simulation, nanometres, does not

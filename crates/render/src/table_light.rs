@@ -19,8 +19,9 @@ use crate::tops::level_top;
 use crate::variation::RenderVariation;
 use crate::view::Lens;
 
-/// Between points of the grid, metres. Chosen: a sixth of the width of a small thing.
-const STEP_M: f32 = 0.01;
+/// Between points of the grid, metres, for large and for small images. Chosen: a sixth of the width of a small thing, and
+/// about a pixel.
+const STEP_M: [f32; 2] = [0.01, 0.02];
 /// Points of a row that are computed at once, and kept or changed together.
 const RUN: usize = 16;
 /// Ambient light that a body takes away, of its part of the sky. Fitted to traced pictures.
@@ -81,8 +82,9 @@ struct Body {
 }
 
 impl TableLight {
-    /// The table among the parts of a scene; without ambient occlusion its light is left as it is.
-    pub fn new(assets: &RenderAssets, variation: &RenderVariation) -> Self {
+    /// The table among the parts of a scene, for small images or for others; without ambient occlusion its light is left as
+    /// it is.
+    pub fn new(assets: &RenderAssets, variation: &RenderVariation, is_small: bool) -> Self {
         let is_on = variation.occlusion_radius_m > 0.0 && variation.occlusion_strength > 0.0;
         let table = assets.parts.iter().position(|part| part.surface.is_table && part.body.is_none());
         let Some((table, (height, low, high))) =
@@ -91,7 +93,7 @@ impl TableLight {
             return Self::default();
         };
         // Larger tables have fewer points per metre.
-        let step = STEP_M.max((high - low).max_element() / 256.0);
+        let step = STEP_M[usize::from(is_small)].max((high - low).max_element() / 256.0);
         let [columns, rows] = ((high - low) / step).to_array().map(|steps| steps.ceil() as usize + 2);
         let columns = columns.next_multiple_of(RUN);
         let grid = Grid {
@@ -316,7 +318,7 @@ mod tests {
         }
 
         fn anew(&self, mount: CameraMount, places: [DVec3; 2]) -> TableLight {
-            let mut table_light = TableLight::new(&self.assets, &self.variation);
+            let mut table_light = TableLight::new(&self.assets, &self.variation, false);
             self.follow(&mut table_light, mount, places);
             table_light
         }
