@@ -54,7 +54,7 @@ fn a_question_that_differs_is_reported_and_never_answered() {
         (Question { marks: moved(4), ..asked.clone() }, "another mark: "),
         (Question { marks: Marks::None, ..asked.clone() }, "another number of marks: 1, not 0"),
         (Question { marks: moved(0), ..question(30, 40) }, "another picture: masks, not one that differs by"),
-        (Question { marks: moved(0), ..question(8, 44) }, "at most 0.5 and 8 are tolerated"),
+        (Question { marks: moved(0), ..question(8, 44) }, "at most 1.5 and 20 are tolerated"),
     ];
     for (other, expected) in cases {
         let error = recorded.answer(&other, &tolerance).unwrap_err().to_string();
