@@ -99,9 +99,7 @@ impl Occluders {
 
     /// The hollow of a body, if light enters it.
     pub fn hollow_of(&self, body: usize) -> Option<Hollow> {
-        // Bodies are in their order.
-        let index = self.bodies.binary_search_by_key(&body, |occluder| occluder.body).ok()?;
-        let own = &self.bodies[index];
+        let own = self.of_body(body)?;
         (own.entering > 0.0).then(|| {
             let [x, y, z] = own.axes[2];
             let half = 1.0 / (x * x + y * y + z * z).sqrt();
@@ -116,11 +114,17 @@ impl Occluders {
         if up.z < UPRIGHT {
             return 0.0;
         }
-        let place = Vec3A::from_array(own.center) + up * half;
+        let place = own.center() + up * half;
         let others = self.bodies.iter().filter(|other| self.count && other.body != own.body);
         let pass = |other: &Occluder| 1.0 - covered(other, (other.center() - place).to_array(), up.to_array());
         let share = others.map(pass).product::<f32>();
         ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
+    }
+
+    fn of_body(&self, body: usize) -> Option<&Occluder> {
+        // They are in the order of the bodies.
+        let index = self.bodies.binary_search_by_key(&body, |occluder| occluder.body).ok()?;
+        Some(&self.bodies[index])
     }
 
     /// All of them.
@@ -141,7 +145,7 @@ impl Occluders {
     /// Lowers shares of the ambient light that reach points of a body to what comes past the others, and out of its own
     /// hollow.
     pub fn darken(&self, points: &Points, of_body: Option<usize>, share: &mut Lane) {
-        if let Some(own) = of_body.and_then(|body| self.bodies.iter().find(|occluder| occluder.body == body)) {
+        if let Some(own) = of_body.and_then(|body| self.of_body(body)) {
             enclose(own, points, share);
         }
         if !self.count {
@@ -153,8 +157,8 @@ impl Occluders {
             (low, high) = (low.min(place), high.max(place));
         }
         for occluder in self.bodies.iter().filter(|occluder| Some(occluder.body) != of_body) {
-            let center = Vec3A::from_array(occluder.center);
-            if center.distance_squared(center.clamp(low, high)) < occluder.reach * occluder.reach {
+            let center = occluder.center();
+            if occluder.reaches(center.distance_squared(center.clamp(low, high))) {
                 hold_back(occluder, points, share);
             }
         }

@@ -33,10 +33,7 @@ impl Arrival {
             let (is_mixed, first_surface) = (differ >> TRIANGLE_BITS != 0, (first >> TRIANGLE_BITS) as u16);
             let reach = (variation.occlusion_radius_m * view.lens.focal.x * high).clamp(3.0, MAX_REACH);
             let lens = &view.lens;
-            let point = |x: usize, y: usize, depth: f32| {
-                let ray = (Vec2::new(x as f32, y as f32) - lens.center) / lens.focal;
-                lens.turn * (Vec3A::from(ray.extend(1.0)) * depth) + lens.eye
-            };
+            let point = |x: usize, y: usize, depth: f32| lens.point_at(Vec2::new(x as f32, y as f32), depth);
             // What the pixels at the corners see.
             let seen_at = |x: usize, y: usize| point(x, y, self.depth[y * self.width + x]);
             let (right, bottom) = (columns.end - 1, rows.end - 1);
@@ -64,15 +61,8 @@ impl Arrival {
                 is_whole.then(|| top.blocks_of(corners.iter().map(|place| place.truncate())))
             });
             let is_top = |surface| shadow.tops().of(surface).is_some();
-            let has_top = top.is_none()
-                && match surface {
-                    SEVERAL => self.shows(is_top, columns.clone(), rows.clone()),
-                    _ => is_top(surface),
-                };
-            let has_fixed = match surface {
-                SEVERAL => self.shows(|surface| table_light.is_fixed(surface), columns.clone(), rows.clone()),
-                _ => table_light.is_fixed(surface),
-            };
+            let has_top = top.is_none() && self.shows(is_top, surface, columns.clone(), rows.clone());
+            let has_fixed = self.shows(|surface| table_light.is_fixed(surface), surface, columns, rows);
             let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
             let reach = reach as isize + 2;
             let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
@@ -85,8 +75,17 @@ impl Arrival {
 }
 
 impl Arrival {
-    /// Whether any of some pixels shows a surface of a kind.
-    fn shows(&self, is_kind: impl Fn(u16) -> bool, columns: Range<usize>, mut rows: Range<usize>) -> bool {
+    /// Whether any pixel of a tile, which shows one surface or several, shows one of a kind.
+    fn shows(
+        &self,
+        is_kind: impl Fn(u16) -> bool,
+        surface: u16,
+        columns: Range<usize>,
+        mut rows: Range<usize>,
+    ) -> bool {
+        if surface != SEVERAL {
+            return is_kind(surface);
+        }
         rows.any(|row| self.surface[row * self.width..][columns.clone()].iter().any(|&surface| is_kind(surface)))
     }
 }
@@ -98,7 +97,7 @@ struct Seen<'a> {
     surface: &'a mut [u16],
 }
 
-/// The bits in which ids of a row of pixels, or those given, differ from a first one.
+/// Adds to `differ` the bits in which the samples' ids of a row of pixels differ from a first one.
 #[inline(always)]
 fn differ_from(
     first: u32,

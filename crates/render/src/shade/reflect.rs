@@ -123,7 +123,6 @@ fn reflect_chunk(
 ) {
     face_viewer::<CHUNK>(spots, placed, lens, out);
     look_around::<CHUNK>(&light.lighting.sky, &light.glossy, out);
-    find_hollow::<CHUNK>(light.hollow, spots, out);
     if let Some(table_light) = light.table_light {
         dim_table(table_light, spots.count, &spots.place, &mut out.around);
     }
@@ -132,6 +131,7 @@ fn reflect_chunk(
     if surface.metallic > 0.0 {
         add_up(spots, surface, light.lighting, out);
     } else {
+        find_hollow::<CHUNK>(light.hollow, spots, out);
         mirror::<CHUNK>(surface.reflectance, out);
         add_up_dielectric(spots, [surface.scatters(), light.open()], light.lighting, out);
     }
