@@ -187,17 +187,18 @@ fn any_pose() -> impl Strategy<Value = Pose> {
 
 proptest! {
     /// Whatever the camera and the lens: pixel and depth lead to a point that is shown at that pixel at that depth.
+    /// The strongest lens folds at a radius of 1.3 on the image plane, the furthest pixel of any of these is at 1.22.
     #[test]
     fn pixels_and_points_lead_to_each_other(
         world_from_camera in any_pose(),
-        fov in 0.3..1.6_f64,
+        fov in 0.3..0.8_f64,
         shift in prop::array::uniform2(-40.0..40.0_f64),
         stretch in 0.8..1.25_f64,
-        lens in prop::option::of((-0.1..0.1_f64, -0.01..0.01_f64, -2e-3..2e-3_f64, -2e-3..2e-3_f64)),
+        lens in prop::option::of((-0.06..0.1_f64, -0.006..0.01_f64, -2e-3..2e-3_f64, -2e-3..2e-3_f64)),
         pixel in (0.0..511.0_f64, 0.0..287.0_f64),
         depth_m in 0.05..5.0_f64,
     ) {
-        let pinhole = Intrinsics::from_vertical_fov(512, 288, fov.min(1.0));
+        let pinhole = Intrinsics::from_vertical_fov(512, 288, fov);
         let intrinsics =
             Intrinsics { fx: pinhole.fx * stretch, cx: pinhole.cx + shift[0], cy: pinhole.cy + shift[1], ..pinhole };
         let distortion = lens.map(|(k1, k2, p1, p2)| Distortion { k1, k2, p1, p2, k3: 0.0 });
