@@ -14,7 +14,7 @@ use multiversion::multiversion;
 
 use crate::assets::RenderAssets;
 use crate::lanes::{CHUNK, Lane, nearest_integer};
-use crate::layers::{MarkCount, TILE};
+use crate::layers::{MarkCount, TILE, marked_around};
 use crate::occlusion::{Taps, occlude};
 use crate::points::{Centers, Pixels, Points, packed};
 use crate::refine::{HALF, RefineWindow, UNKNOWN, refine_tile};
@@ -35,15 +35,15 @@ const EDGE_PX: f32 = 1.5;
 const LEVEL: f32 = 0.02;
 /// Estimate of a pixel whose share of the key light is read from a level top.
 const ON_TOP: f32 = -2.0;
-/// Tiles beyond the reach of the taps on which a blurred pixel depends.
-const BLUR_TILES: isize = 1;
 
 mod bins;
 mod blur;
+mod changes;
 mod key;
 mod seen;
 
 pub(crate) use bins::Bins;
+use changes::{Changes, Estimates};
 
 /// Arriving light per pixel, kept from frame to frame.
 #[derive(Debug, Default)]
@@ -74,6 +74,7 @@ pub(crate) struct Arrival {
     seams: MarkCount,
     changes: MarkCount,
     shadow_changes: MarkCount,
+    changed: Changes,
     work: Box<Work>,
 }
 
@@ -94,6 +95,8 @@ struct Work {
     dark: Vec<usize>,
     /// Pixels of tiles that only what is not in the picture may darken.
     open: Bins,
+    /// Estimates of the picture before.
+    before: Vec<(usize, Estimates)>,
 }
 
 /// What a tile shows.
@@ -236,15 +239,6 @@ impl Arrival {
         [[column - tiles, row - tiles], [column + tiles, row + tiles]]
     }
 
-    /// Marks the tiles next to marked ones too.
-    pub fn widen(&mut self, marks: &mut [bool]) {
-        self.changes.count(marks.iter().copied(), self.columns, self.rows);
-        for (tile, mark) in marks.iter_mut().enumerate() {
-            let [from, to] = self.around(tile, BLUR_TILES);
-            *mark = self.changes.any(from, to);
-        }
-    }
-
     /// Finds the tiles where nothing can be darkened by what is near on the picture; on the table, which has a light of its
     /// own, only fixed things do.
     pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation, table: u16) {
@@ -303,6 +297,7 @@ impl Arrival {
         let (assets, shadow, variation) = (scene.assets, scene.shadow, scene.variation);
         let table = scene.table_light.surface();
         let mut work = std::mem::take(&mut self.work);
+        self.keep_estimates(tiles, &mut work.before);
         self.find_key(shadow, &view.lens, tiles, bins, assets.parts.len(), &mut work);
         let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, open, .. } = &mut *work;
         let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
@@ -347,6 +342,7 @@ impl Arrival {
             let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
             self.tiles[tile].ambient = range_of(&self.raw_half, self.half_width, columns, rows);
         }
+        self.compare_estimates(&work.before);
         self.work = work;
     }
 
@@ -413,9 +409,17 @@ impl Arrival {
         self.neighbours(tile).map(pick).fold(NO_RANGE, |[a, b], [low, high]| [a.min(low), b.max(high)])
     }
 
-    /// The ambient light at every pixel of a tile from the four coarse pixels around it that show the same surface.
-    /// Those next to it must be blurred.
-    pub fn refine(&mut self, tile: usize) {
+    /// The ambient light at every pixel of tiles, each from the four coarse pixels around it that show the same surface,
+    /// among some where any of these may have changed; those next to them must be blurred.
+    pub fn refine(&mut self, tiles: Range<usize>) {
+        for tile in marked_around(&self.changed.blurred, self.columns, tiles) {
+            let before = (!self.changed.light[tile]).then(|| self.square(&self.ambient, tile));
+            self.refine_tile(tile);
+            self.changed.light[tile] |= before.is_some_and(|before| before != self.square(&self.ambient, tile));
+        }
+    }
+
+    fn refine_tile(&mut self, tile: usize) {
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
         if low >= high {

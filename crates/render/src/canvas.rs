@@ -7,7 +7,7 @@ use crate::assets::{Part, RenderAssets};
 use crate::edges::Edges;
 use crate::glass::Glass;
 use crate::job::{Channels, FrameBuffers, FrameState};
-use crate::layers::{Layers, TILE};
+use crate::layers::{Layers, TILE, marked_around};
 use crate::occluders::Occluders;
 use crate::points::Pixels;
 use crate::raster::Target;
@@ -36,6 +36,8 @@ pub(crate) struct Canvas {
     stale: Vec<bool>,
     shaded: Vec<bool>,
     finished: Vec<bool>,
+    /// Whose `colors` are stored.
+    colored: Vec<bool>,
     bins: Bins,
     edges: Edges,
     work: Box<Work>,
@@ -87,20 +89,21 @@ impl Canvas {
         } else {
             self.stale.clone_from(&self.changed);
         }
+        self.shaded.clone_from(&self.changed);
         if scene.occluders.differ(&self.occluders) {
             self.stale.fill(true);
+            self.shaded.fill(true);
         }
         self.occluders.clone_from(scene.occluders);
         self.shadow_version = scene.shadow.version();
         self.arrival.find_plain(assets, scene.variation, scene.table_light.surface());
-        self.shaded.clone_from(&self.stale);
-        self.arrival.widen(&mut self.shaded);
         if scene.table_light.version() != self.table_version {
             self.arrival.mark_table(scene.table_light, self.table_version, &self.view.lens, &mut self.shaded);
         }
         self.table_version = scene.table_light.version();
-        self.finished.clone_from(&self.shaded);
-        self.arrival.widen(&mut self.finished);
+        self.finished.clear();
+        self.finished.resize(self.changed.len(), false);
+        self.colored.resize(self.changed.len(), false);
         if glass_moved {
             self.mark_glass(assets);
         }
@@ -115,34 +118,46 @@ impl Canvas {
         let strips = self.stale.len().div_ceil(tiles_in_strip);
         self.shaded_pixels = 0;
         self.edges.begin(scene.assets, &self.view, self.stale.len());
-        let mut tiles = Vec::with_capacity(tiles_in_strip);
+        let count = self.stale.len();
+        let strip = |index: usize| index * tiles_in_strip..((index + 1) * tiles_in_strip).min(count);
+        let strip_before = |step: usize, behind: usize| step.checked_sub(behind).filter(|&index| index < strips).map(strip);
         for step in 0..strips + 3 {
-            let select = |marks: &[bool], behind: usize, tiles: &mut Vec<usize>| {
-                tiles.clear();
-                if let Some(strip) = step.checked_sub(behind).filter(|&strip| strip < strips) {
-                    let first = strip * tiles_in_strip;
-                    tiles.extend((first..(first + tiles_in_strip).min(marks.len())).filter(|&tile| marks[tile]));
+            if let Some(strip) = strip_before(step, 0) {
+                let tiles: Vec<usize> = strip.filter(|&tile| self.stale[tile]).collect();
+                self.arrival.estimate(scene, &self.view, &tiles, &mut self.bins);
+            }
+            if let Some(strip) = strip_before(step, 1) {
+                self.arrival.blur(strip);
+            }
+            if let Some(strip) = strip_before(step, 2) {
+                self.arrival.refine(strip.clone());
+                let tiles: Vec<usize> = strip.filter(|&tile| self.is_shaded(tile)).collect();
+                self.shade(scene, &tiles);
+            }
+            if let Some(strip) = strip_before(step, 3) {
+                for tile in marked_around(&self.shaded, self.opaque.tile_columns, strip.clone()) {
+                    self.finished[tile] = true;
                 }
-            };
-            select(&self.stale, 0, &mut tiles);
-            self.arrival.estimate(scene, &self.view, &tiles, &mut self.bins);
-            select(&self.shaded, 1, &mut tiles);
-            self.arrival.blur(&tiles);
-            select(&self.shaded, 2, &mut tiles);
-            tiles.iter().for_each(|&tile| self.arrival.refine(tile));
-            self.shade(scene, &tiles);
-            select(&self.finished, 3, &mut tiles);
-            self.encode(&tiles);
-            let glass = self.view.has_transparent.then_some(&self.glass);
-            self.edges.find(&self.view, &mut self.opaque.target, glass, &self.arrival, &tiles, &self.colors);
+                let tiles: Vec<usize> = strip.filter(|&tile| self.finished[tile]).collect();
+                self.encode(&tiles);
+                let glass = self.view.has_transparent.then_some(&self.glass);
+                self.edges.find(&self.view, &mut self.opaque.target, glass, &self.arrival, &tiles, &self.colors);
+            }
         }
         self.edges.finish(scene, &self.view, &self.arrival, &self.colors, &mut self.rgb);
+    }
+
+    /// Whether a tile must be shaded: its light is new, or edges may read colours that were not kept.
+    fn is_shaded(&mut self, tile: usize) -> bool {
+        self.shaded[tile] |= self.arrival.is_lit_anew(tile) || !self.colored[tile] && !self.arrival.shows_one(tile);
+        self.shaded[tile]
     }
 
     /// Shades the surfaces at the centres of the pixels of tiles, and writes their bytes.
     fn shade(&mut self, scene: &Scene<'_>, tiles: &[usize]) {
         let lens = &self.view.lens;
         let plain = scene.backdrop.plain().map(|color| (color, srgb8_from_linear(color)));
+        tiles.iter().for_each(|&tile| self.colored[tile] = true);
         for &tile in tiles.iter().filter(|&&tile| self.arrival.may_be_empty(tile)) {
             let [columns, rows] = self.arrival.pixels_of(tile);
             for row in rows {
@@ -160,14 +175,17 @@ impl Canvas {
             }
         }
         self.bins.fill(&self.arrival, scene.assets.parts.len(), tiles);
-        let (arrival, colors, rgb, shaded) = (&self.arrival, &mut self.colors, &mut self.rgb, &mut self.shaded_pixels);
+        let (arrival, colors, rgb) = (&self.arrival, &mut self.colors, &mut self.rgb);
+        let (colored, shaded) = (&mut self.colored, &mut self.shaded_pixels);
         let Work { pixels, shading } = &mut *self.work;
         let has_glass = scene.assets.parts.iter().any(Part::is_transparent);
         self.bins.for_each(pixels, arrival.centers(), |part, pixels| {
             *shaded += pixels.count;
             shading.take(pixels, &arrival.key, &arrival.ambient);
             shading.shade(&scene.assets.parts[part], &scene.surfaces[part], &self.view.parts[part], lens, scene);
-            let is_inner = pixels.is_tile && !has_glass && arrival.shows_one(arrival.tile_of(pixels.pixel[0]));
+            let tile = arrival.tile_of(pixels.pixel[0]);
+            let is_inner = pixels.is_tile && !has_glass && arrival.shows_one(tile);
+            colored[tile] &= !is_inner;
             shading.write(pixels, if is_inner { &mut [] } else { colors }, rgb);
         });
     }

@@ -177,6 +177,21 @@ fn reset<const IDS: bool>(target: &mut Target, [width, height]: [usize; 2], scal
     }
 }
 
+/// The tiles of some, whole rows of them, that are marked or next to one that is; so many stand in a row.
+pub(crate) fn marked_around(marks: &[bool], columns: usize, tiles: Range<usize>) -> Vec<usize> {
+    let mut found = Vec::new();
+    let mut near = vec![false; columns];
+    for first in tiles.step_by(columns.max(1)) {
+        near.fill(false);
+        for marks in marks[first.saturating_sub(columns)..(first + 2 * columns).min(marks.len())].chunks(columns) {
+            near.iter_mut().zip(marks).for_each(|(near, mark)| *near |= mark);
+        }
+        let is_near = |column: &usize| near[column.saturating_sub(1)..(column + 2).min(columns)].contains(&true);
+        found.extend((0..columns).filter(is_near).map(|column| first + column));
+    }
+    found
+}
+
 /// How many tiles of any rectangle are marked, in constant time (a summed-area table).
 #[derive(Debug, Default)]
 pub(crate) struct MarkCount {

@@ -2,10 +2,12 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
 
+use std::ops::Range;
+
 use multiversion::multiversion;
 
 use super::{Arrival, LEVEL, ON_TOP, put};
-use crate::layers::TILE;
+use crate::layers::{TILE, marked_around};
 use crate::refine::{HALF, UNKNOWN};
 
 /// Values around one that its blur reads, on each side.
@@ -18,11 +20,16 @@ const COARSE_WINDOW: usize = TILE + 4 * MARGIN;
 const HALF_WINDOW: usize = HALF + 2 * MARGIN;
 
 impl Arrival {
-    /// Blurs tiles; the estimates of those next to them must be up to date.
-    pub fn blur(&mut self, tiles: &[usize]) {
-        for &tile in tiles {
+    /// Blurs tiles among some, whole rows of them, where estimates in them or next to them have changed.
+    pub fn blur(&mut self, tiles: Range<usize>) {
+        for tile in marked_around(&self.changed.estimates, self.columns, tiles) {
+            let key = (!self.changed.light[tile]).then(|| self.square(&self.key, tile));
             self.blur_key(tile);
+            self.changed.light[tile] |= key.is_some_and(|before| before != self.square(&self.key, tile));
+            let half = (!self.changed.blurred[tile]).then(|| self.half_square(&self.half, tile));
             self.blur_half(tile);
+            self.changed.blurred[tile] = self.changed.estimates[tile]
+                || half.is_some_and(|before| before != self.half_square(&self.half, tile));
         }
     }
 

@@ -20,6 +20,7 @@ impl Arrival {
     /// Takes over what is seen in the tiles that changed.
     pub fn see(&mut self, scene: &Scene<'_>, opaque: &Target, changed: &[bool], view: &View) {
         let Scene { assets, shadow, variation, table_light, .. } = *scene;
+        self.changed.begin(changed);
         for tile in (0..self.tiles.len()).filter(|&tile| changed[tile]) {
             let [columns, rows] = self.pixels_of(tile);
             let cover = opaque.cover(tile);
