@@ -1,5 +1,7 @@
 //! One camera's colour picture, kept from frame to frame: only what may have changed is drawn again.
 
+use std::ops::Range;
+
 use glam::{Vec2, Vec3A};
 
 use crate::arrival::{Arrival, Bins};
@@ -120,7 +122,8 @@ impl Canvas {
         self.edges.begin(scene.assets, &self.view, self.stale.len());
         let count = self.stale.len();
         let strip = |index: usize| index * tiles_in_strip..((index + 1) * tiles_in_strip).min(count);
-        let strip_before = |step: usize, behind: usize| step.checked_sub(behind).filter(|&index| index < strips).map(strip);
+        let strip_before =
+            |step: usize, behind: usize| step.checked_sub(behind).filter(|&index| index < strips).map(strip);
         for step in 0..strips + 3 {
             if let Some(strip) = strip_before(step, 0) {
                 let tiles: Vec<usize> = strip.filter(|&tile| self.stale[tile]).collect();
@@ -217,30 +220,51 @@ impl Canvas {
     /// Copies the channels that are asked for.
     pub fn write(&mut self, assets: &RenderAssets, channels: Channels, out: &mut FrameBuffers) {
         out.rgb.clone_from(&self.rgb);
-        let wants_geometry = channels.depth || channels.instance || channels.normal || channels.parts;
-        if (self.view.has_transparent && wants_geometry) || channels.normal || channels.parts {
-            self.see(assets);
+        if channels.normal || channels.parts {
+            self.see(assets, 0..self.view.lens.height);
             write_geometry(assets, &self.view, &self.seen, channels, out);
             return;
         }
+        let instances = instances_of(assets);
         if channels.depth {
             out.depth_m.clone_from(&self.arrival.depth);
         }
         if channels.instance {
-            let instances = instances_of(assets);
             out.instance.extend(self.arrival.surface.iter().map(|&surface| instances[surface as usize]));
+        }
+        if self.view.has_transparent && (channels.depth || channels.instance) {
+            let rows = self.glass.rows_of_pixels();
+            self.see(assets, rows.clone());
+            let width = self.view.lens.width;
+            for (row, (nearness, ids)) in self.seen.rows().enumerate().take(rows.end).skip(rows.start) {
+                let pixels = row * width..(row + 1) * width;
+                if channels.depth {
+                    out.depth_m[pixels.clone()]
+                        .iter_mut()
+                        .zip(nearness)
+                        .for_each(|(out, value)| *out = depth_of(value));
+                }
+                if channels.instance {
+                    let instances = ids.iter().map(|&id| instances[surface_of(id) as usize]);
+                    out.instance[pixels].iter_mut().zip(instances).for_each(|(out, instance)| *out = instance);
+                }
+            }
         }
     }
 
-    /// What the pixels' centres see, transparent things included.
-    fn see(&mut self, assets: &RenderAssets) {
-        self.opaque.target.settle_all();
+    /// What the centres of some rows of pixels see, transparent things included, which must not reach beyond them.
+    fn see(&mut self, assets: &RenderAssets, rows: Range<usize>) {
+        let columns = self.opaque.tile_columns;
+        (rows.start / TILE * columns..rows.end.div_ceil(TILE) * columns)
+            .for_each(|tile| self.opaque.target.settle(tile));
         let (lens, opaque) = (&self.view.lens, &self.opaque.target);
         let scale = opaque.scale;
-        self.seen.reset::<true>(lens.width, lens.height, 1);
-        let stride = self.seen.stride;
-        let pixels = self.seen.nearness.chunks_exact_mut(stride).zip(self.seen.ids.chunks_exact_mut(stride));
-        for (row, (nearness, ids)) in pixels.enumerate() {
+        if (self.seen.width, self.seen.height) != (lens.width, lens.height) {
+            self.seen.reset::<true>(lens.width, lens.height, 1);
+        }
+        let (stride, first) = (self.seen.stride, rows.start * self.seen.stride);
+        let pixels = self.seen.nearness[first..].chunks_mut(stride).zip(self.seen.ids[first..].chunks_mut(stride));
+        for (row, (nearness, ids)) in rows.zip(pixels) {
             let first = row * scale * opaque.stride;
             let samples = first..first + opaque.width;
             let values = opaque.nearness[samples.clone()].iter().step_by(scale);

@@ -19,8 +19,10 @@ use crate::scene::Scene;
 use crate::shade::{Shading, Spot};
 use crate::texture::srgb8_from_linear;
 use crate::view::{View, far_nearness, surface_of};
+use front::{Front, Share};
 use keys::{Around, Directions, TileKeys};
 
+mod front;
 mod keys;
 mod mix;
 
@@ -51,9 +53,6 @@ struct Extra {
     /// Its share of the pixel.
     share: f32,
 }
-
-/// By how much a transparent side must be nearer than what is opaque, as a share: glass stands on the table.
-const APART: f32 = 1e-4;
 
 impl Edges {
     /// Looks at all parts as they are seen; to be called before [`Edges::find`].
@@ -86,14 +85,8 @@ impl Edges {
             let [columns, rows] = arrival.pixels_of(tile);
             let is_mixed = n > 1 && !arrival.shows_one(tile) && keys.load(&around, columns.start, rows.start);
             let mut rewritten = if is_mixed { self.mix_tile(&around, &keys, [&columns, &rows], colors) } else { 0 };
-            let glass = glass.filter(|glass| glass.reaches(tile)).map(|glass| &glass.layers);
-            if let Some(glass) = glass.filter(|layers| layers.iter().any(|layer| has_any(layer, &columns, &rows))) {
-                for (y, row) in rows.enumerate() {
-                    for (x, column) in columns.clone().enumerate() {
-                        let found = self.find_panes(&around, glass, [column, row], row * view.lens.width + column);
-                        rewritten |= u64::from(found) << (y * TILE + x);
-                    }
-                }
+            if let Some(glass) = glass.filter(|glass| glass.reaches(tile)) {
+                rewritten |= self.find_panes(&around, &glass.layers, [&columns, &rows], view.lens.width);
             }
             self.rewritten[tile] = rewritten;
         }
@@ -160,50 +153,51 @@ impl Edges {
         }
     }
 
-    /// Lists the sides of transparent surfaces before a pixel; says whether there are any.
-    fn find_panes(&mut self, around: &Around<'_>, glass: &[Target; 2], [x, y]: [usize; 2], pixel: usize) -> bool {
+    /// Lists the sides of transparent surfaces before the pixels of a tile; returns the places of these pixels, in bits.
+    fn find_panes(
+        &mut self,
+        around: &Around<'_>,
+        glass: &[Target; 2],
+        [columns, rows]: [&Range<usize>; 2],
+        width: usize,
+    ) -> u64 {
         let n = around.n;
-        let (x, y) = (x as isize, y as isize);
-        let first = self.panes.len();
-        for (index, layer) in glass.iter().enumerate() {
-            let nearness = |sample: usize| {
-                let stored = layer.nearness[sample];
-                if index == 0 && stored > 0.0 { far_nearness(stored) } else { stored }
-            };
-            let (mut coverage, mut best, mut best_weight) = (0.0, None, 0.0);
-            for dy in 1 - n..n {
-                for dx in 1 - n..n {
-                    let (column, row) = around.cut(x * n + dx, y * n + dy);
+        let fronts: [Front; 2] =
+            std::array::from_fn(|index| Front::of(&glass[index], index == 0, around, [columns.start, rows.start]));
+        if fronts.iter().all(Front::is_empty) {
+            return 0;
+        }
+        let mut found = 0;
+        for (y, row) in rows.clone().enumerate() {
+            for (x, column) in columns.clone().enumerate() {
+                let (first, pixel) = (self.panes.len(), row * width + column);
+                for (index, front) in fronts.iter().enumerate() {
+                    let Some(Share { coverage, step: [dx, dy] }) = front.share([x, y]) else { continue };
+                    let layer = &glass[index];
+                    let (column, row) = around.cut(column as isize * n + dx, row as isize * n + dy);
                     let sample = row as usize * layer.stride + column as usize;
-                    if nearness(sample) > around.opaque.nearness[sample] * (1.0 + APART) {
-                        let weight = ((n - dx.abs()) * (n - dy.abs())) as f32 / (n * n * n * n) as f32;
-                        coverage += weight;
-                        if weight > best_weight {
-                            (best, best_weight) = (Some((sample, column, row)), weight);
-                        }
-                    }
+                    let stored = layer.nearness[sample];
+                    let spot = Spot {
+                        id: layer.ids[sample],
+                        x: column as f32 / n as f32,
+                        y: row as f32 / n as f32,
+                        depth: 1.0 / if index == 0 { far_nearness(stored) } else { stored },
+                        key: around.arrival.key[pixel].max(0.0),
+                        ambient: 1.0,
+                    };
+                    let [color, passes, normal, inside] = [Vec3A::ZERO; 4];
+                    let pixel = pixel as u32;
+                    self.panes.push(Pane { pixel, spot, coverage, color, passes, normal, inside, is_solid: false });
                 }
-            }
-            if let Some((sample, column, row)) = best {
-                let spot = Spot {
-                    id: layer.ids[sample],
-                    x: column as f32 / n as f32,
-                    y: row as f32 / n as f32,
-                    depth: 1.0 / nearness(sample),
-                    key: around.arrival.key[pixel].max(0.0),
-                    ambient: 1.0,
-                };
-                let [color, passes, normal, inside] = [Vec3A::ZERO; 4];
-                let pixel = pixel as u32;
-                self.panes.push(Pane { pixel, spot, coverage, color, passes, normal, inside, is_solid: false });
+                if let [a, b] = &mut self.panes[first..]
+                    && a.spot.depth < b.spot.depth
+                {
+                    std::mem::swap(a, b);
+                }
+                found |= u64::from(self.panes.len() > first) << (y * TILE + x);
             }
         }
-        if let [a, b] = &mut self.panes[first..]
-            && a.spot.depth < b.spot.depth
-        {
-            std::mem::swap(a, b);
-        }
-        self.panes.len() > first
+        found
     }
 
     fn shade_panes(&mut self, scene: &Scene<'_>, view: &View) {
@@ -238,13 +232,4 @@ impl Edges {
             from += count;
         }
     }
-}
-
-/// Whether a layer shows anything at the samples of some pixels or next to them.
-fn has_any(layer: &Target, columns: &Range<usize>, rows: &Range<usize>) -> bool {
-    let n = layer.scale;
-    let span = |range: &Range<usize>, limit: usize| (range.start * n).saturating_sub(n - 1)..(range.end * n).min(limit);
-    let columns = span(columns, layer.width);
-    let mut rows = span(rows, layer.height);
-    rows.any(|row| layer.ids[row * layer.stride..][columns.clone()].iter().fold(0, |any, &id| any | id) != 0)
 }

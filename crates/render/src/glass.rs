@@ -48,6 +48,12 @@ impl Glass {
         view.draw_transparent(assets, [true, false], near);
     }
 
+    /// Rows of pixels that may show anything transparent.
+    pub fn rows_of_pixels(&self) -> Range<usize> {
+        let scale = self.layers[0].scale;
+        self.rows.start / scale..self.rows.end.div_ceil(scale)
+    }
+
     /// Whether anything transparent may cover samples of a tile or next to it.
     pub fn reaches(&self, tile: usize) -> bool {
         self.reached[tile]

@@ -28,8 +28,8 @@ impl Arrival {
             self.changed.light[tile] |= key.is_some_and(|before| before != self.square(&self.key, tile));
             let half = (!self.changed.blurred[tile]).then(|| self.half_square(&self.half, tile));
             self.blur_half(tile);
-            self.changed.blurred[tile] = self.changed.estimates[tile]
-                || half.is_some_and(|before| before != self.half_square(&self.half, tile));
+            self.changed.blurred[tile] =
+                self.changed.estimates[tile] || half.is_some_and(|before| before != self.half_square(&self.half, tile));
         }
     }
 

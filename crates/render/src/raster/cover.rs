@@ -174,6 +174,7 @@ impl Target {
     }
 
     /// Stores all samples.
+    #[cfg(test)]
     pub fn settle_all(&mut self) {
         (0..self.covers.tiles.len()).for_each(|tile| self.settle(tile));
     }
