@@ -67,8 +67,9 @@ pub(crate) struct Arrival {
     half: Vec<f32>,
     pub ambient: Vec<f32>,
     tiles: Vec<TileSummary>,
-    /// Where nothing can be darkened.
+    /// Where nothing can be darkened by what is near on the picture, in this one and in the one before.
     is_plain: Vec<bool>,
+    was_plain: Vec<bool>,
     /// Where no fixed thing but the table is near.
     is_far: Vec<bool>,
     seams: MarkCount,
@@ -210,17 +211,24 @@ impl Arrival {
         ((row / TILE * self.columns + column / TILE) * TILE + row % TILE) * TILE + column % TILE
     }
 
-    /// The tiles whose estimates may have changed: those that show something else, those whose taps reach one, and
-    /// those on which the shadows may have changed since a version of the shadow map.
+    /// The tiles whose estimates may have changed: those that show something else, those whose taps reach one unless they
+    /// are plain as before, and those on which the shadows may have changed since a version of the shadow map.
     pub fn mark_stale(&mut self, changed: &[bool], shadow: &ShadowMap, version: u64, stale: &mut Vec<bool>) {
         self.changes.count(changed.iter().copied(), self.columns, self.rows);
         let (marks, columns) = shadow.changed_after(version);
         self.shadow_changes.count(marks, columns, columns);
         stale.clear();
         stale.extend(self.tiles.iter().enumerate().map(|(tile, summary)| {
-            let [from, to] = self.around(tile, summary.reach);
+            let is_near = || {
+                let [from, to] = self.around(tile, summary.reach);
+                let stays_plain = self.is_plain[tile] && self.was_plain.get(tile) == Some(&true);
+                !stays_plain && self.changes.any(from, to)
+            };
+            if changed[tile] || is_near() {
+                return true;
+            }
             if let (Some(blocks), Some(top)) = (summary.top, shadow.tops().of(summary.surface)) {
-                return self.changes.any(from, to) || top.changed_after(version, blocks);
+                return top.changed_after(version, blocks);
             }
             let [mut shadow_from, mut shadow_to] = summary.span.reach();
             if summary.has_top {
@@ -228,7 +236,7 @@ impl Arrival {
                 shadow_from = shadow_from.map(|tile| tile - 1);
                 shadow_to = shadow_to.map(|tile| tile + 1);
             }
-            self.changes.any(from, to) || self.shadow_changes.any(shadow_from, shadow_to)
+            self.shadow_changes.any(shadow_from, shadow_to)
         }));
     }
 
@@ -244,6 +252,7 @@ impl Arrival {
     pub fn find_plain(&mut self, assets: &RenderAssets, variation: &RenderVariation, table: u16) {
         let is_on = variation.occlusion_radius_m > 0.0;
         let Self { columns, rows, .. } = *self;
+        std::mem::swap(&mut self.is_plain, &mut self.was_plain);
         let (mut is_plain, mut is_far) = (std::mem::take(&mut self.is_plain), std::mem::take(&mut self.is_far));
         self.seams.count(self.tiles.iter().map(|tile| tile.has_fixed), columns, rows);
         is_far.clear();

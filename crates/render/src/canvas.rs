@@ -86,6 +86,7 @@ impl Canvas {
         }
         let opaque = &self.opaque.target;
         self.arrival.see(scene, opaque, &self.changed, view);
+        self.arrival.find_plain(assets, scene.variation, scene.table_light.surface());
         if follows {
             self.arrival.mark_stale(&self.changed, scene.shadow, self.shadow_version, &mut self.stale);
         } else {
@@ -98,7 +99,6 @@ impl Canvas {
         }
         self.occluders.clone_from(scene.occluders);
         self.shadow_version = scene.shadow.version();
-        self.arrival.find_plain(assets, scene.variation, scene.table_light.surface());
         if scene.table_light.version() != self.table_version {
             self.arrival.mark_table(scene.table_light, self.table_version, &self.view.lens, &mut self.shaded);
         }
