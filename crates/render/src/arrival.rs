@@ -43,6 +43,7 @@ mod key;
 mod seen;
 
 pub(crate) use bins::Bins;
+use blur::Windows;
 use changes::{Changes, Estimates};
 
 /// Arriving light per pixel, kept from frame to frame.
@@ -76,6 +77,8 @@ pub(crate) struct Arrival {
     changes: MarkCount,
     shadow_changes: MarkCount,
     changed: Changes,
+    windows: Box<Windows>,
+    window: Box<RefineWindow>,
     work: Box<Work>,
 }
 
@@ -421,14 +424,16 @@ impl Arrival {
     /// The ambient light at every pixel of tiles, each from the four coarse pixels around it that show the same surface,
     /// among some where any of these may have changed; those next to them must be blurred.
     pub fn refine(&mut self, tiles: Range<usize>) {
+        let mut window = std::mem::take(&mut self.window);
         for tile in marked_around(&self.changed.blurred, self.columns, tiles) {
             let before = (!self.changed.light[tile]).then(|| self.square(&self.ambient, tile));
-            self.refine_tile(tile);
+            self.refine_tile(tile, &mut window);
             self.changed.light[tile] |= before.is_some_and(|before| before != self.square(&self.ambient, tile));
         }
+        self.window = window;
     }
 
-    fn refine_tile(&mut self, tile: usize) {
+    fn refine_tile(&mut self, tile: usize, window: &mut RefineWindow) {
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
         if low >= high {
@@ -437,7 +442,8 @@ impl Arrival {
             rows.for_each(|row| put(&mut self.ambient[row * self.width..][columns.clone()], &values));
             return;
         }
-        let refined = refine_tile(&self.refine_window(columns.start, rows.start));
+        self.fill_window(columns.start, rows.start, window);
+        let refined = refine_tile(window);
         for (row, line) in rows.zip(&refined) {
             put(&mut self.ambient[row * self.width..][columns.clone()], line);
         }
@@ -484,8 +490,7 @@ fn put<T: Copy>(out: &mut [T], values: &[T; TILE]) {
 
 impl Arrival {
     /// What the ambient light of a tile follows from.
-    fn refine_window(&self, first_column: usize, first_row: usize) -> RefineWindow {
-        let mut window = RefineWindow::default();
+    fn fill_window(&self, first_column: usize, first_row: usize, window: &mut RefineWindow) {
         for row in 0..TILE.min(self.height - first_row) {
             let fine = (first_row + row) * self.width + first_column;
             for column in 0..TILE.min(self.width - first_column) {
@@ -511,6 +516,5 @@ impl Arrival {
                 }
             }
         }
-        window
     }
 }

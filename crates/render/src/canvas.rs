@@ -34,6 +34,8 @@ pub(crate) struct Canvas {
     /// Linear display colours at pixel centres, without what is transparent; only where edges or glass may read them.
     colors: Vec<Vec3A>,
     rgb: Vec<u8>,
+    /// Instances at pixel centres, without what is transparent.
+    instance: Vec<u16>,
     changed: Vec<bool>,
     stale: Vec<bool>,
     shaded: Vec<bool>,
@@ -77,6 +79,7 @@ impl Canvas {
             self.arrival.reset(width, height);
             self.colors.resize(width * height, Vec3A::ZERO);
             self.rgb.resize(width * height * 3, 0);
+            self.instance.resize(width * height, 0);
         }
         self.changed.clone_from(&self.opaque.changed);
         let moved = |part: usize| assets.parts[part].is_transparent() && view.motions[part].moved;
@@ -86,6 +89,16 @@ impl Canvas {
         }
         let opaque = &self.opaque.target;
         self.arrival.see(scene, opaque, &self.changed, view);
+        let instances = instances_of(assets);
+        for tile in (0..self.changed.len()).filter(|&tile| self.changed[tile]) {
+            let [columns, rows] = self.arrival.pixels_of(tile);
+            for row in rows {
+                let pixels = row * width + columns.start..row * width + columns.end;
+                let surfaces = self.arrival.surface[pixels.clone()].iter();
+                let instance = self.instance[pixels].iter_mut();
+                instance.zip(surfaces).for_each(|(instance, &surface)| *instance = instances[surface as usize]);
+            }
+        }
         self.arrival.find_plain(assets, scene.variation, scene.table_light.surface());
         if follows {
             self.arrival.mark_stale(&self.changed, scene.shadow, self.shadow_version, &mut self.stale);
@@ -225,17 +238,16 @@ impl Canvas {
             write_geometry(assets, &self.view, &self.seen, channels, out);
             return;
         }
-        let instances = instances_of(assets);
         if channels.depth {
             out.depth_m.clone_from(&self.arrival.depth);
         }
         if channels.instance {
-            out.instance.extend(self.arrival.surface.iter().map(|&surface| instances[surface as usize]));
+            out.instance.clone_from(&self.instance);
         }
         if self.view.has_transparent && (channels.depth || channels.instance) {
             let rows = self.glass.rows_of_pixels();
             self.see(assets, rows.clone());
-            let width = self.view.lens.width;
+            let (width, instances) = (self.view.lens.width, instances_of(assets));
             for (row, (nearness, ids)) in self.seen.rows().enumerate().take(rows.end).skip(rows.start) {
                 let pixels = row * width..(row + 1) * width;
                 if channels.depth {

@@ -12,6 +12,7 @@ pub(crate) const UNKNOWN: f32 = -1.0;
 pub(crate) const HALF: usize = TILE / 2;
 
 /// A tile and the coarse estimates around it, each of them beside the pixels that it is to the left or the right of.
+#[derive(Debug)]
 pub(crate) struct RefineWindow {
     pub surface: [[u32; TILE]; TILE],
     pub depth: [[f32; TILE]; TILE],

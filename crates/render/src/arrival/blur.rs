@@ -22,18 +22,20 @@ const HALF_WINDOW: usize = HALF + 2 * MARGIN;
 impl Arrival {
     /// Blurs tiles among some, whole rows of them, where estimates in them or next to them have changed.
     pub fn blur(&mut self, tiles: Range<usize>) {
+        let mut windows = std::mem::take(&mut self.windows);
         for tile in marked_around(&self.changed.estimates, self.columns, tiles) {
             let key = (!self.changed.light[tile]).then(|| self.square(&self.key, tile));
-            self.blur_key(tile);
+            self.blur_key(tile, &mut windows);
             self.changed.light[tile] |= key.is_some_and(|before| before != self.square(&self.key, tile));
             let half = (!self.changed.blurred[tile]).then(|| self.half_square(&self.half, tile));
-            self.blur_half(tile);
+            self.blur_half(tile, &mut windows);
             self.changed.blurred[tile] =
                 self.changed.estimates[tile] || half.is_some_and(|before| before != self.half_square(&self.half, tile));
         }
+        self.windows = windows;
     }
 
-    fn blur_key(&mut self, tile: usize) {
+    fn blur_key(&mut self, tile: usize, windows: &mut Windows) {
         if self.tiles[tile].top.is_some() {
             return;
         }
@@ -43,13 +45,13 @@ impl Arrival {
             // One value all around, which is also that of what faces away from the light.
             [[if low == high { low } else { UNKNOWN }; TILE]; TILE]
         } else if self.tiles[tile].is_coarse {
-            let mut window = Window::<COARSE_WINDOW, 2>::default();
+            let window = &mut windows.coarse;
             window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
-            blur_coarse_tile(&window)
+            blur_coarse_tile(window)
         } else {
-            let mut window = Window::<WINDOW, 1>::default();
+            let window = &mut windows.fine;
             window.load(self, &self.raw_key, self.width, [columns.start, rows.start], 1);
-            blur_tile(&window)
+            blur_tile(window)
         };
         for (row, line) in rows.zip(&blurred) {
             let pixels = row * self.width + columns.start..row * self.width + columns.end;
@@ -64,7 +66,7 @@ impl Arrival {
         }
     }
 
-    fn blur_half(&mut self, tile: usize) {
+    fn blur_half(&mut self, tile: usize, windows: &mut Windows) {
         let [columns, rows] = self.pixels_of(tile);
         let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
@@ -75,9 +77,9 @@ impl Arrival {
             }
             return;
         }
-        let mut window = Window::<HALF_WINDOW, 1>::default();
+        let window = &mut windows.half;
         window.load(self, &self.raw_half, self.half_width, [columns.start, rows.start], 2);
-        let blurred = blur_half_tile(&window);
+        let blurred = blur_half_tile(window);
         for (row, line) in rows.zip(&blurred) {
             let out = &mut self.half[row * self.half_width..][columns.clone()];
             out.copy_from_slice(&line[..out.len()]);
@@ -85,7 +87,16 @@ impl Arrival {
     }
 }
 
+/// What blurs are made of; memory.
+#[derive(Debug, Default)]
+pub(super) struct Windows {
+    fine: Window<WINDOW, 1>,
+    coarse: Window<COARSE_WINDOW, 2>,
+    half: Window<HALF_WINDOW, 1>,
+}
+
 /// A tile and its surroundings, of which every `STEP`th value counts.
+#[derive(Debug)]
 struct Window<const SIDE: usize, const STEP: usize> {
     surface: [[u32; SIDE]; SIDE],
     depth: [[f32; SIDE]; SIDE],
@@ -103,13 +114,18 @@ impl<const SIDE: usize, const STEP: usize> Window<SIDE, STEP> {
     /// Values beside the tile on each side.
     const BESIDE: usize = MARGIN * STEP;
 
-    /// From values on a grid with a step of so many pixels.
+    /// From values on a grid with a step of so many pixels; nothing is known beyond the picture.
     fn load(&mut self, arrival: &Arrival, values: &[f32], width: usize, [x0, y0]: [usize; 2], step: usize) {
         let height = values.len() / width;
         let from = Self::BESIDE.saturating_sub(x0);
         let to = SIDE.min(width + Self::BESIDE - x0);
         for row in 0..SIDE {
-            let Some(y) = (y0 + row).checked_sub(Self::BESIDE).filter(|&y| y < height) else { continue };
+            let Some(y) = (y0 + row).checked_sub(Self::BESIDE).filter(|&y| y < height) else {
+                self.value[row].fill(UNKNOWN);
+                continue;
+            };
+            self.value[row][..from].fill(UNKNOWN);
+            self.value[row][to..].fill(UNKNOWN);
             let x = x0 + from - Self::BESIDE;
             self.value[row][from..to].copy_from_slice(&values[y * width + x..][..to - from]);
             let fine = y * step * arrival.width + x * step;
