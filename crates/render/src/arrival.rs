@@ -178,6 +178,11 @@ impl Arrival {
         Centers { width: self.width, ids: &self.ids, depth: &self.depth }
     }
 
+    /// The one surface that a tile shows, 0 for nothing; `None` for several.
+    pub fn surface_of(&self, tile: usize) -> Option<u16> {
+        Some(self.tiles[tile].surface).filter(|&surface| surface != SEVERAL)
+    }
+
     /// Whether a tile shows nothing anywhere.
     pub fn may_be_empty(&self, tile: usize) -> bool {
         matches!(self.tiles[tile].surface, 0 | SEVERAL)

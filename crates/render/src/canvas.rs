@@ -89,16 +89,7 @@ impl Canvas {
         }
         let opaque = &self.opaque.target;
         self.arrival.see(scene, opaque, &self.changed, view);
-        let instances = instances_of(assets);
-        for tile in (0..self.changed.len()).filter(|&tile| self.changed[tile]) {
-            let [columns, rows] = self.arrival.pixels_of(tile);
-            for row in rows {
-                let pixels = row * width + columns.start..row * width + columns.end;
-                let surfaces = self.arrival.surface[pixels.clone()].iter();
-                let instance = self.instance[pixels].iter_mut();
-                instance.zip(surfaces).for_each(|(instance, &surface)| *instance = instances[surface as usize]);
-            }
-        }
+        self.follow_instances(assets);
         self.arrival.find_plain(assets, scene.variation, scene.table_light.surface());
         if follows {
             self.arrival.mark_stale(&self.changed, scene.shadow, self.shadow_version, &mut self.stale);
@@ -123,6 +114,23 @@ impl Canvas {
             self.mark_glass(assets);
         }
         self.draw_strips(scene);
+    }
+
+    /// Writes the instances of the tiles that show something else.
+    fn follow_instances(&mut self, assets: &RenderAssets) {
+        let (width, instances) = (self.view.lens.width, instances_of(assets));
+        for tile in (0..self.changed.len()).filter(|&tile| self.changed[tile]) {
+            let [columns, rows] = self.arrival.pixels_of(tile);
+            let one = self.arrival.surface_of(tile).map(|surface| instances[surface as usize]);
+            for row in rows {
+                let pixels = row * width + columns.start..row * width + columns.end;
+                let (out, surfaces) = (&mut self.instance[pixels.clone()], &self.arrival.surface[pixels]);
+                match one {
+                    Some(one) => out.fill(one),
+                    None => out.iter_mut().zip(surfaces).for_each(|(out, &surface)| *out = instances[surface as usize]),
+                }
+            }
+        }
     }
 
     /// Goes through the image strip by strip, so that what one stage writes is near when the next one reads it; each

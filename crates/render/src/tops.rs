@@ -142,15 +142,22 @@ impl Top {
     fn follow(&mut self, changes: &MarkCount, version: u64) {
         // In tiles of the map: a block is one, or two along each axis.
         let step = self.cells.step as isize;
-        for block in 0..self.range.len() {
+        let is_stale = |block: &usize| {
             let [column, row] = [self.first[0] + block % self.blocks[0], self.first[1] + block / self.blocks[0]];
             let from = [column as isize * step, row as isize * step];
             let to = from.map(|tile| tile + step - 1);
-            let reach = (self.reach[block] * self.cells.step).div_ceil(TILE) as isize;
-            if version == 1 || changes.any(from.map(|tile| tile - reach), to.map(|tile| tile + reach)) {
-                self.estimate(block, version);
-            }
+            let reach = (self.reach[*block] * self.cells.step).div_ceil(TILE) as isize;
+            version == 1 || changes.any(from.map(|tile| tile - reach), to.map(|tile| tile + reach))
+        };
+        let stale: Vec<usize> = (0..self.range.len()).filter(is_stale).collect();
+        let around = |place: &dyn Fn(usize) -> usize| {
+            let places = stale.iter().map(|&block| place(block));
+            places.fold(usize::MAX..0, |range, place| range.start.min(place)..range.end.max(place + 1))
+        };
+        if !stale.is_empty() {
+            self.cells.add_up([around(&|block| block % self.blocks[0]), around(&|block| block / self.blocks[0])]);
         }
+        stale.into_iter().for_each(|block| self.estimate(block, version));
     }
 
     /// Estimates a block, and remembers whether it changed.

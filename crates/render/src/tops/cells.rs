@@ -2,6 +2,8 @@
 
 #![allow(clippy::needless_range_loop, reason = "loops over lanes by index are compiled for wide registers")]
 
+use std::ops::Range;
+
 use multiversion::multiversion;
 
 use crate::key_light::{KeyLight, MAX_RADIUS};
@@ -36,8 +38,10 @@ pub(super) struct Cells {
     rows: usize,
     /// Covered texels and their distances by cell, see [`cover_tile`].
     covered: Vec<u32>,
-    /// Sums of all cells above and to the left; a row and a column more than cells.
+    /// Sums of all cells above and to the left within a window; a row and a column more than cells.
     sums: Vec<u64>,
+    /// First column and row of the window, and its columns.
+    window: [usize; 3],
     /// Half the side of the square in which blockers are looked for, cells.
     search: usize,
     /// Radius of a soft edge per metre of distance, texels.
@@ -61,6 +65,7 @@ impl Cells {
             first: first.map(|block| (block * TILE) as isize - margin as isize),
             covered: vec![0; columns * rows],
             sums: vec![0; (columns + 1) * (rows + 1)],
+            window: [0; 3],
             columns,
             rows,
             search,
@@ -72,7 +77,6 @@ impl Cells {
     /// Reads the tiles of a map that changed.
     pub fn follow(&mut self, map: &Target, changed: &[bool]) {
         let (tiles, in_tile) = (map.width / TILE, TILE / self.step);
-        let mut first_changed: Option<[usize; 2]> = None;
         let [from_column, from_row] = self.first.map(|first| first.max(0) as usize / in_tile);
         let end = |axis: usize, count: usize| (self.first[axis] + count as isize).max(0) as usize;
         let end = |axis: usize, count: usize| self.side.min(end(axis, count)).div_ceil(in_tile);
@@ -81,15 +85,8 @@ impl Cells {
             for tile_column in from_column..end_column {
                 if changed[tile_row * tiles + tile_column] {
                     self.read_tile(map, tile_column, tile_row);
-                    let cell = [tile_column, tile_row].map(|tile| (tile * in_tile) as isize);
-                    let cell = [0, 1].map(|axis| (cell[axis] - self.first[axis]).max(0) as usize);
-                    let [column, row] = first_changed.unwrap_or(cell);
-                    first_changed = Some([column.min(cell[0]), row.min(cell[1])]);
                 }
             }
-        }
-        if let Some([column, row]) = first_changed {
-            self.add_up(column, row);
         }
     }
 
@@ -112,32 +109,45 @@ impl Cells {
         }
     }
 
-    /// Sums from a column and a row on.
-    fn add_up(&mut self, first_column: usize, first_row: usize) {
-        let width = self.columns + 1;
-        for row in first_row..self.rows {
-            let (above, own) = self.sums[row * width..].split_at_mut(width);
-            let mut sum = own[first_column] - above[first_column];
-            let covered = &self.covered[row * self.columns..][first_column..self.columns];
-            for ((own, above), &covered) in
-                own[first_column + 1..].iter_mut().zip(&above[first_column + 1..]).zip(covered)
-            {
+    /// Adds up what the shares of some columns and rows of blocks, 8 × 8 cells each, are read from.
+    pub fn add_up(&mut self, blocks: [Range<usize>; 2]) {
+        let widest = self.inverse_full.len() - 1;
+        let reach = |blocks: &Range<usize>| {
+            blocks.start * TILE + self.margin - widest..blocks.end * TILE + self.margin + widest
+        };
+        let [columns, rows] = [reach(&blocks[0]), reach(&blocks[1])];
+        let width = columns.len() + 1;
+        self.window = [columns.start, rows.start, columns.len()];
+        self.sums[..width].fill(0);
+        for (step, row) in rows.enumerate() {
+            let (above, own) = self.sums[step * width..].split_at_mut(width);
+            let mut sum = 0;
+            own[0] = 0;
+            let covered = &self.covered[row * self.columns..][columns.clone()];
+            for ((own, above), &covered) in own[1..].iter_mut().zip(&above[1..]).zip(covered) {
                 sum += u64::from(covered >> CELL_BITS) << COVER_BITS | u64::from(covered & ((1 << CELL_BITS) - 1));
                 *own = above + sum;
             }
         }
     }
 
+    /// Index of a cell's upper left corner in the sums, and corners in a row.
+    #[inline(always)]
+    fn corner(&self, [x, y]: [usize; 2]) -> (usize, usize) {
+        let [column, row, columns] = self.window;
+        ((y - row) * (columns + 1) + x - column, columns + 1)
+    }
+
     /// Covered texels and their distances in a rectangle of cells from a first one on.
     #[inline(always)]
-    fn within(&self, [x, y]: [usize; 2], side: usize) -> u64 {
-        let width = self.columns + 1;
-        let (top, bottom) = (y * width + x, (y + side) * width + x);
+    fn within(&self, first: [usize; 2], side: usize) -> u64 {
+        let (top, width) = self.corner(first);
+        let bottom = top + side * width;
         self.sums[bottom + side] + self.sums[top] - self.sums[bottom] - self.sums[top + side]
     }
 
-    /// Shares of the key light that reach the middles of the cells of a block of the top, and how many cells beside it were
-    /// looked at.
+    /// Shares of the key light that reach the middles of the cells of a block of the top, which was added up, and how many
+    /// cells beside it were looked at.
     pub fn shares(&self, column: usize, row: usize) -> ([[f32; TILE]; TILE], usize) {
         let [x, y] = [column + self.margin, row + self.margin];
         let around = |half: usize| unpack(self.within([x - half, y - half], TILE + 2 * half)).0;
@@ -149,8 +159,8 @@ impl Cells {
         if around(widest) == texels * texels * FULL {
             return ([[0.0; TILE]; TILE], widest);
         }
-        let (width, half) = (self.columns + 1, self.search);
-        let first = (y - half) * width + x - half;
+        let half = self.search;
+        let (first, width) = self.corner([x - half, y - half]);
         let found = search_block(&self.sums[first..], width, 2 * half + 1);
         let (mut shares, mut reach) = ([[1.0; TILE]; TILE], self.search);
         for (dy, line) in found.iter().enumerate() {
@@ -253,6 +263,7 @@ mod tests {
             rows: count,
             covered: vec![0; count * count],
             sums: vec![0; (count + 1) * (count + 1)],
+            window: [0; 3],
             search,
             radius_per_m: 0.075 * 512.0,
             inverse_full: (0..=widest).map(|half| 1.0 / full(half)).collect(),
@@ -265,6 +276,7 @@ mod tests {
             }
         }
         cells.follow(&map, &[true; (SIDE / TILE) * (SIDE / TILE)]);
+        cells.add_up([0..blocks, 0..blocks]);
         cells
     }
 
@@ -307,11 +319,12 @@ mod tests {
         map.nearness.fill(glass);
         let mut cells = cells;
         cells.follow(&map, &[true; (SIDE / TILE) * (SIDE / TILE)]);
+        cells.add_up([0..SIDE / 2 / TILE, 0..SIDE / 2 / TILE]);
         let share = line(&cells)[SIDE / 4];
         assert!((share - (1.0 - GLASS_SHADE)).abs() < 1e-4, "{share}");
     }
 
-    /// What changed alone is read again, with the sums of all read anew.
+    /// What changed alone is read again, and a window alone added up, with the shares of all read anew.
     #[test]
     fn following_is_reading_anew() {
         let mut map = Target::default();
@@ -328,7 +341,12 @@ mod tests {
             }
             followed.follow(&map, &changed);
             let anew = cells(|column, row| map.nearness[row * map.stride + column]);
-            assert_eq!(followed.sums, anew.sums, "step {step}");
+            let blocks = SIDE / 2 / TILE;
+            let [columns, rows] = [step % blocks..blocks, 0..step % blocks + 1];
+            followed.add_up([columns.clone(), rows.clone()]);
+            for (column, row) in columns.flat_map(|column| rows.clone().map(move |row| (column * TILE, row * TILE))) {
+                assert_eq!(followed.shares(column, row), anew.shares(column, row), "step {step}");
+            }
         }
     }
 }
