@@ -131,10 +131,8 @@ impl Edges {
             self.mixed[*mixed as usize].1 += scene.backdrop.color(lens.eye, ray) * *share;
         }
         self.extras.retain(|extra| extra.spot.id != 0);
-        self.order.clear();
-        self.order.extend(0..self.extras.len() as u32);
         let extras = &self.extras;
-        self.order.sort_by_key(|&extra| surface_of(extras[extra as usize].spot.id));
+        by_surface(extras.iter().map(|extra| surface_of(extra.spot.id)), &mut self.order);
         let mut shading = Shading::default();
         let surface = |extra: &u32| surface_of(extras[*extra as usize].spot.id);
         for same in self.order.chunk_by(|a, b| surface(a) == surface(b)) {
@@ -201,10 +199,8 @@ impl Edges {
     }
 
     fn shade_panes(&mut self, scene: &Scene<'_>, view: &View) {
-        self.order.clear();
-        self.order.extend(0..self.panes.len() as u32);
         let panes = &mut self.panes;
-        self.order.sort_by_key(|&pane| surface_of(panes[pane as usize].spot.id));
+        by_surface(panes.iter().map(|pane| surface_of(pane.spot.id)), &mut self.order);
         let mut shading = Shading::default();
         let mut from = 0;
         while from < self.order.len() {
@@ -231,5 +227,22 @@ impl Edges {
             }
             from += count;
         }
+    }
+}
+
+/// The indices of surfaces by their numbers, those of one surface in their order: counted, not compared, since they are
+/// many of few.
+fn by_surface(surfaces: impl Iterator<Item = u32> + Clone, order: &mut Vec<u32>) {
+    let mut ends = vec![0; surfaces.clone().max().map_or(0, |last| last as usize + 2)];
+    surfaces.clone().for_each(|surface| ends[surface as usize + 1] += 1);
+    for surface in 1..ends.len() {
+        ends[surface] += ends[surface - 1];
+    }
+    order.clear();
+    order.resize(ends.last().map_or(0, |count| *count as usize), 0);
+    for (index, surface) in (0..).zip(surfaces) {
+        let place = &mut ends[surface as usize];
+        order[*place as usize] = index;
+        *place += 1;
     }
 }

@@ -151,8 +151,8 @@ impl Top {
         };
         let stale: Vec<usize> = (0..self.range.len()).filter(is_stale).collect();
         let around = |place: &dyn Fn(usize) -> usize| {
-            let places = stale.iter().map(|&block| place(block));
-            places.fold(usize::MAX..0, |range, place| range.start.min(place)..range.end.max(place + 1))
+            let places = || stale.iter().map(|&block| place(block));
+            places().min().unwrap_or(0)..places().max().map_or(0, |last| last + 1)
         };
         if !stale.is_empty() {
             self.cells.add_up([around(&|block| block % self.blocks[0]), around(&|block| block / self.blocks[0])]);
