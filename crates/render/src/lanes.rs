@@ -4,6 +4,15 @@
 /// Points at a time: several of the widest registers, and all components of a chunk fit the first cache.
 pub(crate) const CHUNK: usize = 64;
 
+/// Lanes of the widest registers.
+pub(crate) const REGISTER: usize = 16;
+
+/// So many points of a chunk, rounded up to the widest registers.
+#[inline(always)]
+pub(crate) fn whole_registers(count: usize) -> usize {
+    count.next_multiple_of(REGISTER).min(CHUNK)
+}
+
 /// One component of the points of a chunk.
 pub(crate) type Lane = [f32; CHUNK];
 

@@ -11,7 +11,7 @@ use multiversion::multiversion;
 
 use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
-use crate::lanes::{CHUNK, Lane, within};
+use crate::lanes::{Lane, whole_registers, within};
 use crate::points::Points;
 use crate::view::rotation;
 
@@ -202,12 +202,6 @@ pub(crate) fn colors_of(assets: &RenderAssets, surfaces: &[Surface]) -> Vec<Vec3
     sums.into_iter().map(|(color, area)| color / area).collect()
 }
 
-/// So many points, rounded up to the widest registers.
-#[inline(always)]
-fn whole_registers(count: usize) -> usize {
-    count.next_multiple_of(16).min(CHUNK)
-}
-
 /// What ellipsoids let pass to points.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
@@ -296,6 +290,7 @@ fn enclose(own: &Occluder, points: &Points, share: &mut Lane) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::CHUNK;
 
     fn ball(place: [f32; 3], half: [f32; 3]) -> Occluder {
         let axes = std::array::from_fn(|row| std::array::from_fn(|axis| f32::from(u8::from(row == axis)) / half[row]));

@@ -6,7 +6,7 @@
 use glam::Vec2;
 use multiversion::multiversion;
 
-use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, within};
+use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, whole_registers, within};
 use crate::points::Points;
 use crate::taps::turn_of;
 use crate::variation::RenderVariation;
@@ -35,7 +35,7 @@ pub(crate) fn occlude(
     }
     add_taps(taps, points, focal, radius);
     let scale = 2.5 * variation.occlusion_strength / (radius.powi(5) * TAPS as f32);
-    for i in 0..CHUNK {
+    for i in 0..whole_registers(points.count) {
         let share = 1.0 - taps.darkening[i] * scale;
         taps.share[i] = if share > 0.15 { share } else { 0.15 };
     }
@@ -92,7 +92,7 @@ fn place_taps(taps: &mut Taps, points: &Points, [width, height]: [usize; 2]) {
     let (cosines, sines) = (&taps.cosine, &taps.sine);
     let places = taps.dx.iter_mut().zip(&mut taps.dy).zip(&mut taps.index);
     for (offset, ((dx, dy), index)) in spiral().iter().zip(places) {
-        for i in 0..CHUNK {
+        for i in 0..whole_registers(points.count) {
             let column = within(points.column[i] + offset[0] * cosines[i] - offset[1] * sines[i], 0.0, last_column);
             let row = within(points.row[i] + offset[0] * sines[i] + offset[1] * cosines[i], 0.0, last_row);
             let (column, row) = (nearest_integer(column), nearest_integer(row));
@@ -107,7 +107,7 @@ fn place_taps(taps: &mut Taps, points: &Points, [width, height]: [usize; 2]) {
 fn add_taps(taps: &mut Taps, points: &Points, focal: f32, radius: f32) {
     let inverse_focal = 1.0 / focal;
     let square_radius = radius * radius;
-    for i in 0..CHUNK {
+    for i in 0..whole_registers(points.count) {
         let (x, y, z) = (points.place_in_camera[0][i], points.place_in_camera[1][i], points.place_in_camera[2][i]);
         let bias = 0.001 + 0.002 * z;
         let mut darkening = 0.0;

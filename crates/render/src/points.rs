@@ -6,7 +6,7 @@
 use multiversion::multiversion;
 
 use crate::assets::{Part, TRIANGLE_BITS};
-use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer};
+use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, whole_registers};
 use crate::layers::TILE;
 use crate::view::{Lens, PartView};
 
@@ -181,7 +181,7 @@ fn locate(points: &mut Points, depths: &Lane, placed: &PartView, lens: &Lens) {
     let turn = [lens.turn.x_axis, lens.turn.y_axis, lens.turn.z_axis].map(|column| column.to_array());
     let eye = lens.eye.to_array();
     let (inverse_x, inverse_y) = (1.0 / lens.focal.x, 1.0 / lens.focal.y);
-    for i in 0..CHUNK {
+    for i in 0..whole_registers(points.count) {
         let depth = depths[i];
         let ray = [(points.column[i] - lens.center.x) * inverse_x, (points.row[i] - lens.center.y) * inverse_y, 1.0];
         let plane = [points.plane[0][i], points.plane[1][i], points.plane[2][i]];

@@ -10,7 +10,7 @@ use glam::Vec3A;
 use multiversion::multiversion;
 
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
-use crate::lanes::{CHUNK, Lane, ZERO};
+use crate::lanes::{CHUNK, Lane, REGISTER, ZERO};
 use crate::layers::TILE;
 use crate::mesh::Face;
 use crate::points::Pixels;
@@ -20,7 +20,7 @@ use crate::view::{Lens, PartView};
 
 mod reflect;
 
-use reflect::{CORNERS, Light, Reflected, reflect, reflect_flat};
+use reflect::{Light, Reflected, reflect, reflect_flat};
 
 /// Roughness from which the light on a plane is taken to be linear over a tile, and the focal length, pixels: a tile then
 /// spans less than 2.3 degrees, less than the width of the sharpest highlight.
@@ -202,10 +202,10 @@ impl Shading {
         let mut even_texels = None;
         if is_flat {
             let face = &mesh.faces[first as usize];
-            locate::<CORNERS>(corners, placed, lens);
-            interpolate_one::<CORNERS>(corners, face, eye);
+            locate::<REGISTER>(corners, placed, lens);
+            interpolate_one::<REGISTER>(corners, face, eye);
             if let Some(texture) = texture {
-                find_footprints::<CORNERS>(corners, placed, lens, texture.texels());
+                find_footprints::<REGISTER>(corners, placed, lens, texture.texels());
                 even_texels = corners.even_texels();
                 locate::<CHUNK>(spots, placed, lens);
                 if even_texels.is_some() {
@@ -215,7 +215,10 @@ impl Shading {
                 }
             }
         } else {
-            locate::<CHUNK>(spots, placed, lens);
+            match spots.count <= REGISTER {
+                true => locate::<REGISTER>(spots, placed, lens),
+                false => locate::<CHUNK>(spots, placed, lens),
+            }
             if is_one {
                 interpolate_one::<CHUNK>(spots, &mesh.faces[first as usize], eye);
             } else {

@@ -10,7 +10,7 @@ use multiversion::multiversion;
 use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
 use crate::key_light::{KeyLight, MAX_RADIUS};
-use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
+use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, whole_registers, within};
 use crate::layers::{Layers, Motion, Rectangle, TILE};
 use crate::mesh::{CELLS_M, Mesh};
 use crate::points::Points;
@@ -436,7 +436,7 @@ fn place_points(light: &KeyLight, points: &Points, places: &mut Places) {
     let center = light.center.to_array();
     let (texels_per_m, radius) = (light.texels_per_m, light.radius);
     let limit = (light.size - 1) as i32 as f32;
-    for i in 0..CHUNK {
+    for i in 0..whole_registers(points.count) {
         let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
         let slope = |row: usize| axes[0][row] * normal[0] + axes[1][row] * normal[1] + axes[2][row] * normal[2];
         let slopes = [slope(0), slope(1), slope(2)];

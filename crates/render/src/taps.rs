@@ -5,7 +5,7 @@
 use glam::Vec2;
 use multiversion::multiversion;
 
-use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, within};
+use crate::lanes::{CHUNK, Lane, ZERO, nearest_integer, whole_registers, within};
 use crate::raster::Target;
 
 /// Taps of the search for blockers and of the filter.
@@ -71,7 +71,7 @@ pub(crate) fn tap(queue: &Queue, map: &Target, taps: &mut Taps) {
             stored[i] = map.nearness[index[i] as usize];
         }
     }
-    add_taps(taps);
+    add_taps(taps, queue.count);
 }
 
 /// Taps of a chunk of doubts.
@@ -97,7 +97,7 @@ fn place_taps(queue: &Queue, [width, stride]: [usize; 2], taps: &mut Taps) {
     let limit = (width - 1) as i32 as f32;
     let stride = stride as u32;
     for ((offset, index), plane) in spiral().iter().zip(&mut taps.index).zip(&mut taps.plane) {
-        for i in 0..CHUNK {
+        for i in 0..whole_registers(queue.count) {
             let (cosine, sine, radius) = (queue.cosine[i], queue.sine[i], queue.radius[i]);
             let dx = (offset[0] * cosine - offset[1] * sine) * radius;
             let dy = (offset[0] * sine + offset[1] * cosine) * radius;
@@ -110,8 +110,8 @@ fn place_taps(queue: &Queue, [width, stride]: [usize; 2], taps: &mut Taps) {
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn add_taps(taps: &mut Taps) {
-    for i in 0..CHUNK {
+fn add_taps(taps: &mut Taps, count: usize) {
+    for i in 0..whole_registers(count) {
         let (mut blockers, mut distance) = (0.0, 0.0);
         for (stored, plane) in taps.stored.iter().zip(&taps.plane) {
             let ahead = stored[i] - plane[i];

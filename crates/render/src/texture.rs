@@ -9,7 +9,7 @@ use genmanip_core::Texture;
 use glam::{Vec2, Vec3A};
 use multiversion::multiversion;
 
-use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, within};
+use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, whole_registers, within};
 
 /// A texture and its smaller copies; they are made when the first pixel asks for them.
 #[derive(Debug)]
@@ -125,7 +125,7 @@ impl MipTexture {
     ) {
         let pyramid = self.levels.get_or_init(|| Pyramid::new(&self.texture));
         let last = pyramid.levels.len() - 1;
-        find_octaves(texels_per_pixel, &mut samples.octave);
+        find_octaves(count, texels_per_pixel, &mut samples.octave);
         let first = samples.octave[0];
         if samples.octave[..count].iter().fold(0, |differ, &octave| differ | (octave ^ first)) == 0 {
             let level = pyramid.levels[(first as usize).min(last)];
@@ -138,7 +138,7 @@ impl MipTexture {
                 (samples.stride[i], samples.first[i]) = (level.stride, level.first);
             }
         }
-        find_texels(u, v, samples);
+        find_texels(count, u, v, samples);
         for i in 0..count {
             let index = samples.index[i] as usize;
             let (upper, lower) = (&pyramid.texels[index..], &pyramid.texels[index + samples.stride[i] as usize..]);
@@ -147,7 +147,7 @@ impl MipTexture {
                 samples.texels.iter_mut().zip(texels).for_each(|(lane, texel)| lane[i] = texel);
             }
         }
-        mix_texels(samples);
+        mix_texels(count, samples);
         let table = linear_table();
         for (out, codes) in out.iter_mut().zip(&samples.codes) {
             for i in 0..count {
@@ -159,8 +159,8 @@ impl MipTexture {
 
 /// Halvings of a texture's sides after which a pixel covers about one texel.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn find_octaves(texels_per_pixel: &Lane, octaves: &mut [u32; CHUNK]) {
-    for i in 0..CHUNK {
+fn find_octaves(count: usize, texels_per_pixel: &Lane, octaves: &mut [u32; CHUNK]) {
+    for i in 0..whole_registers(count) {
         octaves[i] = octave(texels_per_pixel[i]);
     }
 }
@@ -175,8 +175,8 @@ pub(crate) fn octave(texels_per_pixel: f32) -> u32 {
 
 /// The first of the four texels around each point.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn find_texels(u: &Lane, v: &Lane, samples: &mut Samples) {
-    for i in 0..CHUNK {
+fn find_texels(count: usize, u: &Lane, v: &Lane, samples: &mut Samples) {
+    for i in 0..whole_registers(count) {
         let column = (u[i] - floor(u[i])) * samples.width[i] + 0.5;
         let row = (v[i] - floor(v[i])) * samples.height[i] + 0.5;
         // Counted from the border; coordinates that are not finite end there too.
@@ -189,9 +189,9 @@ fn find_texels(u: &Lane, v: &Lane, samples: &mut Samples) {
 
 /// Mixes texels in sRGB, which is close enough to mixing light and needs one conversion.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn mix_texels(samples: &mut Samples) {
+fn mix_texels(count: usize, samples: &mut Samples) {
     for channel in 0..3 {
-        for i in 0..CHUNK {
+        for i in 0..whole_registers(count) {
             let code = |corner: usize| (samples.texels[corner][i] >> (8 * channel) & 0xff) as i32 as f32;
             let upper = code(0) + (code(1) - code(0)) * samples.x[i];
             let lower = code(2) + (code(3) - code(2)) * samples.x[i];

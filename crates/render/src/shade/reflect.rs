@@ -7,7 +7,7 @@ use multiversion::multiversion;
 use super::Spots;
 use crate::assets::Surface;
 use crate::develop::tone_map;
-use crate::lanes::{CHUNK, Lane, ZERO, within};
+use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, within};
 use crate::layers::TILE;
 use crate::lighting::Lighting;
 use crate::occluders::{Hollow, facing_middle};
@@ -95,9 +95,6 @@ impl Light<'_> {
     }
 }
 
-/// Lanes for the corners of a tile: one of the widest registers.
-pub(super) const CORNERS: usize = 16;
-
 /// Light reflected towards the viewer, developed.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
 pub(super) fn reflect(
@@ -108,12 +105,16 @@ pub(super) fn reflect(
     light: &Light<'_>,
     out: &mut Reflected,
 ) {
-    reflect_chunk(spots, surface, placed, lens, light, out);
+    if spots.count <= REGISTER {
+        reflect_chunk::<REGISTER>(spots, surface, placed, lens, light, out);
+    } else {
+        reflect_chunk::<CHUNK>(spots, surface, placed, lens, light, out);
+    }
 }
 
 /// What [`reflect`] is compiled from, for the widest registers of the machine and for none.
 #[inline(always)]
-fn reflect_chunk(
+fn reflect_chunk<const LANES: usize>(
     spots: &Spots,
     surface: &Surface,
     placed: &PartView,
@@ -121,21 +122,21 @@ fn reflect_chunk(
     light: &Light<'_>,
     out: &mut Reflected,
 ) {
-    face_viewer::<CHUNK>(spots, placed, lens, out);
-    look_around::<CHUNK>(&light.lighting.sky, &light.glossy, out);
+    face_viewer::<LANES>(spots, placed, lens, out);
+    look_around::<LANES>(&light.lighting.sky, &light.glossy, out);
     if let Some(table_light) = light.table_light {
         dim_table(table_light, spots.count, &spots.place, &mut out.around);
     }
-    find_highlights::<CHUNK>(surface.roughness, light.lighting.to_light.to_array(), out);
-    hold_back_key(&spots.key, out);
+    find_highlights::<LANES>(surface.roughness, light.lighting.to_light.to_array(), out);
+    hold_back_key::<LANES>(&spots.key, out);
     if surface.metallic > 0.0 {
-        add_up(spots, surface, light.lighting, out);
+        add_up::<LANES>(spots, surface, light.lighting, out);
     } else {
-        find_hollow::<CHUNK>(light.hollow, spots, out);
-        mirror::<CHUNK>(surface.reflectance, out);
-        add_up_dielectric(spots, [surface.scatters(), light.open()], light.lighting, out);
+        find_hollow::<LANES>(light.hollow, spots, out);
+        mirror::<LANES>(surface.reflectance, out);
+        add_up_dielectric::<LANES>(spots, [surface.scatters(), light.open()], light.lighting, out);
     }
-    develop(surface.opacity < 1.0, out);
+    develop::<LANES>(surface.opacity < 1.0, out);
 }
 
 /// The same for a tile of an opaque dielectric on one plane, whose light is that at its corners and linear between them:
@@ -149,23 +150,23 @@ pub(super) fn reflect_flat(
     light: &Light<'_>,
     out: &mut Reflected,
 ) {
-    face_viewer::<CORNERS>(corners, placed, lens, out);
-    look_around::<CORNERS>(&light.lighting.sky, &light.glossy, out);
-    find_hollow::<CORNERS>(light.hollow, corners, out);
+    face_viewer::<REGISTER>(corners, placed, lens, out);
+    look_around::<REGISTER>(&light.lighting.sky, &light.glossy, out);
+    find_hollow::<REGISTER>(light.hollow, corners, out);
     if let Some(table_light) = light.table_light {
         dim_table(table_light, 4, &corners.place, &mut out.around);
     }
-    find_highlights::<CORNERS>(surface.roughness, light.lighting.to_light.to_array(), out);
-    mirror::<CORNERS>(surface.reflectance, out);
+    find_highlights::<REGISTER>(surface.roughness, light.lighting.to_light.to_array(), out);
+    mirror::<REGISTER>(surface.reflectance, out);
     for lane in out.around.iter_mut().chain(&mut out.mirrored) {
         spread(lane);
     }
     spread(&mut out.lit);
     spread(&mut out.hollow);
     spread(&mut out.lobe);
-    hold_back_key(&spots.key, out);
-    add_up_dielectric(spots, [1.0, light.open()], light.lighting, out);
-    develop(false, out);
+    hold_back_key::<CHUNK>(&spots.key, out);
+    add_up_dielectric::<CHUNK>(spots, [1.0, light.open()], light.lighting, out);
+    develop::<CHUNK>(false, out);
 }
 
 /// How far the pixels of a tile lie from its first column and from its first row, in tiles.
@@ -300,8 +301,8 @@ fn find_highlights<const LANES: usize>(roughness: f32, to_light: [f32; 3], out: 
 
 /// What is left of the lamp's light behind what holds it back, and what that does to other light.
 #[inline(always)]
-fn hold_back_key(key: &Lane, out: &mut Reflected) {
-    for i in 0..CHUNK {
+fn hold_back_key<const LANES: usize>(key: &Lane, out: &mut Reflected) {
+    for i in 0..LANES {
         let lit = out.lit[i];
         out.strength[i] = lit * key[i];
         out.veiled[i] = (lit - out.strength[i]) * WITH_KEY;
@@ -311,13 +312,13 @@ fn hold_back_key(key: &Lane, out: &mut Reflected) {
 
 /// The sum of all light.
 #[inline(always)]
-fn add_up(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
+fn add_up<const LANES: usize>(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
     let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
     let key = lighting.key.to_array();
     let side = surface.scatters();
     for channel in 0..3 {
         let lamp = key[channel];
-        for i in 0..CHUNK {
+        for i in 0..LANES {
             let (base, ambient_share) = (spots.base[channel][i], spots.ambient[i]);
             let around = out.around[channel][i] * (1.0 - out.veiled[i]);
             let f0 = reflectance + (base - reflectance) * metallic;
@@ -363,11 +364,16 @@ fn mirror<const LANES: usize>(reflectance: f32, out: &mut Reflected) {
 
 /// [`add_up`] of a dielectric, after [`mirror`]: a share of one side scatters, and a share of the sky is seen from its hollow.
 #[inline(always)]
-fn add_up_dielectric(spots: &Spots, [side, open]: [f32; 2], lighting: &Lighting, out: &mut Reflected) {
+fn add_up_dielectric<const LANES: usize>(
+    spots: &Spots,
+    [side, open]: [f32; 2],
+    lighting: &Lighting,
+    out: &mut Reflected,
+) {
     let key = lighting.key.to_array();
     for channel in 0..3 {
         let lamp = key[channel];
-        for i in 0..CHUNK {
+        for i in 0..LANES {
             let ambient_share = spots.ambient[i];
             let around = out.around[channel][i] * (1.0 - out.veiled[i]);
             let arriving = lamp * out.strength[i];
@@ -382,10 +388,10 @@ fn add_up_dielectric(spots: &Spots, [side, open]: [f32; 2], lighting: &Lighting,
 
 /// Light as a display shows it.
 #[inline(always)]
-fn develop(is_transparent: bool, out: &mut Reflected) {
+fn develop<const LANES: usize>(is_transparent: bool, out: &mut Reflected) {
     if is_transparent {
         // Added to what is behind, which is developed: only the sum has dark tones.
-        for i in 0..CHUNK {
+        for i in 0..LANES {
             for channel in 0..3 {
                 let color = out.color[channel][i];
                 out.color[channel][i] = if color < 1.0 { color } else { 1.0 };
@@ -393,7 +399,7 @@ fn develop(is_transparent: bool, out: &mut Reflected) {
         }
         return;
     }
-    for i in 0..CHUNK {
+    for i in 0..LANES {
         let color = tone_map([out.color[0][i], out.color[1][i], out.color[2][i]]);
         out.color[0][i] = color[0];
         out.color[1][i] = color[1];
@@ -440,10 +446,16 @@ mod tests {
             let light = Light { lighting: &lighting, glossy, table_light: None, hollow: None };
             let placed = PartView::default();
             let [mut wide, mut plain] = [Reflected::default(), Reflected::default()];
-            reflect(&shading, &surface, &placed, &lens, &light, &mut wide);
-            reflect_chunk(&shading, &surface, &placed, &lens, &light, &mut plain);
             let bits = |lanes: &[Lane; 3]| lanes.map(|channel| channel.map(f32::to_bits));
+            shading.count = CHUNK;
+            reflect_chunk::<CHUNK>(&shading, &surface, &placed, &lens, &light, &mut plain);
+            reflect(&shading, &surface, &placed, &lens, &light, &mut wide);
             assert_eq!(bits(&wide.color), bits(&plain.color));
+            shading.count = REGISTER;
+            let mut few = Reflected::default();
+            reflect(&shading, &surface, &placed, &lens, &light, &mut few);
+            let first = |lanes: &[Lane; 3]| bits(lanes).map(|channel| channel[..REGISTER].to_vec());
+            assert_eq!(first(&few.color), first(&plain.color));
         }
     }
 }

@@ -161,11 +161,11 @@ impl Cells {
         }
         let half = self.search;
         let (first, width) = self.corner([x - half, y - half]);
-        let found = search_block(&self.sums[first..], width, 2 * half + 1);
+        let mut found = search_block(&self.sums[first..], width, 2 * half + 1);
+        find_half_widths(&mut found, self.radius_per_m, self.step);
         let (mut shares, mut reach) = ([[1.0; TILE]; TILE], self.search);
-        for (dy, line) in found.iter().enumerate() {
-            for (dx, &sum) in line.iter().enumerate().filter(|(_, sum)| **sum > 0) {
-                let half = self.half_width(sum);
+        for (dy, (sums, halves)) in found.sums.iter().zip(&found.half_widths).enumerate() {
+            for (dx, (_, &half)) in sums.iter().zip(halves).enumerate().filter(|(_, (sum, _))| **sum > 0) {
                 let whole = nearest_integer(floor(half)) as usize;
                 let lit = |half: usize| {
                     let (cover, _) = unpack(self.within([x + dx - half, y + dy - half], 2 * half + 1));
@@ -178,21 +178,35 @@ impl Cells {
         }
         (shares, reach)
     }
+}
 
-    /// Half the side of the square over which a cell takes the mean, cells, after what was found between it and the light.
-    #[inline(always)]
-    fn half_width(&self, found: u64) -> f32 {
-        let (cover, distance) = unpack(found);
-        let mean = distance as f32 / (cover as f32 * STEPS_PER_M);
-        within(half_side(within(mean * self.radius_per_m, 1.2, MAX_RADIUS) / self.step as f32), 0.0, MAX_RADIUS)
+/// What was found between the cells of a block and the light.
+struct Found {
+    sums: [[u64; TILE]; TILE],
+    /// Half the side of the square over which a cell takes the mean, cells; means nothing where nothing was found.
+    half_widths: [[f32; TILE]; TILE],
+}
+
+/// After the mean distance of what was found, from the radius of a soft edge per metre, texels.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+fn find_half_widths(found: &mut Found, radius_per_m: f32, step: usize) {
+    let step = step as i32 as f32;
+    for row in 0..TILE {
+        for column in 0..TILE {
+            let (cover, distance) = unpack(found.sums[row][column]);
+            // Both are far below 2³¹.
+            let mean = distance as i32 as f32 / (cover as i32 as f32 * STEPS_PER_M);
+            let half = half_side(within(mean * radius_per_m, 1.2, MAX_RADIUS) / step);
+            found.half_widths[row][column] = within(half, 0.0, MAX_RADIUS);
+        }
     }
 }
 
 /// What squares of so many cells around those of a block hold; `sums` start at the first square's corner.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn search_block(sums: &[u64], width: usize, side: usize) -> [[u64; TILE]; TILE] {
-    let mut found = [[0; TILE]; TILE];
-    for (row, line) in found.iter_mut().enumerate() {
+fn search_block(sums: &[u64], width: usize, side: usize) -> Found {
+    let mut found = Found { sums: [[0; TILE]; TILE], half_widths: [[0.0; TILE]; TILE] };
+    for (row, line) in found.sums.iter_mut().enumerate() {
         let (top, bottom) = (&sums[row * width..], &sums[(row + side) * width..]);
         let corners = [&top[..TILE], &top[side..][..TILE], &bottom[..TILE], &bottom[side..][..TILE]];
         for cell in 0..TILE {
