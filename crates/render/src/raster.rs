@@ -30,8 +30,8 @@ pub(crate) struct Corner {
     pub nearness: f32,
 }
 
-/// Rows of a triangle whose ends are found at once: few triangles have more.
-const ROWS: usize = 8;
+/// Rows of a triangle whose ends are found at once. Measured: 8 are as fast in large pictures and slower in small ones.
+const ROWS: usize = 4;
 
 impl Corner {
     /// With so many samples per pixel: a pixel's centre is its first sample.
