@@ -212,23 +212,28 @@ fn a_picture_that_continues_another_has_the_bytes_of_one_drawn_from_nothing() {
     let hand =
         Camera { mount: CameraMount::Hand, mount_from_camera: Pose::from_position(DVec3::Z * -0.3), ..camera(96, 54) };
     let small = camera(64, 36);
-    let mut renderer = Renderer::new(Arc::clone(&assets), RenderVariation::default());
-    let mut least = usize::MAX;
-    for (index, frame) in episode(&assets).iter().enumerate() {
-        for camera in [&fixed, &hand, &small] {
-            let mut out = [FrameBuffers::default()];
-            renderer.render(&[ViewJob::new(frame, camera, Channels::ALL)], &mut out).unwrap();
-            assert!(
-                out[0] == draw(&assets, frame, camera, Channels::ALL),
-                "frame {index}, camera of {} px",
-                out[0].width
-            );
-            if std::ptr::eq(camera, &fixed) {
-                least = least.min(renderer.shaded_pixels());
+    let usual = RenderVariation::default();
+    let low_lamp = RenderVariation { light_direction: [-1.0, 0.2, 0.5], light_angular_radius: 0.16, ..usual.clone() };
+    for look in [usual, low_lamp] {
+        let mut renderer = Renderer::new(Arc::clone(&assets), look.clone());
+        let mut judge = Renderer::new(Arc::clone(&assets), look);
+        let mut least = usize::MAX;
+        for (index, frame) in episode(&assets).iter().enumerate() {
+            for camera in [&fixed, &hand, &small] {
+                for channels in [Channels::ALL, Channels { normal: false, ..Channels::ALL }] {
+                    let [mut out, mut anew] = [[FrameBuffers::default()], [FrameBuffers::default()]];
+                    renderer.render(&[ViewJob::new(frame, camera, channels)], &mut out).unwrap();
+                    if channels.normal && std::ptr::eq(camera, &fixed) {
+                        least = least.min(renderer.shaded_pixels());
+                    }
+                    judge.forget();
+                    judge.render(&[ViewJob::new(frame, camera, channels)], &mut anew).unwrap();
+                    assert!(out == anew, "frame {index}, camera of {} px, {channels:?}", out[0].width);
+                }
             }
         }
+        assert_eq!(least, 0, "where only trembling is left, nothing is shaded again");
     }
-    assert_eq!(least, 0, "where only trembling is left, nothing is shaded again");
 }
 
 #[test]
