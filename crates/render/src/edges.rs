@@ -230,8 +230,8 @@ impl Edges {
     }
 }
 
-/// The indices of surfaces by their numbers, those of one surface in their order: counted, not compared, since they are
-/// many of few.
+/// Sorts the indices of surfaces by their numbers and keeps the order of equal ones; a counting sort, since many points
+/// lie on few surfaces.
 fn by_surface(surfaces: impl Iterator<Item = u32> + Clone, order: &mut Vec<u32>) {
     let mut ends = vec![0; surfaces.clone().max().map_or(0, |last| last as usize + 2)];
     surfaces.clone().for_each(|surface| ends[surface as usize + 1] += 1);

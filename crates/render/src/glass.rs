@@ -50,7 +50,7 @@ impl Glass {
 
     /// Rows of pixels that may show anything transparent.
     pub fn rows_of_pixels(&self) -> Range<usize> {
-        let scale = self.layers[0].scale;
+        let scale = self.layers[0].scale.max(1);
         self.rows.start / scale..self.rows.end.div_ceil(scale)
     }
 
