@@ -295,17 +295,12 @@ impl Arrival {
                 continue;
             }
             let is_whole = summary.only.is_some() && summary.top.is_some();
-            let [columns, rows] = self.pixels_of(tile);
-            let depth = |x: usize, y: usize| self.depth[y * self.width + x];
-            let corners = [columns.start, columns.end - 1]
-                .map(|x| [rows.start, rows.end - 1].map(|y| (Vec2::new(x as f32, y as f32), depth(x, y))));
-            let middle = Vec2::new((columns.start + columns.end - 1) as f32, (rows.start + rows.end - 1) as f32) * 0.5;
-            // The light is read up to a pixel beyond a tile.
-            let places = corners
-                .as_flattened()
-                .iter()
-                .map(|&(at, depth)| lens.point_at(at + (at - middle).signum() * EDGE_PX, depth).truncate());
-            *mark = !is_whole || table_light.changed_after(version, places);
+            let [columns, rows] =
+                self.pixels_of(tile).map(|range| [range.start, range.end - 1].map(|pixel| pixel as f32));
+            let [left, right] = [columns[0] - EDGE_PX, columns[1] + EDGE_PX];
+            let [top, bottom] = [rows[0] - EDGE_PX, rows[1] + EDGE_PX];
+            let corners = [[left, top], [right, top], [left, bottom], [right, bottom]].map(Vec2::from_array);
+            *mark = !is_whole || table_light.changed_between(version, lens, corners);
         }
     }
 

@@ -189,8 +189,14 @@ impl TableLight {
         upper + (lower - upper) * y
     }
 
+    /// Whether the light anywhere between pixels that show the table changed after a version.
+    pub fn changed_between(&self, version: u64, lens: &Lens, pixels: [Vec2; 4]) -> bool {
+        let places = pixels.map(|pixel| self.grid.as_ref().and_then(|grid| grid.seen_at(lens, pixel)));
+        places.contains(&None) || self.changed_after(version, places.into_iter().flatten())
+    }
+
     /// Whether the light anywhere between places, metres, changed after a version.
-    pub fn changed_after(&self, version: u64, places: impl Iterator<Item = Vec2>) -> bool {
+    fn changed_after(&self, version: u64, places: impl Iterator<Item = Vec2>) -> bool {
         let Some(grid) = &self.grid else { return false };
         let (low, high) =
             places.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
@@ -210,17 +216,19 @@ impl Grid {
         [within(at.x, 0.0, self.last.x), within(at.y, 0.0, self.last.y)]
     }
 
+    /// The place, metres, that a camera sees at a pixel; `None` towards the horizon.
+    fn seen_at(&self, lens: &Lens, pixel: Vec2) -> Option<Vec2> {
+        let ray = lens.point_at(pixel, 1.0) - lens.eye;
+        let distance = (self.height - lens.eye.z) / ray.z;
+        (0.0..LONGEST_M).contains(&distance).then(|| (lens.eye + ray * distance).truncate())
+    }
+
     /// Runs and rows of the points that a camera may see; `None` for any, when it sees the horizon.
     fn seen_by(&self, lens: &Lens) -> Option<[Range<usize>; 2]> {
         let (width, height) = (lens.width as f32, lens.height as f32);
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
         for corner in [Vec2::splat(-1.0), Vec2::new(width, -1.0), Vec2::new(-1.0, height), Vec2::new(width, height)] {
-            let ray = lens.point_at(corner, 1.0) - lens.eye;
-            let distance = (self.height - lens.eye.z) / ray.z;
-            if !(0.0..LONGEST_M).contains(&distance) {
-                return None;
-            }
-            let place = (lens.eye + ray * distance).truncate();
+            let place = self.seen_at(lens, corner)?;
             (low, high) = (low.min(place), high.max(place));
         }
         let ([left, top], [right, bottom]) = (self.on_grid(low), self.on_grid(high));
