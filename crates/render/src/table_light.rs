@@ -293,7 +293,7 @@ mod tests {
     use genmanip_core::{CameraMount, Material, Pose};
 
     use super::*;
-    use crate::job::FrameState;
+    use crate::job::{Channels, FrameState, ViewJob};
     use crate::occluders::colors_of;
     use crate::tests::fixture;
     use crate::view::View;
@@ -367,5 +367,34 @@ mod tests {
         assert!(!followed.changed_after(followed.version(), around(0.3, 0.05)));
         let anew = scene.anew(CameraMount::World, moved);
         assert_eq!(followed.grid.map(|grid| grid.points), anew.grid.map(|grid| grid.points));
+    }
+
+    /// Every tile of a picture in which the light changed, up to a pixel beyond it, is told by its corners.
+    #[test]
+    fn tiles_are_told_where_the_light_changed() {
+        const TILE: usize = 8;
+        let scene = Scene::new();
+        let places = |x: f64| [DVec3::new(x, 0.0, 0.03), FAR];
+        let before = scene.anew(CameraMount::World, places(0.5));
+        let mut after = scene.anew(CameraMount::World, places(0.5));
+        scene.follow(&mut after, CameraMount::World, places(0.53));
+        let frame = FrameState { body_poses: places(0.53).map(Pose::from_position).to_vec() };
+        let camera = fixture::camera(320, 184);
+        let lens = Lens::of(&scene.assets, &ViewJob::new(&frame, &camera, Channels::RGB)).unwrap();
+        let grid = after.grid.as_ref().unwrap();
+        let (mut changed, mut told) = (0, 0);
+        for (column, row) in (0..320 / TILE).flat_map(|column| (0..184 / TILE).map(move |row| (column, row))) {
+            let first = Vec2::new((column * TILE) as f32, (row * TILE) as f32);
+            let corner = |x: f32, y: f32| first + Vec2::new(x, y);
+            let corners = [corner(-1.5, -1.5), corner(8.5, -1.5), corner(-1.5, 8.5), corner(8.5, 8.5)];
+            let is_told = after.changed_between(before.version(), &lens, corners);
+            let differs = (0..=36).flat_map(|x| (0..=36).map(move |y| [x, y])).any(|[x, y]| {
+                let place = grid.seen_at(&lens, corner(x as f32 * 0.25 - 1.0, y as f32 * 0.25 - 1.0));
+                place.is_some_and(|Vec2 { x, y }| before.at(x, y) != after.at(x, y))
+            });
+            assert!(is_told || !differs, "tile {column}, {row}");
+            (changed, told) = (changed + usize::from(differs), told + usize::from(is_told));
+        }
+        assert!(changed > 20 && told < 320 * 184 / TILE / TILE, "{changed} changed, {told} told");
     }
 }
