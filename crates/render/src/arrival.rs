@@ -426,9 +426,8 @@ impl Arrival {
     pub fn refine(&mut self, tiles: Range<usize>) {
         let mut window = std::mem::take(&mut self.window);
         for tile in marked_around(&self.changed.blurred, self.columns, tiles) {
-            let before = (!self.changed.light[tile]).then(|| self.square(&self.ambient, tile));
-            self.refine_tile(tile, &mut window);
-            self.changed.light[tile] |= before.is_some_and(|before| before != self.square(&self.ambient, tile));
+            let (is_lit_anew, ambient) = (self.changed.light[tile], |own: &Self| own.square(&own.ambient, tile));
+            self.changed.light[tile] = self.alters(is_lit_anew, ambient, |own| own.refine_tile(tile, &mut window));
         }
         self.window = window;
     }

@@ -294,6 +294,7 @@ mod tests {
 
     use super::*;
     use crate::job::{Channels, FrameState, ViewJob};
+    use crate::layers::TILE;
     use crate::occluders::colors_of;
     use crate::tests::fixture;
     use crate::view::View;
@@ -372,7 +373,6 @@ mod tests {
     /// Every tile of a picture in which the light changed, up to a pixel beyond it, is told by its corners.
     #[test]
     fn tiles_are_told_where_the_light_changed() {
-        const TILE: usize = 8;
         let scene = Scene::new();
         let places = |x: f64| [DVec3::new(x, 0.0, 0.03), FAR];
         let before = scene.anew(CameraMount::World, places(0.5));

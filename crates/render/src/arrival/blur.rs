@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
-use super::{Arrival, LEVEL, ON_TOP, put};
+use super::{Arrival, Changes, LEVEL, ON_TOP, put};
 use crate::layers::{TILE, marked_around};
 use crate::refine::{HALF, UNKNOWN};
 
@@ -24,13 +24,12 @@ impl Arrival {
     pub fn blur(&mut self, tiles: Range<usize>) {
         let mut windows = std::mem::take(&mut self.windows);
         for tile in marked_around(&self.changed.estimates, self.columns, tiles) {
-            let key = (!self.changed.light[tile]).then(|| self.square(&self.key, tile));
-            self.blur_key(tile, &mut windows);
-            self.changed.light[tile] |= key.is_some_and(|before| before != self.square(&self.key, tile));
-            let half = (!self.changed.blurred[tile]).then(|| self.half_square(&self.half, tile));
-            self.blur_half(tile, &mut windows);
-            self.changed.blurred[tile] =
-                self.changed.estimates[tile] || half.is_some_and(|before| before != self.half_square(&self.half, tile));
+            let key = |own: &Self| own.square(&own.key, tile);
+            let half = |own: &Self| own.half_square(&own.half, tile);
+            let Changes { light, estimates, .. } = &self.changed;
+            let [is_lit_anew, is_new] = [light[tile], estimates[tile]];
+            self.changed.light[tile] = self.alters(is_lit_anew, key, |own| own.blur_key(tile, &mut windows));
+            self.changed.blurred[tile] = self.alters(is_new, half, |own| own.blur_half(tile, &mut windows));
         }
         self.windows = windows;
     }

@@ -72,6 +72,18 @@ impl Arrival {
         }
     }
 
+    /// Whether writing changes what is read, to the bit; where that is known already, nothing is read.
+    pub(super) fn alters<T: PartialEq>(
+        &mut self,
+        is_known: bool,
+        read: impl Fn(&Self) -> T,
+        write: impl FnOnce(&mut Self),
+    ) -> bool {
+        let before = (!is_known).then(|| read(self));
+        write(self);
+        before.is_none_or(|before| before != read(self))
+    }
+
     /// Values of a tile's pixels.
     pub(super) fn square(&self, values: &[f32], tile: usize) -> Square<TILE> {
         square(values, self.width, self.pixels_of(tile))
