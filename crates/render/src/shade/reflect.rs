@@ -6,7 +6,7 @@ use multiversion::multiversion;
 
 use super::Spots;
 use crate::assets::Surface;
-use crate::develop::tone_map;
+use crate::develop::{is_compressed, tone_map, tone_map_dark};
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, within};
 use crate::layers::TILE;
 use crate::lighting::Lighting;
@@ -162,7 +162,9 @@ pub(super) fn reflect_flat(
         spread(lane);
     }
     spread(&mut out.lit);
-    spread(&mut out.hollow);
+    if light.hollow.is_some() {
+        spread(&mut out.hollow);
+    }
     spread(&mut out.lobe);
     hold_back_key::<CHUNK>(&spots.key, out);
     add_up_dielectric::<CHUNK>(spots, [1.0, light.open()], light.lighting, out);
@@ -370,17 +372,45 @@ fn add_up_dielectric<const LANES: usize>(
     lighting: &Lighting,
     out: &mut Reflected,
 ) {
+    let (mut is_open, mut has_hollow) = (true, false);
+    for i in 0..LANES {
+        is_open &= spots.ambient[i] == 1.0;
+        has_hollow |= out.hollow[i] > 0.0;
+    }
+    // What is zero is not computed; the sums have the same bits.
+    match [is_open, has_hollow] {
+        [true, false] => add_up_some::<LANES, true, false>(spots, [side, open], lighting, out),
+        [false, false] => add_up_some::<LANES, false, false>(spots, [side, open], lighting, out),
+        [_, true] => add_up_some::<LANES, false, true>(spots, [side, open], lighting, out),
+    }
+}
+
+/// [`add_up_dielectric`] where all of the surroundings is seen, and where light is in a hollow.
+#[inline(always)]
+fn add_up_some<const LANES: usize, const IS_OPEN: bool, const HAS_HOLLOW: bool>(
+    spots: &Spots,
+    [side, open]: [f32; 2],
+    lighting: &Lighting,
+    out: &mut Reflected,
+) {
     let key = lighting.key.to_array();
     for channel in 0..3 {
         let lamp = key[channel];
         for i in 0..LANES {
-            let ambient_share = spots.ambient[i];
             let around = out.around[channel][i] * (1.0 - out.veiled[i]);
             let arriving = lamp * out.strength[i];
             let albedo = spots.base[channel][i];
-            let hollow = thrown_back(albedo, open) * out.hollow[i] * lamp;
-            let diffuse = scattered(albedo, ambient_share, around, arriving, [out.corner[i], lamp]) + hollow;
-            let specular = out.mirrored[channel][i] * ambient_share + arriving * out.lobe[i];
+            let mirrored = out.mirrored[channel][i];
+            let (mut diffuse, ambient) = if IS_OPEN {
+                (albedo * (around * between(1.0, albedo) + arriving), mirrored)
+            } else {
+                let share = spots.ambient[i];
+                (scattered(albedo, share, around, arriving, [out.corner[i], lamp]), mirrored * share)
+            };
+            if HAS_HOLLOW {
+                diffuse += thrown_back(albedo, open) * out.hollow[i] * lamp;
+            }
+            let specular = ambient + arriving * out.lobe[i];
             out.color[channel][i] = (diffuse * side + specular) * lighting.exposure;
         }
     }
@@ -396,6 +426,19 @@ fn develop<const LANES: usize>(is_transparent: bool, out: &mut Reflected) {
                 let color = out.color[channel][i];
                 out.color[channel][i] = if color < 1.0 { color } else { 1.0 };
             }
+        }
+        return;
+    }
+    let mut is_bright = false;
+    for i in 0..LANES {
+        is_bright |= is_compressed([out.color[0][i], out.color[1][i], out.color[2][i]]);
+    }
+    if !is_bright {
+        for i in 0..LANES {
+            let color = tone_map_dark([out.color[0][i], out.color[1][i], out.color[2][i]]);
+            out.color[0][i] = color[0];
+            out.color[1][i] = color[1];
+            out.color[2][i] = color[2];
         }
         return;
     }
