@@ -5,11 +5,19 @@ use std::sync::{Arc, Mutex, OnceLock, Weak};
 
 use genmanip_core::{Pose, TriMesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use meshopt::{SimplifyOptions, simplify_scale_decoder, simplify_with_attributes_and_locks_decoder};
 
 use crate::raster::Planes;
 
-/// Cells of the coarser copies of a mesh, metres; a copy is drawn where its cell is smaller than one and a half pixels.
-pub(crate) const CELLS_M: [f32; 5] = [0.0015, 0.003, 0.006, 0.012, 0.02];
+/// How far the surfaces of the coarser copies of a mesh may lie from its own, metres.
+pub(crate) const ERRORS_M: [f32; 5] = [0.0005, 0.001, 0.002, 0.004, 0.008];
+/// The same of the copies that cast shadows in large and in small images: at most half a texel of the shadow map.
+const CASTER_ERRORS_M: [f32; 2] = [0.001, 0.004];
+/// The same of the former, over the radius of the mesh. Measured: with a twentieth the outlines of shadows show corners.
+const CASTER_SHARE: f32 = 0.01;
+
+/// How far the unit normals of the former may lie from its own. Chosen: shades that differ by a few levels of 255.
+const NORMAL_ERROR: f32 = 0.1;
 
 /// A mesh in the frame of its body, with what shading wants to know of each triangle.
 #[derive(Debug)]
@@ -28,7 +36,8 @@ pub(crate) struct Mesh {
     /// Corners' normals and texture coordinates, for the coarser copies.
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
-    coarser: [OnceLock<Arc<Mesh>>; CELLS_M.len()],
+    coarser: [OnceLock<Arc<Mesh>>; ERRORS_M.len()],
+    casters: [OnceLock<Arc<Mesh>>; CASTER_ERRORS_M.len()],
 }
 
 /// A triangle: what is interpolated over it as linear functions of the place in the body's frame.
@@ -120,50 +129,60 @@ impl Mesh {
             normals,
             uvs,
             coarser: Default::default(),
+            casters: Default::default(),
         }
     }
 
-    /// The copy for a level: 0 is the mesh itself, `n` the one with cells of `CELLS_M[n - 1]`.
+    /// The copy for a level: 0 is the mesh itself, `n` the one within `ERRORS_M[n - 1]` of it.
     pub fn at_level(&self, level: usize) -> &Self {
-        match level.checked_sub(1).and_then(|index| Some((&CELLS_M[index..], self.coarser.get(index)?))) {
-            Some((cells, copy)) => copy.get_or_init(|| Arc::new(self.clustered(cells[0]))),
+        match level.checked_sub(1).and_then(|index| Some((*ERRORS_M.get(index)?, self.coarser.get(index)?))) {
+            Some((error_m, copy)) => {
+                copy.get_or_init(|| Arc::new(self.simplified(error_m, NORMAL_ERROR, SimplifyOptions::None)))
+            }
             None => self,
         }
     }
 
-    /// All corners in one cell of a grid move to one place (Rossignac and Borrel, 1993), so that what was closed stays
-    /// closed; corners whose normals point elsewhere keep their own, so that edges stay sharp.
-    fn clustered(&self, cell_m: f32) -> Self {
-        let mut cells: BTreeMap<[i32; 3], (Vec3, f32)> = BTreeMap::new();
-        let cell_of = |position: Vec3| (position / cell_m).round().to_array().map(|value| value as i32);
-        for &position in &self.positions {
-            let (sum, count) = cells.entry(cell_of(position)).or_default();
-            (*sum, *count) = (*sum + position, *count + 1.0);
-        }
-        let mut clusters: BTreeMap<([i32; 3], u8), u32> = BTreeMap::new();
-        let (mut positions, mut normals, mut uvs) = (Vec::new(), Vec::<Vec3>::new(), Vec::new());
-        let mut cluster_of = Vec::with_capacity(self.positions.len());
-        for (index, &position) in self.positions.iter().enumerate() {
-            let cell = cell_of(position);
-            let cluster =
-                *clusters.entry((cell, direction_octant(self.normals[index]))).or_insert(normals.len() as u32);
-            if cluster as usize == normals.len() {
-                let (sum, count) = cells.get(&cell).copied().unwrap_or((position, 1.0));
-                positions.push(sum / count);
-                normals.push(Vec3::ZERO);
-                // The first texture coordinate is kept: a mean across a seam would be nowhere.
-                uvs.push(self.uvs[index]);
-            }
-            normals[cluster as usize] += self.normals[index];
-            cluster_of.push(cluster);
-        }
-        normals.iter_mut().for_each(|normal| *normal = normal.normalize_or_zero());
-        let place = |index: u32| cell_of(self.positions[index as usize]);
-        let triangles = self.triangles.iter().filter(|[a, b, c]| {
-            let [a, b, c] = [place(*a), place(*b), place(*c)];
-            a != b && b != c && c != a
-        });
-        let triangles = triangles.map(|triangle| triangle.map(|index| cluster_of[index as usize])).collect();
+    /// The copy that casts shadows in large or in small images; its normals and texture coordinates mean nothing.
+    pub fn caster(&self, is_small: bool) -> &Self {
+        let index = usize::from(is_small);
+        let share = if is_small { f32::INFINITY } else { CASTER_SHARE };
+        let error_m = CASTER_ERRORS_M[index].min(share * self.bounds_radius);
+        self.casters[index]
+            .get_or_init(|| Arc::new(self.simplified(error_m, f32::INFINITY, SimplifyOptions::Permissive)))
+    }
+
+    /// Edges are collapsed while the surface stays within a distance, and its normals within another (Garland and Heckbert,
+    /// "Surface Simplification Using Quadric Error Metrics", 1997); what was closed stays closed. Corners keep their places,
+    /// normals and texture coordinates, and seams remain unless the options permit otherwise.
+    fn simplified(&self, error_m: f32, normal_error: f32, options: SimplifyOptions) -> Self {
+        let corners: Vec<u32> = self.triangles.iter().flatten().copied().collect();
+        let positions: Vec<[f32; 3]> = self.positions.iter().map(Vec3::to_array).collect();
+        let normals: Vec<f32> = self.normals.iter().flat_map(Vec3::to_array).collect();
+        let extent_m = simplify_scale_decoder(&positions);
+        // Distances count over the extent. A mesh without one has nothing to collapse.
+        let weight = if extent_m > 0.0 { error_m / extent_m / normal_error } else { 0.0 };
+        let mut kept = simplify_with_attributes_and_locks_decoder(
+            &corners,
+            &positions,
+            &normals,
+            &[weight; 3],
+            size_of::<[f32; 3]>(),
+            &vec![false; positions.len()],
+            0,
+            error_m,
+            options | SimplifyOptions::ErrorAbsolute,
+            None,
+        );
+        // Corners that are left are numbered in their order.
+        let mut numbers = vec![0; positions.len()];
+        kept.iter().for_each(|&corner| numbers[corner as usize] = 1);
+        let own: Vec<usize> = (0..positions.len()).filter(|&corner| numbers[corner] > 0).collect();
+        (0..).zip(&own).for_each(|(number, &corner)| numbers[corner] = number);
+        kept.iter_mut().for_each(|corner| *corner = numbers[*corner as usize]);
+        let triangles = kept.as_chunks().0.to_vec();
+        let [positions, normals] = [&self.positions, &self.normals].map(|all| own.iter().map(|&at| all[at]).collect());
+        let uvs = own.iter().map(|&corner| self.uvs[corner]).collect();
         Self::of(positions, normals, uvs, triangles, self.closed)
     }
 
@@ -215,10 +234,6 @@ fn direction_code(normal: Vec3) -> u8 {
     (axis * 2 + usize::from(normal[axis] < 0.0)) as u8 * 25 + field(1) * 5 + field(2)
 }
 
-fn direction_octant(normal: Vec3) -> u8 {
-    direction_code(normal) / 25
-}
-
 fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; positions.len()];
     for &triangle in triangles {
@@ -262,4 +277,39 @@ fn is_closed(mesh: &TriMesh) -> bool {
     let balanced = edges.chunk_by(|a, b| a >> 1 == b >> 1).all(|same| forwards(same) * 2 == same.len());
     let volume: f64 = mesh.corners().map(|[a, b, c]| a.dot(b.cross(c))).sum();
     balanced && volume > 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::fixture::{ball, block};
+
+    /// Copies of a ball of 5 cm: how far its surface moves, how far normals turn, whether it is still closed, how many
+    /// triangles are left.
+    #[test]
+    fn coarser_copies_stay_close() {
+        let radius = 0.05;
+        let mesh = Mesh::new(&ball(radius, 48), &Pose::IDENTITY);
+        let levels = ERRORS_M.iter().enumerate().map(|(index, &error_m)| (mesh.at_level(index + 1), error_m, true));
+        let casters =
+            [false, true].map(|is_small| (mesh.caster(is_small), CASTER_ERRORS_M[usize::from(is_small)], false));
+        for (copy, error_m, has_normals) in levels.chain(casters) {
+            let count = copy.triangles.len();
+            assert!(count * 10 < mesh.triangles.len(), "{count} triangles within {error_m}");
+            let own =
+                TriMesh { positions: copy.positions.clone(), triangles: copy.triangles.clone(), ..TriMesh::default() };
+            assert!(is_closed(&own), "not closed within {error_m}");
+            for triangle in 0..count {
+                let corners = copy.corners(triangle);
+                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+                // The quadric error is a mean over a triangle's surroundings.
+                assert!(radius - middle.length() < 2.0 * error_m, "{} within {error_m}", middle.length());
+                let [a, b, c] = copy.triangles[triangle].map(|corner| copy.normals[corner as usize]);
+                let turned = ((a + b + c).normalize() - middle.normalize()).length();
+                assert!(!has_normals || turned < 2.0 * NORMAL_ERROR, "{turned} within {error_m}");
+            }
+        }
+        let block = Mesh::new(&block(Vec3::splat(0.1)), &Pose::IDENTITY);
+        assert_eq!(block.at_level(ERRORS_M.len()).triangles.len(), block.triangles.len());
+    }
 }

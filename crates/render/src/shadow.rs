@@ -12,7 +12,7 @@ use crate::job::FrameState;
 use crate::key_light::{KeyLight, MAX_RADIUS};
 use crate::lanes::{CHUNK, Lane, ZERO, floor, nearest_integer, whole_registers, within};
 use crate::layers::{Layers, Motion, Rectangle, TILE};
-use crate::mesh::{CELLS_M, Mesh};
+use crate::mesh::Mesh;
 use crate::points::Points;
 use crate::raster::{Corner, Eye, Target, draw_mesh};
 use crate::sky::luminance;
@@ -133,14 +133,13 @@ impl ShadowMap {
             motion.moved = is_new || caster.pose != pose;
             motion.before.clone_from(&motion.now);
             if motion.moved {
-                let level = caster_level(&part.mesh, is_coarse);
-                motion.now = caster.place(part.mesh.at_level(level), pose, &self.light);
+                motion.now = caster.place(part.mesh.caster(is_coarse), pose, &self.light);
             }
         }
         let (casters, motions, clear) = (&self.casters, &self.motions, &mut self.clear);
         let draw = |index: usize, target: &mut Target| {
             let part = &assets.parts[index];
-            let mesh = part.mesh.at_level(caster_level(&part.mesh, is_coarse));
+            let mesh = part.mesh.caster(is_coarse);
             if is_clear(&part.surface) {
                 clear.draw(mesh, &casters[index], &motions[index].now, target);
             } else {
@@ -345,15 +344,6 @@ impl Caster {
         });
         Rectangle::around([low.x, low.y], [high.x, high.y], light.size, light.size)
     }
-}
-
-/// Level of detail of what casts a shadow: cells of about a twentieth of its size and no larger than a few texels, or
-/// the coarse one of small images.
-fn caster_level(mesh: &Mesh, is_coarse: bool) -> usize {
-    if is_coarse {
-        return CELLS_M.len();
-    }
-    CELLS_M[..3].iter().take_while(|&&cell| cell < mesh.bounds_radius / 10.0).count()
 }
 
 /// Draws the sides that face the light, or both of a mesh that is not closed.

@@ -8,7 +8,7 @@ use crate::assets::{Part, RenderAssets, TRIANGLE_BITS};
 use crate::error::RenderError;
 use crate::job::{FrameState, ViewJob};
 use crate::layers::{Motion, Rectangle};
-use crate::mesh::{CELLS_M, Mesh};
+use crate::mesh::{ERRORS_M, Mesh};
 use crate::raster::{Corner, Eye, Sides, Target, area_of, draw_mesh};
 
 /// Nothing nearer than this is drawn, metres.
@@ -60,6 +60,9 @@ pub(crate) struct PartView {
 
 /// Smallest size of an image, along its longer side, that shows meshes in full detail.
 const FULL_DETAIL_PX: usize = 256;
+/// By how much surfaces may move at a level of detail, pixels. Measured: with a third of a pixel, pictures of 64 × 64 and
+/// 128 × 72 differ from those in full detail by 0.7 and 0.5 levels of 255 on average.
+const LEVEL_PX: f32 = 0.35;
 
 impl Lens {
     /// Checks a job and places its camera.
@@ -283,14 +286,13 @@ impl PartView {
 }
 
 impl Lens {
-    /// The coarsest level of detail whose cells are smaller than one and a half pixels at a distance; 0 in large images.
+    /// The coarsest level of detail whose surfaces move by less than [`LEVEL_PX`] at a distance; 0 in large images.
     fn level(&self, distance_m: f32) -> usize {
         if self.width.max(self.height) >= FULL_DETAIL_PX {
             return 0;
         }
-        // Corners move by half a cell at most.
         let pixel_m = distance_m / self.focal.x;
-        CELLS_M.iter().take_while(|&&cell| cell < 1.5 * pixel_m).count()
+        ERRORS_M.iter().take_while(|&&error| error < LEVEL_PX * pixel_m).count()
     }
 
     /// The point of the world that is seen at a pixel at a depth.
