@@ -39,12 +39,21 @@ const ON_TOP: f32 = -2.0;
 mod bins;
 mod blur;
 mod changes;
+mod field;
 mod key;
 mod seen;
 
 pub(crate) use bins::Bins;
 use blur::Windows;
 use changes::{Changes, Estimates};
+use field::Field;
+
+/// What the centres of an [`Arrival`]'s pixels see, while its other fields are written.
+macro_rules! centers {
+    ($of:expr) => {
+        Centers { width: $of.width, ids: &$of.ids, depth: &$of.depth, columns: $of.columns, only: &$of.only }
+    };
+}
 
 /// Arriving light per pixel, kept from frame to frame.
 #[derive(Debug, Default)]
@@ -61,13 +70,15 @@ pub(crate) struct Arrival {
     pub ids: Vec<u32>,
     pub surface: Vec<u16>,
     /// As estimated, and as blurred.
-    raw_key: Vec<f32>,
-    pub key: Vec<f32>,
+    raw_key: Field,
+    pub key: Field,
     /// At even rows and columns: as estimated, and as blurred.
-    raw_half: Vec<f32>,
-    half: Vec<f32>,
-    pub ambient: Vec<f32>,
+    raw_half: Field,
+    half: Field,
+    pub ambient: Field,
     tiles: Vec<TileSummary>,
+    /// By tile: the one triangle that all its samples show, as a visibility id.
+    only: Vec<Option<u32>>,
     /// Where nothing can be darkened by what is near on the picture, in this one and in the one before.
     is_plain: Vec<bool>,
     was_plain: Vec<bool>,
@@ -108,8 +119,6 @@ struct Work {
 struct TileSummary {
     /// The one surface that is seen, or [`SEVERAL`].
     surface: u16,
-    /// The one triangle that all its samples show, as a visibility id.
-    only: Option<u32>,
     /// Reach of its taps on the image, pixels.
     reach: isize,
     /// Where it lies on the shadow map.
@@ -126,8 +135,9 @@ struct TileSummary {
     is_level: bool,
     /// Smallest and largest share of the key light as estimated.
     key: [f32; 2],
-    /// The same of the ambient light.
+    /// The same of the ambient light, and over the tiles next to it too.
     ambient: [f32; 2],
+    ambient_around: [f32; 2],
 }
 
 const SEVERAL: u16 = u16::MAX;
@@ -142,23 +152,21 @@ impl Arrival {
         (self.width, self.height) = (width, height);
         (self.half_width, self.half_height) = (width.div_ceil(2), height.div_ceil(2));
         (self.columns, self.rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
-        let fresh = |list: &mut Vec<f32>, count: usize| {
-            list.clear();
-            list.resize(count, UNKNOWN);
-        };
-        for list in [&mut self.depth, &mut self.raw_key, &mut self.key, &mut self.ambient] {
-            fresh(list, width * height);
+        let tiles = self.columns * self.rows;
+        for field in [&mut self.raw_key, &mut self.key, &mut self.ambient] {
+            field.reset([width, height], tiles, UNKNOWN);
         }
-        for list in [&mut self.raw_half, &mut self.half] {
-            fresh(list, self.half_width * self.half_height);
+        for field in [&mut self.raw_half, &mut self.half] {
+            field.reset([self.half_width, self.half_height], tiles, UNKNOWN);
         }
+        self.depth.clear();
+        self.depth.resize(width * height, 0.0);
         self.ids.clear();
         self.ids.resize(width * height, 0);
         self.surface.clear();
         self.surface.resize(width * height, 0);
         let tile = TileSummary {
             surface: 0,
-            only: None,
             reach: 0,
             span: Span::default(),
             top: None,
@@ -168,14 +176,17 @@ impl Arrival {
             is_level: false,
             key: NO_RANGE,
             ambient: NO_RANGE,
+            ambient_around: NO_RANGE,
         };
         self.tiles.clear();
-        self.tiles.resize(self.columns * self.rows, tile);
+        self.tiles.resize(tiles, tile);
+        self.only.clear();
+        self.only.resize(tiles, None);
     }
 
     /// What the pixels' centres see.
     pub fn centers(&self) -> Centers<'_> {
-        Centers { width: self.width, ids: &self.ids, depth: &self.depth }
+        centers!(self)
     }
 
     /// The one surface that a tile shows, 0 for nothing; `None` for several.
@@ -190,16 +201,16 @@ impl Arrival {
 
     /// Whether all samples of a tile and of those next to it show one triangle, or nothing.
     pub fn shows_one(&self, tile: usize) -> bool {
-        let only = self.tiles[tile].only;
-        only.is_some() && self.neighbours(tile).all(|tile| tile.only == only)
+        let only = self.only[tile];
+        only.is_some() && self.beside(tile).all(|tile| self.only[tile] == only)
     }
 
     /// A tile and those next to it.
-    fn neighbours(&self, tile: usize) -> impl Iterator<Item = &TileSummary> {
-        let (column, row) = (tile % self.columns, tile / self.columns);
+    fn beside(&self, tile: usize) -> impl Iterator<Item = usize> {
+        let (column, row, width) = (tile % self.columns, tile / self.columns, self.columns);
         let columns = column.saturating_sub(1)..(column + 2).min(self.columns);
         (row.saturating_sub(1)..(row + 2).min(self.rows))
-            .flat_map(move |row| &self.tiles[row * self.columns..][columns.clone()])
+            .flat_map(move |row| columns.clone().map(move |column| row * width + column))
     }
 
     /// Pixels of a tile: columns and rows.
@@ -291,10 +302,10 @@ impl Arrival {
     pub fn mark_table(&self, table_light: &TableLight, version: u64, lens: &Lens, marks: &mut [bool]) {
         for (tile, mark) in marks.iter_mut().enumerate().filter(|(_, mark)| !**mark) {
             let summary = &self.tiles[tile];
-            if summary.only.is_some() && summary.surface != table_light.surface() {
+            if self.only[tile].is_some() && summary.surface != table_light.surface() {
                 continue;
             }
-            let is_whole = summary.only.is_some() && summary.top.is_some();
+            let is_whole = self.only[tile].is_some() && summary.top.is_some();
             let [columns, rows] =
                 self.pixels_of(tile).map(|range| [range.start, range.end - 1].map(|pixel| pixel as f32));
             let [left, right] = [columns[0] - EDGE_PX, columns[1] + EDGE_PX];
@@ -312,7 +323,7 @@ impl Arrival {
         self.keep_estimates(tiles, &mut work.before);
         self.find_key(shadow, &view.lens, tiles, bins, assets.parts.len(), &mut work);
         let Work { pixels, points, taps, doubts, reading, tops, coarse, dark, open, .. } = &mut *work;
-        let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
+        let centers = centers!(self);
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
             shadow.judge(points, &mut self.raw_key, doubts);
@@ -321,7 +332,7 @@ impl Arrival {
             shadow.settle(doubts, &mut self.raw_key);
         }
         coarse.iter().for_each(|&tile| self.share_key(tile));
-        let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
+        let centers = centers!(self);
         tops.for_each(pixels, centers, |part, pixels| {
             if let Some(top) = shadow.tops().of(part as u16 + 1) {
                 top.light(pixels, &view.lens, reading, &mut self.key);
@@ -330,7 +341,7 @@ impl Arrival {
         open.clear(assets.parts.len());
         self.find_ambient(tiles, bins, assets.parts.len(), dark, table, scene.occluders.count().then_some(&mut *open));
         let is_table = |part: usize| part + 1 == usize::from(table);
-        let centers = Centers { width: self.width, ids: &self.ids, depth: &self.depth };
+        let centers = centers!(self);
         bins.for_each(pixels, centers, |part, pixels| {
             points.fill(pixels, &assets.parts[part], &view.parts[part], &view.lens);
             occlude(points, &self.depth, [self.width, self.height], view.lens.focal.x, variation, taps);
@@ -382,25 +393,25 @@ impl Arrival {
                 _ => &mut *bins,
             };
             if has_bodies && is_plain && surface > 0 && surface != SEVERAL && surface != table {
+                self.raw_half.divide(tile);
                 list.push_even(surface, &columns, &rows);
                 dark.push(tile);
                 continue;
             }
             if surface != SEVERAL {
                 let is_lit = surface > 0 && is_plain;
-                let half = columns.start / 2..columns.end.div_ceil(2);
-                for row in rows.start / 2..rows.end.div_ceil(2) {
-                    let value = if is_lit { 1.0 } else { UNKNOWN };
-                    self.raw_half[row * self.half_width..][half.clone()].fill(value);
-                }
+                let half = [&columns, &rows].map(|range| range.start / 2..range.end.div_ceil(2));
+                self.raw_half.fill(tile, half, if is_lit { 1.0 } else { UNKNOWN });
                 if surface == 0 || is_lit {
                     self.tiles[tile].ambient = if is_lit { [1.0; 2] } else { NO_RANGE };
                 } else {
+                    self.raw_half.divide(tile);
                     list.push_even(surface, &columns, &rows);
                     dark.push(tile);
                 }
                 continue;
             }
+            self.raw_half.divide(tile);
             dark.push(tile);
             for row in rows.step_by(2) {
                 let first = row / 2 * self.half_width;
@@ -418,7 +429,17 @@ impl Arrival {
 
     /// Extremes over a tile and its neighbours.
     fn range_around(&self, tile: usize, pick: impl Fn(&TileSummary) -> [f32; 2]) -> [f32; 2] {
-        self.neighbours(tile).map(pick).fold(NO_RANGE, |[a, b], [low, high]| [a.min(low), b.max(high)])
+        let (column, row) = (tile % self.columns, tile / self.columns);
+        let columns = column.saturating_sub(1)..(column + 2).min(self.columns);
+        let [mut lowest, mut highest] = NO_RANGE;
+        for row in row.saturating_sub(1)..(row + 2).min(self.rows) {
+            for tile in &self.tiles[row * self.columns..][columns.clone()] {
+                let [low, high] = pick(tile);
+                lowest = if low < lowest { low } else { lowest };
+                highest = if high > highest { high } else { highest };
+            }
+        }
+        [lowest, highest]
     }
 
     /// The ambient light at every pixel of tiles, each from the four coarse pixels around it that show the same surface,
@@ -434,13 +455,13 @@ impl Arrival {
 
     fn refine_tile(&mut self, tile: usize, window: &mut RefineWindow) {
         let [columns, rows] = self.pixels_of(tile);
-        let [low, high] = self.range_around(tile, |tile| tile.ambient);
+        let [low, high] = self.tiles[tile].ambient_around;
         if low >= high {
             // One value all around; where nothing was estimated, nothing is darkened.
-            let values = [if low == high { low } else { 1.0 }; TILE];
-            rows.for_each(|row| put(&mut self.ambient[row * self.width..][columns.clone()], &values));
+            self.ambient.fill(tile, [columns, rows], if low == high { low } else { 1.0 });
             return;
         }
+        self.ambient.divide(tile);
         self.fill_window(columns.start, rows.start, window);
         let refined = refine_tile(window);
         for (row, line) in rows.zip(&refined) {

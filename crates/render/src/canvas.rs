@@ -36,6 +36,8 @@ pub(crate) struct Canvas {
     rgb: Vec<u8>,
     /// Instances at pixel centres, without what is transparent.
     instance: Vec<u16>,
+    /// By tile: the instance that all its pixels have.
+    shown: Vec<Option<u16>>,
     changed: Vec<bool>,
     stale: Vec<bool>,
     shaded: Vec<bool>,
@@ -80,6 +82,8 @@ impl Canvas {
             self.colors.resize(width * height, Vec3A::ZERO);
             self.rgb.resize(width * height * 3, 0);
             self.instance.resize(width * height, 0);
+            // A canvas keeps its size.
+            self.shown.resize(self.opaque.changed.len(), None);
         }
         self.changed.clone_from(&self.opaque.changed);
         let moved = |part: usize| assets.parts[part].is_transparent() && view.motions[part].moved;
@@ -122,6 +126,10 @@ impl Canvas {
         for tile in (0..self.changed.len()).filter(|&tile| self.changed[tile]) {
             let [columns, rows] = self.arrival.pixels_of(tile);
             let one = self.arrival.surface_of(tile).map(|surface| instances[surface as usize]);
+            let known = std::mem::replace(&mut self.shown[tile], one);
+            if one.is_some() && known == one {
+                continue;
+            }
             for row in rows {
                 let pixels = row * width + columns.start..row * width + columns.end;
                 let (out, surfaces) = (&mut self.instance[pixels.clone()], &self.arrival.surface[pixels]);
@@ -205,7 +213,7 @@ impl Canvas {
         let has_glass = scene.assets.parts.iter().any(Part::is_transparent);
         self.bins.for_each(pixels, arrival.centers(), |part, pixels| {
             *shaded += pixels.count;
-            shading.take(pixels, &arrival.key, &arrival.ambient);
+            shading.take(pixels, arrival);
             shading.shade(&scene.assets.parts[part], &scene.surfaces[part], &self.view.parts[part], lens, scene);
             let tile = arrival.tile_of(pixels.pixel[0]);
             let is_inner = pixels.is_tile && !has_glass && arrival.shows_one(tile);

@@ -30,6 +30,22 @@ pub(crate) struct Centers<'a> {
     /// Visibility ids.
     pub ids: &'a [u32],
     pub depth: &'a [f32],
+    /// Tiles per row, and the one id of all samples of each.
+    pub columns: usize,
+    pub only: &'a [Option<u32>],
+}
+
+impl Centers<'_> {
+    /// The one id of the tile of which this is the first pixel.
+    fn only(&self, place: u32) -> Option<u32> {
+        let [column, row] = unpacked(place);
+        self.only[row / TILE * self.columns + column / TILE]
+    }
+
+    fn first_id(&self, place: u32) -> u32 {
+        let [column, row] = unpacked(place);
+        self.ids[row * self.width + column]
+    }
 }
 
 /// Pixels whose centres show one part: a whole tile, or listed ones.
@@ -86,18 +102,22 @@ impl Pixels {
     /// Becomes the tile of which this is the first pixel.
     pub fn tile(&mut self, place: u32, centers: Centers<'_>) {
         (self.count, self.is_tile) = (CHUNK, true);
-        fill_tile(self, place, centers);
+        match centers.only(place) {
+            Some(id) => fill_tile::<true>(self, place, centers, id),
+            None => fill_tile::<false>(self, place, centers, centers.first_id(place)),
+        }
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn fill_tile(pixels: &mut Pixels, place: u32, centers: Centers<'_>) {
+fn fill_tile<const IS_ONE: bool>(pixels: &mut Pixels, place: u32, centers: Centers<'_>, first_id: u32) {
     let [column, row] = unpacked(place);
     let mut differ = 0;
-    let first_triangle = centers.ids[row * centers.width + column] & TRIANGLE;
+    let first_triangle = first_id & TRIANGLE;
     for step in 0..TILE {
         let first = (row + step) * centers.width + column;
-        let (depths, ids) = (&centers.depth[first..][..TILE], &centers.ids[first..][..TILE]);
+        let depths = &centers.depth[first..][..TILE];
+        let ids = if IS_ONE { &[first_id; TILE] } else { &centers.ids[first..][..TILE] };
         let (first, column, row) = (first as u32, column as u32, ((row + step) as u32) as i32 as f32);
         for x in 0..TILE {
             let i = step * TILE + x;

@@ -9,6 +9,7 @@
 use glam::Vec3A;
 use multiversion::multiversion;
 
+use crate::arrival::Arrival;
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO};
 use crate::layers::TILE;
@@ -121,16 +122,22 @@ impl Shading {
         spots.count += 1;
     }
 
-    /// The centres of pixels, with the shares of the key light and of the ambient light per pixel of the image.
-    pub fn take(&mut self, pixels: &Pixels, key: &[f32], ambient: &[f32]) {
+    /// The centres of pixels, with the shares of the key light and of the ambient light that arrive.
+    pub fn take(&mut self, pixels: &Pixels, arrival: &Arrival) {
+        let (key, ambient) = (&arrival.key, &arrival.ambient);
         let spots = &mut self.spots;
         (spots.count, spots.is_tile, spots.triangle) = (pixels.count, pixels.is_tile, pixels.triangle);
         (spots.x, spots.y, spots.depth) = (pixels.column, pixels.row, pixels.depth);
         if pixels.is_tile {
-            for (step, &first) in pixels.pixel.iter().step_by(TILE).enumerate() {
-                let (from, to) = (first as usize, step * TILE);
-                spots.key[to..to + TILE].copy_from_slice(&key[from..from + TILE]);
-                spots.ambient[to..to + TILE].copy_from_slice(&ambient[from..from + TILE]);
+            let tile = arrival.tile_of(pixels.pixel[0]);
+            for (lane, field) in [(&mut spots.key, key), (&mut spots.ambient, ambient)] {
+                if let Some(value) = field.even(tile) {
+                    *lane = [value; CHUNK];
+                    continue;
+                }
+                for (lane, &first) in lane.chunks_exact_mut(TILE).zip(pixels.pixel.iter().step_by(TILE)) {
+                    lane.copy_from_slice(&field[first as usize..][..TILE]);
+                }
             }
         } else {
             for (i, &pixel) in pixels.pixel.iter().enumerate().take(pixels.count) {

@@ -40,8 +40,13 @@ impl Arrival {
         }
         let [columns, rows] = self.pixels_of(tile);
         let [low, high] = self.range_around(tile, |tile| tile.key);
-        let blurred = if low >= high {
+        if low >= high && !self.tiles[tile].has_top {
             // One value all around, which is also that of what faces away from the light.
+            self.key.fill(tile, [columns, rows], if low == high { low } else { UNKNOWN });
+            return;
+        }
+        self.key.divide(tile);
+        let blurred = if low >= high {
             [[if low == high { low } else { UNKNOWN }; TILE]; TILE]
         } else if self.tiles[tile].is_coarse {
             let window = &mut windows.coarse;
@@ -69,13 +74,20 @@ impl Arrival {
         let [columns, rows] = self.pixels_of(tile);
         let (columns, rows) = (columns.start / 2..columns.end.div_ceil(2), rows.start / 2..rows.end.div_ceil(2));
         let [low, high] = self.range_around(tile, |tile| tile.ambient);
+        self.tiles[tile].ambient_around = [low, high];
         if low >= high {
+            if let Some(value) = self.raw_half.even(tile) {
+                self.half.fill(tile, [columns, rows], value);
+                return;
+            }
+            self.half.divide(tile);
             for row in rows {
                 let range = row * self.half_width + columns.start..row * self.half_width + columns.end;
                 self.half[range.clone()].copy_from_slice(&self.raw_half[range]);
             }
             return;
         }
+        self.half.divide(tile);
         let window = &mut windows.half;
         window.load(self, &self.raw_half, self.half_width, [columns.start, rows.start], 2);
         let blurred = blur_half_tile(window);

@@ -32,14 +32,14 @@ impl Arrival {
             let [columns, rows] = self.pixels_of(tile);
             if let (Some(blocks), Some(top)) = (summary.top, shadow.tops().of(summary.surface)) {
                 let certain = top.certain_share(blocks);
-                let values = [certain.unwrap_or(UNKNOWN); TILE];
-                for row in rows {
-                    put(&mut self.raw_key[row * self.width..][columns.clone()], &[ON_TOP; TILE]);
-                    put(&mut self.key[row * self.width..][columns.clone()], &values);
-                }
+                self.raw_key.fill(tile, [columns.clone(), rows.clone()], ON_TOP);
                 self.tiles[tile].key = NO_RANGE;
-                if certain.is_none() {
-                    tops.push_tile(self, tile);
+                match certain {
+                    Some(share) => self.key.fill(tile, [columns, rows], share),
+                    None => {
+                        self.key.divide(tile);
+                        tops.push_tile(self, tile);
+                    }
                 }
                 continue;
             }
@@ -48,11 +48,12 @@ impl Arrival {
                 _ if shadow.is_on() => shadow.certain_share(&summary.span),
                 _ => Some(1.0),
             };
-            let values = [share.unwrap_or(UNKNOWN); TILE];
-            for row in rows.clone() {
-                put(&mut self.raw_key[row * self.width..][columns.clone()], &values);
+            self.raw_key.fill(tile, [columns.clone(), rows.clone()], share.unwrap_or(UNKNOWN));
+            if share.is_none() || summary.has_top {
+                self.raw_key.divide(tile);
             }
             if summary.has_top {
+                self.key.divide(tile);
                 self.find_tops(shadow.tops(), lens, tile, tops);
             }
             let summary = &self.tiles[tile];

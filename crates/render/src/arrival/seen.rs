@@ -28,7 +28,9 @@ impl Arrival {
                 Some(cover) => cover.id,
                 None => opaque.ids[(rows.start * opaque.stride + columns.start) * opaque.scale],
             };
-            let seen = Seen { depth: &mut self.depth, ids: &mut self.ids, surface: &mut self.surface };
+            // What shows the same triangle as before everywhere has its ids.
+            let has_ids = cover.is_some() && self.only[tile] == Some(first);
+            let seen = Seen { depth: &mut self.depth, ids: &mut self.ids, surface: &mut self.surface, has_ids };
             let ([low, high], differ, differ_all) =
                 see_tile(opaque, cover, columns.clone(), rows.clone(), first, self.width, seen);
             let (is_mixed, first_surface) = (differ >> TRIANGLE_BITS != 0, (first >> TRIANGLE_BITS) as u16);
@@ -67,10 +69,21 @@ impl Arrival {
             let is_coarse = high > 0.0 && 1.0 < COARSE_TEXELS * shadow.texel_m() * lens.focal.x * low;
             let reach = reach as isize + 2;
             let is_level = surface != SEVERAL && high < (1.0 + LEVEL) * low;
-            let only = (differ_all == 0).then_some(first);
-            let (key, ambient) = (NO_RANGE, NO_RANGE);
-            self.tiles[tile] =
-                TileSummary { surface, only, reach, span, top, has_top, has_fixed, is_coarse, is_level, key, ambient };
+            self.only[tile] = (differ_all == 0).then_some(first);
+            let (key, ambient, ambient_around) = (NO_RANGE, NO_RANGE, NO_RANGE);
+            self.tiles[tile] = TileSummary {
+                surface,
+                reach,
+                span,
+                top,
+                has_top,
+                has_fixed,
+                is_coarse,
+                is_level,
+                key,
+                ambient,
+                ambient_around,
+            };
         }
     }
 }
@@ -96,6 +109,8 @@ struct Seen<'a> {
     depth: &'a mut [f32],
     ids: &'a mut [u32],
     surface: &'a mut [u16],
+    /// Whether ids and surfaces are those already.
+    has_ids: bool,
 }
 
 /// Adds to `differ` the bits in which the samples' ids of a row of pixels differ from a first one.
@@ -169,8 +184,10 @@ fn see_tile(
         }
         let pixels = row * width + columns.start..row * width + columns.end;
         put(&mut seen.depth[pixels.clone()], &depth);
-        put(&mut seen.ids[pixels.clone()], &ids);
-        put(&mut seen.surface[pixels], &surface);
+        if !seen.has_ids {
+            put(&mut seen.ids[pixels.clone()], &ids);
+            put(&mut seen.surface[pixels], &surface);
+        }
     }
     let (low, high) = (low.into_iter().fold(f32::INFINITY, f32::min), high.into_iter().fold(0.0, f32::max));
     let any = |bits: &[u32]| bits.iter().fold(0, |all, one| all | one);

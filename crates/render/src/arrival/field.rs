@@ -1,0 +1,65 @@
+//! Values per pixel of which most tiles hold a single one: it is written only where it is another.
+
+use std::ops::{Deref, DerefMut, Range};
+
+use super::put;
+use crate::layers::TILE;
+
+/// One value per pixel, row by row.
+#[derive(Debug, Default)]
+pub(crate) struct Field {
+    width: usize,
+    values: Vec<f32>,
+    /// By tile: the bits of the one value that it holds.
+    even: Vec<Option<u32>>,
+}
+
+impl Field {
+    /// Becomes so many columns and rows of a value, in so many tiles.
+    pub fn reset(&mut self, [width, height]: [usize; 2], tiles: usize, value: f32) {
+        self.width = width;
+        self.values.clear();
+        self.values.resize(width * height, value);
+        self.even.clear();
+        self.even.resize(tiles, Some(value.to_bits()));
+    }
+
+    /// Gives all columns and rows of a tile, at most [`TILE`], a value.
+    #[inline(always)]
+    pub fn fill(&mut self, tile: usize, [columns, rows]: [Range<usize>; 2], value: f32) {
+        let known = &mut self.even[tile];
+        if *known == Some(value.to_bits()) {
+            return;
+        }
+        *known = Some(value.to_bits());
+        for row in rows {
+            put(&mut self.values[row * self.width..][columns.clone()], &[value; TILE]);
+        }
+    }
+
+    /// Must be called before values of a tile are written one by one.
+    #[inline(always)]
+    pub fn divide(&mut self, tile: usize) {
+        self.even[tile] = None;
+    }
+
+    /// The one value that a tile holds, if that is known.
+    #[inline(always)]
+    pub fn even(&self, tile: usize) -> Option<f32> {
+        self.even[tile].map(f32::from_bits)
+    }
+}
+
+impl Deref for Field {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        &self.values
+    }
+}
+
+impl DerefMut for Field {
+    fn deref_mut(&mut self) -> &mut [f32] {
+        &mut self.values
+    }
+}
