@@ -195,7 +195,7 @@ fn mix_texels(count: usize, samples: &Samples, out: &mut [Lane; 3]) {
 #[inline(always)]
 fn linear_of(value: f32) -> f32 {
     let t = (value + 0.055) * (1.0 / 1.055);
-    let power = (((-1.213_869 * t + 3.181_990) * t - 3.232_639) * t + 2.037_177) * t + 0.223_733;
+    let power = (((-1.213_869 * t + 3.181_99) * t - 3.232_639) * t + 2.037_177) * t + 0.223_733;
     if value > 0.040_45 { t * t * power } else { value * (1.0 / 12.92) }
 }
 
