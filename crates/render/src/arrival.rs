@@ -393,7 +393,7 @@ impl Arrival {
                 _ => &mut *bins,
             };
             if has_bodies && is_plain && surface > 0 && surface != SEVERAL && surface != table {
-                self.raw_half.divide(tile);
+                self.raw_half.forget(tile);
                 list.push_even(surface, &columns, &rows);
                 dark.push(tile);
                 continue;
@@ -405,13 +405,13 @@ impl Arrival {
                 if surface == 0 || is_lit {
                     self.tiles[tile].ambient = if is_lit { [1.0; 2] } else { NO_RANGE };
                 } else {
-                    self.raw_half.divide(tile);
+                    self.raw_half.forget(tile);
                     list.push_even(surface, &columns, &rows);
                     dark.push(tile);
                 }
                 continue;
             }
-            self.raw_half.divide(tile);
+            self.raw_half.forget(tile);
             dark.push(tile);
             for row in rows.step_by(2) {
                 let first = row / 2 * self.half_width;
@@ -461,7 +461,7 @@ impl Arrival {
             self.ambient.fill(tile, [columns, rows], if low == high { low } else { 1.0 });
             return;
         }
-        self.ambient.divide(tile);
+        self.ambient.forget(tile);
         self.fill_window(columns.start, rows.start, window);
         let refined = refine_tile(window);
         for (row, line) in rows.zip(&refined) {

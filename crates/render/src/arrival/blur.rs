@@ -45,7 +45,7 @@ impl Arrival {
             self.key.fill(tile, [columns, rows], if low == high { low } else { UNKNOWN });
             return;
         }
-        self.key.divide(tile);
+        self.key.forget(tile);
         let blurred = if low >= high {
             [[if low == high { low } else { UNKNOWN }; TILE]; TILE]
         } else if self.tiles[tile].is_coarse {
@@ -80,14 +80,14 @@ impl Arrival {
                 self.half.fill(tile, [columns, rows], value);
                 return;
             }
-            self.half.divide(tile);
+            self.half.forget(tile);
             for row in rows {
                 let range = row * self.half_width + columns.start..row * self.half_width + columns.end;
                 self.half[range.clone()].copy_from_slice(&self.raw_half[range]);
             }
             return;
         }
-        self.half.divide(tile);
+        self.half.forget(tile);
         let window = &mut windows.half;
         window.load(self, &self.raw_half, self.half_width, [columns.start, rows.start], 2);
         let blurred = blur_half_tile(window);

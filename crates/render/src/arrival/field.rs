@@ -37,9 +37,9 @@ impl Field {
         }
     }
 
-    /// Must be called before values of a tile are written one by one.
+    /// Forgets that a tile holds one value; to be called before its values are written one by one.
     #[inline(always)]
-    pub fn divide(&mut self, tile: usize) {
+    pub fn forget(&mut self, tile: usize) {
         self.even[tile] = None;
     }
 

@@ -37,7 +37,7 @@ impl Arrival {
                 match certain {
                     Some(share) => self.key.fill(tile, [columns, rows], share),
                     None => {
-                        self.key.divide(tile);
+                        self.key.forget(tile);
                         tops.push_tile(self, tile);
                     }
                 }
@@ -50,10 +50,10 @@ impl Arrival {
             };
             self.raw_key.fill(tile, [columns.clone(), rows.clone()], share.unwrap_or(UNKNOWN));
             if share.is_none() || summary.has_top {
-                self.raw_key.divide(tile);
+                self.raw_key.forget(tile);
             }
             if summary.has_top {
-                self.key.divide(tile);
+                self.key.forget(tile);
                 self.find_tops(shadow.tops(), lens, tile, tops);
             }
             let summary = &self.tiles[tile];
