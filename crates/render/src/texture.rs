@@ -242,7 +242,7 @@ fn halved([width, height]: [usize; 2], texels: &[[u8; 3]]) -> ([usize; 2], Vec<[
 #[inline]
 pub(crate) fn linear_from_srgb8(rgb: [u8; 3]) -> Vec3A {
     let table = linear_table();
-    Vec3A::from_array(rgb.map(|code| table[code as usize * 4]))
+    Vec3A::from_array(rgb.map(|code| table[code as usize]))
 }
 
 /// 8-bit sRGB of linear light; clips.
@@ -271,10 +271,10 @@ pub(crate) fn linear_from_srgb(rgb: [f32; 3]) -> Vec3A {
     }))
 }
 
-/// Linear light of quarters of 8-bit codes.
-fn linear_table() -> &'static [f32; 1024] {
-    static TABLE: OnceLock<[f32; 1024]> = OnceLock::new();
-    TABLE.get_or_init(|| std::array::from_fn(|quarter| linear_from_srgb([quarter as f32 / 1020.0; 3]).x))
+/// Linear light of 8-bit codes.
+fn linear_table() -> &'static [f32; 256] {
+    static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|code| linear_from_srgb([code as f32 / 255.0; 3]).x))
 }
 
 /// 8-bit sRGB of linear light in steps of 1 / 4095.
