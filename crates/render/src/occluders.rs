@@ -13,21 +13,25 @@ use crate::assets::{RenderAssets, Surface};
 use crate::job::FrameState;
 use crate::lanes::{Lane, whole_registers, within};
 use crate::points::Points;
+use crate::sky::dot;
 use crate::view::rotation;
+use hollow::enclose;
+
+mod held;
+mod hollow;
+
+pub(crate) use held::Held;
+pub(crate) use hollow::{Hollow, facing_middle};
 
 /// Half axes of an ellipsoid over those of the box that it stands for. Fitted to traced pictures.
 const FULLNESS: f32 = 0.875;
 /// Share of the ambient light in its part of the sky that a body holds back: it throws back some itself. Fitted likewise.
-const STRENGTH: f32 = 0.68;
-/// The same of the walls of a hollow. Fitted likewise.
-const WALLS: f32 = 0.85;
-/// Key light that enters a hollow over that which arrives on a surface that faces the lamp. Fitted likewise.
-const HOLLOW_KEY: f32 = 0.65;
-/// Cosine to the vertical of the axis of a thing from which light from above enters it; and the share of the sky above its
-/// opening at which nothing enters, and from which all does. Chosen.
-const UPRIGHT: f32 = 0.5;
-const COVERED: f32 = 0.5;
-const HALF_OPEN: f32 = 0.75;
+const STRENGTH: f32 = 0.578;
+/// How far a broad lamp's shadow widens over the distance, its width next to what casts it, both over the half axes, and how
+/// much less dark a wider one is. Fitted likewise.
+const LAMP_WIDTH: f32 = 0.58;
+const LAMP_EDGE: f32 = 0.1;
+const LAMP_BEYOND: f32 = 0.21;
 /// Thinnest half axis, metres. Chosen.
 const THINNEST_M: f32 = 0.005;
 /// Share of the sky above a point below which a body does not count. Chosen: a step that is not seen.
@@ -61,17 +65,10 @@ pub(crate) struct Occluder {
     middle: Vec3,
     /// How much of the light from above enters on the side of its third axis, 0-1.
     entering: f32,
-}
-
-/// The inside of a body that light enters.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Hollow {
-    /// Its middle in the body's frame, metres.
-    pub middle: Vec3,
-    /// Share of the sky that is seen from its bottom.
-    pub open: f32,
-    /// Key light that enters, over that which arrives on a surface that faces the lamp.
-    pub light: f32,
+    /// As [`RenderAssets::boxiness_of`].
+    boxiness: f32,
+    /// How far it is in the hand, 0-1, for the hand's own camera.
+    in_hand: f32,
 }
 
 impl Occluders {
@@ -90,35 +87,16 @@ impl Occluders {
             let reach = (volume / half.min_element() / LEAST).sqrt();
             let color = colors.get(body).copied().unwrap_or(Vec3A::ZERO).to_array();
             let (center, middle) = (center.to_array(), (low + high) * 0.5);
-            self.bodies.push(Occluder { body, center, axes, volume, color, reach, middle, entering: 0.0 });
+            let boxiness = assets.boxiness_of(body);
+            let (entering, in_hand) = (0.0, 0.0);
+            let occluder = Occluder { body, center, axes, volume, color, reach, middle, entering, boxiness, in_hand };
+            self.bodies.push(occluder);
         }
         for index in 0..self.bodies.len() {
-            self.bodies[index].entering = self.entering(&self.bodies[index]);
+            let own = &self.bodies[index];
+            let (entering, in_hand) = (self.entering(own), self.in_hand(own, assets.robot_bodies()));
+            (self.bodies[index].entering, self.bodies[index].in_hand) = (entering, in_hand);
         }
-    }
-
-    /// The hollow of a body, if light enters it.
-    pub fn hollow_of(&self, body: usize) -> Option<Hollow> {
-        let own = self.of_body(body)?;
-        (own.entering > 0.0).then(|| {
-            let [x, y, z] = own.axes[2];
-            let half = 1.0 / (x * x + y * y + z * z).sqrt();
-            Hollow { middle: own.middle, open: open_share(own.volume, half), light: own.entering * HOLLOW_KEY }
-        })
-    }
-
-    /// How much of the light from above enters a body on the side of its third axis, on which things are open.
-    fn entering(&self, own: &Occluder) -> f32 {
-        let axis = Vec3A::from_array(own.axes[2]);
-        let (up, half) = (axis.normalize(), axis.length_recip());
-        if up.z < UPRIGHT {
-            return 0.0;
-        }
-        let place = own.center() + up * half;
-        let others = self.bodies.iter().filter(|other| self.count && other.body != own.body);
-        let pass = |other: &Occluder| 1.0 - covered(other, (other.center() - place).to_array(), up.to_array());
-        let share = others.map(pass).product::<f32>();
-        ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
     }
 
     fn of_body(&self, body: usize) -> Option<&Occluder> {
@@ -171,6 +149,11 @@ impl Occluder {
         Vec3A::from_array(self.center)
     }
 
+    /// The unit vector along a direction where the ellipsoid is the unit sphere.
+    pub fn stretched(&self, direction: Vec3A) -> Vec3A {
+        Vec3A::from_array(self.axes.map(|axis| Vec3A::from_array(axis).dot(direction))).normalize_or(Vec3A::Z)
+    }
+
     /// Height of its lowest point, metres.
     pub fn lowest(&self) -> f32 {
         let half = |[x, y, z]: [f32; 3]| z / (x * x + y * y + z * z);
@@ -213,6 +196,21 @@ fn hold_back(occluder: &Occluder, points: &Points, share: &mut Lane) {
     }
 }
 
+/// Share of a broad lamp that an ellipsoid in a direction covers: `lamp` is the lamp's direction where the ellipsoid is the
+/// unit sphere.
+#[inline(always)]
+pub(crate) fn veiled(occluder: &Occluder, toward: [f32; 3], lamp: [f32; 3]) -> f32 {
+    let along = occluder.axes.map(|axis| dot(axis, toward));
+    let (square, nearest) = (dot(along, along), dot(along, lamp));
+    let beside = square - nearest * nearest;
+    let beside = (if beside > 0.0 { beside } else { 0.0 }).sqrt();
+    let spread = LAMP_WIDTH * (if nearest > 0.0 { nearest } else { 0.0 }) + LAMP_EDGE;
+    let t = within((1.0 - beside) / spread * 0.5 + 0.5, 0.0, 1.0);
+    // Far away the lamp is wider than the ellipsoid.
+    let full = 1.0 / (1.0 + spread * spread * LAMP_BEYOND);
+    t * t * (3.0 - 2.0 * t) * full * within(nearest + 0.5, 0.0, 1.0)
+}
+
 /// The share of the sky above a point, weighted with the cosine to its normal, that an ellipsoid in a direction covers:
 /// exact for small and distant ones above the horizon, and nearly all of it where one touches the point from above.
 #[inline(always)]
@@ -242,63 +240,20 @@ pub(crate) fn covered(occluder: &Occluder, toward: [f32; 3], normal: [f32; 3]) -
     within(cover * outside, 0.0, 0.95)
 }
 
-/// The share of the sky that is seen from the middle of the bottom of a round hollow, from the product of its half axes and
-/// the half axis along its height.
-#[inline(always)]
-fn open_share(volume: f32, half: f32) -> f32 {
-    let section = volume / half;
-    section / (section + 4.0 * half * half)
-}
-
-/// How far inside a hollow a point is whose normal has a cosine to the direction of the hollow's middle.
-#[inline(always)]
-pub(crate) fn facing_middle(cosine: f32) -> f32 {
-    let t = within((cosine - 0.2) * (1.0 / 0.6), 0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
-}
-
-/// What a body's own walls let pass of the light of the sky to points that face its middle, as into a box that is open
-/// on that side; no point of a convex body does.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
-fn enclose(own: &Occluder, points: &Points, share: &mut Lane) {
-    let (center, axes, volume) = (own.center, own.axes, own.volume);
-    let end = whole_registers(points.count);
-    let mut faces_middle = false;
-    for i in 0..end {
-        let along = |axis: usize| points.normal[axis][i] * (center[axis] - points.place[axis][i]);
-        faces_middle |= along(0) + along(1) + along(2) > 0.0;
-    }
-    if !faces_middle {
-        return;
-    }
-    for i in 0..end {
-        let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
-        let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
-        let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2] + 1e-12;
-        let cosine = (normal[0] * toward[0] + normal[1] * toward[1] + normal[2] * toward[2]) / square.sqrt();
-        let mut stretched = 0.0;
-        for axis in axes {
-            let along = axis[0] * normal[0] + axis[1] * normal[1] + axis[2] * normal[2];
-            stretched += along * along;
-        }
-        let open = open_share(volume, 1.0 / (stretched.sqrt() + 1e-6));
-        let passes = 1.0 - (1.0 - open) * facing_middle(cosine) * WALLS;
-        share[i] = if share[i] < passes { share[i] } else { passes };
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::lanes::CHUNK;
 
-    fn ball(place: [f32; 3], half: [f32; 3]) -> Occluder {
+    pub(super) fn ball(place: [f32; 3], half: [f32; 3]) -> Occluder {
         let axes = std::array::from_fn(|row| std::array::from_fn(|axis| f32::from(u8::from(row == axis)) / half[row]));
         Occluder {
             body: 0,
             color: [0.0; 3],
             middle: Vec3::ZERO,
             entering: 0.0,
+            boxiness: 0.0,
+            in_hand: 0.0,
             center: place,
             axes,
             volume: half.iter().product(),
@@ -307,7 +262,7 @@ mod tests {
     }
 
     /// A point of the plane z = 0 that looks up.
-    fn looking_up(place: [f32; 3]) -> Points {
+    pub(super) fn looking_up(place: [f32; 3]) -> Points {
         let mut points = Points::default();
         points.count = 1;
         for axis in 0..3 {
@@ -332,23 +287,5 @@ mod tests {
             let got = (1.0 - share[0]) / STRENGTH;
             assert!((got - expected).abs() < tolerance, "{got}, expected {expected}: {half:?} at {center:?}");
         }
-    }
-
-    /// The bottom of a mug is darker than that of a plate; the outside of either is as open as it was.
-    #[test]
-    fn deep_hollows_are_darker() {
-        let bottom = |half: [f32; 3], turned: bool| {
-            let mut points = looking_up([0.0, 0.0, 0.0]);
-            if turned {
-                points.normal[2][0] = -1.0;
-            }
-            let mut share = [1.0; CHUNK];
-            enclose(&ball([0.0, 0.0, half[2]], half), &points, &mut share);
-            share[0]
-        };
-        let (mug, plate) = ([0.04, 0.04, 0.045], [0.1, 0.1, 0.01]);
-        assert!(bottom(mug, false) < 0.5, "{}", bottom(mug, false));
-        assert!(bottom(plate, false) > 0.9, "{}", bottom(plate, false));
-        assert_eq!(bottom(mug, true), 1.0);
     }
 }

@@ -13,6 +13,7 @@ use crate::arrival::Arrival;
 use crate::assets::{Part, Surface, TRIANGLE_BITS};
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO};
 use crate::layers::TILE;
+use crate::job::ROBOT;
 use crate::mesh::Face;
 use crate::points::Pixels;
 use crate::scene::Scene;
@@ -250,6 +251,8 @@ impl Shading {
             glossy: scene.lighting.sky.glossy(surface.roughness),
             table_light: surface.is_table.then_some(scene.table_light),
             hollow: part.body.and_then(|body| scene.occluders.hollow_of(body)),
+            held: (part.instance == ROBOT && surface.metallic > 0.0).then(|| scene.occluders.held()).flatten(),
+            bounce: 1.0 - part.body.map_or(0.0, |body| scene.occluders.share_in_hand(body)),
         };
         if is_flat {
             reflect_flat([spots, corners], surface, placed, lens, &light, reflected);

@@ -18,7 +18,7 @@ const ZENITH: f32 = 1.1;
 
 /// What things see of a lit table below them, which they shade and which ends, in diffuse and in mirrored light. Fitted to
 /// traced pictures.
-const TABLE_SEEN: [f32; 2] = [0.575, 0.85];
+const TABLE_SEEN: [f32; 2] = [0.6, 0.85];
 
 /// Ambient light for diffuse and for glossy surfaces.
 #[derive(Debug)]

@@ -10,7 +10,7 @@ use crate::develop::{is_compressed, tone_map, tone_map_dark};
 use crate::lanes::{CHUNK, Lane, REGISTER, ZERO, within};
 use crate::layers::TILE;
 use crate::lighting::Lighting;
-use crate::occluders::{Hollow, facing_middle};
+use crate::occluders::{Held, Hollow, facing_middle};
 use crate::reflectance::{ambient_fresnel, between, schlick_weight, thrown_back};
 use crate::sky::{Glossy, Sky, dot};
 use crate::table_light::TableLight;
@@ -68,15 +68,16 @@ impl Default for Reflected {
 
 /// Share of the key light that the sides of a corner throw on each other twice, of what they would if all faced it. Fitted
 /// to traced pictures.
-const CORNER_KEY: f32 = 0.65;
+const CORNER_KEY: f32 = 0.845;
 /// How much less of it there is where a surface that faces the key light lies in shadow, and how many times the share of
 /// the sky that is seen it is at most: what enters a deep hollow is little. Fitted likewise.
 const CORNER_SHADE: f32 = 1.0;
 const CORNER_OPEN: f32 = 2.0;
 
 /// Share of the ambient light, for a surface that faces the key light, that comes from around it and is held back with
-/// it. Fitted to traced pictures.
-const WITH_KEY: f32 = 0.15;
+/// it: on things, and on the table, whose own light knows of most of it. Fitted to traced pictures.
+const WITH_KEY: f32 = 0.1725;
+const WITH_KEY_ON_TABLE: f32 = 0.091;
 
 /// The light on a chunk.
 pub(super) struct Light<'a> {
@@ -86,12 +87,20 @@ pub(super) struct Light<'a> {
     /// Of the table among bodies, and within walls.
     pub table_light: Option<&'a TableLight>,
     pub hollow: Option<Hollow>,
+    /// What is mirrored although it is near.
+    pub held: Option<Held>,
+    /// How much of the light that a surface throws back comes back from what is around it, 0-1.
+    pub bounce: f32,
 }
 
 impl Light<'_> {
     /// Share of the sky that is seen from the hollow, if there is one.
     fn open(&self) -> f32 {
         self.hollow.map_or(1.0, |hollow| hollow.open)
+    }
+
+    fn with_key(&self) -> f32 {
+        if self.table_light.is_some() { WITH_KEY_ON_TABLE } else { WITH_KEY }
     }
 }
 
@@ -124,17 +133,20 @@ fn reflect_chunk<const LANES: usize>(
 ) {
     face_viewer::<LANES>(spots, placed, lens, out);
     look_around::<LANES>(&light.lighting.sky, &light.glossy, out);
+    if let Some(held) = &light.held {
+        mirror_held::<LANES>(held, spots, lens, light.lighting, out);
+    }
     if let Some(table_light) = light.table_light {
         dim_table(table_light, spots.count, &spots.place, &mut out.around);
     }
     find_highlights::<LANES>(surface.roughness, light.lighting.to_light.to_array(), out);
-    hold_back_key::<LANES>(&spots.key, out);
+    hold_back_key::<LANES>(&spots.key, light.with_key(), out);
     if surface.metallic > 0.0 {
-        add_up::<LANES>(spots, surface, light.lighting, out);
+        add_up::<LANES>(spots, surface, light, out);
     } else {
         find_hollow::<LANES>(light.hollow, spots, out);
         mirror::<LANES>(surface.reflectance, out);
-        add_up_dielectric::<LANES>(spots, [surface.scatters(), light.open()], light.lighting, out);
+        add_up_dielectric::<LANES>(spots, surface.scatters(), light, out);
     }
     develop::<LANES>(surface.opacity < 1.0, out);
 }
@@ -166,8 +178,8 @@ pub(super) fn reflect_flat(
         spread(&mut out.hollow);
     }
     spread(&mut out.lobe);
-    hold_back_key::<CHUNK>(&spots.key, out);
-    add_up_dielectric::<CHUNK>(spots, [1.0, light.open()], light.lighting, out);
+    hold_back_key::<CHUNK>(&spots.key, light.with_key(), out);
+    add_up_dielectric::<CHUNK>(spots, 1.0, light, out);
     develop::<CHUNK>(false, out);
 }
 
@@ -246,6 +258,25 @@ fn look_around<const LANES: usize>(sky: &Sky, glossy: &Glossy, out: &mut Reflect
     }
 }
 
+/// What metal mirrors of the thing in the hand instead of the surroundings.
+#[inline(always)]
+fn mirror_held<const LANES: usize>(held: &Held, spots: &Spots, lens: &Lens, lighting: &Lighting, out: &mut Reflected) {
+    let lamp = [lighting.to_light.to_array(), lighting.key.to_array()];
+    let (eye, axis) = (lens.eye.to_array(), lens.turn.z_axis.to_array());
+    for i in 0..LANES {
+        let normal = [out.normal[0][i], out.normal[1][i], out.normal[2][i]];
+        let viewer = [out.viewer[0][i], out.viewer[1][i], out.viewer[2][i]];
+        let distance = spots.depth[i] / dot(viewer, axis);
+        let place = [eye[0] + viewer[0] * distance, eye[1] + viewer[1] * distance, eye[2] + viewer[2] * distance];
+        let twice = 2.0 * dot(normal, viewer);
+        let mirrored = [normal[0] * twice - viewer[0], normal[1] * twice - viewer[1], normal[2] * twice - viewer[2]];
+        let (left, light) = held.seen(place, mirrored, |normal| lighting.sky.diffuse(normal), lamp);
+        for channel in 0..3 {
+            out.mirrored[channel][i] = out.mirrored[channel][i] * left + light[channel];
+        }
+    }
+}
+
 /// How much of the key light that enters a hollow reaches places in it.
 #[inline(always)]
 fn find_hollow<const LANES: usize>(hollow: Option<Hollow>, spots: &Spots, out: &mut Reflected) {
@@ -303,18 +334,19 @@ fn find_highlights<const LANES: usize>(roughness: f32, to_light: [f32; 3], out: 
 
 /// What is left of the lamp's light behind what holds it back, and what that does to other light.
 #[inline(always)]
-fn hold_back_key<const LANES: usize>(key: &Lane, out: &mut Reflected) {
+fn hold_back_key<const LANES: usize>(key: &Lane, with_key: f32, out: &mut Reflected) {
     for i in 0..LANES {
         let lit = out.lit[i];
         out.strength[i] = lit * key[i];
-        out.veiled[i] = (lit - out.strength[i]) * WITH_KEY;
+        out.veiled[i] = (lit - out.strength[i]) * with_key;
         out.corner[i] = 1.0 - within((lit - out.strength[i]) * 4.0, 0.0, 1.0) * CORNER_SHADE;
     }
 }
 
 /// The sum of all light.
 #[inline(always)]
-fn add_up<const LANES: usize>(spots: &Spots, surface: &Surface, lighting: &Lighting, out: &mut Reflected) {
+fn add_up<const LANES: usize>(spots: &Spots, surface: &Surface, light: &Light<'_>, out: &mut Reflected) {
+    let (lighting, bounce) = (light.lighting, light.bounce);
     let (metallic, reflectance, exposure) = (surface.metallic, surface.reflectance, lighting.exposure);
     let key = lighting.key.to_array();
     let side = surface.scatters();
@@ -327,7 +359,7 @@ fn add_up<const LANES: usize>(spots: &Spots, surface: &Surface, lighting: &Light
             let albedo = base * (1.0 - metallic);
             let arriving = lamp * out.strength[i];
             let [ambient, direct] = mirrored_shares(f0, out, i);
-            let diffuse = scattered(albedo, ambient_share, around, arriving, [out.corner[i], lamp]);
+            let diffuse = scattered([albedo, bounce], ambient_share, around, arriving, [out.corner[i], lamp]);
             let specular = out.mirrored[channel][i] * ambient * ambient_share + arriving * direct;
             out.color[channel][i] = (diffuse * side + specular) * exposure;
         }
@@ -346,10 +378,10 @@ fn mirrored_shares(f0: f32, out: &Reflected, i: usize) -> [f32; 2] {
 /// Light that a surface of an albedo scatters: of the surroundings, of which a share is open, of the lamp as it arrives, and
 /// of the lamp, by the share that is there in a corner, as its sides throw it on each other.
 #[inline(always)]
-fn scattered(albedo: f32, open: f32, around: f32, arriving: f32, [corner, lamp]: [f32; 2]) -> f32 {
+fn scattered([albedo, bounce]: [f32; 2], open: f32, around: f32, arriving: f32, [corner, lamp]: [f32; 2]) -> f32 {
     let enclosed = (1.0 - open) * within(open * CORNER_OPEN, 0.0, 1.0);
     let corner = enclosed * corner * albedo * albedo * albedo * lamp * CORNER_KEY;
-    albedo * (around * between(open, albedo) + corner + arriving)
+    albedo * (around * between(open, albedo * bounce) + corner + arriving)
 }
 
 /// What a dielectric mirrors, over `mirrored` and, of the lamp, over `lobe`: it does not depend on the colour.
@@ -368,8 +400,8 @@ fn mirror<const LANES: usize>(reflectance: f32, out: &mut Reflected) {
 #[inline(always)]
 fn add_up_dielectric<const LANES: usize>(
     spots: &Spots,
-    [side, open]: [f32; 2],
-    lighting: &Lighting,
+    side: f32,
+    light: &Light<'_>,
     out: &mut Reflected,
 ) {
     let (mut is_open, mut has_hollow) = (true, false);
@@ -379,9 +411,9 @@ fn add_up_dielectric<const LANES: usize>(
     }
     // What is zero is not computed; the sums have the same bits.
     match [is_open, has_hollow] {
-        [true, false] => add_up_some::<LANES, true, false>(spots, [side, open], lighting, out),
-        [false, false] => add_up_some::<LANES, false, false>(spots, [side, open], lighting, out),
-        [_, true] => add_up_some::<LANES, false, true>(spots, [side, open], lighting, out),
+        [true, false] => add_up_some::<LANES, true, false>(spots, side, light, out),
+        [false, false] => add_up_some::<LANES, false, false>(spots, side, light, out),
+        [_, true] => add_up_some::<LANES, false, true>(spots, side, light, out),
     }
 }
 
@@ -389,11 +421,12 @@ fn add_up_dielectric<const LANES: usize>(
 #[inline(always)]
 fn add_up_some<const LANES: usize, const IS_OPEN: bool, const HAS_HOLLOW: bool>(
     spots: &Spots,
-    [side, open]: [f32; 2],
-    lighting: &Lighting,
+    side: f32,
+    light: &Light<'_>,
     out: &mut Reflected,
 ) {
-    let key = lighting.key.to_array();
+    let (key, exposure, bounce, open) =
+        (light.lighting.key.to_array(), light.lighting.exposure, light.bounce, light.open());
     for channel in 0..3 {
         let lamp = key[channel];
         for i in 0..LANES {
@@ -402,16 +435,16 @@ fn add_up_some<const LANES: usize, const IS_OPEN: bool, const HAS_HOLLOW: bool>(
             let albedo = spots.base[channel][i];
             let mirrored = out.mirrored[channel][i];
             let (mut diffuse, ambient) = if IS_OPEN {
-                (albedo * (around * between(1.0, albedo) + arriving), mirrored)
+                (albedo * (around * between(1.0, albedo * bounce) + arriving), mirrored)
             } else {
                 let share = spots.ambient[i];
-                (scattered(albedo, share, around, arriving, [out.corner[i], lamp]), mirrored * share)
+                (scattered([albedo, bounce], share, around, arriving, [out.corner[i], lamp]), mirrored * share)
             };
             if HAS_HOLLOW {
                 diffuse += thrown_back(albedo, open) * out.hollow[i] * lamp;
             }
             let specular = ambient + arriving * out.lobe[i];
-            out.color[channel][i] = (diffuse * side + specular) * lighting.exposure;
+            out.color[channel][i] = (diffuse * side + specular) * exposure;
         }
     }
 }

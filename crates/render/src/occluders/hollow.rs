@@ -1,0 +1,127 @@
+//! Things that light enters from above: what reaches their walls.
+
+#![allow(clippy::needless_range_loop, reason = "loops over lanes and axes by index are compiled for wide registers")]
+
+use glam::{Vec3, Vec3A};
+use multiversion::multiversion;
+
+use super::{Occluder, Occluders, covered};
+use crate::lanes::{Lane, whole_registers, within};
+use crate::points::Points;
+
+/// Share of the ambient light in their part of the sky that the walls of a hollow hold back. Fitted to traced pictures.
+const WALLS: f32 = 0.4675;
+/// Key light that enters a hollow over that which arrives on a surface that faces the lamp. Fitted likewise.
+const HOLLOW_KEY: f32 = 0.65;
+/// Cosine to the vertical of the axis of a thing from which light from above enters it; and the share of the sky above its
+/// opening at which nothing enters, and from which all does. Chosen.
+const UPRIGHT: f32 = 0.5;
+const COVERED: f32 = 0.5;
+const HALF_OPEN: f32 = 0.75;
+
+/// The inside of a body that light enters.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hollow {
+    /// Its middle in the body's frame, metres.
+    pub middle: Vec3,
+    /// Share of the sky that is seen from its bottom.
+    pub open: f32,
+    /// Key light that enters, over that which arrives on a surface that faces the lamp.
+    pub light: f32,
+}
+
+impl Occluders {
+    /// The hollow of a body, if light enters it.
+    pub fn hollow_of(&self, body: usize) -> Option<Hollow> {
+        let own = self.of_body(body)?;
+        (own.entering > 0.0).then(|| {
+            let [x, y, z] = own.axes[2];
+            let half = 1.0 / (x * x + y * y + z * z).sqrt();
+            Hollow { middle: own.middle, open: open_share(own.volume, half), light: own.entering * HOLLOW_KEY }
+        })
+    }
+
+    /// How much of the light from above enters a body on the side of its third axis, on which things are open.
+    pub(super) fn entering(&self, own: &Occluder) -> f32 {
+        let axis = Vec3A::from_array(own.axes[2]);
+        let (up, half) = (axis.normalize(), axis.length_recip());
+        if up.z < UPRIGHT {
+            return 0.0;
+        }
+        let place = own.center() + up * half;
+        let others = self.bodies.iter().filter(|other| self.count && other.body != own.body);
+        let pass = |other: &Occluder| 1.0 - covered(other, (other.center() - place).to_array(), up.to_array());
+        let share = others.map(pass).product::<f32>();
+        ((share - COVERED) / (HALF_OPEN - COVERED)).clamp(0.0, 1.0)
+    }
+}
+
+/// The share of the sky that is seen from the middle of the bottom of a round hollow, from the product of its half axes and
+/// the half axis along its height.
+#[inline(always)]
+fn open_share(volume: f32, half: f32) -> f32 {
+    let section = volume / half;
+    section / (section + 4.0 * half * half)
+}
+
+/// How far inside a hollow a point is whose normal has a cosine to the direction of the hollow's middle.
+#[inline(always)]
+pub(crate) fn facing_middle(cosine: f32) -> f32 {
+    let t = within((cosine - 0.2) * (1.0 / 0.6), 0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// What a body's own walls let pass of the light of the sky to points that face its middle, as into a box that is open
+/// on that side; no point of a convex body does.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+pub(super) fn enclose(own: &Occluder, points: &Points, share: &mut Lane) {
+    let (center, axes, volume) = (own.center, own.axes, own.volume);
+    let end = whole_registers(points.count);
+    let mut faces_middle = false;
+    for i in 0..end {
+        let along = |axis: usize| points.normal[axis][i] * (center[axis] - points.place[axis][i]);
+        faces_middle |= along(0) + along(1) + along(2) > 0.0;
+    }
+    if !faces_middle {
+        return;
+    }
+    for i in 0..end {
+        let toward = [center[0] - points.place[0][i], center[1] - points.place[1][i], center[2] - points.place[2][i]];
+        let normal = [points.normal[0][i], points.normal[1][i], points.normal[2][i]];
+        let square = toward[0] * toward[0] + toward[1] * toward[1] + toward[2] * toward[2] + 1e-12;
+        let cosine = (normal[0] * toward[0] + normal[1] * toward[1] + normal[2] * toward[2]) / square.sqrt();
+        let mut stretched = 0.0;
+        for axis in axes {
+            let along = axis[0] * normal[0] + axis[1] * normal[1] + axis[2] * normal[2];
+            stretched += along * along;
+        }
+        let open = open_share(volume, 1.0 / (stretched.sqrt() + 1e-6));
+        let passes = 1.0 - (1.0 - open) * facing_middle(cosine) * WALLS;
+        share[i] = if share[i] < passes { share[i] } else { passes };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{ball, looking_up};
+    use super::*;
+    use crate::lanes::CHUNK;
+
+    /// The bottom of a mug is darker than that of a plate; the outside of either is as open as it was.
+    #[test]
+    fn deep_hollows_are_darker() {
+        let bottom = |half: [f32; 3], turned: bool| {
+            let mut points = looking_up([0.0, 0.0, 0.0]);
+            if turned {
+                points.normal[2][0] = -1.0;
+            }
+            let mut share = [1.0; CHUNK];
+            enclose(&ball([0.0, 0.0, half[2]], half), &points, &mut share);
+            share[0]
+        };
+        let (mug, plate) = ([0.04, 0.04, 0.045], [0.1, 0.1, 0.01]);
+        assert!(bottom(mug, false) < 0.5, "{}", bottom(mug, false));
+        assert!(bottom(plate, false) > 0.9, "{}", bottom(plate, false));
+        assert_eq!(bottom(mug, true), 1.0);
+    }
+}
